@@ -262,9 +262,11 @@ def points(name: str, values: npt.ArrayLike) -> FloatArray:
 
 
 def check_number(name: str, value: Any, unit: str = "") -> float:
-    """Return `value` as a finite float."""
-    # `name` and `unit` are for messages, here and in the functions below.
-    # Fast path for most values. NaN fails the comparison.
+    """Return `value` as a finite float.
+
+    `name` and `unit` are for messages, here and in the functions below. Fast path for most values.
+    NaN fails the comparison.
+    """
     if type(value) in (float, int) and -LARGEST <= value <= LARGEST:
         return float(value)
     array = check_numbers(name, value, unit)

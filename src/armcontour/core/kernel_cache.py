@@ -67,11 +67,13 @@ np.empty(16_000_000, np.uint8)
 def compiled(
     *, inner: bool = False, allocates: bool = False, **options: Any
 ) -> Callable[[Function], Function]:
-    """Decorator that compiles a function at its first call and caches the result on disk."""
-    # `inner` functions are called by compiled functions only; omitting the interface for Python
-    # halves the time to compile a small one. If an inner function does not allocate arrays, its
-    # callers count references to arrays, which is faster.
-    # No code calls compiled functions by C pointers.
+    """Decorator that compiles a function at its first call and caches the result on disk.
+
+    `inner` functions are called by compiled functions only; omitting the interface for Python
+    halves the time to compile a small one. If an inner function does not allocate arrays, its
+    callers count references to arrays, which is faster. No code calls compiled functions by C
+    pointers.
+    """
     options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
     # Set for all functions, because numba inherits missing options from the caller.
     options["_nrt"] = allocates or not inner

@@ -79,8 +79,10 @@ def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: 
 
 
 def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> FloatArray:
-    """Coefficients in y of polynomials p(x) with x = begin + factor y, (n, degree + 1, values)."""
-    # `coefficients` belong to the powers 1, x, x², ...; a negative factor reverses the polynomials.
+    """Coefficients in y of polynomials p(x) with x = begin + factor y, (n, degree + 1, values).
+
+    `coefficients` belong to the powers 1, x, x², ...; a negative factor reverses the polynomials.
+    """
     expanded = np.empty_like(coefficients)
     size = coefficients.shape[1]
     for k in range(size):
@@ -93,10 +95,11 @@ def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> 
 
 @compiled()
 def solve_banded(bands: FloatArray, right: FloatArray) -> None:
-    """Solve symmetric banded equations in place; `right`, (m, n), becomes the solution."""
-    # Elimination without pivoting, for diagonally dominant or positive definite matrices.
-    # `bands[i]` is row i of the matrix from the diagonal to the right; `bands`, (m, width), is
-    # overwritten.
+    """Solve symmetric banded equations in place; `right`, (m, n), becomes the solution.
+
+    Elimination without pivoting, for diagonally dominant or positive definite matrices. `bands[i]`
+    is row i of the matrix from the diagonal to the right; `bands`, (m, width), is overwritten.
+    """
     m, width = bands.shape
     sides = right.shape[1]
     for i in range(m):

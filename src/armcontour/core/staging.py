@@ -142,9 +142,11 @@ def _remove(folder: FilePath, created: list[FilePath]) -> None:
 
 
 def abandon(patience: float) -> list[str]:
-    """Remove all hidden folders before a signal ends the program; return the lost files."""
-    # Current moves into place are completed first, for at most `patience` seconds. Afterwards no
-    # result can be moved into place.
+    """Remove all hidden folders before a signal ends the program; return the lost files.
+
+    Current moves into place are completed first, for at most `patience` seconds. Afterwards no
+    result can be moved into place.
+    """
     if not _placing.acquire(timeout=patience):
         # The hidden folder may have the only copy of an earlier result, so it must stay.
         return []

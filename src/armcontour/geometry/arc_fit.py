@@ -76,15 +76,18 @@ SAME_POINT = 1e-11
 
 
 def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
-    """Lines and tangent arcs along a curve, within a tolerance of the curve."""
-    # Every interval becomes a biarc with the curve's end points and tangents; intervals are split
-    # until the biarcs are within the tolerance. Straight parts become one line, and neighbours on
-    # one circle become one arc. Corners remain where the tangents at a break differ, and at cusps;
-    # all other neighbours are tangent.
-    # `curve`: `curve(t, order)` gives points [m] (order 0) or derivatives with respect to t (order
-    # 1), (n, 2) or (n, 3), for t of shape (n,). It is smooth between two breaks; `breaks`:
-    # increasing values of t, from the start to the end of the curve; `tolerance`: largest
-    # distance of the arcs from the curve and of the curve from the arcs [m].
+    """Lines and tangent arcs along a curve, within a tolerance of the curve.
+
+    Every interval becomes a biarc with the curve's end points and tangents; intervals are split
+    until the biarcs are within the tolerance. Straight parts become one line, and neighbours on one
+    circle become one arc. Corners remain where the tangents at a break differ, and at cusps; all
+    other neighbours are tangent.
+
+    - `curve`: `curve(t, order)` gives points [m] (order 0) or derivatives with respect to t (order
+      1), (n, 2) or (n, 3), for t of shape (n,). It is smooth between two breaks.
+    - `breaks`: increasing values of t, from the start to the end of the curve.
+    - `tolerance`: largest distance of the arcs from the curve and of the curve from the arcs [m].
+    """
     knots = checks.check_numbers("breaks of a curve", breaks)
     if knots.ndim != 1 or len(knots) < 2 or (np.diff(knots) <= 0).any():
         raise InvalidInput("The breaks of a curve must be at least two increasing numbers.")
@@ -101,11 +104,15 @@ def fit_many(
     *,
     separate: bool = False,
 ) -> list[Segments]:
-    """Lines and tangent arcs along many curves, each as by `fit_arcs`."""
-    # `curves`: `curves(row, t, order)` gives points or derivatives of the curves `row` at `t`, as
-    # in `fit_arcs`; `breaks`: breaks of all curves one after the other, (n,); `rows`: curve of each
-    # break, ascending from 0, (n,); `separate`: each curve also has the rounding errors of
-    # `fit_arcs`, and its last arcs are merged.
+    """Lines and tangent arcs along many curves, each as by `fit_arcs`.
+
+    - `curves`: `curves(row, t, order)` gives points or derivatives of the curves `row` at `t`, as
+      in `fit_arcs`.
+    - `breaks`: breaks of all curves one after the other, (n,).
+    - `rows`: curve of each break, ascending from 0, (n,).
+    - `separate`: each curve also has the rounding errors of `fit_arcs`, and its last arcs are
+      merged.
+    """
     _check_tolerance(tolerance)
     arcs, vertices = _fit_curves(curves, breaks, rows, tolerance, through=False, separate=separate)
     ends = np.flatnonzero(np.diff(rows, append=-1))
@@ -148,8 +155,10 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
 
 
 def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) -> Orientation:
-    """Transfer an orientation to the segments `table`."""
-    # `matched_s`: arc lengths of the waypoints on the old and on the new path [m], (n, 2).
+    """Transfer an orientation to the segments `table`.
+
+    - `matched_s`: arc lengths of the waypoints on the old and on the new path [m], (n, 2).
+    """
     if orientation.follows:
         return carry_frame(table, orientation.starts[0], axis_only=orientation.axis_only)
     middle = (table.breaks[:-1] + table.breaks[1:]) / 2
@@ -185,9 +194,11 @@ def _fit_curves(
     through: bool,
     separate: bool = False,
 ) -> tuple[Segments, IntArray]:
-    """Segments of all curves, and indices of the vertices at which segments are never merged."""
-    # The indices end with the number of segments. With `through` every break is such a vertex, and
-    # all intervals become arcs; otherwise the start of each curve is such a vertex.
+    """Segments of all curves, and indices of the vertices at which segments are never merged.
+
+    The indices end with the number of segments. With `through` every break is such a vertex, and
+    all intervals become arcs; otherwise the start of each curve is such a vertex.
+    """
     with np.errstate(all="ignore"):
         intervals = _split(curves, _intervals_of(curves, breaks, row), tolerance, lines=not through)
         intervals = _drop_points(intervals)
@@ -294,9 +305,11 @@ def _evaluate(curves: Curves, row: IntArray, parameters: FloatArray, order: int)
 
 
 def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
-    """Split intervals until a biarc or a line approximates each one within the tolerance."""
-    # A line has the direction of its chord, so short lines are not exactly tangent to neighbours.
-    # Without `lines`, a straight interval is a biarc of zero curvature.
+    """Split intervals until a biarc or a line approximates each one within the tolerance.
+
+    A line has the direction of its chord, so short lines are not exactly tangent to neighbours.
+    Without `lines`, a straight interval is a biarc of zero curvature.
+    """
     done: list[_Intervals] = []
     count = 0
     while len(todo.begin):
@@ -363,9 +376,12 @@ def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
 
 
 def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Intervals:
-    """Divide intervals into 2 to MAX_PARTS equal parts, depending on their relative `excess`."""
-    # The distance between curve and biarc decreases with the cube of the interval's length.
-    # `excess`: distance of each interval divided by the allowed distance, (n,).
+    """Divide intervals into 2 to MAX_PARTS equal parts, depending on their relative `excess`.
+
+    The distance between curve and biarc decreases with the cube of the interval's length.
+
+    - `excess`: distance of each interval divided by the allowed distance, (n,).
+    """
     parts = np.where(np.isfinite(excess), np.ceil(np.cbrt(excess)), 2)
     parts = np.clip(parts, 2, MAX_PARTS).astype(np.intp)
     i, k = number_parts(parts)
@@ -425,8 +441,10 @@ def _make_segments(intervals: _Intervals) -> tuple[Segments, IntArray]:
 
 
 def _merge(arcs: Segments, vertices: IntArray, starts: IntArray) -> tuple[Segments, IntArray]:
-    """Merge neighbours on one line or circle; returns the segments and the first row of each."""
-    # `starts`: first rows of the curves that are merged separately, (n,).
+    """Merge neighbours on one line or circle; returns the segments and the first row of each.
+
+    - `starts`: first rows of the curves that are merged separately, (n,).
+    """
     k, u = arcs.curvatures, arcs.lengths
     turn = k * u
     same = (

@@ -38,9 +38,12 @@ def make_biarcs(
     t1: FloatArray,  # Unit tangents at the end points, (n, dimension)
     share: FloatArray | float = 1.0,
 ) -> tuple[Segments, Segments]:
-    """First and second arcs of the biarcs from p0 to p1 with a given ratio of tangent lengths."""
-    # The values are not finite where no biarc exists, such as for equal ends with equal tangents.
-    # `share`: tangent length of the first arc divided by that of the second, (n,) or a number.
+    """First and second arcs of the biarcs from p0 to p1 with a given ratio of tangent lengths.
+
+    The values are not finite where no biarc exists, such as for equal ends with equal tangents.
+
+    - `share`: tangent length of the first arc divided by that of the second, (n,) or a number.
+    """
     chord, w = p1 - p0, np.asarray(share)[..., None]
     # The tangent length d of the second arc solves |chord - d (w t0 + t1)| = (1 + w) d. The
     # positive solution is computed without cancellation.
@@ -73,10 +76,13 @@ def _arc(
 
 
 def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> FloatArray:
-    """Largest distance of k points per biarc from the full circles of its arcs [m], (n,)."""
-    # Each point is compared with the circle of the arc that is on its side of the junction. The
-    # distance is infinite if the values of a biarc are not finite.
-    # `points`: the points of each biarc [m], (n, k, dimension).
+    """Largest distance of k points per biarc from the full circles of its arcs [m], (n,).
+
+    Each point is compared with the circle of the arc that is on its side of the junction. The
+    distance is infinite if the values of a biarc are not finite.
+
+    - `points`: the points of each biarc [m], (n, k, dimension).
+    """
     after = dot(points - second.starts[:, None], second.tangents[:, None]) > 0
     distances = np.where(after, _from_circle(points, second), _from_circle(points, first))
     worst = np.asarray(distances.max(axis=1))
@@ -111,8 +117,10 @@ def unit(v: FloatArray) -> FloatArray:
 
 
 def unit_across(v: FloatArray, along: FloatArray) -> FloatArray:
-    """Unit vectors in the direction of `v` that are perpendicular to `along` to the last digit."""
-    # At a small angle between `v` and `along`, rounding errors tilt the first result.
+    """Unit vectors in the direction of `v` that are perpendicular to `along` to the last digit.
+
+    At a small angle between `v` and `along`, rounding errors tilt the first result.
+    """
     for _ in range(2):
         v = unit(v - dot(v, along)[..., None] * along)
     return v
@@ -130,9 +138,13 @@ def dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segments:
-    """Table of n quintics with given contacts at both ends, without speeds, tolerances and tags."""
-    # `begin`: contacts at the starts; `end`: contacts at the ends, whose points are relative to the
-    # starts, so even tiny quintics have full precision; `lengths`: arc lengths [m], (n,).
+    """Table of n quintics with given contacts at both ends, without speeds, tolerances and tags.
+
+    - `begin`: contacts at the starts.
+    - `end`: contacts at the ends, whose points are relative to the starts, so even tiny quintics
+      have full precision.
+    - `lengths`: arc lengths [m], (n,).
+    """
     none = np.zeros_like(begin[0])
     coefficients = quintic(lengths, (none, *begin[1:]), end)
     curvature = length(begin[2])
@@ -148,10 +160,12 @@ def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segme
 
 
 def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
-    """Replace transitions by arcs within `DRAWN`; also returns arc lengths on the original path."""
-    # Returns a table of lines and arcs, which is `segments` if there are no transitions, and for
-    # each line and arc the arc length on the original path at which it starts [m], (n,). An arc is
-    # never longer than the part that it replaces.
+    """Replace transitions by arcs within `DRAWN`; also returns arc lengths on the original path.
+
+    Returns a table of lines and arcs, which is `segments` if there are no transitions, and for each
+    line and arc the arc length on the original path at which it starts [m], (n,). An arc is never
+    longer than the part that it replaces.
+    """
     bent = segments.is_transition
     if not bent.any():
         return segments, segments.breaks[:-1]

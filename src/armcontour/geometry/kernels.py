@@ -50,8 +50,11 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
 
 @compiled(inner=True, fastmath=FUSED)
 def distance2(foot: Foot, k: float, away: float) -> float:
-    """Squared distance [m²] from a point to a segment point at distance `away` from the foot."""
-    # `k`: the curvature [1/m]; `away`: distance along the line or circle from the foot [m].
+    """Squared distance [m²] from a point to a segment point at distance `away` from the foot.
+
+    - `k`: the curvature [1/m].
+    - `away`: distance along the line or circle from the foot [m].
+    """
     if k == 0.0:
         return foot.off2 + away**2
     # Product of the radii of circle and point.
@@ -63,9 +66,11 @@ def distance2(foot: Foot, k: float, away: float) -> float:
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, limit: float
 ) -> tuple[float, float]:
-    """Squared distance [m²] to the nearest point of a part of `g`, and distance along `g` [m]."""
-    # `low`, `high`: ends of the part along the segment [m]. A squared distance that is at least
-    # `limit` [m²] is only a lower bound.
+    """Squared distance [m²] to the nearest point of a part of `g`, and distance along `g` [m].
+
+    `low`, `high`: ends of the part along the segment [m]. A squared distance that is at least
+    `limit` [m²] is only a lower bound.
+    """
     foot, k = find_foot(p, g), g[9]
     if foot.off2 >= limit:
         return foot.off2, low
@@ -107,10 +112,14 @@ def box_gap2(p: Point, boxes: FloatArray, k: int) -> float:
 def search_tree(
     queries: FloatArray, rows: FloatArray, pieces: IntArray, boxes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest point for each query, by a tree of boxes."""
-    # `queries`: points in space [m], (n, 3); `rows`: segments from `pack_segments`; `pieces`: index
-    # of the segment of each piece in tree order; `boxes`: lower and upper corners of the nodes'
-    # boxes in heap order [m], (2 m - 1, 6) for m leaves.
+    """Distance and arc length of the nearest point for each query, by a tree of boxes.
+
+    - `queries`: points in space [m], (n, 3).
+    - `rows`: segments from `pack_segments`.
+    - `pieces`: index of the segment of each piece in tree order.
+    - `boxes`: lower and upper corners of the nodes' boxes in heap order [m], (2 m - 1, 6) for m
+      leaves.
+    """
     n, leaves = len(queries), (len(boxes) + 1) // 2
     distance, s = np.empty(n), np.empty(n)
     stack, bound = np.empty(STACK, np.intp), np.empty(STACK)
@@ -184,9 +193,11 @@ def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tu
 def find_excess(
     points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: TubePieces
 ) -> tuple[FloatArray, FloatArray]:
-    """Smallest distance minus tolerance in the range of each point, and arc length there [m]."""
-    # `ranges`: arc lengths of start and end of each point's range [m], (n, 2); `windows`: indices
-    # of the first and last piece of each range, (n, 2).
+    """Smallest distance minus tolerance in the range of each point, and arc length there [m].
+
+    - `ranges`: arc lengths of start and end of each point's range [m], (n, 2).
+    - `windows`: indices of the first and last piece of each range, (n, 2).
+    """
     excess, s = np.full(len(points), np.inf), np.zeros(len(points))
     for i in range(len(points)):
         p = points[i, 0], points[i, 1], points[i, 2]
@@ -243,9 +254,11 @@ def bound_excess(
     pieces: TubePieces,
     slack: float,  # A bound up to this is not refined [m]
 ) -> FloatArray:
-    """Bounds of distance minus tolerance on parts of a path [m], (k,)."""
-    # `parts`: distance along the segment, arc length on the objective and reach at the start of
-    # each part, then at its end [m], (k, 6).
+    """Bounds of distance minus tolerance on parts of a path [m], (k,).
+
+    - `parts`: distance along the segment, arc length on the objective and reach at the start of
+      each part, then at its end [m], (k, 6).
+    """
     n = len(parts)
     bounds = np.full(n, -np.inf)
     stack, depths = np.empty((DEPTH + 2, 6)), np.empty(DEPTH + 2, np.intp)

@@ -29,9 +29,14 @@ def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[
 def nearest_points(
     queries: FloatArray, points: FloatArray, count: int, within: float = np.inf
 ) -> IntArray:
-    """Indices of the nearest points of every query, the nearest first, (n, count)."""
-    # `queries`: the query points, (n, d); `points`: the points, (m, d); `count`: number of points
-    # per query, at most m. The index is m where no further point is closer than `within`.
+    """Indices of the nearest points of every query, the nearest first, (n, count).
+
+    The index is m where no further point is closer than `within`.
+
+    - `queries`: the query points, (n, d).
+    - `points`: the points, (m, d).
+    - `count`: number of points per query, at most m.
+    """
     if len(queries) * len(points) <= MAX_TABLE:
         squares = _squares(queries, points)
         order = np.argsort(squares, axis=1, kind="stable")[:, :count]

@@ -313,8 +313,11 @@ def _constant_rate_columns(n: int) -> Mapping[str, FloatArray]:
 
 
 def shift_polynomials(c: FloatArray, by: FloatArray) -> FloatArray:
-    """Coefficients of polynomials c(u + by), from those of c(u), (n, degree + 1)."""
-    # `c`: coefficients of 1, u, u², ..., (n, degree + 1); `by`: the shifts, (n,).
+    """Coefficients of polynomials c(u + by), from those of c(u), (n, degree + 1).
+
+    - `c`: coefficients of 1, u, u², ..., (n, degree + 1).
+    - `by`: the shifts, (n,).
+    """
     return rescale(c[:, :, None], by, np.ones(len(c)))[:, :, 0]
 
 
@@ -328,9 +331,12 @@ def turns_between(first: FloatArray, second: FloatArray, *, axis_only: bool) -> 
 def fit_cubics(
     width: FloatArray, begin: tuple[FloatArray, FloatArray], end: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Coefficients of cubics with given values and slopes at the ends of intervals, (n, 4)."""
-    # `width`: lengths of the intervals, (n,); `begin`: value and slope at the start of each
-    # interval, (n,) each; `end`: value and slope at its end, (n,) each.
+    """Coefficients of cubics with given values and slopes at the ends of intervals, (n, 4).
+
+    - `width`: lengths of the intervals, (n,).
+    - `begin`: value and slope at the start of each interval, (n,) each.
+    - `end`: value and slope at its end, (n,) each.
+    """
     (a, into), (b, out) = begin, end
     mean = (b - a) / width
     second, third = (3 * mean - 2 * into - out) / width, (into + out - 2 * mean) / width**2

@@ -13,8 +13,10 @@ from armcontour.geometry.segments import REPEATED_POINT
 
 
 def cut_path(path: Path, begin: float, end: float) -> Path:
-    """The part of a path between two arc lengths, with speeds, tolerances and orientation."""
-    # `begin`, `end`: arc lengths at which the part starts and ends [m].
+    """The part of a path between two arc lengths, with speeds, tolerances and orientation.
+
+    `begin`, `end`: arc lengths at which the part starts and ends [m].
+    """
     for name, s in (("begin", begin), ("end", end)):
         value = checks.check_number(name, s, "m")
         if not -REPEATED_POINT <= value <= path.length + REPEATED_POINT:

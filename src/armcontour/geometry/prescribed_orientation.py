@@ -56,8 +56,10 @@ def orient_by_rotations(
 def orient_by_axes(
     segments: Segments, waypoints: IntArray, merged: tuple[int, ...], values: npt.ArrayLike
 ) -> Orientation:
-    """A constant direction of the tool axis, or one per waypoint; rotation about it is free."""
-    # `values`: directions of the tool axis: one, (3,), or one per input point, (n, 3).
+    """A constant direction of the tool axis, or one per waypoint; rotation about it is free.
+
+    - `values`: directions of the tool axis: one, (3,), or one per input point, (n, 3).
+    """
     directions = checks.check_numbers("direction of the tool axis", values)
     if directions.shape[-1:] != (3,) or directions.ndim > 2:
         raise InvalidInput(
@@ -93,13 +95,18 @@ def _pointing(x: float, y: float, z: float) -> FloatArray:
 def follow_tangent(
     segments: Segments, up: npt.ArrayLike, tool: Any | None = None, *, axis_only: bool = False
 ) -> Orientation:
-    """An orientation at a fixed angle to the tangent of a path."""
-    # The tool never turns about the tangent. Its orientation is constant on a line, turns with the
-    # tangent on an arc, and jumps by the turn at a corner that is not rounded.
-    # `segments`: segments of a path in space; `up`: direction whose component perpendicular to the
-    # first tangent is the z axis of the path's frame, (3,); the x axis of this frame is the
-    # tangent; `tool`: rotation of the tool in the path's frame, in a form that `rotations` accepts,
-    # by default `POINTING_DOWN`; `axis_only`: true if rotation about the tool axis is free.
+    """An orientation at a fixed angle to the tangent of a path.
+
+    The tool never turns about the tangent. Its orientation is constant on a line, turns with the
+    tangent on an arc, and jumps by the turn at a corner that is not rounded.
+
+    - `segments`: segments of a path in space.
+    - `up`: direction whose component perpendicular to the first tangent is the z axis of the path's
+      frame, (3,); the x axis of this frame is the tangent.
+    - `tool`: rotation of the tool in the path's frame, in a form that `rotations` accepts, by
+      default `POINTING_DOWN`.
+    - `axis_only`: true if rotation about the tool axis is free.
+    """
     in_path = POINTING_DOWN if tool is None else rotations("tool in the path's frame", tool)
     if in_path.shape != (3, 3):
         raise InvalidInput(
@@ -122,9 +129,11 @@ def follow_tangent(
 
 
 def carry_frame(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> Orientation:
-    """An orientation that turns with the tangent of a path and never about it."""
-    # `frame`: rotation matrix of the tool at the path's start, (3, 3); `axis_only`: true if
-    # rotation about the tool axis is free.
+    """An orientation that turns with the tangent of a path and never about it.
+
+    - `frame`: rotation matrix of the tool at the path's start, (3, 3).
+    - `axis_only`: true if rotation about the tool axis is free.
+    """
     corners = shortest(segments.end_tangents[:-1], segments.tangents[1:])
     turn = np.linalg.norm(corners, axis=1)
     if (turn > HALF_TURN).any():
@@ -147,10 +156,13 @@ def follow_tangents(
     *,
     axis_only: bool,  # True if rotation about the tool axis is free
 ) -> Orientation:
-    """An orientation that turns with the tangents of segments."""
-    # `corners`: rotations at the vertices between the n segments, (n - 1, 3, 3), or None if there
-    # are none; `frames`: rotation matrices at the starts of some segments, {index: (3, 3)}, which
-    # replace the computed ones.
+    """An orientation that turns with the tangents of segments.
+
+    - `corners`: rotations at the vertices between the n segments, (n - 1, 3, 3), or None if there
+      are none.
+    - `frames`: rotation matrices at the starts of some segments, {index: (3, 3)}, which replace the
+      computed ones.
+    """
     columns = tangent_turns(segments)
     tilt, turn = (evaluate_polynomials(columns[x], segments.lengths)[:, None] for x in "fg")
     turns = exp(turn * columns["second"]) @ exp(tilt * columns["first"])

@@ -44,12 +44,15 @@ class Projection:
 def find_nearest(
     segments: Segments, points: npt.ArrayLike, *, in_order: bool = False
 ) -> Projection:
-    """Distance and arc length of the path point nearest to each query, exact on lines and arcs."""
-    # Arcs within a nanometre replace transitions (`draw_arcs`).
-    # The first call for a table of segments builds a tree, which exists as long as the table. The
-    # time of a query is then approximately proportional to the logarithm of the number of segments.
-    # `points`: query points [m], (n, dimension); `in_order`: true if each point is near the
-    # previous point, so the points need not be sorted.
+    """Distance and arc length of the path point nearest to each query, exact on lines and arcs.
+
+    Arcs within a nanometre replace transitions (`draw_arcs`). The first call for a table of
+    segments builds a tree, which exists as long as the table. The time of a query is then
+    approximately proportional to the logarithm of the number of segments.
+
+    - `points`: query points [m], (n, dimension).
+    - `in_order`: true if each point is near the previous point, so the points need not be sorted.
+    """
     queries = checks.points("points to project", points)
     if queries.shape[1] != segments.dimension:
         raise InvalidInput(

@@ -85,9 +85,11 @@ class Segments:
 
     @classmethod
     def lines(cls, points: FloatArray, **columns: Any) -> Segments:
-        """The table of straight lines through points."""
-        # `points`: ends of the lines [m], (n + 1, dimension), each different from the previous
-        # point; `columns`: other columns of the table, such as speeds.
+        """The table of straight lines through points.
+
+        - `points`: ends of the lines [m], (n + 1, dimension), each different from the previous
+          point; `columns`: other columns of the table, such as speeds.
+        """
         steps = np.diff(points, axis=0)
         lengths = np.linalg.norm(steps, axis=1)
         return cls(
@@ -139,8 +141,10 @@ class Segments:
         return self.replace(checked=self.checked and together, **columns)
 
     def split(self, bounds: IntArray) -> list[Segments]:
-        """Split the table into tables of consecutive rows; each must be a continuous path."""
-        # `bounds`: first row of every table, and the number of rows, (n + 1,).
+        """Split the table into tables of consecutive rows; each must be a continuous path.
+
+        - `bounds`: first row of every table, and the number of rows, (n + 1,).
+        """
         self._check_values()
         self.check_gaps(apart=bounds[1:-1])
         whole = self.replace(checked=True)
@@ -281,9 +285,10 @@ class Segments:
         return rows.replace(starts=starts, tangents=tangents, normals=normals)
 
     def _restrict_transitions(self, begin: FloatArray, factor: FloatArray) -> Segments:
-        """Restrict each transition to its part from `begin` to `begin + factor` [1], (n,) each."""
-        # `begin` and `factor` are fractions of the length; a negative factor reverses the
-        # transition.
+        """Restrict each transition to its part from `begin` to `begin + factor` [1], (n,) each.
+
+        `begin` and `factor` are fractions of the length; a negative factor reverses the transition.
+        """
         changed = self.is_transition & ((begin != 0) | (factor != 1))
         if not changed.any():
             return self
@@ -389,10 +394,14 @@ class Segments:
 
 
 def bound_second_derivatives(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Upper bounds of the second derivatives of quintics with respect to arc length [1/m], (n,)."""
-    # `quintics`: coefficients [m], (n, 6, dimension); `lengths`: lengths [m], (n,). The bound is 0
-    # for a quintic of length 0.
-    # The second derivative lies in the convex hull of its control points.
+    """Upper bounds of the second derivatives of quintics with respect to arc length [1/m], (n,).
+
+    The bound is 0 for a quintic of length 0. The second derivative lies in the convex hull of its
+    control points.
+
+    - `quintics`: coefficients [m], (n, 6, dimension).
+    - `lengths`: lengths [m], (n,).
+    """
     control = np.einsum("ck,nkd->ncd", SECOND_DERIVATIVE, quintics[:, 2:])
     curvature = np.linalg.norm(control, axis=2).max(axis=1)
     return np.asarray(
@@ -407,8 +416,10 @@ def _unit_or_zero(v: FloatArray) -> FloatArray:
 
 
 def combine_limits(before: Segments, after: Segments) -> dict[str, Any]:
-    """Limits of segments that replace parts of two segments: the smaller speed and tolerance."""
-    # Tags are those of `before`, the segments before the vertices.
+    """Limits of segments that replace parts of two segments: the smaller speed and tolerance.
+
+    Tags are those of `before`, the segments before the vertices.
+    """
     return {
         "speeds": np.fmin(before.speeds, after.speeds),
         "tolerances": np.fmin(before.tolerances, after.tolerances),
@@ -419,12 +430,16 @@ def combine_limits(before: Segments, after: Segments) -> dict[str, Any]:
 def close_gaps(
     starts: FloatArray, ends: FloatArray, stay: BoolArray, nearest: float
 ) -> tuple[FloatArray, BoolArray]:
-    """Discard segments that are too short, and move the next start to close each gap."""
-    # `starts`: starts of consecutive segments [m], (n, dimension); `ends`: ends of these segments
-    # [m], (n, dimension); `stay`: mask of segments that remain whatever their length, (n,);
-    # `nearest`: other segments remain if they end farther than this from the last remaining end
-    # [m], so many small steps are not lost.
-    # Returns the new starts, (n, dimension), and the mask of remaining segments, (n,).
+    """Discard segments that are too short, and move the next start to close each gap.
+
+    Returns the new starts, (n, dimension), and the mask of remaining segments, (n,).
+
+    - `starts`: starts of consecutive segments [m], (n, dimension).
+    - `ends`: ends of these segments [m], (n, dimension).
+    - `stay`: mask of segments that remain whatever their length, (n,).
+    - `nearest`: other segments remain if they end farther than this from the last remaining end
+      [m], so many small steps are not lost.
+    """
     mask = stay | (np.linalg.norm(ends - starts, axis=1) > nearest)
     if mask.all():
         return starts, mask

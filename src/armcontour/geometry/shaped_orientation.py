@@ -162,8 +162,10 @@ def _orient_smoothly(
 
 
 def _smooth_arc_lengths(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
-    """Smooth function from arc length on the path to arc length on the objective."""
-    # `near`: largest angular error [rad] compared with the corresponding points.
+    """Smooth function from arc length on the path to arc length on the objective.
+
+    - `near`: largest angular error [rad] compared with the corresponding points.
+    """
     from scipy.interpolate import PchipInterpolator
 
     knots, values = runs.s, runs.objective_s
@@ -250,8 +252,10 @@ def _refine(s: FloatArray) -> FloatArray:
 
 
 def _nearest(s: FloatArray, marks: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Index of the mark that is nearest to each arc length, and the distance [m]."""
-    # `marks` increase. Both results are empty if there are no marks.
+    """Index of the mark that is nearest to each arc length, and the distance [m].
+
+    `marks` increase. Both results are empty if there are no marks.
+    """
     if not len(marks):
         return np.zeros(0, dtype=np.intp), np.zeros(0)
     i = np.searchsorted((marks[1:] + marks[:-1]) / 2, s)

@@ -168,9 +168,11 @@ def describe_unfinished(paths: Iterable[Path]) -> list[str]:
 
 
 def check_correspondence(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArray:
-    """Read-only corresponding arc lengths; raise InvalidInput if they do not cover both paths."""
-    # `places`: arc lengths on the objective and on the path [m], (n, 2); `path`: a path that was
-    # made from the objective.
+    """Read-only corresponding arc lengths; raise InvalidInput if they do not cover both paths.
+
+    - `places`: arc lengths on the objective and on the path [m], (n, 2).
+    - `path`: a path that was made from the objective.
+    """
     pairs = checks.frozen_array(places)
     ends = np.array([[0.0, 0.0], [objective.length, path.length]])
     near = 1e-9 * (1 + ends[1])

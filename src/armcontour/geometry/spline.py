@@ -31,12 +31,16 @@ def fit_spline(
     *,
     ends: Literal["natural", "not-a-knot"] = "natural",
 ) -> tuple[Segments, IntArray]:
-    """Transitions along the cubic spline through points."""
-    # The spline is C² over chord length, periodic or with an end condition. Each transition has the
-    # points, tangents and curvatures of the spline at its ends; the spline is cut until all
-    # transitions are within the tolerance.
-    # `ends`: end condition of an open spline, as in SciPy's `CubicSpline`.
-    # Returns the transitions, and the index of the vertex at each point, (n,).
+    """Transitions along the cubic spline through points.
+
+    The spline is C² over chord length, periodic or with an end condition. Each transition has the
+    points, tangents and curvatures of the spline at its ends; the spline is cut until all
+    transitions are within the tolerance.
+
+    Returns the transitions, and the index of the vertex at each point, (n,).
+
+    - `ends`: end condition of an open spline, as in SciPy's `CubicSpline`.
+    """
     from scipy.interpolate import CubicSpline
 
     if closed and np.linalg.norm(points[-1] - points[0]) > REPEATED_POINT:

@@ -139,19 +139,25 @@ class Tube(Frozen):
         return len(self.segments)
 
     def nearest(self, points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Arc lengths of the nearest points of the objective, each within a range [m], (n,)."""
-        # `points`: the points [m], (n, dimension); `low`: arc lengths on the objective at which the
-        # range of each point starts [m], (n,); `high`: arc lengths at which the ranges end [m],
-        # (n,).
+        """Arc lengths of the nearest points of the objective, each within a range [m], (n,).
+
+        - `points`: the points [m], (n, dimension).
+        - `low`: arc lengths on the objective at which the range of each point starts [m], (n,).
+        - `high`: arc lengths at which the ranges end [m], (n,).
+        """
         ranges = np.stack([low, np.maximum(low, high)], axis=1)
         windows = self.windows_between(ranges[:, 0], ranges[:, 1])
         _, s = _nearest_in_range(points, ranges, windows, self._pieces[0])
         return np.asarray(np.clip(s, low, high))
 
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
-        """Remaining distance to the boundary of the tube, below 0 outside [m], (n,)."""
-        # `points`: the points [m], (n, dimension); `windows`: first and last piece of each point's
-        # part, as from `windows_between`, (n, 2). The margin is the largest one of these pieces.
+        """Remaining distance to the boundary of the tube, below 0 outside [m], (n,).
+
+        The margin is the largest one of these pieces.
+
+        - `points`: the points [m], (n, dimension).
+        - `windows`: first and last piece of each point's part, as from `windows_between`, (n, 2).
+        """
         from armcontour.geometry.kernels import TubePieces, find_excess
 
         everywhere = np.tile([-np.inf, np.inf], (len(points), 1))

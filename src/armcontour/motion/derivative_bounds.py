@@ -22,13 +22,18 @@ ROUNDING = 1e-12
 
 
 def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
-    """Times [s], and upper bounds of each joint's travel from the start to these times [rad]."""
-    # Motion in both directions adds to the travel. The bound is linear between the times. A joint
-    # moves at most by the increase of the bound between any two times.
-    # `motion`: a planned or an executed motion, or a joint path, for which arc length replaces
-    # time. Between its samples, the accelerations of an executed motion are assumed to be at most
-    # the largest demand or sampled acceleration.
-    # Returns times from the start to the end, (n,), and the bounds, (n, dof).
+    """Times [s], and upper bounds of each joint's travel from the start to these times [rad].
+
+    Motion in both directions adds to the travel. The bound is linear between the times. A joint
+    moves at most by the increase of the bound between any two times.
+
+    Between its samples, the accelerations of an executed motion are assumed to be at most the
+    largest demand or sampled acceleration. Returns times from the start to the end, (n,), and the
+    bounds, (n, dof).
+
+    - `motion`: a planned or an executed motion, or a joint path, for which arc length replaces
+      time.
+    """
     parts: Iterable[FloatArray]
     if isinstance(motion, Execution):
         t, dof, rate = motion.t, motion.q.shape[1], np.abs(motion.dq)
@@ -108,14 +113,18 @@ Derivatives: TypeAlias = list[FloatArray]
 def largest_shares(
     law: PathLaw, limits: FloatArray, speeds: FloatArray, allowed: float
 ) -> FloatArray:
-    """Largest ratios of joint motion and path speed to their limits during a whole law, (6,)."""
-    # A result of at most `allowed` is proven for all times of the law, up to rounding errors,
-    # because intervals whose bound exceeds `allowed` are halved. A larger result is the ratio at a
-    # point, or a bound.
-    # `limits`: lower and upper bounds of acceleration [rad/s²] and of velocity [rad/s] of every
-    # joint, infinite without one, (4, dof); `speeds`: two highest path speeds on every interval of
-    # the joint path [m/s], (m, 2).
-    # The result has the ratios to the four limits of joints, then to both path speeds.
+    """Largest ratios of joint motion and path speed to their limits during a whole law, (6,).
+
+    A result of at most `allowed` is proven for all times of the law, up to rounding errors, because
+    intervals whose bound exceeds `allowed` are halved. A larger result is the ratio at a point, or
+    a bound.
+
+    The result has the ratios to the four limits of joints, then to both path speeds.
+
+    - `limits`: lower and upper bounds of acceleration [rad/s²] and of velocity [rad/s] of every
+      joint, infinite without one, (4, dof).
+    - `speeds`: two highest path speeds on every interval of the joint path [m/s], (m, 2).
+    """
     i = np.arange(len(law.breaks) - 1)
     begin, end = law.breaks[:-1], law.breaks[1:]
     largest = np.zeros(6)
@@ -143,9 +152,13 @@ def _ratios(
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Ratios to limits in the middle of n parts of intervals, then bounds in each part, (n, 12)."""
-    # `t`: start, middle and end of each part [s]. The bounds of a joint's velocity and acceleration
-    # and of the path speed are those of quadratics about the middle, plus the terms of third order.
+    """Ratios to limits in the middle of n parts of intervals, then bounds in each part, (n, 12).
+
+    The bounds of a joint's velocity and acceleration and of the path speed are those of quadratics
+    about the middle, plus the terms of third order.
+
+    - `t`: start, middle and end of each part [s].
+    """
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
     v = [*law.path_motion(i, middle)[:3], *path_rates(law, i, middle, half)]
@@ -185,9 +198,12 @@ def _ratios(
 
 
 def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:
-    """Third and fourth time derivatives of a law's arc length, and a bound of the fifth."""
-    # `i`: indices of intervals, (n,); `t`: times in the intervals [s], (n,); `half`: the bound is
-    # valid within this time before and after each of `t` [s], (n,).
+    """Third and fourth time derivatives of a law's arc length, and a bound of the fifth.
+
+    - `i`: indices of intervals, (n,).
+    - `t`: times in the intervals [s], (n,).
+    - `half`: the bound is valid within this time before and after each of `t` [s], (n,).
+    """
     ds, dds, ddds = law.path_motion(i, t)[1:]
     slope = law.rates.slope[i]
     # ds is a sum of cosh and sinh if `slope` is positive, and of cos and sin if it is negative. The

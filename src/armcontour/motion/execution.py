@@ -222,10 +222,14 @@ class FineMotion:
     def through(
         cls, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray | None, indices: IntArray
     ) -> FineMotion:
-        """Polynomial motion from each of the samples `indices` to the next sample."""
-        # `t`: times of all samples [s], (n,); `q`: joint positions [rad], (n, dof); `dq`: joint
-        # velocities [rad/s], (n, dof); `ddq`: joint accelerations [rad/s²], (n, dof), or None;
-        # `indices`: indices of the samples, increasing, (m,).
+        """Polynomial motion from each of the samples `indices` to the next sample.
+
+        - `t`: times of all samples [s], (n,).
+        - `q`: joint positions [rad], (n, dof).
+        - `dq`: joint velocities [rad/s], (n, dof).
+        - `ddq`: joint accelerations [rad/s²], (n, dof), or None.
+        - `indices`: indices of the samples, increasing, (m,).
+        """
         i = (indices[:, None] + np.arange(2)).ravel()
         rate = dq[i]
         acceleration = None if ddq is None else ddq[i]

@@ -29,10 +29,15 @@ def interval_time(width: float, begin: float, end: float, slope: float) -> float
 def interval_times(
     width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
 ) -> FloatArray:
-    """Durations of intervals with a path acceleration linear in s [s], (n,)."""
-    # The duration is `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
-    # `width`: lengths of the intervals [m], (n,); `begin`: path speeds at the starts [m/s], (n,);
-    # `end`: path speeds at the ends [m/s], (n,); `slope`: slopes of dds over s [1/s²], (n,).
+    """Durations of intervals with a path acceleration linear in s [s], (n,).
+
+    The duration is `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
+
+    - `width`: lengths of the intervals [m], (n,).
+    - `begin`: path speeds at the starts [m/s], (n,).
+    - `end`: path speeds at the ends [m/s], (n,).
+    - `slope`: slopes of dds over s [1/s²], (n,).
+    """
     times = np.empty(len(width))
     for i in range(len(width)):
         times[i] = interval_time(width[i], begin[i], end[i], slope[i])
@@ -105,12 +110,17 @@ def examine_pieces(
 def spline_pieces(
     knots: FloatArray, points: FloatArray, clamped: bool, coefficients: FloatArray
 ) -> None:
-    """Write the cubic spline through points as coefficients of a `JointPath`, (n, 6, dof)."""
-    # The second derivatives solve a diagonally dominant tridiagonal system by forward elimination
-    # and back substitution.
-    # `knots`: increasing parameters of the points, (n + 1,); `points`: the points, (n + 1, dof);
-    # `clamped`: true if the slopes at both ends are zero; otherwise the second derivatives are
-    # zero; `coefficients`: output, initially zero.
+    """Write the cubic spline through points as coefficients of a `JointPath`, (n, 6, dof).
+
+    The second derivatives solve a diagonally dominant tridiagonal system by forward elimination and
+    back substitution.
+
+    - `knots`: increasing parameters of the points, (n + 1,).
+    - `points`: the points, (n + 1, dof).
+    - `clamped`: true if the slopes at both ends are zero; otherwise the second derivatives are
+      zero.
+    - `coefficients`: output, initially zero.
+    """
     n, dof = len(knots) - 1, points.shape[1]
     second, diagonal = np.zeros((n + 1, dof)), np.empty(n + 1)
     # First and last point with an unknown second derivative.
@@ -164,9 +174,11 @@ def path_motions(
     slope: FloatArray,
     jerk: FloatArray,
 ) -> FloatArray:
-    """The arc length s and its first three derivatives at times `t` of intervals `i`, (4, n)."""
-    # `breaks` and `s`: breaks of the law and their arc lengths, (m + 1,); `ds`, `dds`, `slope` and
-    # `jerk`: fields of the law's `Rates`, (m,).
+    """The arc length s and its first three derivatives at times `t` of intervals `i`, (4, n).
+
+    `breaks` and `s`: breaks of the law and their arc lengths, (m + 1,); `ds`, `dds`, `slope` and
+    `jerk`: fields of the law's `Rates`, (m,).
+    """
     motions = np.empty((4, len(t)))
     for k in range(len(t)):
         j = i[k]
@@ -221,12 +233,16 @@ def joint_motions(
     coefficients: FloatArray,
     out: JointDerivatives,  # Output; arrays without rows are not computed
 ) -> None:
-    """Joint positions and their derivatives over time along joint paths, by the chain rule."""
-    # `end`: arc length at the end of the law's interval of each point [m], (n,). If this is a break
-    # of the joint path, the point belongs to the piece before the break. `rows`: index of the first
-    # break of each law's joint path, and the number of all breaks, (laws + 1,); `coefficients`: the
-    # coefficients after each break, (m, 6, dof). The coefficients after the last break of a joint
-    # path are not read, and may be missing.
+    """Joint positions and their derivatives over time along joint paths, by the chain rule.
+
+    The coefficients after the last break of a joint path are not read, and may be missing.
+
+    - `end`: arc length at the end of the law's interval of each point [m], (n,). If this is a break
+      of the joint path, the point belongs to the piece before the break.
+    - `rows`: index of the first break of each law's joint path, and the number of all breaks, (laws
+      + 1,).
+    - `coefficients`: the coefficients after each break, (m, 6, dof).
+    """
     orders = len(out.q) > 0, len(out.dq) > 0, len(out.ddq) > 0, len(out.dddq) > 0
     piece = 0
     for k in range(along.shape[1]):
@@ -274,10 +290,13 @@ def joint_motions(
 def bound_joint_velocities(
     breaks: FloatArray, coefficients: FloatArray, s: FloatArray, speeds: FloatArray
 ) -> FloatArray:
-    """Bounds of the joint velocities between neighbouring arc lengths `s` [rad/s], (n, dof)."""
-    # On each piece dq_ds is a polynomial of degree 4, which lies between its smallest and its
-    # largest Bernstein coefficient over an interval. `speeds`: bounds of the path speed on each
-    # interval [m/s], (n,).
+    """Bounds of the joint velocities between neighbouring arc lengths `s` [rad/s], (n, dof).
+
+    On each piece dq_ds is a polynomial of degree 4, which lies between its smallest and its largest
+    Bernstein coefficient over an interval.
+
+    - `speeds`: bounds of the path speed on each interval [m/s], (n,).
+    """
     c, last = coefficients, len(breaks) - 2
     n, dof = len(s) - 1, c.shape[2]
     bounds = np.empty((n, dof))

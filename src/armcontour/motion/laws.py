@@ -340,12 +340,15 @@ class PathLaw(LawAlongPath):
 def chain_rule_motion(
     joint_path: JointPath, end: FloatArray, along: FloatArray, orders: tuple[int, ...]
 ) -> tuple[FloatArray, ...]:
-    """Derivatives of joint positions over time along a joint path, by the chain rule."""
-    # `end`: arc length at the end of the law's interval of each point [m]. If a point is at a break
-    # of the joint path and the interval ends there, the value before the break is returned.
-    # `along`: s and its derivatives over time up to the third, (4, n); `orders`: the requested
-    # orders, 0 for the positions.
-    # Returns an array (n, dof) for each order.
+    """Derivatives of joint positions over time along a joint path, by the chain rule.
+
+    Returns an array (n, dof) for each order.
+
+    - `end`: arc length at the end of the law's interval of each point [m]. If a point is at a break
+      of the joint path and the interval ends there, the value before the break is returned.
+    - `along`: s and its derivatives over time up to the third, (4, n).
+    - `orders`: the requested orders, 0 for the positions.
+    """
     shape, dof = np.shape(along)[1:], joint_path.dof
     count = along[0].size
     motion = JointDerivatives(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))

@@ -105,8 +105,11 @@ def describe_bursts(t: FloatArray, source: str) -> str:
 
 
 def check_angle_unit(column: str, values: FloatArray, fix: str) -> None:
-    """Reject joint positions without a unit that are probably degrees."""
-    # `column`: location for the message; `fix`: columns with their unit, for --columns.
+    """Reject joint positions without a unit that are probably degrees.
+
+    - `column`: location for the message.
+    - `fix`: columns with their unit, for --columns.
+    """
     low, high = values.min(), values.max()
     if MAX_ANGLE < max(-low, high) <= LARGEST["q"]:
         raise InvalidInput(
@@ -222,8 +225,10 @@ def check_range_of_log(
     margin: float = RANGE_MARGIN,  # Allowed distance from the range of a joint [rad]
     degrees_only: bool = False,
 ) -> None:
-    """Raise InvalidInput if positions are outside the joint ranges."""
-    # `degrees_only`: true to raise only if all positions are within the ranges as degrees.
+    """Raise InvalidInput if positions are outside the joint ranges.
+
+    - `degrees_only`: true to raise only if all positions are within the ranges as degrees.
+    """
     low, high = arm.limits.joint_range(arm.dof)
     for name, values in positions.items():
         beyond = np.maximum(low - values, values - high)
@@ -270,10 +275,13 @@ def check_speeds(source: str, t: FloatArray, q: FloatArray, joint_names: Sequenc
 
 
 def check_completeness(source: str, t: FloatArray, duration: float, slack: float) -> None:
-    """Raise InvalidInput if a recording does not cover a whole motion."""
-    # `source`: origin of the recording, for messages; `t`: times of the recording from the start of
-    # the motion [s], (n,); `duration`: duration of the motion [s]; `slack`: time that may be
-    # missing at either end [s].
+    """Raise InvalidInput if a recording does not cover a whole motion.
+
+    - `source`: origin of the recording, for messages.
+    - `t`: times of the recording from the start of the motion [s], (n,).
+    - `duration`: duration of the motion [s].
+    - `slack`: time that may be missing at either end [s].
+    """
     if t[0] > slack or t[-1] < duration - slack:
         raise InvalidInput(
             f"{source} covers the plan from {t[0]:.4g} s to {t[-1]:.4g} s, but the plan lasts from "
@@ -290,13 +298,16 @@ def find_misreading(
     names: Sequence[str] = (),  # Names of the joints; their numbers by default
     longest_delay: float | None = None,
 ) -> str:
-    """Clause for a message: the column error that explains the positions, and its correction."""
-    # The clause is empty if no error explains the positions. Candidates are other units, orders and
-    # signs of the columns and, with `longest_delay`, exchanged commands and measured positions. A
-    # candidate is reported only if it makes the differences much smaller.
-    # `reference`: reference positions [rad], or, with `longest_delay`, commands [rad], (n, dof);
-    # `longest_delay`: largest dead time with which joints follow commands, with any lag and offset
-    # [s]; without it positions are compared directly.
+    """Clause for a message: the column error that explains the positions, and its correction.
+
+    The clause is empty if no error explains the positions. Candidates are other units, orders and
+    signs of the columns and, with `longest_delay`, exchanged commands and measured positions. A
+    candidate is reported only if it makes the differences much smaller.
+
+    - `reference`: reference positions [rad], or, with `longest_delay`, commands [rad], (n, dof).
+    - `longest_delay`: largest dead time with which joints follow commands, with any lag and offset
+      [s]; without it positions are compared directly.
+    """
     names = names or [str(j + 1) for j in range(reference.shape[1])]
     if longest_delay is not None:
         piece = _find_most_motion(reference)

@@ -54,8 +54,11 @@ def command_bounds(limits: Limits, dof: int) -> FloatArray:
 
 
 def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatArray]:
-    """Largest ratio of set-points to each limit, {name of `BY_ORDER`: ratio per joint, (dof,)}."""
-    # `q`: set-points [rad], (n, dof), constant before and after; `cycle`: cycle [s].
+    """Largest ratio of set-points to each limit, {name of `BY_ORDER`: ratio per joint, (dof,)}.
+
+    - `q`: set-points [rad], (n, dof), constant before and after.
+    - `cycle`: cycle [s].
+    """
     return {
         name: use_of(name, limits, differences(q, order) / cycle**order).largest
         for order, name in enumerate(BY_ORDER)
@@ -77,9 +80,13 @@ class Excess(NamedTuple):
 def find_excess(
     q: FloatArray, cycle: float, bounds: FloatArray, share: float = 0.0
 ) -> Excess | None:
-    """The largest excess of set-points over their bounds; None if all bounds are satisfied."""
-    # `q`: set-points [rad], (n, dof); `cycle`: cycle [s]; `bounds`: as from `command_bounds`, or
-    # its first orders; `share`: allowed excess of derivatives, as a share of their bounds.
+    """The largest excess of set-points over their bounds; None if all bounds are satisfied.
+
+    - `q`: set-points [rad], (n, dof).
+    - `cycle`: cycle [s].
+    - `bounds`: as from `command_bounds`, or its first orders.
+    - `share`: allowed excess of derivatives, as a share of their bounds.
+    """
     worst, excess = COMMAND_SLACK, None
     for order, (low, high) in enumerate(bounds):
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
@@ -107,13 +114,19 @@ def find_range_or_speed_excess(q: FloatArray, cycle: float, limits: Limits) -> E
 def nearest_commands(
     q: FloatArray, cycle: float, bounds: FloatArray, otherwise: FloatArray | None = None
 ) -> tuple[FloatArray, int | None]:
-    """Set-points within bounds, with the smallest mean squared difference from `q`."""
-    # The set-points of joints within their bounds are not changed. Other set-points are rounded to
-    # DECIMALS, and satisfy the bounds after this rounding.
-    # `q`: set-points [rad], (n, dof), at rest before and after; `cycle`: cycle [s]; `bounds`: as
-    # from `command_bounds`; `otherwise`: set-points for joints whose bounds cannot be satisfied.
-    # Returns set-points [rad], (n, dof), and None; without `otherwise`, the search stops at the
-    # first joint whose bounds cannot be satisfied and returns the index of this joint.
+    """Set-points within bounds, with the smallest mean squared difference from `q`.
+
+    The set-points of joints within their bounds are not changed. Other set-points are rounded to
+    DECIMALS, and satisfy the bounds after this rounding.
+
+    Returns set-points [rad], (n, dof), and None; without `otherwise`, the search stops at the first
+    joint whose bounds cannot be satisfied and returns the index of this joint.
+
+    - `q`: set-points [rad], (n, dof), at rest before and after.
+    - `cycle`: cycle [s].
+    - `bounds`: as from `command_bounds`.
+    - `otherwise`: set-points for joints whose bounds cannot be satisfied.
+    """
     commands = q.copy()
     for j in range(q.shape[1]):
         joint_bounds, one = bounds[:, :, j], q[:, j : j + 1]
@@ -139,11 +152,16 @@ def nearest_commands(
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
-    """Least-squares nearest values within bounds on values and differences; None if impossible."""
-    # `values` (n,). `bounds`: of the values, then of their differences of orders 1, 2, .... The
-    # first and the last value do not change; before and after them the values are assumed constant.
-    # The method is a primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2, 575-601, 1992)
-    # on banded equations, so the time is proportional to the number of values.
+    """Least-squares nearest values within bounds on values and differences; None if impossible.
+
+    `values` (n,).
+
+    The first and the last value do not change; before and after them the values are assumed
+    constant. The method is a primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2,
+    575-601, 1992) on banded equations, so the time is proportional to the number of values.
+
+    - `bounds`: of the values, then of their differences of orders 1, 2, ....
+    """
     from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
     orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]

@@ -82,9 +82,11 @@ def _largest_u(
 def _shortest_time(
     width: float, first: float, last: float, up: float, down: float, ceiling: float
 ) -> float:
-    """Shortest time [s] along `width` [m] from x = first to x = last."""
-    # x rises, is constant, and falls. `first`, `last`, `ceiling`: x at the ends and its upper bound
-    # [m²/s²]; `up`, `down`: largest acceleration and deceleration [m/s²].
+    """Shortest time [s] along `width` [m] from x = first to x = last.
+
+    x rises, is constant, and falls. `first`, `last`, `ceiling`: x at the ends and its upper bound
+    [m²/s²]; `up`, `down`: largest acceleration and deceleration [m/s²].
+    """
     top = max(first, last)
     if up > 0.0 and down > 0.0:
         met = (up * last + down * first + 2.0 * up * down * width) / (up + down)
@@ -109,11 +111,14 @@ def least_duration(
     ceilings: FloatArray,  # Largest ds² on each piece [m²/s²], (n,)
     bounds: FloatArray,
 ) -> float:
-    """Lower bound of the duration of any motion along a joint path [s]; 0 if no limit applies."""
-    # The result is a lower bound, because limits are evaluated at points only, and between two
-    # points ds² may change at the larger of the rates at both points.
-    # `bounds`: lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
-    # joints, (4, dof).
+    """Lower bound of the duration of any motion along a joint path [s]; 0 if no limit applies.
+
+    The result is a lower bound, because limits are evaluated at points only, and between two points
+    ds² may change at the larger of the rates at both points.
+
+    - `bounds`: lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
+      joints, (4, dof).
+    """
     n, dof = len(coefficients), coefficients.shape[2]
     slow, fast, low, high = bounds[0], bounds[1], bounds[2], bounds[3]
     parts = _count_parts(breaks, coefficients)

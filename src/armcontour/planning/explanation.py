@@ -348,8 +348,10 @@ def _explain_law(
 
 
 def _find_active(shares: FloatArray, threshold: float) -> IntArray:
-    """Column of the active limit on each interval, (n,), -1 for none; `shares`: (n, limits)."""
-    # A limit is active from the share `threshold` on, regardless of neighbouring intervals.
+    """Column of the active limit on each interval, (n,), -1 for none; `shares`: (n, limits).
+
+    A limit is active from the share `threshold` on, regardless of neighbouring intervals.
+    """
     share, most_used = shares.max(axis=1), shares.argmax(axis=1)
     certain = share >= threshold
     candidates = np.where(share >= min(threshold, ACTIVE_ADJACENT), most_used, -1)
@@ -441,10 +443,13 @@ def _shortfalls(
 
 
 def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tuple[int, int, str]]:
-    """First and last index of every extreme of the speed, and its kind: "fastest" or "slowest"."""
-    # An extreme is confirmed once the speed differs from it by the share `FLAT`. All points within
-    # `FLAT` belong to it. `points`: indices at which the sign of the slope changes, and the index
-    # of the last point.
+    """First and last index of every extreme of the speed, and its kind: "fastest" or "slowest".
+
+    An extreme is confirmed once the speed differs from it by the share `FLAT`. All points within
+    `FLAT` belong to it.
+
+    - `points`: indices at which the sign of the slope changes, and the index of the last point.
+    """
     extremes: list[tuple[int, int, str]] = []
     rising: bool | None = None
     extreme = first

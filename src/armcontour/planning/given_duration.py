@@ -28,11 +28,15 @@ SAME_DURATION = 1e-9
 def slow_down(
     fastest: Trajectory, duration: float, traced: Tracing | JointPath, timing: Timing
 ) -> Trajectory:
-    """Slow the fastest motion down to a given duration."""
-    # All contours are slowed down by one factor. Rapids and dwells keep their durations.
-    # `duration`: duration from start to end [s]; `traced`: the tracing or joint path of the motion;
-    # `timing`: arm, limits and options with which the fastest motion was planned; the options are
-    # `Optimal`.
+    """Slow the fastest motion down to a given duration.
+
+    All contours are slowed down by one factor. Rapids and dwells keep their durations.
+
+    - `duration`: duration from start to end [s].
+    - `traced`: the tracing or joint path of the motion.
+    - `timing`: arm, limits and options with which the fastest motion was planned; the options are
+      `Optimal`.
+    """
     if isinstance(traced, JointPath):
         factor = _slowing_factor(duration, fastest.duration, 0.0)
         return _slow_down(fastest, factor, timing)

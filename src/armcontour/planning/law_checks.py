@@ -43,9 +43,12 @@ def require_speed(limits: Limits, method: str) -> float:
 
 
 def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: FloatArray) -> PathLaw:
-    """Time law with constant path acceleration on each interval."""
-    # `s`: arc lengths of the interval ends [m], (n + 1,); `start`: tool speed at the start of each
-    # interval [m/s], (n,); `end`: tool speed at the end of each interval [m/s], (n,).
+    """Time law with constant path acceleration on each interval.
+
+    - `s`: arc lengths of the interval ends [m], (n + 1,).
+    - `start`: tool speed at the start of each interval [m/s], (n,).
+    - `end`: tool speed at the end of each interval [m/s], (n,).
+    """
     lengths = np.diff(s)
     times = 2 * lengths / (start + end)
     none = np.zeros_like(lengths)

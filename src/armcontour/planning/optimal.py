@@ -67,10 +67,13 @@ MAX_REFINED, LEAST_GROWTH = 300_000, 1.1
 def plan_optimal(
     joint_path: JointPath, arm: Arm, limits: Limits, options: Optimal = FASTEST
 ) -> Trajectory:
-    """Plan the fastest motion along a path, without a given duration."""
-    # `joint_path`: a traced path, or a joint path without a tool path (then without limits of the
-    # tool). `limits`: joint ranges are ignored; the speed of each path segment applies, too.
-    # `options`: number of intervals, speeds at the ends, and additional constraints.
+    """Plan the fastest motion along a path, without a given duration.
+
+    - `joint_path`: a traced path, or a joint path without a tool path (then without limits of the
+      tool).
+    - `limits`: joint ranges are ignored; the speed of each path segment applies, too.
+    - `options`: number of intervals, speeds at the ends, and additional constraints.
+    """
     intervals = options.intervals
     grid = place_grid(joint_path, intervals)
     loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)

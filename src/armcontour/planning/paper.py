@@ -44,9 +44,13 @@ class Junction:
 
 
 def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) -> Trajectory:
-    """Plan a path of lines and arcs by the paper's method."""
-    # `joint_path`: a traced path of lines and arcs; `limits`: limits with joint accelerations and
-    # an assigned velocity. The centripetal acceleration determines the corner speed (16).
+    """Plan a path of lines and arcs by the paper's method.
+
+    The centripetal acceleration determines the corner speed (16).
+
+    - `joint_path`: a traced path of lines and arcs.
+    - `limits`: limits with joint accelerations and an assigned velocity.
+    """
     path = tool_path_of(joint_path, "paper")
     assigned = np.fmin(path.speeds, require_speed(limits, "paper"))
     _refuse_limits(limits)
@@ -138,8 +142,10 @@ def _join(
 def _find_junctions(
     path: Path, lines: list[int], assigned: FloatArray, limits: Limits
 ) -> list[Junction]:
-    """Junctions of a path with their largest speeds: before the first line and after each line."""
-    # `lines` are the indices of straight segments, `assigned` the velocity of each segment [m/s].
+    """Junctions of a path with their largest speeds: before the first line and after each line.
+
+    `lines` are the indices of straight segments, `assigned` the velocity of each segment [m/s].
+    """
     ends = np.concatenate([[-1], lines, [len(path)]])
     stop_vertices = set(np.searchsorted(path.breaks, path.stops).tolist())
     result = []

@@ -29,19 +29,24 @@ MIN_JOINT_SPEED = 0.01
 def run_laps(
     q: FloatArray, dq_ds: FloatArray, speed: float, limit: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
-    """Move from the first knot towards the last as fast as (18)-(20) of the paper allow."""
-    # The paper does not state the velocity at the start of a lap. If every joint continued with `dq
-    # + ddq h`, a velocity error of a joint that does not determine the lap time would alternate
-    # from lap to lap, and the acceleration that it causes would grow as 1 / h. Therefore only the
-    # joint that determines the lap time continues with its velocity. The other joints get their
-    # velocities from the path by (28); the step in these velocities is of second order in h.
-    # `q`: joint positions at the knots [rad], (n + 1, dof); `dq_ds`: derivatives of q along the
-    # path, of the same shape; `speed`: tool speed at the first knot [m/s]; `limit`: largest joint
-    # accelerations [rad/s²], (dof,).
-    # Returns lap times [s], (n,); tool speeds at the knots [m/s], (n + 1,), NaN beyond the last
-    # valid lap; joint velocities at the start of the laps and joint accelerations in them, (n, dof)
-    # each; the number of valid laps; and for the first invalid lap the joint, from 0 (-1 if none),
-    # and the acceleration that this joint would need.
+    """Move from the first knot towards the last as fast as (18)-(20) of the paper allow.
+
+    The paper does not state the velocity at the start of a lap. If every joint continued with `dq +
+    ddq h`, a velocity error of a joint that does not determine the lap time would alternate from
+    lap to lap, and the acceleration that it causes would grow as 1 / h. Therefore only the joint
+    that determines the lap time continues with its velocity. The other joints get their velocities
+    from the path by (28); the step in these velocities is of second order in h.
+
+    Returns lap times [s], (n,); tool speeds at the knots [m/s], (n + 1,), NaN beyond the last valid
+    lap; joint velocities at the start of the laps and joint accelerations in them, (n, dof) each;
+    the number of valid laps; and for the first invalid lap the joint, from 0 (-1 if none), and the
+    acceleration that this joint would need.
+
+    - `q`: joint positions at the knots [rad], (n + 1, dof).
+    - `dq_ds`: derivatives of q along the path, of the same shape.
+    - `speed`: tool speed at the first knot [m/s].
+    - `limit`: largest joint accelerations [rad/s²], (dof,).
+    """
     n = len(q) - 1
     dof = q.shape[1]
     h = np.empty(n)

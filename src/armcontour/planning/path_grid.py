@@ -68,10 +68,12 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
 
 
 def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = None) -> Grid:
-    """Split the intervals of a grid; returns the finer grid."""
-    # `parts`: number of equal parts of each interval, (n,). `points`: if given, an interval with
-    # more than one part is split in two at its point [m], (n,), if the point lies inside the
-    # interval.
+    """Split the intervals of a grid; returns the finer grid.
+
+    - `parts`: number of equal parts of each interval, (n,).
+    - `points`: if given, an interval with more than one part is split in two at its point [m],
+      (n,), if the point lies inside the interval.
+    """
     parts = np.maximum(1, parts).astype(np.intp)
     if points is None:
         s, interval = divide_intervals(grid.s, parts)
@@ -90,12 +92,15 @@ def _make_grid(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
 
 @compiled()
 def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
-    """Mean rate of change of the direction in joint space on each piece [1/m], (pieces,)."""
-    # `breaks`: breaks of the joint path [m], (pieces + 1,); `coefficients`: coefficients of its
-    # pieces [rad], (pieces, 6, dof); `at_rest`: share of the largest dq_ds below which the path has
-    # no direction.
-    # Returns the mean of |d2q_ds2| / |dq_ds| at both ends and the middle of each piece; an empty
-    # array if no joint moves.
+    """Mean rate of change of the direction in joint space on each piece [1/m], (pieces,).
+
+    Returns the mean of |d2q_ds2| / |dq_ds| at both ends and the middle of each piece; an empty
+    array if no joint moves.
+
+    - `breaks`: breaks of the joint path [m], (pieces + 1,).
+    - `coefficients`: coefficients of its pieces [rad], (pieces, 6, dof).
+    - `at_rest`: share of the largest dq_ds below which the path has no direction.
+    """
     n, dof = len(breaks) - 1, coefficients.shape[2]
     size, curvature = np.empty((n, 3)), np.empty((n, 3))
     fastest = 0.0
@@ -129,9 +134,13 @@ def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) 
 
 @compiled()
 def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
-    """Divide intervals into equal parts."""
-    # `s`: ends of the intervals, (n + 1,); `count`: number of parts of each interval, (n,).
-    # Returns the ends of the parts, (parts + 1,), and the interval index of each part, (parts,).
+    """Divide intervals into equal parts.
+
+    Returns the ends of the parts, (parts + 1,), and the interval index of each part, (parts,).
+
+    - `s`: ends of the intervals, (n + 1,).
+    - `count`: number of parts of each interval, (n,).
+    """
     total = 0
     for i in range(len(count)):
         total += count[i]
@@ -148,9 +157,11 @@ def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArr
 
 @compiled()
 def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
-    """Mask of breaks at which dq_ds of all joints vanishes, so they rest at any ds, (n + 1,)."""
-    # `coefficients`: coefficients of the joint path, (n, 6, dof); `vanished`: dq_ds counts as zero
-    # below this share of the sum of its terms.
+    """Mask of breaks at which dq_ds of all joints vanishes, so they rest at any ds, (n + 1,).
+
+    - `coefficients`: coefficients of the joint path, (n, 6, dof).
+    - `vanished`: dq_ds counts as zero below this share of the sum of its terms.
+    """
     n, dof = coefficients.shape[0], coefficients.shape[2]
     resting = np.empty(n + 1, np.bool_)
     for i in range(n + 1):

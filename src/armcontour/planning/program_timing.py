@@ -44,11 +44,14 @@ class Timing:
 
 
 def time_program(traced: Tracing, timing: Timing, progress: Progress | None = None) -> Trajectory:
-    """Time all moves of a program, with the arm at rest between two moves."""
-    # Contours satisfy the limits of the tool and of the joints; rapids satisfy the limits of the
-    # joints only. Moves are planned independently, in other processes if that saves time.
-    # `traced`: the program with its joint paths; `progress`: called after every contour with the
-    # step "timing" and the share done.
+    """Time all moves of a program, with the arm at rest between two moves.
+
+    Contours satisfy the limits of the tool and of the joints; rapids satisfy the limits of the
+    joints only. Moves are planned independently, in other processes if that saves time.
+
+    - `traced`: the program with its joint paths.
+    - `progress`: called after every contour with the step "timing" and the share done.
+    """
     number, count = 0, len(traced.program.contours)
     rapid_speed = traced.program.rapid_speed
     joined = JoinedMoves(traced, timing.arm)
@@ -104,10 +107,14 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
 def time_rapid(
     joint_path: JointPath, arm: Arm, limits: Limits, speed: float | None = None
 ) -> Trajectory:
-    """Plan the fastest rapid within the limits of the joints; limits of the tool are ignored."""
-    # If the joint path has a tool path, the speeds of its segments apply, too.
-    # `joint_path`: the joint path of the rapid; `limits`: limits of the arm, one value per joint;
-    # `speed`: largest tool speed along a joint path without a tool path [m/s].
+    """Plan the fastest rapid within the limits of the joints; limits of the tool are ignored.
+
+    If the joint path has a tool path, the speeds of its segments apply, too.
+
+    - `joint_path`: the joint path of the rapid.
+    - `limits`: limits of the arm, one value per joint.
+    - `speed`: largest tool speed along a joint path without a tool path [m/s].
+    """
     constraints: tuple[RapidSpeed, ...] = ()
     if speed is not None and joint_path.tool_path is None:
         constraints = (RapidSpeed(speed, arm),)
@@ -140,8 +147,10 @@ class JoinedMoves:
     events: list[TimedEvent] = field(default_factory=list)
 
     def add(self, step: TracedMove, trajectory: Trajectory | None) -> None:
-        """Append the next step of the program."""
-        # `trajectory`: the motion along its joint path; None for dwells and events.
+        """Append the next step of the program.
+
+        - `trajectory`: the motion along its joint path; None for dwells and events.
+        """
         move = None if step.move is None else self.traced.program.moves[step.move]
         if isinstance(move, Dwell):
             self.add_dwell(move.duration, step.move)
@@ -172,9 +181,11 @@ class JoinedMoves:
         self.t, self.done = t[1], step.joint_path
 
     def add_dwell(self, duration: float, move: int | None = None) -> None:
-        """Append a dwell."""
-        # `duration`: duration [s]; `move`: index of the dwell; None for a pause that is not in the
-        # program.
+        """Append a dwell.
+
+        - `duration`: duration [s].
+        - `move`: index of the dwell; None for a pause that is not in the program.
+        """
         t, s = (self.t, self.t + duration), self.length
         self.laws.append(dwell_law(self._q, duration))
         self.spans.append(Span(move=move, kind="dwell", t=t, s=(s, s)))

@@ -314,9 +314,13 @@ def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
 
 
 def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
-    """Turn the tool along a rapid from the previous to the next orientation of contours."""
-    # `before`: the contour before the rapid, if any; `after`: the contour after the rapid, if any.
-    # Returns the path with an orientation; the same path if it has one, or if none is required.
+    """Turn the tool along a rapid from the previous to the next orientation of contours.
+
+    Returns the path with an orientation; the same path if it has one, or if none is required.
+
+    - `before`: the contour before the rapid, if any.
+    - `after`: the contour after the rapid, if any.
+    """
     if path.orientation is not None or path.dimension == 2:
         return path
     ends = [(x.path.orientation, x.path.length) for x in before]
@@ -435,10 +439,13 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
 def _compare_on_parts(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Sums of bounds and durations of parts of a long path [s], (solutions,) each."""
-    # A configuration without a plan has its bound as its duration. A configuration that does not
-    # complete the parts has an infinite duration. `solutions`: joint positions at the arc lengths
-    # `s` [m] in each configuration, (n, dof).
+    """Sums of bounds and durations of parts of a long path [s], (solutions,) each.
+
+    A configuration without a plan has its bound as its duration. A configuration that does not
+    complete the parts has an infinite duration.
+
+    - `solutions`: joint positions at the arc lengths `s` [m] in each configuration, (n, dof).
+    """
     rough = limits.without_jerk
     parts = min(max(len(path) // PART_EVERY, 1), MAX_PARTS)
     length = path.length * min(PART_SEGMENTS / len(path), 1.0)

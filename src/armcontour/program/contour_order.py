@@ -344,11 +344,15 @@ def find_start_candidates(path: Path, count: int) -> FloatArray:
 def close_contour(
     contour: Contour, process: Process, *, led: bool, outputs: Mapping[str, Value]
 ) -> Contour:
-    """A closed contour with the start point, the laps and the overlap of the process."""
-    # An automatic start keeps the drawn start point if the contour's `keep_start` is true, a rapid,
-    # dwell or event leads to the contour, the contour has events, or its end orientations differ.
-    # `contour`: the contour, which ends at its start point; `led`: true if a rapid, dwell or event
-    # of the program leads to the start of the contour; `outputs`: values before the contour.
+    """A closed contour with the start point, the laps and the overlap of the process.
+
+    An automatic start keeps the drawn start point if the contour's `keep_start` is true, a rapid,
+    dwell or event leads to the contour, the contour has events, or its end orientations differ.
+
+    - `contour`: the contour, which ends at its start point.
+    - `led`: true if a rapid, dwell or event of the program leads to the start of the contour.
+    - `outputs`: values before the contour.
+    """
     start = find_start(contour, process, led=led)
     lap = contour.path.length
     extra_length = (process.passes - 1) * lap + process.overlap

@@ -49,9 +49,11 @@ def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
 
 @np.errstate(divide="ignore", invalid="ignore")  # The radius of a line is 1 / 0.
 def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
-    """All points at which pieces cross or touch each other, including their ends."""
-    # Returns the indices of both pieces at each point, (m, 2), and the distances of the point along
-    # both pieces [m], (m, 2).
+    """All points at which pieces cross or touch each other, including their ends.
+
+    Returns the indices of both pieces at each point, (m, 2), and the distances of the point along
+    both pieces [m], (m, 2).
+    """
     low, high = _boxes(pieces)
     # In the order along an axis, the box of a piece can overlap only the boxes up to the first box
     # that starts beyond it. The axis is the one on which boxes overlap less.
@@ -120,12 +122,13 @@ def _distances_along(pieces: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Common points of pairs of extended pieces [m], (n, 4, 2), NaN for missing points."""
-    # A line or circle through the origin with curvature k and left normal n there consists of the
-    # points x with k x.x / 2 = n.x. The difference of two such equations is the straight line
-    # w.x = r. This method uses neither centres nor radii, so nearly straight arcs lose no digits.
-    # Where pieces coincide, the result is their ends.
-    # The piece with more curvature is `a`.
+    """Common points of pairs of extended pieces [m], (n, 4, 2), NaN for missing points.
+
+    A line or circle through the origin with curvature k and left normal n there consists of the
+    points x with k x.x / 2 = n.x. The difference of two such equations is the straight line w.x =
+    r. This method uses neither centres nor radii, so nearly straight arcs lose no digits. Where
+    pieces coincide, the result is their ends. The piece with more curvature is `a`.
+    """
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)
     ka, kb = a[:, CURVATURE], b[:, CURVATURE]

@@ -54,8 +54,10 @@ LEAD_BISECTIONS = 14
 
 
 def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, float, float]]:
-    """Parts of the tool path that separate material: path, first and last arc length, kerf [m]."""
-    # `process`: the process for which the program was prepared.
+    """Parts of the tool path that separate material: path, first and last arc length, kerf [m].
+
+    - `process`: the process for which the program was prepared.
+    """
     parts = []
     for contour in program.contours:
         layer, (begin, end) = process.of_contour(contour), contour.at_work
@@ -90,8 +92,11 @@ def idle_parts(program: Program, process: Process) -> list[tuple[int, float, flo
 
 
 def apply_kerf(program: Program, process: Process) -> Program:
-    """Offset the contours of a program by half the kerf."""
-    # `program`: the program as it is drawn; `process`: kerf, its side, and the upward direction.
+    """Offset the contours of a program by half the kerf.
+
+    - `program`: the program as it is drawn.
+    - `process`: kerf, its side, and the upward direction.
+    """
     contours = program.contours
     kerfs = [process.of_contour(x).kerf or 0.0 for x in contours]
     if not any(kerfs):
@@ -332,11 +337,14 @@ def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
 
 
 def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
-    """The waste side of every contour in its direction of travel, "left" or "right"."""
-    # A closed contour inside an odd number of other contours that are cut is a hole, on any layer.
-    # The waste side of open contours is "left".
-    # `contours`: the contours in their direction of travel; `process`: kerfs of the layers, and the
-    # direction from which the contours are viewed.
+    """The waste side of every contour in its direction of travel, "left" or "right".
+
+    A closed contour inside an odd number of other contours that are cut is a hole, on any layer.
+    The waste side of open contours is "left".
+
+    - `contours`: the contours in their direction of travel.
+    - `process`: kerfs of the layers, and the direction from which the contours are viewed.
+    """
     nesting = find_nesting(contours, process.up)
     depths = nesting.contains[cut_contours(contours, process)].sum(axis=0)
     on_left = ((depths % 2 == 1) == (nesting.areas > 0)) | (nesting.areas == 0)
@@ -359,9 +367,11 @@ class LeadPlacement:
     def place_lead(
         self, number: int, path: Path, lead: Lead, length: float, *, after: bool
     ) -> Path:
-        """The lead-in or the lead-out of contour `number`."""
-        # `length`: requested length [m]; a lead of automatic length is shortened until it fits;
-        # `after`: true for the lead-out.
+        """The lead-in or the lead-out of contour `number`.
+
+        - `length`: requested length [m]; a lead of automatic length is shortened until it fits.
+        - `after`: true for the lead-out.
+        """
         contour = self._contours[number]
         side = self._sides[number] if lead.side == WASTE else lead.side
         beyond = self._beyond(contour, path, after)
@@ -497,10 +507,14 @@ def lead_path(
     after: bool,  # True for the lead-out
     beyond: FloatArray | None = None,
 ) -> Path:
-    """The lead-in before a path, or the lead-out after the path."""
-    # `beyond`: unit tangent of a closed contour on the other side of the vertex that the lead
-    # touches. If the contour turns towards the side of the arc at this vertex, the lead becomes a
-    # line along the bisector, because a tangent arc would cross the contour.
+    """The lead-in before a path, or the lead-out after the path.
+
+    If the contour turns towards the side of the arc at this vertex, the lead becomes a line along
+    the bisector, because a tangent arc would cross the contour.
+
+    - `beyond`: unit tangent of a closed contour on the other side of the vertex that the lead
+      touches.
+    """
     s = path.length if after else 0.0
     direction = "left" if after else "right"
     point, tangent = path(s), path(s, 1, side=direction)

@@ -173,8 +173,10 @@ class Contour(Checked):
 
 
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
-    """A sentence that lists layers that are not run, with their counts; empty without any."""
-    # `layers`: number of contours, or of entities of a drawing, of each layer.
+    """A sentence that lists layers that are not run, with their counts; empty without any.
+
+    - `layers`: number of contours, or of entities of a drawing, of each layer.
+    """
     listed = list_some(
         [f"{name or 'no layer'} ({n})" for name, n in sorted(layers.items()) if n], 12
     )
@@ -564,8 +566,10 @@ def has_intended_start(moves: Sequence[Move], i: int) -> bool:
 
 
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
-    """Index of the first rapid in an order; None if it has no path or a contour comes first."""
-    # `order`: indices of moves to search, in order.
+    """Index of the first rapid in an order; None if it has no path or a contour comes first.
+
+    - `order`: indices of moves to search, in order.
+    """
     for k in order:
         move = moves[k]
         if isinstance(move, Rapid):
@@ -607,9 +611,11 @@ def last_end(moves: Sequence[Move]) -> FloatArray | None:
 def reroute(
     rapid: Move, *, start: FloatArray | None = None, end: FloatArray | None = None
 ) -> Rapid:
-    """Move the end points of a rapid, because leads and overlaps move the ends of contours."""
-    # A rapid whose points all coincide becomes a joint motion without a path.
-    # `start`, `end`: new start and end points [m]; None to keep a point.
+    """Move the end points of a rapid, because leads and overlaps move the ends of contours.
+
+    A rapid whose points all coincide becomes a joint motion without a path. `start`, `end`: new
+    start and end points [m]; None to keep a point.
+    """
     assert isinstance(rapid, Rapid)
     if rapid.path is None:
         return rapid

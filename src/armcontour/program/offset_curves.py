@@ -52,10 +52,14 @@ class OffsetPart:
 
 
 def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[OffsetPart]:
-    """The parts of the offset of a contour in the plane, in its direction of travel."""
-    # `source`: the contour, which does not cross itself; `distance`: the offset, to the left if
-    # positive [m]; `closed`: true if the contour is closed.
-    # The list is empty if no point on this side has this distance from the contour.
+    """The parts of the offset of a contour in the plane, in its direction of travel.
+
+    The list is empty if no point on this side has this distance from the contour.
+
+    - `source`: the contour, which does not cross itself.
+    - `distance`: the offset, to the left if positive [m].
+    - `closed`: true if the contour is closed.
+    """
     if distance == 0:
         return [OffsetPart(segments=source, rows=np.arange(len(source)), closed=closed)]
     mirror = np.array([1.0, np.sign(distance)])

@@ -169,8 +169,10 @@ def arrange_contours(program: Program, process: Process) -> Program:
 
 
 def _repeat_open_contour(contour: Contour, passes: int) -> list[Contour]:
-    """One contour per pass of an open contour; a closed contour alone, whose passes are laps."""
-    # `passes` is checked first, because `closed` takes longer.
+    """One contour per pass of an open contour; a closed contour alone, whose passes are laps.
+
+    `passes` is checked first, because `closed` takes longer.
+    """
     if passes == 1 or contour.closed:
         return [contour]
     suffixes = [f" ({k})" for k in range(2, passes + 1)] if contour.name else [""] * (passes - 1)
@@ -283,9 +285,12 @@ def _add_leads(
     placement: LeadPlacement | None,
     number: int,
 ) -> Contour:
-    """Add the leads, and the line down from the pierce height, to a contour."""
-    # `run_in`: part of a resumed contour before its new start, which serves as lead-in if it is
-    # long enough; `number`: index of the contour in `placement`.
+    """Add the leads, and the line down from the pierce height, to a contour.
+
+    - `run_in`: part of a resumed contour before its new start, which serves as lead-in if it is
+      long enough.
+    - `number`: index of the contour in `placement`.
+    """
     path, before = contour.path, 0.0
     parts = [path]
     if process.lead_in is not None and leads.before > REPEATED_POINT:
@@ -430,9 +435,11 @@ class OutputStates:
         return event.name in self.names
 
     def add_switching(self, contour: Contour, events: Sequence[Event]) -> Contour:
-        """Add events to a contour, so that the outputs are off before and after the contour."""
-        # `contour`: the contour from its start point, with laps and overlap; `events`: events of
-        # the process for the contour.
+        """Add events to a contour, so that the outputs are off before and after the contour.
+
+        - `contour`: the contour from its start point, with laps and overlap.
+        - `events`: events of the process for the contour.
+        """
         merged = sorted((*contour.events, *events), key=lambda x: x.s)
         self.values |= {x.name: x.value for x in merged}
         layer = self.process.of_contour(contour).switch
@@ -455,8 +462,10 @@ class OutputStates:
 def _confine_output(
     events: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
 ) -> list[Event]:
-    """Events of one output along a contour, which is off before the start and after the end."""
-    # `state`: event with the value at the start if no event at the start sets it, or None.
+    """Events of one output along a contour, which is off before the start and after the end.
+
+    - `state`: event with the value at the start if no event at the start sets it, or None.
+    """
     changes: list[Event] = []
     if state is not None and not (events and events[0].s <= REPEATED_POINT):
         events = [replace(state, s=0.0), *events]
@@ -475,10 +484,14 @@ def _confine_output(
 
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
-    """Switch the process off at tabs of a closed contour, at the same positions in every lap."""
-    # `contour`: the contour from its start point, with laps and overlap; `process`: the process
-    # with tabs and switch; `lap`: length of one lap [m].
-    # Returns the contour unchanged if the process has no tabs.
+    """Switch the process off at tabs of a closed contour, at the same positions in every lap.
+
+    Returns the contour unchanged if the process has no tabs.
+
+    - `contour`: the contour from its start point, with laps and overlap.
+    - `process`: the process with tabs and switch.
+    - `lap`: length of one lap [m].
+    """
     if process.tabs is None:
         return contour
     assert process.switch is not None

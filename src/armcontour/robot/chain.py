@@ -325,9 +325,12 @@ def joint_frames(chain: Chain) -> FloatArray:
 def merge_bodies(
     bodies: Sequence[tuple[float, FloatArray, FloatArray]],
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Mass [kg], centre of mass [m], and inertia about it [kg m²] of rigidly joined bodies."""
-    # bodies: mass, centre, (3,), and inertia, (3, 3), of each body, in one frame. The sum of the
-    # masses must be positive.
+    """Mass [kg], centre of mass [m], and inertia about it [kg m²] of rigidly joined bodies.
+
+    The sum of the masses must be positive.
+
+    - `bodies`: mass, centre, (3,), and inertia, (3, 3), of each body, in one frame.
+    """
     masses, centers, inertias = (np.array(x) for x in zip(*bodies, strict=True))
     mass = float(masses.sum())
     center = masses @ centers / mass

@@ -46,10 +46,14 @@ class JointAxis(NamedTuple):
     def solve_angles(
         self, v: FloatArray, along: FloatArray, component: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Angles about the axis that give rotated vectors a component along a direction."""
-        # along: the direction, (3,). component: required component, (...). Returns the missing part
-        # of the component, negative if two angles exist, (...), and the angles [rad], (..., 2),
-        # which are equal if the component cannot be reached.
+        """Angles about the axis that give rotated vectors a component along a direction.
+
+        Returns the missing part of the component, negative if two angles exist, (...), and the
+        angles [rad], (..., 2), which are equal if the component cannot be reached.
+
+        - `along`: the direction, (3,).
+        - `component`: required component, (...).
+        """
         fixed = (v @ self.along) * float(self.along @ along)
         a, b, needed = v @ along - fixed, (v @ self.cross.T) @ along, component - fixed
         size = np.hypot(a, b)
@@ -113,8 +117,11 @@ class ClosedForm:
         )
 
     def solve(self, base: FloatArray, pose: FloatArray) -> FloatArray | None:
-        """All joint positions for a tool pose [rad], (k, 6); None near singularities."""
-        # base: frame of the base in the work frame, (3, 4). pose: (3, 4).
+        """All joint positions for a tool pose [rad], (k, 6); None near singularities.
+
+        - `base`: frame of the base in the work frame, (3, 4).
+        - `pose`: (3, 4).
+        """
         reach = Reach(*(value[0] for value in self._reach(base[None], pose[None])))
         if reach.lacking > NEAR:
             return np.empty((0, 6))

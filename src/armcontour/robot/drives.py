@@ -83,11 +83,13 @@ class Drives:
     def command(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray, step: float = np.inf
     ) -> FloatArray:
-        """Command u for which the drives execute a motion [rad], (n, dof)."""
-        # `u = q + dq / K_p + tau / (J K_v K_p)`. tau is the torque without gravity feed-forward and
-        # without the output of integrators. At the first time, integrators supply the whole torque.
-        # Integrators need the time `step` between two rows [s]; if it is infinite, the rows are
-        # steady states.
+        """Command u for which the drives execute a motion [rad], (n, dof).
+
+        `u = q + dq / K_p + tau / (J K_v K_p)`. tau is the torque without gravity feed-forward and
+        without the output of integrators. At the first time, integrators supply the whole torque.
+        Integrators need the time `step` between two rows [s]; if it is infinite, the rows are
+        steady states.
+        """
         torque = self.moving_torque(q, dq, ddq)
         if self.servo.ki.any():
             from scipy.signal import lfilter

@@ -32,10 +32,12 @@ APART_REDUNDANT = 0.5
 def configurations(
     arm: Arm, pose: FloatArray, task: int, near: FloatArray | None = None
 ) -> FloatArray:
-    """All joint positions for a tool pose (3, 4), up to whole turns of a joint [rad], (k, dof)."""
-    # For a redundant arm, with infinitely many solutions, a sample is returned. With `near` (dof,)
-    # the search starts there; otherwise all solutions are searched. The task dimension is 6 for the
-    # whole pose, 5 if rotation about the tool axis is free, 3 for the tool point alone.
+    """All joint positions for a tool pose (3, 4), up to whole turns of a joint [rad], (k, dof).
+
+    For a redundant arm, with infinitely many solutions, a sample is returned. With `near` (dof,)
+    the search starts there; otherwise all solutions are searched. The task dimension is 6 for the
+    whole pose, 5 if rotation about the tool axis is free, 3 for the tool point alone.
+    """
     if near is None and task == WHOLE and arm.closed_form is not None:
         solutions = arm.closed_form.solve(arm.chain.base.matrix, pose)
         if solutions is not None:
@@ -87,15 +89,23 @@ def seeds(arm: Arm) -> FloatArray:
 
 
 def out_of_reach(arm: Arm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Distance from each pose to the nearest reachable tool point [m], (n,)."""
-    # The search gives the tool orientation priority over the position. poses: (n, 3, 4). q: initial
-    # joint positions [rad], (k, dof).
+    """Distance from each pose to the nearest reachable tool point [m], (n,).
+
+    The search gives the tool orientation priority over the position.
+
+    - `poses`: (n, 3, 4).
+    - `q`: initial joint positions [rad], (k, dof).
+    """
     return np.array([_approach(arm, x, task, q)[1].min() for x in poses])
 
 
 def nearest_reached(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Joint positions with the smallest distance from the tool to a pose [rad], (dof,)."""
-    # The search is that of `out_of_reach`. pose: (3, 4).
+    """Joint positions with the smallest distance from the tool to a pose [rad], (dof,).
+
+    The search is that of `out_of_reach`.
+
+    - `pose`: (3, 4).
+    """
     tried, distances = _approach(arm, pose, task, q)
     return np.asarray(tried[np.argmin(distances)])
 

@@ -126,8 +126,12 @@ def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
 
 @compiled(inner=True)
 def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
-    """Write the frames of all joints and of the tool in the work frame for one state."""
-    # links: (dof + 1, 13). q: joint positions [rad or m], (dof,). frames: (dof + 1, 3, 4).
+    """Write the frames of all joints and of the tool in the work frame for one state.
+
+    - `links`: (dof + 1, 13).
+    - `q`: joint positions [rad or m], (dof,).
+    - `frames`: (dof + 1, 3, 4).
+    """
     for j in range(len(links)):
         turns = j < len(q) and links[j, SLIDES] == 0.0
         c, s = (math.cos(q[j]), math.sin(q[j])) if turns else (1.0, 0.0)
@@ -148,8 +152,10 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
 
 @compiled()
 def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
-    """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4)."""
-    # q: joint positions [rad or m], (n, dof).
+    """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4).
+
+    - `q`: joint positions [rad or m], (n, dof).
+    """
     frames = np.empty((len(q), len(links), 3, 4))
     for i in range(len(q)):
         write_frames(links, q[i], frames[i])
@@ -239,11 +245,15 @@ def tool_motion(
     second: FloatArray,
     third: FloatArray,
 ) -> FloatArray:
-    """Poses of the tool, or the derivatives of its motion up to an order, for many states."""
-    # links: (dof + 1, 13). q: [rad or m], (n, dof). first, second, third: its derivatives, (n, dof)
-    # each; only those up to `order` are used. Returns for order 0 rotation and position, (3, 4) row
-    # by row, (n, 12); otherwise velocity and angular velocity, then their derivatives, (n, 6
-    # order).
+    """Poses of the tool, or the derivatives of its motion up to an order, for many states.
+
+    Returns for order 0 rotation and position, (3, 4) row by row, (n, 12); otherwise velocity and
+    angular velocity, then their derivatives, (n, 6 order).
+
+    - `links`: (dof + 1, 13).
+    - `q`: [rad or m], (n, dof). first, second, third: its derivatives, (n, dof) each; only those up
+      to `order` are used.
+    """
     n, dof = q.shape
     result = np.empty((n, 6 * order if order else 12))
     joint, state, slide = np.empty(JOINT_ROWS * B), np.empty(STATE_ROWS * B), np.empty(B)
@@ -419,9 +429,12 @@ def accumulate_sliding(links: FloatArray, j: int, rows: FloatArray, before: Floa
 def path_terms(
     links: FloatArray, gravity: FloatArray, q: FloatArray, first: FloatArray, second: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Coefficients a, b, c of the torque `a dds + b ds² + c` of all states, (n, dof) each."""
-    # links: (dof, 25). gravity: [m/s²], (3,). q, first, second: joint positions [rad or m] and
-    # their first and second derivative by s, (n, dof) each.
+    """Coefficients a, b, c of the torque `a dds + b ds² + c` of all states, (n, dof) each.
+
+    - `links`: (dof, 25).
+    - `gravity`: [m/s²], (3,). q, first, second: joint positions [rad or m] and their first and
+      second derivative by s, (n, dof) each.
+    """
     n, dof = q.shape
     a, b, c = np.empty((n, dof)), np.empty((n, dof)), np.empty((n, dof))
     rows, motion = np.empty((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)

@@ -79,9 +79,11 @@ class Use:
 
 
 def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike = 0.0) -> Use:
-    """Use of a limit (a field of `Limits`) by values of its quantity; 0 without a limit."""
-    # values: of joints (..., dof), of the tool (n,), or vectors of the tool (n, dimension). error:
-    # bound on the error of the values or of the vectors' lengths.
+    """Use of a limit (a field of `Limits`) by values of its quantity; 0 without a limit.
+
+    - `values`: of joints (..., dof), of the tool (n,), or vectors of the tool (n, dimension).
+    - `error`: bound on the error of the values or of the vectors' lengths.
+    """
     if name in JOINT_RANGE:
         lower, upper = limits.joint_range(values.shape[-1])
         both = np.isfinite(lower) & np.isfinite(upper)

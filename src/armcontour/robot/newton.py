@@ -34,9 +34,13 @@ SINGULAR = 1e-11
 
 @compiled(inner=True)
 def solve(a: FloatArray, b: FloatArray, n: int) -> float:
-    """Solve a x = b in place by Gaussian elimination with pivoting."""
-    # a: (n, n). b: (n,).
-    # Returns the ratio of the smallest to the largest pivot; 0 if a is singular.
+    """Solve a x = b in place by Gaussian elimination with pivoting.
+
+    Returns the ratio of the smallest to the largest pivot; 0 if a is singular.
+
+    - `a`: (n, n).
+    - `b`: (n,).
+    """
     smallest, largest = math.inf, 0.0
     for i in range(n):
         best = i
@@ -106,11 +110,16 @@ class PoseEquations(NamedTuple):
 def write_equations(
     links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: PoseEquations
 ) -> None:
-    """Write the pose error of the tool, and the derivative of the tool pose by joint positions."""
-    # The first 3 values are the position error [m]. For task 6 the others are the rotation vector
-    # from the pose to the target [rad]. For task 5 they are the components of the rotation vector
-    # between the tool axes along the target's x and y axes [rad].
-    # links: (dof + 1, 13). q: joint positions [rad or m], (dof,). target: (3, 4).
+    """Write the pose error of the tool, and the derivative of the tool pose by joint positions.
+
+    The first 3 values are the position error [m]. For task 6 the others are the rotation vector
+    from the pose to the target [rad]. For task 5 they are the components of the rotation vector
+    between the tool axes along the target's x and y axes [rad].
+
+    - `links`: (dof + 1, 13).
+    - `q`: joint positions [rad or m], (dof,).
+    - `target`: (3, 4).
+    """
     dof, rows, frames = len(q), out.rows, out.frames
     write_frames(links, q, frames)
     pose = frames[dof]
@@ -146,10 +155,15 @@ def write_equations(
 def newton(
     links: FloatArray, task: int, q: FloatArray, targets: FloatArray, w: FloatArray, g: FloatArray
 ) -> BoolArray:
-    """Solve the inverse kinematics by Newton's method; mask of the solved poses, (n,)."""
-    # links: (dof + 1, 12). q: initial guesses [rad], (n, dof); overwritten. targets: (n, 3, 4).
-    # The guide equations use only w[:, 0] and g[:, 0]; derivatives in w[:, 1:] and g[:, 1:] are
-    # ignored.
+    """Solve the inverse kinematics by Newton's method; mask of the solved poses, (n,).
+
+    The guide equations use only w[:, 0] and g[:, 0]; derivatives in w[:, 1:] and g[:, 1:] are
+    ignored.
+
+    - `links`: (dof + 1, 12).
+    - `q`: initial guesses [rad], (n, dof); overwritten.
+    - `targets`: (n, 3, 4).
+    """
     n, dof = q.shape
     converged, a, b = np.empty(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)
@@ -247,9 +261,14 @@ def path_derivatives(
 
 @compiled()
 def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
-    """Orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof)."""
-    # For task 5 the tool may rotate about its axis, for task 3 about the tool point.
-    # links: (dof + 1, 12). q: joint positions [rad], (n, dof). targets: (n, 3, 4).
+    """Orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof).
+
+    For task 5 the tool may rotate about its axis, for task 3 about the tool point.
+
+    - `links`: (dof + 1, 12).
+    - `q`: joint positions [rad], (n, dof).
+    - `targets`: (n, 3, 4).
+    """
     n, dof = q.shape
     basis, rows, residual = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
@@ -295,9 +314,11 @@ def write_shortest_step(
     right: FloatArray,
     out: FloatArray,
 ) -> float:
-    """Write the shortest joint step that removes the pose error; return its size [rad]."""
-    # The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity.
-    # square (6, 6) and right (6,) are work arrays.
+    """Write the shortest joint step that removes the pose error; return its size [rad].
+
+    The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity. square
+    (6, 6) and right (6,) are work arrays.
+    """
     rows, dof = equations.rows, len(out)
     for i in range(task):
         for j in range(i + 1):
@@ -322,9 +343,13 @@ def write_shortest_step(
 def approach(
     links: FloatArray, task: int, target: FloatArray, q: FloatArray, weight: float, max_steps: int
 ) -> FloatArray:
-    """Move q [rad] to a pose by damped least squares; remaining errors [m, rad], (n, 2)."""
-    # links: (dof + 1, 12). target: (3, 4). q: initial positions, (n, dof); overwritten. weight:
-    # weight of a radian relative to a metre [m/rad].
+    """Move q [rad] to a pose by damped least squares; remaining errors [m, rad], (n, 2).
+
+    - `links`: (dof + 1, 12).
+    - `target`: (3, 4).
+    - `q`: initial positions, (n, dof); overwritten.
+    - `weight`: weight of a radian relative to a metre [m/rad].
+    """
     n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
     best = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
@@ -392,10 +417,14 @@ def follow(
     reached: IntArray,
     enough: float,
 ) -> None:
-    """Follow poses from several joint positions by the shortest joint steps."""
-    # targets: (n, 3, 4), each close to the previous pose. q: [rad], (branches, n, dof); the first
-    # pose of each branch is input, the others are output. reached: output, number of reached poses
-    # of each branch, with the first. A pose is reached if the correction is below `enough` [rad].
+    """Follow poses from several joint positions by the shortest joint steps.
+
+    A pose is reached if the correction is below `enough` [rad].
+
+    - `targets`: (n, 3, 4), each close to the previous pose.
+    - `q`: [rad], (branches, n, dof); the first pose of each branch is input, the others are output.
+    - `reached`: output, number of reached poses of each branch, with the first.
+    """
     branches, n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
     equations = PoseEquations(frames, np.empty((6, dof)), np.empty(6))

@@ -112,12 +112,16 @@ def advance(
     runaway_speed: float,
     rows: Rows,
 ) -> int:
-    """Simulate steps `first` to `end - 1`; returns `end`, or the step with a runaway joint."""
-    # controller: the controller's model of the arm, at rest. parts: integration steps per step of
-    # the drives. commands [rad], (steps, dof). integrated: commands of the integrators, without
-    # acceleration feed-forward [rad], (steps, dof). noise: noise of measured positions [rad],
-    # (steps, dof), or (0, dof) without noise. runaway_speed: velocity above which joints run away
-    # [rad/s].
+    """Simulate steps `first` to `end - 1`; returns `end`, or the step with a runaway joint.
+
+    - `controller`: the controller's model of the arm, at rest.
+    - `parts`: integration steps per step of the drives.
+    - `commands`: [rad], (steps, dof).
+    - `integrated`: commands of the integrators, without acceleration feed-forward [rad], (steps,
+      dof).
+    - `noise`: noise of measured positions [rad], (steps, dof), or (0, dof) without noise.
+    - `runaway_speed`: velocity above which joints run away [rad/s].
+    """
     dof, n = len(loops.kp), len(bodies.q)
     for k in range(first, end):
         for j in range(n):

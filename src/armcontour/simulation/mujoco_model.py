@@ -193,9 +193,13 @@ MAX_PARTS = 50
 def count_parts(
     model: Any, set_points: SetPoints, step: float, loop: FloatArray, viscous: FloatArray
 ) -> int:
-    """Number of integration steps per step of the drives; raises an error for unstable drives."""
-    # loop: J K_v [N m s/rad], (dof,). With a torque that is constant for a step h, joints are
-    # stable if the rate K_v J / M of each mode of the velocity loops times h is below 2.
+    """Number of integration steps per step of the drives; raises an error for unstable drives.
+
+    With a torque that is constant for a step h, joints are stable if the rate K_v J / M of each
+    mode of the velocity loops times h is below 2.
+
+    - `loop`: J K_v [N m s/rad], (dof,).
+    """
     largest = 1
     looks = np.unique(np.linspace(0, len(set_points.q) - 1, MAX_CHECKS).astype(int))
     for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):

@@ -146,8 +146,11 @@ def check_joints(set_points: SetPoints, arm: Arm) -> None:
 
 
 def check_weight(weight: FloatArray, limit: FloatArray, location: str, t: float) -> None:
-    """Raise an error if gravity torques exceed torque limits at rest at time t [s]."""
-    # weight: magnitudes of the gravity torques [N m], (dof,). limit: torque limits [N m], (dof,).
+    """Raise an error if gravity torques exceed torque limits at rest at time t [s].
+
+    - `weight`: magnitudes of the gravity torques [N m], (dof,).
+    - `limit`: torque limits [N m], (dof,).
+    """
     heavy = weight > limit
     if heavy.any():
         j = int(np.argmax(heavy))
@@ -304,9 +307,11 @@ class ServoPlant(LimitedPlant):
         return FineMotion(t=t, q=q, before=before, after=after)
 
     def _smooth_between(self, demand: FloatArray, width: float) -> bool:
-        """Return whether the motion has no kink between results, and quintics are exact enough."""
-        # demand: demand at the starts and ends of the intervals [rad/s²], (2, m, dof). width: time
-        # between results [s].
+        """Return whether the motion has no kink between results, and quintics are exact enough.
+
+        - `demand`: demand at the starts and ends of the intervals [rad/s²], (2, m, dof).
+        - `width`: time between results [s].
+        """
         servo = self.servo
         jumps = servo.interpolation == "step" or servo.has_feedforward or servo.friction.any()
         if (

@@ -392,8 +392,10 @@ class _Robot:
         self.mujoco.mj_step(self.model, self.mujoco.MjData(self.model))
 
     def advance(self, commands: FloatArray, integrated: FloatArray) -> _Log:
-        """Simulate one step per row of the commands [rad], (n, dof)."""
-        # integrated: commands of the integrators, without acceleration feed-forward.
+        """Simulate one step per row of the commands [rad], (n, dof).
+
+        - `integrated`: commands of the integrators, without acceleration feed-forward.
+        """
         n, dof = commands.shape
         q, dq = (np.empty((n + 1, self.model.nv)) for _ in range(2))
         rows = Rows(q, dq, *(np.empty((n, dof)) for _ in range(3)))

@@ -195,8 +195,10 @@ class ContourExecution:
     def _maximize_nearby(
         self, indices: IntArray, function: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """Largest values of m smooth functions of the tool point, each around one sample, (m,)."""
-        # `function` maps tool points, (m, n, dimension), to values, (m, n).
+        """Largest values of m smooth functions of the tool point, each around one sample, (m,).
+
+        `function` maps tool points, (m, n, dimension), to values, (m, n).
+        """
         m = len(indices)
         best = np.asarray(function(self.tool[indices][:, None]))[:, 0]
         # The intervals before and after each sample.
@@ -348,8 +350,10 @@ class ContourExecution:
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:
-    """Time after which the tool is at rest [s], at least the duration of the plan."""
-    # speed: tool speed [m/s], (n,).
+    """Time after which the tool is at rest [s], at least the duration of the plan.
+
+    - `speed`: tool speed [m/s], (n,).
+    """
     moving = np.flatnonzero(speed > REST_SPEED)
     last = float(executed.t[moving[-1]]) if len(moving) else 0.0
     return max(last, executed.set_points.trajectory.duration)
@@ -389,9 +393,11 @@ def evaluated_times(executed: Execution, until: float | None) -> tuple[float, fl
 def pieces_of(
     executed: Execution, path: Program, objective: Program | None, end_time: float | None
 ) -> list[ContourExecution]:
-    """Split an execution into one piece per contour, in which the process works on the contour."""
-    # A single path is one piece, from the first set-point to `end_time`. If `end_time` is None, the
-    # piece ends with the execution, and the RMS interval ends when the tool comes to rest.
+    """Split an execution into one piece per contour, in which the process works on the contour.
+
+    A single path is one piece, from the first set-point to `end_time`. If `end_time` is None, the
+    piece ends with the execution, and the RMS interval ends when the tool comes to rest.
+    """
     spans = executed.set_points.trajectory.contour_spans
     last, rms_end_time = evaluated_times(executed, end_time)
     count = len(spans)
@@ -493,9 +499,12 @@ Largest = Callable[[IntArray, Callable[[FloatArray], FloatArray]], FloatArray]
 def corner_deviations(
     tool: FloatArray, objective: Path, s: FloatArray | None = None, maximize: Largest | None = None
 ) -> tuple[CornerDeviation, ...]:
-    """Cornering deviations at every corner of a path, from tool points (n, dimension) [m]."""
-    # s: arc lengths of the path points of the tool points [m], (n,); computed if None. maximize:
-    # finds the largest values around samples; None if the motion between samples is unknown.
+    """Cornering deviations at every corner of a path, from tool points (n, dimension) [m].
+
+    - `s`: arc lengths of the path points of the tool points [m], (n,); computed if None.
+    - `maximize`: finds the largest values around samples; None if the motion between samples is
+      unknown.
+    """
     corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
     if not len(corners):
         return ()
@@ -561,12 +570,14 @@ def _across(path: Path, corners: IntArray) -> FloatArray:
 def measure_speed_ratios(
     path: Path, followed: Followed, speed: FloatArray, limit: float | None, *, between: bool = False
 ) -> FloatArray:
-    """Ratio of tool speed to the velocity assigned at the path point, (n,); 0 if none is."""
-    # The path point of a sample is uncertain by its distance from the tool. Within this distance of
-    # a segment end, the larger velocity of both segments is the assigned velocity. If the assigned
-    # velocity changes between two samples, the linearly interpolated speed at the segment end is
-    # used. If `between` is True, the ratios are also bounds between samples; the bounds assume at
-    # most the curvature of the speed at adjacent samples and one kink.
+    """Ratio of tool speed to the velocity assigned at the path point, (n,); 0 if none is.
+
+    The path point of a sample is uncertain by its distance from the tool. Within this distance of a
+    segment end, the larger velocity of both segments is the assigned velocity. If the assigned
+    velocity changes between two samples, the linearly interpolated speed at the segment end is
+    used. If `between` is True, the ratios are also bounds between samples; the bounds assume at
+    most the curvature of the speed at adjacent samples and one kink.
+    """
     assigned = path.assigned_speeds(limit)
     if not np.isfinite(assigned).any():
         return np.zeros(len(speed))
@@ -598,9 +609,11 @@ def _raise_at_segment_ends(
     *,
     past: int,
 ) -> None:
-    """Raise ratios to the ratios at the times at which the tool passes segment ends."""
-    # `assigned` is the velocity on the slow side of each end [m/s]. `past` is 1 to raise the ratio
-    # of the sample after the end, 0 to raise the ratio of the sample before it.
+    """Raise ratios to the ratios at the times at which the tool passes segment ends.
+
+    `assigned` is the velocity on the slow side of each end [m/s]. `past` is 1 to raise the ratio of
+    the sample after the end, 0 to raise the ratio of the sample before it.
+    """
     s = np.maximum.accumulate(s)
     i = np.searchsorted(s, joints, side="right")
     inside = (i > 0) & (i < len(s))
@@ -625,9 +638,11 @@ def _bound_between(speed: FloatArray) -> FloatArray:
 def unexplained_errors(
     arm: Arm, q: FloatArray, tangent: FloatArray, model_error: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """First-order bounds of the tool error along and across the path due to joint errors [m]."""
-    # model_error: largest error of each joint [rad], (dof,), assumed with the worst sign.
-    # tangent: unit tangents of the path, (n, dimension).
+    """First-order bounds of the tool error along and across the path due to joint errors [m].
+
+    - `model_error`: largest error of each joint [rad], (dof,), assumed with the worst sign.
+    - `tangent`: unit tangents of the path, (n, dimension).
+    """
     moved = arm.tool_jacobian(q) * model_error
     along = (tangent[:, None] @ moved)[:, 0]
     across = moved - tangent[:, :, None] * along[:, None]

@@ -229,9 +229,11 @@ def find_peak(
     end_time: float,
     hidden: Hidden | None = None,
 ) -> Peak | None:
-    """Find a value between times t that exceeds those of all samples; None if there is none."""
-    # measure: i may also be -1 or n - 1, for times before the first and after the last sample.
-    # hidden: peaks that no sample shows.
+    """Find a value between times t that exceeds those of all samples; None if there is none.
+
+    - `measure`: i may also be -1 or n - 1, for times before the first and after the last sample.
+    - `hidden`: peaks that no sample shows.
+    """
     if len(t) < 3 or (t[1:] <= t[:-1]).any():
         return None
     counts = slice(0, int(t.searchsorted(end_time, side="right")))
@@ -302,8 +304,10 @@ def _search_interval(
 def maximize_smooth(
     first: FloatArray, last: FloatArray, measure: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """Largest value of each of m smooth functions between its two times, (m,), by parabolas."""
-    # measure: maps times, (m, n), to the values of each function at them, (m, n).
+    """Largest value of each of m smooth functions between its two times, (m,), by parabolas.
+
+    - `measure`: maps times, (m, n), to the values of each function at them, (m, n).
+    """
     step, rows = (last - first) * FEW[1], np.arange(len(first))
     times, best = first[:, None] + (last - first)[:, None] * FEW, np.full(len(first), -np.inf)
     for _ in range(CLOSER):
@@ -353,20 +357,28 @@ def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray,
 
 
 def orientation_angles(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
-    """Angle between the tool and the required tool orientation [rad], (n,)."""
-    # If the path requires only an axis, the angle is between the tool axes.
-    # s: arc lengths [m], (n,). turned: rotation matrices of the tool, (n, 3, 3).
+    """Angle between the tool and the required tool orientation [rad], (n,).
+
+    If the path requires only an axis, the angle is between the tool axes.
+
+    - `s`: arc lengths [m], (n,).
+    - `turned`: rotation matrices of the tool, (n, 3, 3).
+    """
     return turns_between(orientation(s), turned, axis_only=orientation.axis_only)
 
 
 def smallest_angles(
     path: Path, tool: FloatArray, nearest: Projection, turned: FloatArray, reach: float
 ) -> FloatArray:
-    """Smallest angle between the tool and the orientations nearby on the path [rad], (n,)."""
-    # Where the path crosses itself, turns back or closes, the tool may follow another point of the
-    # path than the nearest one. The result is therefore the smallest angle at the nearest points of
-    # all segments, and at segment ends, within `reach` [m]. To save time, angles that cannot be the
-    # largest are those at the nearest point. turned: rotation matrices of the tool, (n, 3, 3).
+    """Smallest angle between the tool and the orientations nearby on the path [rad], (n,).
+
+    Where the path crosses itself, turns back or closes, the tool may follow another point of the
+    path than the nearest one. The result is therefore the smallest angle at the nearest points of
+    all segments, and at segment ends, within `reach` [m]. To save time, angles that cannot be the
+    largest are those at the nearest point.
+
+    - `turned`: rotation matrices of the tool, (n, 3, 3).
+    """
     from armcontour.verification.path_points import find_path_points
 
     assert path.orientation is not None
@@ -403,8 +415,10 @@ class Followed:
     geometry: FloatArray  # Segments from `geometry.projection.pack_segments`, (rows, 15)
 
     def turns(self, threshold: float) -> FloatArray:
-        """Angle by which the path turns from each path point to the next [rad], (n - 1,)."""
-        # To save time, all results are 0 if no turn can exceed the threshold [rad].
+        """Angle by which the path turns from each path point to the next [rad], (n - 1,).
+
+        To save time, all results are 0 if no turn can exceed the threshold [rad].
+        """
         rows = self.geometry
         angle = (rows[:, 9] * rows[:, 10])[:, None]
         last = np.cos(angle) * rows[:, 3:6] + np.sin(angle) * rows[:, 6:9]
@@ -421,8 +435,11 @@ class Followed:
     def near(
         self, points: FloatArray, ends: tuple[float, float], distance_bound: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Distances and arc lengths [m], (n,) each, of tool points between two followed points."""
-        # points: (n, dimension) [m]. ends: arc lengths of both followed points [m].
+        """Distances and arc lengths [m], (n,) each, of tool points between two followed points.
+
+        - `points`: (n, dimension) [m].
+        - `ends`: arc lengths of both followed points [m].
+        """
         from armcontour.verification.path_points import follow
 
         padded = pad_to_space(points)
@@ -448,11 +465,14 @@ def follow_path(
     work: tuple[float, float] | None = None,
     judged: slice | None = None,
 ) -> Followed:
-    """Find the path points of a tool that follows a path, and the coverage error."""
-    # points: tool points in order [m], (n, dimension) with n > 1. The coverage error is evaluated
-    # between the arc lengths `work` [m], by default on the whole path; the first path point is at
-    # or before the first of these arc lengths. Points outside of `judged` count for the coverage
-    # error only.
+    """Find the path points of a tool that follows a path, and the coverage error.
+
+    The coverage error is evaluated between the arc lengths `work` [m], by default on the whole
+    path; the first path point is at or before the first of these arc lengths. Points outside of
+    `judged` count for the coverage error only.
+
+    - `points`: tool points in order [m], (n, dimension) with n > 1.
+    """
     from armcontour.verification.path_points import FollowedTool, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)

@@ -307,8 +307,10 @@ class TimeLaw(Protocol):
 def record_law(
     law: TimeLaw, tally: LimitUseAccumulator, *, points: int, seed: int, velocity_step: float
 ) -> int:
-    """Record a law at breaks and `points` random times per interval; return the number of times."""
-    # velocity_step: permitted jump of a joint's velocity at a break [rad/s].
+    """Record a law at breaks and `points` random times per interval; return the number of times.
+
+    - `velocity_step`: permitted jump of a joint's velocity at a break [rad/s].
+    """
     breaks = np.asarray(law.breaks, dtype=np.float64)
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must be at least two increasing times.")
@@ -343,10 +345,12 @@ def uses_of_law(
     left_times: FloatArray,
     jerk: bool,
 ) -> tuple[FloatArray, FloatArray, list[Use]]:
-    """Times (n + m,), joint positions (n + m, dof), and use of limits by a law at these times."""
-    # At a break, the law has the value after the break for right_times [s], (n,), and the value
-    # before it for left_times [s], (m,). The third derivative is evaluated only if
-    # joint jerk is checked.
+    """Times (n + m,), joint positions (n + m, dof), and use of limits by a law at these times.
+
+    At a break, the law has the value after the break for right_times [s], (n,), and the value
+    before it for left_times [s], (m,). The third derivative is evaluated only if joint jerk is
+    checked.
+    """
     order = 3 if jerk else 2
     t = np.concatenate([right_times, left_times])
     if isinstance(law, Trajectory):

@@ -116,14 +116,19 @@ def _reachable_intervals(
 def follow(
     points: FloatArray, rows: FloatArray, start: float, leash: float, needed: int
 ) -> tuple[FloatArray, FloatArray, int, bool]:
-    """Distances and arc lengths of the path points of a tool that never moves back on the path."""
-    # At each point, the kernel stores the intervals of the path that the tool can have reached if
-    # its distance from the path point never exceeded `leash` [m] and arc length never decreased.
-    # points: (n, 3) [m]. rows: segments from `pack_segments`, (segments, 15). The first path point
-    # is at or before `start` [m]. The first `needed` points must be followed, later points only
-    # until the tool leaves the path. Returns distances and arc lengths [m], (n,) each; the number
-    # of followed points; and True if any path point was restricted because arc length must not
-    # decrease.
+    """Distances and arc lengths of the path points of a tool that never moves back on the path.
+
+    At each point, the kernel stores the intervals of the path that the tool can have reached if its
+    distance from the path point never exceeded `leash` [m] and arc length never decreased.
+
+    The first path point is at or before `start` [m]. The first `needed` points must be followed,
+    later points only until the tool leaves the path. Returns distances and arc lengths [m], (n,)
+    each; the number of followed points; and True if any path point was restricted because arc
+    length must not decrease.
+
+    - `points`: (n, 3) [m].
+    - `rows`: segments from `pack_segments`, (segments, 15).
+    """
     n, size = len(points), MAX_STRETCHES + 1
     distance, s = np.empty(n), np.empty(n)
     now = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
@@ -146,9 +151,14 @@ def follow(
 def find_path_points(
     points: FloatArray, rows: FloatArray, reach: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Find all path points near each point: indices of points, and arc lengths [m], (m,) each."""
-    # They are the foot points and ends of segments within `reach` of the point [m], (n,), plus
-    # rounding. points: (n, 3) [m]. rows: from `pack_segments`, (segments, 15).
+    """Find all path points near each point: indices of points, and arc lengths [m], (m,) each.
+
+    They are the foot points and ends of segments within `reach` of the point [m], (n,), plus
+    rounding.
+
+    - `points`: (n, 3) [m].
+    - `rows`: from `pack_segments`, (segments, 15).
+    """
     k, length, within = rows[:, 9], rows[:, 10], reach + EQUAL
     indices, arc_lengths = [np.empty(0, np.intp)], [np.empty(0)]
     for part in np.array_split(np.arange(len(points)), 1 + len(points) * len(rows) // PAIRS):
@@ -181,11 +191,12 @@ def find_path_points(
 def _tool_distances(
     p: Point, q: Point, motion: FollowedTool, i: int, until: float, reach: float
 ) -> tuple[float, float, float]:
-    """Distances of path points p and q from the tool's motion near chord i [m], and a bound."""
-    # The searched motion extends by `reach` on both sides of the chord, and until the tool has
-    # passed `until` for the last time. The bound holds for all points on the line from p to q: it
-    # is the smallest value, over all chords, of the larger of the distances of p and q from the
-    # chord.
+    """Distances of path points p and q from the tool's motion near chord i [m], and a bound.
+
+    The searched motion extends by `reach` on both sides of the chord, and until the tool has passed
+    `until` for the last time. The bound holds for all points on the line from p to q: it is the
+    smallest value, over all chords, of the larger of the distances of p and q from the chord.
+    """
     a = b = bound = math.inf
     for step in (1, -1):
         j, gone, spare = i, 0.0, 0.0
@@ -225,10 +236,12 @@ def _measure_parts(
     distances: FloatArray,
     distance_s: FloatArray,
 ) -> None:
-    """Measure the largest distance from parts of the path to the tool, and store it per step."""
-    # A part is measured at its ends, and halved while its bound exceeds the largest distance so
-    # far. Updates `distances` [m], -1 if not measured, and their arc lengths `distance_s`, (n,)
-    # each. The largest distance found is at most SURE below the largest distance of all parts.
+    """Measure the largest distance from parts of the path to the tool, and store it per step.
+
+    A part is measured at its ends, and halved while its bound exceeds the largest distance so far.
+    Updates `distances` [m], -1 if not measured, and their arc lengths `distance_s`, (n,) each. The
+    largest distance found is at most SURE below the largest distance of all parts.
+    """
     n = len(motion.points)
     halves, worst = np.empty((MAX_HALVES, 2)), -1.0
     for m in order:
@@ -266,12 +279,16 @@ def _measure_parts(
 def measure_coverage(
     motion: FollowedTool, rows: FloatArray, begin: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Largest distance from the path to the tool, for the path interval of each tool step."""
-    # The path interval of a step is split at segment ends. The step with the largest known distance
-    # is measured first, because most other steps then need no measurement.
-    # rows: from `pack_segments`, (segments, 15). Returns distances [m], -1 if not measured, and arc
-    # lengths [m], (n,) each. The first row includes the path before the first tool point, the last
-    # row the path after the last tool point.
+    """Largest distance from the path to the tool, for the path interval of each tool step.
+
+    The path interval of a step is split at segment ends. The step with the largest known distance
+    is measured first, because most other steps then need no measurement.
+
+    Returns distances [m], -1 if not measured, and arc lengths [m], (n,) each. The first row
+    includes the path before the first tool point, the last row the path after the last tool point.
+
+    - `rows`: from `pack_segments`, (segments, 15).
+    """
     reached = np.maximum.accumulate(motion.s)
     low = np.append(begin, np.maximum(reached[1:], begin))
     high = np.append(np.minimum(np.maximum(reached[:-1], motion.s[1:]), end), end)

@@ -58,8 +58,10 @@ class SampledMotion:
         return (self.t[k:] + self.t[:-k]) / 2, self.q[k // 2 : len(self.q) - k + k // 2]
 
     def mean(self, column: Column, order: int, *, both_ways: bool = False) -> Column:
-        """Mean derivative of an order over every `order` intervals, and its error bound."""
-        # Unless `both_ways`, the error bounds only how much smaller the true mean can be.
+        """Mean derivative of an order over every `order` intervals, and its error bound.
+
+        Unless `both_ways`, the error bounds only how much smaller the true mean can be.
+        """
         y, error = column
         for j in range(1, order + 1):
             span, time_error = self.spans(j)
@@ -229,12 +231,14 @@ def _record_peaks(
 def _smallest_factor(
     shift: FloatArray, change: Column, span: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """Smallest factor of the bounds of a rate that a shift and a change within its error need."""
-    # The integral of the rate is `change`, and its double integral differs from that of a constant
-    # rate by `shift`. Among all rates from f low to f high, the shift is largest if the rate is
-    # first f high and then f low:
-    #     2 shift f (high - low) = (change - f low span) (f high span - change)
-    # The positive solution f is smallest for the change `middle`.
+    """Smallest factor of the bounds of a rate that a shift and a change within its error need.
+
+    The integral of the rate is `change`, and its double integral differs from that of a constant
+    rate by `shift`. Among all rates from f low to f high, the shift is largest if the rate is
+    first f high and then f low:
+        2 shift f (high - low) = (change - f low span) (f high span - change)
+    The positive solution f is smallest for the change `middle`.
+    """
     down, up = -1 / low, 1 / high
     middle = 4 * shift * (down - up) / ((down + up) * span)
     gain = np.clip(middle, change[0] - change[1], change[0] + change[1]) * span

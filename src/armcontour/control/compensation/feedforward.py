@@ -24,15 +24,16 @@ CORRECTION_TOLERANCE = 1e-13
 def invert_feedforward(
     plain: FloatArray, cycle: float, servo: ServoModel, duration: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Set-points for a servo with feed-forward, and bounds of the errors due to truncation."""
-    # The servo with feed-forward responds to the returned set-points like a servo without
-    # feed-forward to `plain` [rad], (n, dof). In every cycle, the mean of the command including
-    # feed-forward equals the mean of the command without it. These equations are solved forward
-    # from rest, which is stable for any feed-forward.
-    # Returns set-points [rad], (m, dof) with m >= n, and bounds of the joint errors due to
-    # truncation [rad], (dof,), None without truncation. After the motion, the set-points approach
-    # the last one with the time constant `velocity_feedforward / kp`. If this transient is too
-    # long, it is truncated, and the set-points fade to the end of the plan.
+    """Set-points for a servo with feed-forward, and bounds of the errors due to truncation.
+
+    The servo with feed-forward responds to the returned set-points like a servo without
+    feed-forward to `plain` [rad], (n, dof). In every cycle, the mean of the command including
+    feed-forward equals the mean of the command without it. These equations are solved forward from
+    rest, which is stable for any feed-forward. Returns set-points [rad], (m, dof) with m >= n, and
+    bounds of the joint errors due to truncation [rad], (dof,), None without truncation. After the
+    motion, the set-points approach the last one with the time constant `velocity_feedforward / kp`.
+    If this transient is too long, it is truncated, and the set-points fade to the end of the plan.
+    """
     allowed = max(int(longest_tail(duration) / cycle), 1)
     done = len(plain) - integrator_tail(servo, duration, cycle)
     rows = int(np.ceil(min(tail_duration(servo, duration) / cycle, allowed) + SETTLING))

@@ -87,12 +87,16 @@ def inverse_dynamics(
 def _solve_set_points(
     points: FloatArray, halves: FloatArray, hold: FloatArray, final: FloatArray, interpolation: str
 ) -> FloatArray:
-    """Set-points whose interpolation has the means of the command about each of them, (n, dof)."""
-    # For held set-points, a mean is over the interval of the set-point. For lines and cubics, a
-    # mean has triangular weights from the previous to the next set-point. With these weights, lines
-    # are the least-squares approximation of the command. Means are computed by Simpson's rule.
-    # points: command at the set-points. halves: command half an interval before the first set-point
-    # and half an interval after each set-point.
+    """Set-points whose interpolation has the means of the command about each of them, (n, dof).
+
+    For held set-points, a mean is over the interval of the set-point. For lines and cubics, a mean
+    has triangular weights from the previous to the next set-point. With these weights, lines are
+    the least-squares approximation of the command. Means are computed by Simpson's rule.
+
+    - `points`: command at the set-points.
+    - `halves`: command half an interval before the first set-point and half an interval after each
+      set-point.
+    """
     if interpolation == "step":
         return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)
     mean = (halves[:-1] + points + halves[1:]) / 3

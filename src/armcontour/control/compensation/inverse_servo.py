@@ -61,9 +61,11 @@ def invert_servo(
 def _means(
     trajectory: Trajectory, t: FloatArray, cycle: float, ahead: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means of q, dq and ddq over the cycles about times t, (n, dof) each."""
-    # Before and after the motion, the joints rest. Means of q are computed by Simpson's rule, which
-    # is exact up to third order. Means of ddq are for cycles that are shifted by `ahead` [s].
+    """Means of q, dq and ddq over the cycles about times t, (n, dof) each.
+
+    Before and after the motion, the joints rest. Means of q are computed by Simpson's rule, which
+    is exact up to third order. Means of ddq are for cycles that are shifted by `ahead` [s].
+    """
     shifts = cycle / 2 * np.arange(-1, 2)
     if ahead:
         shifts = np.append(shifts, ahead + shifts[::2])

@@ -44,11 +44,17 @@ def run_filter(
     fastest: FloatArray,
     start: FloatArray,
 ) -> FloatArray:
-    """States of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at the ends of all intervals."""
-    # width: durations of the intervals [s], (n,). coefficients: polynomials of q over the
-    # intervals, (n, 6, dof). damping: d1 and d2, (dof, 2). rate: p [1/s], (dof,). fastest: largest
-    # magnitude of the poles [1/s], (dof,). start: initial x, at rest, (dof,).
-    # Returns x, x' / p and x'' / p² at the n + 1 ends of the intervals, (n + 1, dof, 3).
+    """States of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at the ends of all intervals.
+
+    Returns x, x' / p and x'' / p² at the n + 1 ends of the intervals, (n + 1, dof, 3).
+
+    - `width`: durations of the intervals [s], (n,).
+    - `coefficients`: polynomials of q over the intervals, (n, 6, dof).
+    - `damping`: d1 and d2, (dof, 2).
+    - `rate`: p [1/s], (dof,).
+    - `fastest`: largest magnitude of the poles [1/s], (dof,).
+    - `start`: initial x, at rest, (dof,).
+    """
     n, dof = len(width), len(rate)
     states = np.empty((n + 1, dof, 3))
     series = np.empty((TERMS + 1, 3))
@@ -116,8 +122,10 @@ def default_poles(servo: ServoModel) -> ComplexArray:
 def pole_placement(
     trajectory: Trajectory, servo: ServoModel, cycle: float, poles: npt.ArrayLike | None = None
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], and set-points by pole placement (26) [rad], (n, dof)."""
-    # poles: m1, m2 (real, or complex conjugates) and g [1/s], (3,) or (dof, 3).
+    """Time of the first set-point [s], and set-points by pole placement (26) [rad], (n, dof).
+
+    - `poles`: m1, m2 (real, or complex conjugates) and g [1/s], (3,) or (dof, 3).
+    """
     servo.check_orders("Pole placement, (26),")
     placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)
     fastest = float(np.abs(placed).max())
@@ -173,8 +181,11 @@ def run_poles(
     coefficients: FloatArray,
     start: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """States of the filter F G from `run_filter`, numerator factor x / p², p, and damping."""
-    # kv [1/s], (dof,). placed: poles [1/s], (dof, 3).
+    """States of the filter F G from `run_filter`, numerator factor x / p², p, and damping.
+
+    - `kv`: [1/s], (dof,).
+    - `placed`: poles [1/s], (dof, 3).
+    """
     x, (c0, c1, c2) = transfer(kv, placed)
     rate = np.cbrt(c0)
     damping = np.stack([c1 / rate**2, c2 / rate], axis=1)
@@ -185,8 +196,11 @@ def run_poles(
 def transfer(
     kv: FloatArray, placed: ComplexArray
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
-    """Coefficients x and (c0, c1, c2) of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)`, (dof,)."""
-    # kv [1/s], (dof,). placed: poles [1/s], (dof, 3).
+    """Coefficients x and (c0, c1, c2) of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)`, (dof,).
+
+    - `kv`: [1/s], (dof,).
+    - `placed`: poles [1/s], (dof, 3).
+    """
     m1, m2, g = placed.T
     c0, c1, c2 = (-m1 * m2 * g).real, (m1 * m2 + (m1 + m2) * g).real, -(m1 + m2 + g).real
     x = ((kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g).real

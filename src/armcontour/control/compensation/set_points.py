@@ -64,14 +64,17 @@ def advance_set_points(
     hold: FloatArray | None = None,
     from_rest: bool = False,
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], and set-points with time advances [rad], (n, dof)."""
-    # lead: time advance of each joint [s], (dof,). The set-point at time t corresponds to the
-    # plan's time t + lead. The set-points begin before time 0 by as many cycles as the largest time
-    # advance requires. A joint with a smaller time advance first rests at the start of the plan.
-    # command: function that computes the set-points of the joints with these indices, (k,), at
-    # these times [rad], (n, k). hold: set-point with which the arm rests at the start of the plan
-    # [rad], (dof,), by default the start. from_rest: if True, the first set-point of every joint is
-    # at rest.
+    """Time of the first set-point [s], and set-points with time advances [rad], (n, dof).
+
+    - `lead`: time advance of each joint [s], (dof,). The set-point at time t corresponds to the
+      plan's time t + lead. The set-points begin before time 0 by as many cycles as the largest time
+      advance requires. A joint with a smaller time advance first rests at the start of the plan.
+    - `command`: function that computes the set-points of the joints with these indices, (k,), at
+      these times [rad], (n, k).
+    - `hold`: set-point with which the arm rests at the start of the plan [rad], (dof,), by default
+      the start.
+    - `from_rest`: if True, the first set-point of every joint is at rest.
+    """
     whole = lead.max() / cycle
     early = int(np.floor(whole + SNAP)) + 1 if from_rest else int(np.ceil(whole - SNAP))
     start = trajectory(0.0) if hold is None else hold

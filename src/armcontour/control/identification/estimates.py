@@ -52,9 +52,11 @@ class Estimate(Result):
     def from_interval(
         cls, name: str, value: float, sd: float, ends: Ends, also: float = 0.0, **others: Any
     ) -> Estimate:
-        """Estimate with the interval `ends` relative to the value (logarithms for LOGARITHMIC)."""
-        # also: a parameter with at most this standard deviation is determined, however small its
-        # value.
+        """Estimate with the interval `ends` relative to the value (logarithms for LOGARITHMIC).
+
+        - `also`: a parameter with at most this standard deviation is determined, however small its
+          value.
+        """
         if name in LOGARITHMIC:
             low, high = (value * math.exp(x) for x in np.clip(ends, -700.0, 700.0))
             sd *= value

@@ -327,8 +327,10 @@ def write_servo(
     drive_cycle: float = 0.0,
     unseen: float = 0.0,
 ) -> JointIdentification:
-    """The joint with its servo for the file, and with the errors of this servo on the logs."""
-    # unseen: largest error on parts that were not fitted [rad].
+    """The joint with its servo for the file, and with the errors of this servo on the logs.
+
+    - `unseen`: largest error on parts that were not fitted [rad].
+    """
     rms, largest, offsets = math.nan, math.pi, {}
     if segments:
         fits = [predict_from_start(s, servo, order, drive_cycle) for s in segments]

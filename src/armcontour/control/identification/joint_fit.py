@@ -409,11 +409,14 @@ def estimate_parameters(
     longest_cycle: float = 0.0,
     rivals: Sequence[JointServo] = (),
 ) -> dict[str, Estimate]:
-    """Estimates of the parameters of a fit by name; parameters at a bound have no interval."""
-    # without: servos, each fitted without one part of the logs. Their scatter includes the effects
-    # that are not modelled, such as other joints. rivals: servos of other models with nearly the
-    # same error, if the residuals of the best model are not white. longest_cycle: longest possible
-    # drive cycle [s]; 0 if the drive cycle is known.
+    """Estimates of the parameters of a fit by name; parameters at a bound have no interval.
+
+    - `without`: servos, each fitted without one part of the logs. Their scatter includes the
+      effects that are not modelled, such as other joints.
+    - `rivals`: servos of other models with nearly the same error, if the residuals of the best
+      model are not white.
+    - `longest_cycle`: longest possible drive cycle [s]; 0 if the drive cycle is known.
+    """
     p, names, bounds = fit.problem, fit.problem.model.free, set().union(*fit.at_bounds())
     free = np.full(len(fit.x), True)
     free[: p.m] = [x not in bounds for x in names]

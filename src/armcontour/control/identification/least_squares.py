@@ -112,11 +112,13 @@ def solve(
     evaluations: int,
     near: float = 1e-9,
 ) -> Any:
-    """Solve a bounded least-squares problem by `scipy.optimize.least_squares`."""
-    # slopes(x): residuals and their derivatives. An orthogonal transformation reduces the residuals
-    # to their norm and zeros, so that the solver does not decompose long matrices, which is slow
-    # with several BLAS threads. Residuals may be nan. The search ends when an iteration reduces the
-    # sum of squares by less than the share `near`.
+    """Solve a bounded least-squares problem by `scipy.optimize.least_squares`.
+
+    slopes(x): residuals and their derivatives. An orthogonal transformation reduces the residuals
+    to their norm and zeros, so that the solver does not decompose long matrices, which is slow with
+    several BLAS threads. Residuals may be nan. The search ends when an iteration reduces the sum of
+    squares by less than the share `near`.
+    """
     from scipy.optimize import least_squares
 
     def size(x: FloatArray) -> FloatArray:
@@ -137,8 +139,11 @@ def solve(
 
 
 def standard_deviations(jacobian: FloatArray, variance: float, free: BoolArray) -> FloatArray:
-    """Standard deviations of the free unknowns, 0 for the others, (unknowns,)."""
-    # jacobian: derivatives of the residuals, (samples, unknowns). variance: variance of residuals.
+    """Standard deviations of the free unknowns, 0 for the others, (unknowns,).
+
+    - `jacobian`: derivatives of the residuals, (samples, unknowns).
+    - `variance`: variance of residuals.
+    """
     columns, sizes = normalize(jacobian[:, free])
     inverse, dependent = invert(np.einsum("ki,kj->ij", columns, columns))
     variances = np.where(dependent, math.inf, variance * np.diag(inverse))

@@ -302,8 +302,10 @@ def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
 def predict_parts(
     result: Fit, judged: Sequence[LogSegment] | None = None, limit: Estimate | None = None
 ) -> Selected:
-    """Predict each moving part by a fit of the other parts (cross-validation)."""
-    # judged: segments that are predicted, by default those of the fit.
+    """Predict each moving part by a fit of the other parts (cross-validation).
+
+    - `judged`: segments that are predicted, by default those of the fit.
+    """
     p, segments = result.problem, judged or result.problem.segments
 
     def predict_by(servo: JointServo, s: LogSegment) -> FloatArray:

@@ -335,8 +335,10 @@ def _lags(segments: Sequence[LogSegment]) -> list[FloatArray]:
 def _rms(
     values: Sequence[FloatArray], segments: Sequence[LogSegment], *, centred: bool = True
 ) -> tuple[float, float]:
-    """Unweighted and motion-weighted RMS of values over the used samples, about their means."""
-    # If not `centred`, means are not subtracted.
+    """Unweighted and motion-weighted RMS of values over the used samples, about their means.
+
+    If not `centred`, means are not subtracted.
+    """
     sums = np.zeros(4)
     for row, s in zip(values, segments, strict=True):
         square = (row - (np.mean(row[s.use]) if centred else 0.0)) ** 2

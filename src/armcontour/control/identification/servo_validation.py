@@ -67,8 +67,11 @@ class _LogSamples:
     def deviate(
         self, choice: Sequence[str], longest: float, weight: FloatArray, arm: Arm | None
     ) -> tuple[float, FloatArray]:
-        """RMS contour error (see `Judgement.errors`), and RMS deviations of the joints [rad]."""
-        # choice: key of `rest` for each joint. longest: longest delay of a joint [s].
+        """RMS contour error (see `Judgement.errors`), and RMS deviations of the joints [rad].
+
+        - `choice`: key of `rest` for each joint.
+        - `longest`: longest delay of a joint [s].
+        """
         residual = np.stack([self.rest[c][:, j] for j, c in enumerate(choice)], axis=1)
         moved, times = self.command + residual, self.t
         if arm is not None:
@@ -99,10 +102,13 @@ def choose_and_judge(
     longest: float,
     arm: Arm | None,
 ) -> tuple[tuple[JointIdentification, ...], Judgement]:
-    """Choose by the contour error which model of each joint is written, and judge the result."""
-    # Good models are written. For the other joints, the weak model, the delay or nothing is
-    # written, whichever has the smallest contour error. Without an arm, the contour is a curve in
-    # joint space. longest: longest dead time of the search [s].
+    """Choose by the contour error which model of each joint is written, and judge the result.
+
+    Good models are written. For the other joints, the weak model, the delay or nothing is written,
+    whichever has the smallest contour error. Without an arm, the contour is a curve in joint space.
+
+    - `longest`: longest dead time of the search [s].
+    """
     delays = _joint_delays(logs, longest)
     motions = [_sample_log(logs, i, joints, longest) for i in range(len(logs))]
     every = [np.concatenate([x.rest[y] for x in motions]) for y in ("none", "delay")]
@@ -206,8 +212,10 @@ def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:
 def find_delay(
     motions: Sequence[tuple[FloatArray, FloatArray, FloatArray]], low: float, high: float
 ) -> float:
-    """Delay from `low` to `high` with the smallest tracking error, by Newton's method [s]."""
-    # motions: times (n,) [s], commands (n, k) and positions (n, k) of each log.
+    """Delay from `low` to `high` with the smallest tracking error, by Newton's method [s].
+
+    - `motions`: times (n,) [s], commands (n, k) and positions (n, k) of each log.
+    """
     delay = 0.0
     for _ in range(NEWTON_STEPS):
         above = below = 0.0
@@ -237,9 +245,11 @@ def count_programs(logs: Sequence[Log]) -> int:
 
 
 def find_nearest(curve: FloatArray, points: FloatArray, reach: int) -> FloatArray:
-    """Fractional indices of the points of a polyline that are nearest to points, (n,)."""
-    # Rows of curve and points, (n, m), are at the same times. The search for the nearest point
-    # covers `reach` samples before and after.
+    """Fractional indices of the points of a polyline that are nearest to points, (n,).
+
+    Rows of curve and points, (n, m), are at the same times. The search for the nearest point covers
+    `reach` samples before and after.
+    """
     n = len(curve)
     nearest, positions, rows = np.full(n, np.inf), np.zeros(n), np.arange(n)
     edges = np.diff(curve, axis=0)

@@ -54,10 +54,15 @@ class AlignedRecording(NamedTuple):
 def align(
     recording: Recording, lifted: Lifted, set_points: SetPoints, expected: FloatArray | None = None
 ) -> AlignedRecording:
-    """Align a recording with the plan by its set-points; if it has none, by the expected motion."""
-    # If the expected motion is used, dead time that the servo model lacks becomes part of the
-    # offset. expected: joint positions at the model's times that follow from an earlier run [rad],
-    # (n, dof). By default they are those of the model.
+    """Align a recording with the plan by its set-points; if it has none, by the expected motion.
+
+    If the expected motion is used, dead time that the servo model lacks becomes part of the offset.
+
+    By default they are those of the model.
+
+    - `expected`: joint positions at the model's times that follow from an earlier run [rad], (n,
+      dof).
+    """
     source, duration = recording.source, lifted.plan.duration
     servo = lifted.nominal.servo
     loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
@@ -178,9 +183,11 @@ def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoi
 def fit_clock(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> tuple[float, float]:
-    """Offset and rate of plan times `offset + rate t` at which values match a reference."""
-    # values (m, dof) at t (m,) [s] of the clock; reference (n, dof) at uniform times (n,) [s] of
-    # the plan.
+    """Offset and rate of plan times `offset + rate t` at which values match a reference.
+
+    values (m, dof) at t (m,) [s] of the clock; reference (n, dof) at uniform times (n,) [s] of the
+    plan.
+    """
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
     middle, rate = float(t.mean()), 1.0

@@ -40,10 +40,13 @@ USEFUL_FACTOR = 1.05
 
 
 def smooth_error(lifted: Lifted, error: FloatArray, noise: FloatArray) -> FloatArray:
-    """Error without white noise [rad], (n, dof)."""
-    # The error is the part that a disturbance of the drives explains, and the remainder where it
-    # exceeds the noise (a Wiener filter). noise: standard deviation of the white noise [rad],
-    # (dof,).
+    """Error without white noise [rad], (n, dof).
+
+    The error is the part that a disturbance of the drives explains, and the remainder where it
+    exceeds the noise (a Wiener filter).
+
+    - `noise`: standard deviation of the white noise [rad], (dof,).
+    """
     smooth = lifted.smooth(error, lifted.choose_penalty(error, float(np.mean(noise**2))))
     remainder = error - smooth
     power = uniform_filter1d(remainder**2, round(REST_TIME / lifted.step), axis=0)
@@ -324,9 +327,12 @@ def _keep_limits(
     limits: Limits,
     fastest: FloatArray,
 ) -> tuple[FloatArray, str]:
-    """Nearest set-points within the limits, (n, dof), and a clause on the active limit, or ""."""
-    # A joint without a solution keeps the set-points of the best run. fastest: limits of joint
-    # acceleration [rad/s²], (dof,).
+    """Nearest set-points within the limits, (n, dof), and a clause on the active limit, or "".
+
+    A joint without a solution keeps the set-points of the best run.
+
+    - `fastest`: limits of joint acceleration [rad/s²], (dof,).
+    """
     selected = Limits.only(
         joint_velocity=limits.joint_velocity,
         joint_acceleration=fastest,

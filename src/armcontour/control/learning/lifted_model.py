@@ -200,10 +200,13 @@ class Lifted:
         return self.planned + self._respond_to(self._command(q) - self._needed)
 
     def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
-        """Change of the set-points that removes an error, and the response of the joints [rad]."""
-        # The change du minimises `W |error + P du|² + penalty |L du|²`, where W weights the times,
-        # and L takes differences of consecutive set-points. error (n, dof), change (count, dof).
-        # penalty: variance of the noise divided by the variance of the differences of set-points.
+        """Change of the set-points that removes an error, and the response of the joints [rad].
+
+        The change du minimises `W |error + P du|² + penalty |L du|²`, where W weights the times,
+        and L takes differences of consecutive set-points. error (n, dof), change (count, dof).
+
+        - `penalty`: variance of the noise divided by the variance of the differences of set-points.
+        """
         factors, order, _ = self._factored(penalty)
         flat = error.ravel()
         right = np.zeros(len(order))
@@ -265,9 +268,14 @@ class Lifted:
         return conditions, jumps, order
 
     def choose_penalty(self, error: FloatArray, variance: float) -> float:
-        """Penalty (a power of ten) with the largest marginal likelihood of an error, (n, dof)."""
-        # error [rad]. variance: variance of the white noise [rad²]. The search starts at the last
-        # chosen penalty.
+        """Penalty (a power of ten) with the largest marginal likelihood of an error, (n, dof).
+
+        error [rad].
+
+        The search starts at the last chosen penalty.
+
+        - `variance`: variance of the white noise [rad²].
+        """
         surprise = cache(
             lambda k: self.negative_log_likelihood(error, 10.0**k, max(variance, 1e-300))
         )
@@ -280,9 +288,11 @@ class Lifted:
         return self._penalty
 
     def negative_log_likelihood(self, error: FloatArray, penalty: float, variance: float) -> float:
-        """-2 log of the probability density of an error [rad], (n, dof), up to a constant."""
-        # Model of the error: white noise with the variance `variance` [rad²] plus the response to
-        # set-points whose differences are normal with the variance `variance / penalty`.
+        """-2 log of the probability density of an error [rad], (n, dof), up to a constant.
+
+        Model of the error: white noise with the variance `variance` [rad²] plus the response to
+        set-points whose differences are normal with the variance `variance / penalty`.
+        """
         change, response = self.correct(error, penalty)
         squares = np.sum(self.weight * (error + response) ** 2)
         squares += penalty * np.sum(np.diff(change, axis=0) ** 2)
@@ -296,9 +306,12 @@ class Lifted:
         return np.asarray(CubicSpline(self.t, values)(np.clip(t, self.t[0], self.t[-1])))
 
     def fill_gaps(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
-        """Deviations at the model's times [rad], (n, dof), from those at the times t of a log."""
-        # In gaps of the log, deviations are estimated by expectation maximization with the model.
-        # noise: standard deviation of the white noise of the deviations [rad], (dof,).
+        """Deviations at the model's times [rad], (n, dof), from those at the times t of a log.
+
+        In gaps of the log, deviations are estimated by expectation maximization with the model.
+
+        - `noise`: standard deviation of the white noise of the deviations [rad], (dof,).
+        """
         bridged = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))
         after = np.clip(np.searchsorted(t, self.t), 1, len(t) - 1)
         wide = np.diff(t)[after - 1] > GAP * np.median(np.diff(t))

@@ -37,9 +37,11 @@ class BezierSpline:
     def from_knots(
         cls, points: FloatArray, weights: FloatArray, knots: FloatArray, degree: int
     ) -> BezierSpline | None:
-        """The Bézier curves of a rational B-spline; None if the spline has a gap."""
-        # The n weights are above zero. The n + degree + 1 knots are ascending, and the parameter
-        # range from knot `degree` to knot n is not empty.
+        """The Bézier curves of a rational B-spline; None if the spline has a gap.
+
+        The n weights are above zero. The n + degree + 1 knots are ascending, and the parameter
+        range from knot `degree` to knot n is not empty.
+        """
         weights = weights / weights.max()
         whole = np.column_stack([weights[:, None] * points, weights])
         parts = _bezier_points(whole, knots, degree)

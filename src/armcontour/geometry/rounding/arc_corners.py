@@ -81,10 +81,12 @@ class _Blend(CornerKind):
         return tangents
 
     def _search(self, bounds: CornerBounds, state: FloatArray) -> FloatArray:
-        """Largest tangent lengths within bounds [m], (n,)."""
-        # The search uses false position on logarithms, in which the excess is nearly linear; every
-        # third step is a bisection. `state`, (4, n): logarithms of a length that satisfies the
-        # bounds and of a length that violates them, then the excesses at these two lengths.
+        """Largest tangent lengths within bounds [m], (n,).
+
+        The search uses false position on logarithms, in which the excess is nearly linear; every
+        third step is a bisection. `state`, (4, n): logarithms of a length that satisfies the bounds
+        and of a length that violates them, then the excesses at these two lengths.
+        """
         active = np.arange(len(bounds.half))
         for step in range(SEARCH_STEPS):
             low, high, under, over = state[:, active]

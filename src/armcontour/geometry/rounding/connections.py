@@ -113,16 +113,20 @@ class Connections:
         return np.asarray(even & ~tight & (along.min(axis=0) > SMALLEST_COSINE))
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
-        """Positions relative to the starts, unit tangents and curvature vectors at parameters x."""
-        # `i`: indices of the connections, or a slice; x is between 0 and 1.
+        """Positions relative to the starts, unit tangents and curvature vectors at parameters x.
+
+        - `i`: indices of the connections, or a slice; x is between 0 and 1.
+        """
         return self.evaluate(i, x), *tangent_and_curvature(
             self.evaluate(i, x, 1), self.evaluate(i, x, 2)
         )
 
 
 def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
-    """Connections that replace the length t of the segments on either side of vertices."""
-    # `t`: lengths, no longer than the segments [m], (n,).
+    """Connections that replace the length t of the segments on either side of vertices.
+
+    - `t`: lengths, no longer than the segments [m], (n,).
+    """
     every = np.arange(len(t))
     back, ahead = around_vertices(before, after)
     begin = [(-1) ** k * back.evaluate(every, t, k) for k in range(4)]
@@ -155,11 +159,14 @@ def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segmen
 def draw_connections(
     connections: Connections, vertices: FloatArray, middle: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray]:
-    """Transitions along connections, whose parameters equal their arc lengths within `UNEVEN`."""
-    # `vertices`: vertices of the connections [m], (n, dimension); `middle`: parameters x at which
-    # both halves of each connection meet, from 0 to 1, (n,).
-    # Returns the transitions in order, the index of the connection of each, and the mask of the
-    # transitions before the middle.
+    """Transitions along connections, whose parameters equal their arc lengths within `UNEVEN`.
+
+    Returns the transitions in order, the index of the connection of each, and the mask of the
+    transitions before the middle.
+
+    - `vertices`: vertices of the connections [m], (n, dimension).
+    - `middle`: parameters x at which both halves of each connection meet, from 0 to 1, (n,).
+    """
     parts = np.full(len(connections), 1)
     drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
     while True:
@@ -217,13 +224,17 @@ def _draw_halves(
 def bound_deviation(
     drawn: Segments, old: Segments, i: IntArray, ends: tuple[FloatArray, FloatArray], parts: int
 ) -> FloatArray:
-    """Bounds of the distances between transitions and the parts of a path that they replace [m]."""
-    # Corresponding points move evenly along both. On each of the `parts`, of length h, the distance
-    # of corresponding points is at most the larger distance at the ends plus h² / 8 times the
-    # largest second derivative of their difference with respect to arc length.
-    # `i`: index of the segment of which each transition replaces a part, (n,); `ends`: distances
-    # along this segment at which the part starts and ends [m], (n,) each.
-    # Returns bounds of the distance in both directions, (n,).
+    """Bounds of the distances between transitions and the parts of a path that they replace [m].
+
+    Corresponding points move evenly along both. On each of the `parts`, of length h, the distance
+    of corresponding points is at most the larger distance at the ends plus h² / 8 times the largest
+    second derivative of their difference with respect to arc length.
+
+    Returns bounds of the distance in both directions, (n,).
+
+    - `i`: index of the segment of which each transition replaces a part, (n,).
+    - `ends`: distances along this segment at which the part starts and ends [m], (n,) each.
+    """
     row, number = number_parts(np.full(len(drawn), parts))
     h = drawn.lengths[row] / parts
     step = ((ends[1] - ends[0]) / parts)[row]

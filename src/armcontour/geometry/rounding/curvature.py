@@ -55,11 +55,14 @@ FEW_PARTS, MANY_PARTS, BATCH = 2, 16, 4000
 
 @checked
 def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray]:
-    """The path with transitions where its curvature jumps without a corner."""
-    # `tolerance`: largest distance of either path from the other [m]; tolerances of the path's own
-    # segments cap it.
-    # Returns the path, and corresponding arc lengths on both paths from start to end [m], (n, 2);
-    # the correspondence is linear between them.
+    """The path with transitions where its curvature jumps without a corner.
+
+    Returns the path, and corresponding arc lengths on both paths from start to end [m], (n, 2); the
+    correspondence is linear between them.
+
+    - `tolerance`: largest distance of either path from the other [m]; tolerances of the path's own
+      segments cap it.
+    """
     allowed = tolerance
     if isinstance(path, ShapedPath):
         raise InvalidInput(

@@ -202,8 +202,11 @@ def _draw_smooth_curves(bounds: CornerBounds, radius: FloatArray) -> tuple[Segme
 
 
 def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
-    """Gap between corner point and arc [m], (10): `r (1 - cos h) / cos h`."""
-    # `radius`: radius r of the arc [m]; `half_turn`: half h of the angle between the lines [rad].
+    """Gap between corner point and arc [m], (10): `r (1 - cos h) / cos h`.
+
+    - `radius`: radius r of the arc [m].
+    - `half_turn`: half h of the angle between the lines [rad].
+    """
     return np.asarray(radius * 2 * np.sin(half_turn / 2) ** 2 / np.cos(half_turn))
 
 
@@ -289,13 +292,18 @@ SMOOTH = LineCorner(
 
 
 def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) -> FloatArray:
-    """Reduce the lengths that vertices request on either side until they fit the segments [m]."""
-    # A vertex may use half of a segment, or more if the vertex at the other end requests less than
-    # half. This rule depends on direct neighbours only, is independent of the direction of travel,
-    # and always has a solution.
-    # `requested`: requested lengths on either side [m], (n,); `vertex`: index of the segment before
-    # each vertex, increasing, (n,); `lengths`: lengths of all segments [m].
-    # Returns the reduced lengths, (n,).
+    """Reduce the lengths that vertices request on either side until they fit the segments [m].
+
+    A vertex may use half of a segment, or more if the vertex at the other end requests less than
+    half. This rule depends on direct neighbours only, is independent of the direction of travel,
+    and always has a solution.
+
+    Returns the reduced lengths, (n,).
+
+    - `requested`: requested lengths on either side [m], (n,).
+    - `vertex`: index of the segment before each vertex, increasing, (n,).
+    - `lengths`: lengths of all segments [m].
+    """
     by_vertex = np.zeros(len(lengths) + 1)
     by_vertex[vertex + 1] = requested
     # Length of each segment that is available for the vertex at its end, and at its start.
@@ -309,14 +317,16 @@ def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) ->
 def replace_vertices(
     rows: Segments, cut: FloatArray, drawn: Segments, after: IntArray
 ) -> tuple[Segments, IntArray, IntArray]:
-    """Replace parts of segments on both sides of vertices by other segments."""
-    # `cut`: length that is replaced on either side of each vertex of the n segments [m], (n + 1,);
-    # `drawn`: the replacing segments, in order at each vertex; `after`: for each replacing segment,
-    # index of the segment in `rows` that is before its vertex.
-    # Returns the new table and two indices for each of its segments. The first is an index in
-    # `rows`: of the segment that contains the new segment, or, for a segment from `drawn`, of the
-    # segment before the vertex. The second is the index in `drawn`; it is negative for a segment
-    # from `rows`.
+    """Replace parts of segments on both sides of vertices by other segments.
+
+    Returns the new table and two indices for each of its segments. The first is an index in `rows`:
+    of the segment that contains the new segment, or, for a segment from `drawn`, of the segment
+    before the vertex. The second is the index in `drawn`; it is negative for a segment from `rows`.
+
+    - `cut`: length that is replaced on either side of each vertex of the n segments [m], (n + 1,).
+    - `drawn`: the replacing segments, in order at each vertex.
+    - `after`: for each replacing segment, index of the segment in `rows` that is before its vertex.
+    """
     n = len(rows)
     starts, lengths = (
         rows.starts + cut[:-1, None] * rows.tangents,

@@ -53,20 +53,25 @@ def find_kinks(path: Path) -> IntArray:
 
 
 def middle_fraction(smooth: bool) -> float:
-    """Factor c of `k = t / 2 - c l`, which determines a blend's middle; see `largest_blend`."""
-    # `smooth`: true if the derivative of the angular rate must not jump.
+    """Factor c of `k = t / 2 - c l`, which determines a blend's middle; see `largest_blend`.
+
+    - `smooth`: true if the derivative of the angular rate must not jump.
+    """
     return SMOOTH_MIDDLE if smooth else MIDDLE
 
 
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
-    """Largest k that satisfies the angular tolerance in the middle of each corner [m], (n,)."""
-    # The orientation in the middle of a curve is `exp(k b) exp(-k a) R`: R is the orientation at
-    # the vertex, a and b are the angular rates before and after it. With tangent length t and
-    # length l of the curve, `k = t / 2 - l / 8`, or, for a continuous derivative of the rate,
-    # `k = t / 2 - 5 l / 32`. The largest k is infinite if the rate does not jump or the orientation
-    # follows the tangent, and 0 where the orientation jumps, because the tool stops there.
-    # `vertex`: indices of the vertices, (n,); `allowed`: largest angle between the orientation and
-    # its value at the vertex [rad].
+    """Largest k that satisfies the angular tolerance in the middle of each corner [m], (n,).
+
+    The orientation in the middle of a curve is `exp(k b) exp(-k a) R`: R is the orientation at the
+    vertex, a and b are the angular rates before and after it. With tangent length t and length l of
+    the curve, `k = t / 2 - l / 8`, or, for a continuous derivative of the rate, `k = t / 2 - 5 l /
+    32`. The largest k is infinite if the rate does not jump or the orientation follows the tangent,
+    and 0 where the orientation jumps, because the tool stops there.
+
+    - `vertex`: indices of the vertices, (n,).
+    - `allowed`: largest angle between the orientation and its value at the vertex [rad].
+    """
     orientation = path.orientation
     if orientation is None or orientation.follows or not len(vertex):
         return np.full(len(vertex), np.inf)
@@ -114,10 +119,13 @@ def follow_rounded(
     *,
     smooth: bool = False,  # True if the derivative of the angular rate must not jump
 ) -> Orientation:
-    """Orientation of a rounded path, for an orientation that follows the tangent."""
-    # `segment`: for each segment of the rounded path, index of the objective segment that contains
-    # it, or that is before its corner, (n,); `allowed`: largest angle between the orientation and
-    # an orientation that follows the tangent exactly [rad].
+    """Orientation of a rounded path, for an orientation that follows the tangent.
+
+    - `segment`: for each segment of the rounded path, index of the objective segment that contains
+      it, or that is before its corner, (n,).
+    - `allowed`: largest angle between the orientation and an orientation that follows the tangent
+      exactly [rad].
+    """
     from armcontour.geometry.prescribed_orientation import follow_tangents
 
     orientation = objective.orientation
@@ -134,12 +142,15 @@ def follow_rounded(
 
 
 def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) -> FloatArray:
-    """Largest half lengths of blends within an angular tolerance, per inner break [m], (n - 1,)."""
-    # The path, and with it the length of each piece, does not change. The half length is 0 where
-    # the rate does not jump.
-    # `sharp`: the orientation of constant rates, n pieces; `allowed`: largest angle between the
-    # blended and the original orientation [rad]; `smooth`: true if the derivative of the angular
-    # rate must not jump.
+    """Largest half lengths of blends within an angular tolerance, per inner break [m], (n - 1,).
+
+    The path, and with it the length of each piece, does not change. The half length is 0 where the
+    rate does not jump.
+
+    - `sharp`: the orientation of constant rates, n pieces.
+    - `allowed`: largest angle between the blended and the original orientation [rad].
+    - `smooth`: true if the derivative of the angular rate must not jump.
+    """
     vertex = np.arange(len(sharp) - 1)
     shorter = 0.5 - 2 * middle_fraction(smooth)
     return np.where(sharp.kinks > 0, _largest_blend(sharp, vertex, allowed) / shorter, 0.0)
@@ -148,14 +159,19 @@ def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) ->
 def blend_kinks(
     sharp: Orientation, requested: FloatArray, *, smooth: bool = False
 ) -> tuple[Orientation, FloatArray]:
-    """Insert a blend at every jump of the rate of an orientation of constant rates."""
-    # A blend replaces at most half of either piece; there is no blend where the orientation jumps.
-    # Its largest deviation from the constant rates is at the break.
-    # `sharp`: the orientation of constant rates, n pieces; the rate may change along a piece if it
-    # does not jump at either end; `requested`: half length of each blend [m], (n - 1,); `smooth`:
-    # true if the derivative of the angular rate must not jump.
-    # Returns the orientation, and its deviation at each break between pieces [rad], (n - 1,);
-    # between the tool axes if only they are prescribed.
+    """Insert a blend at every jump of the rate of an orientation of constant rates.
+
+    A blend replaces at most half of either piece; there is no blend where the orientation jumps.
+    Its largest deviation from the constant rates is at the break.
+
+    Returns the orientation, and its deviation at each break between pieces [rad], (n - 1,); between
+    the tool axes if only they are prescribed.
+
+    - `sharp`: the orientation of constant rates, n pieces; the rate may change along a piece if it
+      does not jump at either end.
+    - `requested`: half length of each blend [m], (n - 1,).
+    - `smooth`: true if the derivative of the angular rate must not jump.
+    """
     vertex = np.arange(len(sharp) - 1)
     lengths = np.diff(sharp.breaks)
     cut = np.minimum(requested, np.minimum(lengths[:-1], lengths[1:]) / 2)

@@ -300,10 +300,12 @@ def count_full_stops(path: Path) -> dict[str, int]:
 def blend_vertices(
     path: Path, vertex: IntArray, turn: FloatArray, tolerance: FloatArray
 ) -> RoundedPath:
-    """Replace some vertices by arcs; an arc replaces at most half of either segment."""
-    # `vertex`: index of the segment before each vertex, increasing, (n,); `turn`: turn of the path
-    # at each vertex [rad], (n,); `tolerance`: largest distance of each vertex from the new path
-    # [m], (n,).
+    """Replace some vertices by arcs; an arc replaces at most half of either segment.
+
+    - `vertex`: index of the segment before each vertex, increasing, (n,).
+    - `turn`: turn of the path at each vertex [rad], (n,).
+    - `tolerance`: largest distance of each vertex from the new path [m], (n,).
+    """
     none = np.full(len(vertex), np.inf)
     tangent_limits = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
     return _round(
@@ -341,11 +343,15 @@ def _round(
     kinked: IntArray,
     angle: float,
 ) -> RoundedPath:
-    """Replace corners by curves within `requirements`, and blend the orientation at vertices."""
-    # `corner`: index of the segment before each corner, (n,); `turn`: turns [rad], (n,);
-    # `requirements`: largest corner errors [m], radii that the corner speeds require [m], largest
-    # tangent lengths [m] and accelerations [m/s²], (n,) each; `kinked`: vertices without a corner
-    # at which the angular rate jumps; `angle`: angular tolerance [rad].
+    """Replace corners by curves within `requirements`, and blend the orientation at vertices.
+
+    - `corner`: index of the segment before each corner, (n,).
+    - `turn`: turns [rad], (n,).
+    - `requirements`: largest corner errors [m], radii that the corner speeds require [m], largest
+      tangent lengths [m] and accelerations [m/s²], (n,) each.
+    - `kinked`: vertices without a corner at which the angular rate jumps.
+    - `angle`: angular tolerance [rad].
+    """
     n, rows = len(corner), path.segments
     *limits, acceleration = requirements
     bounds = CornerBounds(
@@ -463,9 +469,11 @@ def _in_plane(bounds: CornerBounds) -> BoolArray:
 
 
 def check_angular_tolerance(path: Path, tolerance: float | None, kinked: IntArray) -> float:
-    """The angular tolerance [rad]; infinite if it is not specified and not required."""
-    # `tolerance`: the specified tolerance [rad]; `kinked`: index of the segment before each vertex
-    # at which only the angular rate jumps, (k,).
+    """The angular tolerance [rad]; infinite if it is not specified and not required.
+
+    - `tolerance`: the specified tolerance [rad].
+    - `kinked`: index of the segment before each vertex at which only the angular rate jumps, (k,).
+    """
     if tolerance is not None:
         return checks.not_negative("angular tolerance", tolerance, "rad")
     orientation = path.orientation

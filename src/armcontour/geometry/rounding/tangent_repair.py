@@ -45,14 +45,19 @@ class RepairedPath:
 def repair_tangents(
     path: Path, tolerance: float, deviation_limit: float = np.inf
 ) -> RepairedPath | None:
-    """Make almost tangent vertices exactly tangent; None without such vertices."""
-    # A vertex is almost tangent if small movements of points explain its turn. If both ends of a
-    # line move by a distance, the line turns by up to twice the distance divided by its length; for
-    # an arc, divided by its length or radius. At most half of each segment changes per vertex.
-    # Vertices next to a segment with tolerance 0 do not change. The closing point of a closed path
-    # does not move.
-    # `tolerance`: largest movement of points [m]. The original and the repaired path are at most
-    # the smaller of `tolerance` and `deviation_limit` [m] apart.
+    """Make almost tangent vertices exactly tangent; None without such vertices.
+
+    A vertex is almost tangent if small movements of points explain its turn. If both ends of a line
+    move by a distance, the line turns by up to twice the distance divided by its length; for an
+    arc, divided by its length or radius. At most half of each segment changes per vertex. Vertices
+    next to a segment with tolerance 0 do not change. The closing point of a closed path does not
+    move.
+
+    The original and the repaired path are at most the smaller of `tolerance` and `deviation_limit`
+    [m] apart.
+
+    - `tolerance`: largest movement of points [m].
+    """
     largest_deviation = min(tolerance, deviation_limit)
     allowed = np.minimum(path.vertex_tolerances, largest_deviation)
     merged, remaining, moved = merge_lines(path, allowed)

@@ -123,8 +123,10 @@ class Constraint:
         return None
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """Forms of the limit on a grid, see `topp.limit_forms`; none in this base class."""
-        # `path`: the joint path on the grid.
+        """Forms of the limit on a grid, see `topp.limit_forms`; none in this base class.
+
+        - `path`: the joint path on the grid.
+        """
         return ()
 
     @property

@@ -587,8 +587,10 @@ def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
 
 @compiled()
 def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int) -> int:
-    """Improve a strictly feasible d in place until its gap is small; returns the iterations."""
-    # `d`: control points of a [m²/s²], (n + 2,); the ends are fixed.
+    """Improve a strictly feasible d in place until its gap is small; returns the iterations.
+
+    - `d`: control points of a [m²/s²], (n + 2,); the ends are fixed.
+    """
     n = len(p.width)
     blocks, slack, dual, change = _new_blocks(p), _new_duals(p), _new_duals(p), _new_duals(p)
     iterate = _Iterate(d, blocks, slack, dual)

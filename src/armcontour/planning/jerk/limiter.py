@@ -226,11 +226,14 @@ def _find_start(
     near: tuple[PathLaw, float],
     allowed_slopes: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Control points of ds² of one section, including its ends, that satisfy every row [m²/s²]."""
-    # The start is ds² of the plan in `near` times the factor in `near`, reduced near violated rows.
-    # With uniform jerk from a rest, ds^1.5 is linear in s, so the allowed slope of ds^1.5 limits
-    # the rise of a start. `allowed_slopes`: allowed slopes of ds^1.5 and of ds² on every cell, (n,)
-    # each.
+    """Control points of ds² of one section, including its ends, that satisfy every row [m²/s²].
+
+    The start is ds² of the plan in `near` times the factor in `near`, reduced near violated rows.
+    With uniform jerk from a rest, ds^1.5 is linear in s, so the allowed slope of ds^1.5 limits the
+    rise of a start.
+
+    - `allowed_slopes`: allowed slopes of ds^1.5 and of ds² on every cell, (n,) each.
+    """
     law, share = near
     inner = s[1:-1]
     middle = (inner[:-1] + inner[1:]) / 2

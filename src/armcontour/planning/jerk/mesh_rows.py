@@ -77,12 +77,17 @@ def motion_rows(
     first_rows: tuple[IntArray, IntArray],
     rows: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Write acceleration, and jerk divided by ds, as rows of the unknowns."""
-    # The acceleration is `q'' a + q' dds`, and the jerk divided by ds is `q''' a + 3 q'' dds + q'
-    # slope`, with `a = ds²`. `grid`: the n parts of cells; `cells`: cell of each part, and
-    # `control_points` of the cells; `of_powers`: `to_bernstein` of the degrees of acceleration and
-    # of jerk; `first_rows`: first rows of acceleration and of jerk of each joint, -1 if it has
-    # none; `rows`: output, (n, rows, 3) each.
+    """Write acceleration, and jerk divided by ds, as rows of the unknowns.
+
+    The acceleration is `q'' a + q' dds`, and the jerk divided by ds is `q''' a + 3 q'' dds + q'
+    slope`, with `a = ds²`.
+
+    - `grid`: the n parts of cells.
+    - `cells`: cell of each part, and `control_points` of the cells.
+    - `of_powers`: `to_bernstein` of the degrees of acceleration and of jerk.
+    - `first_rows`: first rows of acceleration and of jerk of each joint, -1 if it has none.
+    - `rows`: output, (n, rows, 3) each.
+    """
     taylor = np.zeros((3, HIGHEST + 1))
     powers, points = np.empty((2, HIGHEST + 2, 3)), np.empty(3)
     cell, begin, end = cells

@@ -46,10 +46,13 @@ class DrawnPath:
 def draw(
     spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, tolerance: FloatArray
 ) -> DrawnPath:
-    """Compute the tool path of a joint spline."""
-    # `s_objective`: arc lengths on the objective at the control points [m], (n,); `tolerance`:
-    # tolerance at the control points [m], (n,). The distance of the arcs from the curve is a small
-    # share of the tolerance.
+    """Compute the tool path of a joint spline.
+
+    The distance of the arcs from the curve is a small share of the tolerance.
+
+    - `s_objective`: arc lengths on the objective at the control points [m], (n,).
+    - `tolerance`: tolerance at the control points [m], (n,).
+    """
     count = _count_parts(spline)
     drawn = _draw(spline, arm, objective, s_objective, count)
     factor = _refinement_factor(drawn.segments, drawn.curve.spreads, count, tolerance)
@@ -72,9 +75,11 @@ def draw(
 def _refinement_factor(
     arcs: Segments, spreads: FloatArray, count: IntArray, tolerance: FloatArray
 ) -> FloatArray:
-    """Factor by which the number of parts of each span must increase, (m,); 1 or less if enough."""
-    # `arcs` has two arcs for each part; `spreads` is the distance of the arcs of each part from the
-    # curve [m]. `count` and `tolerance` [m] belong to the spans, (m,).
+    """Factor by which the number of parts of each span must increase, (m,); 1 or less if enough.
+
+    `arcs` has two arcs for each part; `spreads` is the distance of the arcs of each part from the
+    curve [m]. `count` and `tolerance` [m] belong to the spans, (m,).
+    """
     first = np.cumsum(count) - count
     deviation = np.maximum.reduceat(spreads, first) / np.maximum(NEAR * tolerance, NEAREST)
     turns = (arcs.curvatures * arcs.lengths).reshape(-1, 2).sum(axis=1)
@@ -139,8 +144,10 @@ def _count_parts(spline: JointSpline) -> IntArray:
 
 
 def _evaluate_spline(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
-    """Points, unit tangents and their derivatives along the arc length, (m, dimension) each."""
-    # `share`: time since the start of the span, divided by the span time, (m,).
+    """Points, unit tangents and their derivatives along the arc length, (m, dimension) each.
+
+    - `share`: time since the start of the span, divided by the span time, (m,).
+    """
     e, knots, h = spline.velocities, spline.knots, spline.h
     a = (np.diff(e, axis=0) / h[:, None])[span]
     t = (share * h[span])[:, None]

@@ -161,8 +161,10 @@ class Nodes:
         return len(self.s_objective)
 
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
-        """Largest offsets in each direction of `sides` [m], (n, m)."""
-        # `inside`: share of the tolerance that offsets must not use, (n,).
+        """Largest offsets in each direction of `sides` [m], (n, m).
+
+        - `inside`: share of the tolerance that offsets must not use, (n,).
+        """
         windows = self._windows(tube)
         spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)
         margin = spare + self.tolerance - self.smallest
@@ -377,10 +379,12 @@ def _divide(
     count: IntArray,
     along: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Arc lengths that divide the stretches between marks, and the mark at each point or -1."""
-    # `ends`: values at the marks, (m,). Each stretch is divided into `count` parts, (m - 1,), with
-    # equal steps of these values. `along`: values and arc lengths, if the values are not arc
-    # lengths.
+    """Arc lengths that divide the stretches between marks, and the mark at each point or -1.
+
+    - `ends`: values at the marks, (m,). Each stretch is divided into `count` parts, (m - 1,), with
+      equal steps of these values.
+    - `along`: values and arc lengths, if the values are not arc lengths.
+    """
     stretch, number = number_parts(count)
     value = ends[stretch] + np.diff(ends)[stretch] * number / count[stretch]
     s = value if along is None else np.interp(value, *along)

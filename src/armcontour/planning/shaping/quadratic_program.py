@@ -30,12 +30,16 @@ FIRST_SLACK = 0.1
 def solve_program(
     cost: FloatArray, rows: FloatArray, bounds: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, int]:
-    """Solve the quadratic program; without convergence the result is the last iterate."""
-    # `cost`: cost of the unknowns, (n, k); `rows`: coefficients of the rows of each node, for the
-    # unknowns of the previous node, of the node itself and of the next node, (n, m, 3 k); rows of
-    # zeros are ignored; `bounds`: upper bounds of the rows, (n, m); `weight`: positive weights of
-    # the squares of the unknowns, (n, k).
-    # Returns the unknowns, (n, k), and the number of iterations; negative if they did not converge.
+    """Solve the quadratic program; without convergence the result is the last iterate.
+
+    Returns the unknowns, (n, k), and the number of iterations; negative if they did not converge.
+
+    - `cost`: cost of the unknowns, (n, k).
+    - `rows`: coefficients of the rows of each node, for the unknowns of the previous node, of the
+      node itself and of the next node, (n, m, 3 k); rows of zeros are ignored.
+    - `bounds`: upper bounds of the rows, (n, m).
+    - `weight`: positive weights of the squares of the unknowns, (n, k).
+    """
     n, k = cost.shape
     first, ends, values, bound = _pack(rows, bounds)
     count = len(bound)

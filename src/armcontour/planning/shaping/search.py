@@ -38,9 +38,11 @@ def is_long(group: IntArray) -> bool:
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
-    """Index of the first of both fixed nodes between chunks, (m,); empty for a single chunk."""
-    # `group`: index of the corner or rest nearest to each node, ascending, (n,); `whole`: true for
-    # a single chunk on long paths, too.
+    """Index of the first of both fixed nodes between chunks, (m,); empty for a single chunk.
+
+    - `group`: index of the corner or rest nearest to each node, ascending, (n,).
+    - `whole`: true for a single chunk on long paths, too.
+    """
     if whole or group[-1] < CHUNKED:
         return np.zeros(0, dtype=np.intp)
     first = 1 + SHIFT * iteration % CORNERS
@@ -192,8 +194,10 @@ class ShapeSearch:
         return True
 
     def _update_near(self, candidate: Candidate, knots: FloatArray) -> None:
-        """Use a candidate's tool orientations and redundant joints for the control points."""
-        # `knots` are the arc lengths of the knots on its path [m], (n + 1,).
+        """Use a candidate's tool orientations and redundant joints for the control points.
+
+        `knots` are the arc lengths of the knots on its path [m], (n + 1,).
+        """
         if self.nodes.near.poses is None:
             return
         # `s`: control points of the arc length as a quadratic spline of time; control points next
@@ -251,9 +255,13 @@ class ShapeSearch:
     def _revert_corners(
         self, offsets: FloatArray, h: FloatArray, corners: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Offsets and span times of a proposal whose masked corners revert to the best shape."""
-        # `corners`: mask, (groups,). Next to a reverted corner, the change of the proposal
-        # increases with the distance from the corner.
+        """Offsets and span times of a proposal whose masked corners revert to the best shape.
+
+        Next to a reverted corner, the change of the proposal increases with the distance from the
+        corner.
+
+        - `corners`: mask, (groups,).
+        """
         group, state = self.nodes.group, self.state
         stays = 1.0 - corners
         edges = np.minimum(stays[1:], stays[:-1])
@@ -366,9 +374,11 @@ class ShapeSearch:
         return None
 
     def _tighten(self, lacking: FloatArray, excess: FloatArray) -> None:
-        """Reduce the limits of the offsets where the path leaves the tube."""
-        # `lacking`: distance outside the tube in the span of each node [m], (n,); `excess`:
-        # distance of each corner from the path in excess of its tolerance [m], (k,).
+        """Reduce the limits of the offsets where the path leaves the tube.
+
+        - `lacking`: distance outside the tube in the span of each node [m], (n,).
+        - `excess`: distance of each corner from the path in excess of its tolerance [m], (k,).
+        """
         nodes, state = self.nodes, self.state
         lacking = lacking.copy()
         s_corners = self.tube.objective.breaks[self.tube.vertex]

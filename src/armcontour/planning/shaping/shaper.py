@@ -150,9 +150,11 @@ class Shaping:
     def _choose_faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
     ) -> Program:
-        """Shaped program with the faster start, or the program with arcs if it is faster."""
-        # Shapes were compared from the start `first` [rad], (dof,). A redundant arm can be slightly
-        # slower from this start than from a free start, and the plan along arcs has a free start.
+        """Shaped program with the faster start, or the program with arcs if it is faster.
+
+        Shapes were compared from the start `first` [rad], (dof,). A redundant arm can be slightly
+        slower from this start than from a free start, and the plan along arcs has a free start.
+        """
         seed = tuple(first.tolist())
         plans: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
         with suppress(ArmContourError):
@@ -240,9 +242,10 @@ class Shaping:
         return replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
-        """Timer in the configuration of a joint path; `seed` replaces its start if equal to it."""
-        # The knots of a redundant arm depend on the rounding of the start, so `seed` itself is
-        # used.
+        """Timer in the configuration of a joint path; `seed` replaces its start if equal to it.
+
+        The knots of a redundant arm depend on the rounding of the start, so `seed` itself is used.
+        """
         start, intervals = ends_of(joint_path)[0], self.options.intervals
         limits = reduce_limits(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):

@@ -69,12 +69,15 @@ class SpanRows:
 
 
 def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
-    """Rows of all limits, except angular limits of the tool and joint ranges."""
-    # Rotation depends on the orientation, which is a function of the objective and not of the
-    # offsets; the exact timing satisfies its limits. Shapes that leave a joint range cannot be
-    # traced.
-    # `limits`: the limits, one value per joint; `speeds`: assigned velocity at the end of every
-    # span [m/s], infinite if none, (n,).
+    """Rows of all limits, except angular limits of the tool and joint ranges.
+
+    Rotation depends on the orientation, which is a function of the objective and not of the
+    offsets; the exact timing satisfies its limits. Shapes that leave a joint range cannot be
+    traced.
+
+    - `limits`: the limits, one value per joint.
+    - `speeds`: assigned velocity at the end of every span [m/s], infinite if none, (n,).
+    """
     e, knots, h = spline.velocities, spline.knots, spline.h
     a = np.diff(e, axis=0) / h[:, None]
     n, dof = spline.q.shape
@@ -240,11 +243,15 @@ def _by_both_ends(
 def assemble(
     spline: JointSpline, rows: SpanRows, steps: FloatArray, unit: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Rows of the quadratic program in scaled unknowns, and their bounds."""
-    # The unknowns of node i are its offsets divided by `unit`, and the relative change of h_i.
-    # `steps`: derivatives of each control point with respect to its offsets [rad/m], (n, dof, k);
-    # `unit`: scale of the offsets of each node, 0 if fixed [m], (n,).
-    # Returns coefficients, (n, m, 3 (k + 1)), and bounds, (n, m).
+    """Rows of the quadratic program in scaled unknowns, and their bounds.
+
+    The unknowns of node i are its offsets divided by `unit`, and the relative change of h_i.
+
+    Returns coefficients, (n, m, 3 (k + 1)), and bounds, (n, m).
+
+    - `steps`: derivatives of each control point with respect to its offsets [rad/m], (n, dof, k).
+    - `unit`: scale of the offsets of each node, 0 if fixed [m], (n,).
+    """
     n, dof, k = steps.shape
     e, h = spline.velocities, spline.h
     pair = np.ones(n + 1)

@@ -26,12 +26,16 @@ MATCH_TOLERANCE = 0.05
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
-    """Matching arc lengths, of nearest points on the objective and of the path [m], (m, 2)."""
-    # The path passes a corner at its point nearest to the corner. Points before this point match
-    # the stretch before the corner, points after it match the stretch after the corner.
-    # `matches`: approximate matching arc lengths on the objective and on the path [m], increasing,
-    # (n, 2); `reach`: largest distance along the objective between exact and approximate match [m],
-    # one number or one per row, (n,).
+    """Matching arc lengths, of nearest points on the objective and of the path [m], (m, 2).
+
+    The path passes a corner at its point nearest to the corner. Points before this point match the
+    stretch before the corner, points after it match the stretch after the corner.
+
+    - `matches`: approximate matching arc lengths on the objective and on the path [m], increasing,
+      (n, 2).
+    - `reach`: largest distance along the objective between exact and approximate match [m], one
+      number or one per row, (n,).
+    """
     reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64), len(matches))
     _, passed = tube.nearest_to_corners(path, matches, reaches)
     passed = np.maximum.accumulate(passed)
@@ -125,8 +129,10 @@ class Timer:
 def make_starts(
     objective: Path, tube: Tube, options: Shaped, share: float = 1.0
 ) -> dict[str, tuple[Path, FloatArray]]:
-    """Make the starts by name, all within the tube, each with its matching arc lengths."""
-    # `share`: share of the tolerance to which corners are rounded.
+    """Make the starts by name, all within the tube, each with its matching arc lengths.
+
+    - `share`: share of the tolerance to which corners are rounded.
+    """
     matches = np.array([[0.0, 0.0], [objective.length, objective.length]])
     starts: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, matches)}
     curves: dict[str, Curve] = {ARCS: "arc", PARABOLAS: "parabola"}

@@ -156,9 +156,13 @@ def _write_half_plane(
     motion: tuple[float, float],
     row: tuple[Vector, Vector, Vector, Vector],
 ) -> None:
-    """Write the half-planes `low <= a u + b x <= high` of LANES rows at one end of an interval."""
-    # `location`: interval, end and first line; `motion`: length of the interval, and half of the
-    # change of u. Rows without m become a ceiling of x, because rest satisfies every row.
+    """Write the half-planes `low <= a u + b x <= high` of LANES rows at one end of an interval.
+
+    Rows without m become a ceiling of x, because rest satisfies every row.
+
+    - `location`: interval, end and first line.
+    - `motion`: length of the interval, and half of the change of u.
+    """
     (i, end, line), (w, turn), (a, b, low, high) = location, motion, row
     shift = turn - 2 * turn * end
     low, high = low + shift * a, high + shift * a
@@ -223,16 +227,21 @@ def bracket(smallest: float, largest: float) -> Bracket:
 def bound_friction(
     friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
 ) -> tuple[float, float, float]:
-    """Upper bound, linear in x, of friction in the row of one limit of joint j on interval i."""
-    # If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is
-    # the friction at each end of the interval, multiplied by a line in x that bounds the root of x.
-    # The lower line is the chord of the root. The upper line is the tangent with equal excess at
-    # both ends of the bracket. The friction of its offset may be at most the share MAX_OFFSET_SHARE
-    # of `room`, the limit at rest. If it is larger, the upper line is the tangent at a smaller x
-    # that has the allowed offset. If this x is below the smallest x, the upper line has the allowed
-    # offset and passes through the root at the smallest x.
-    # `towards`: 1 for the upper limit, -1 for the lower one; `within`: the bracket of x.
-    # Returns the largest friction, or 0; offset and slope of the line, or 0.
+    """Upper bound, linear in x, of friction in the row of one limit of joint j on interval i.
+
+    If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is the
+    friction at each end of the interval, multiplied by a line in x that bounds the root of x. The
+    lower line is the chord of the root. The upper line is the tangent with equal excess at both
+    ends of the bracket. The friction of its offset may be at most the share MAX_OFFSET_SHARE of
+    `room`, the limit at rest. If it is larger, the upper line is the tangent at a smaller x that
+    has the allowed offset. If this x is below the smallest x, the upper line has the allowed offset
+    and passes through the root at the smallest x.
+
+    Returns the largest friction, or 0; offset and slope of the line, or 0.
+
+    - `towards`: 1 for the upper limit, -1 for the lower one.
+    - `within`: the bracket of x.
+    """
     largest, sign = friction.within[i, j, LARGEST], friction.within[i, j, SIGN]
     if sign == 0.0:
         return towards * largest * within.high, 0.0, 0.0
@@ -252,9 +261,13 @@ def bound_friction(
 def friction_rise(
     friction: Friction, i: int, j: int, offset: float, slope: float, w: float
 ) -> tuple[float, float, float, float]:
-    """Rise that the line of `bound_friction` adds to a row: factors of U, X, slope and 1."""
-    # The slope of the line adds to b, so its product with x curves as b x does. In addition, the
-    # friction deviates from its chord. `w`: length of the interval.
+    """Rise that the line of `bound_friction` adds to a row: factors of U, X, slope and 1.
+
+    The slope of the line adds to b, so its product with x curves as b x does. In addition, the
+    friction deviates from its chord.
+
+    - `w`: length of the interval.
+    """
     v0, v1, deviation = (
         friction.viscous[i, 0, j],
         friction.viscous[i, 1, j],
@@ -323,9 +336,11 @@ def _write_conic(
 def _linear_row(
     limits: GridLimits, i: int, r: int, w: float, within: Bracket, margins: bool
 ) -> tuple[float, ...]:
-    """Row r of interval i: a, b, low and high at its start and at its end, and the rise."""
-    # Rows with friction come first: all upper limits, then all lower limits. `margins` adds the
-    # friction of joints that may reverse.
+    """Row r of interval i: a, b, low and high at its start and at its end, and the rise.
+
+    Rows with friction come first: all upper limits, then all lower limits. `margins` adds the
+    friction of joints that may reverse.
+    """
     ends, rise, friction = limits.rows.ends, limits.rows.rise, limits.friction
     friction_rows = friction.within.shape[1]
     side = 0 if r < friction_rows else 1 if r < 2 * friction_rows else 2
@@ -369,9 +384,12 @@ def _linear_row(
 def rows_with_friction(
     width: FloatArray, limits: GridLimits, bounds: MotionBounds, margins: bool
 ) -> LinearRows:
-    """Linear rows: upper limits with friction, lower limits with friction, other rows."""
-    # `width`: lengths of the intervals, (n,); `bounds`: bounds of the plan, which include the range
-    # of x; `margins`: true to add the friction of joints that may reverse.
+    """Linear rows: upper limits with friction, lower limits with friction, other rows.
+
+    - `width`: lengths of the intervals, (n,).
+    - `bounds`: bounds of the plan, which include the range of x.
+    - `margins`: true to add the friction of joints that may reverse.
+    """
     n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
     for i in range(n):
@@ -672,12 +690,17 @@ def _backward_forward_pass(
     rules: Rules,
     squares: PassSquares,
 ) -> int:
-    """Write the limits and the largest feasible x, by a backward and a forward pass."""
-    # Backward pass: the range of the mean u is concave in x and not empty for x = 0, so Newton
-    # steps from the cap converge to the largest x with a range. `state`: mask of the intervals to
-    # write, (n,), and true for limits with margins; `squares`: output.
-    # Returns -1 if a plan was found, the index of an interval on which no motion is allowed, or n
-    # plus the index of an interval without limits.
+    """Write the limits and the largest feasible x, by a backward and a forward pass.
+
+    Backward pass: the range of the mean u is concave in x and not empty for x = 0, so Newton steps
+    from the cap converge to the largest x with a range.
+
+    Returns -1 if a plan was found, the index of an interval on which no motion is allowed, or n
+    plus the index of an interval without limits.
+
+    - `state`: mask of the intervals to write, (n,), and true for limits with margins.
+    - `squares`: output.
+    """
     (changed, margins), (cap, reachable, x) = state, squares
     n, below, stuck = len(grid.piece), -1, -1
     mean, slots = np.empty(n), len(lines.slot_interval) - 1
@@ -770,8 +793,10 @@ def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[fl
 def _joint_acceleration_range(
     grid: Intervals, limits: GridLimits, location: tuple[int, int, int, int], x: float
 ) -> tuple[float, float, float, int, int]:
-    """`acceleration_range` of a group of joint bounds."""
-    # `location`: interval, end, group and first joint.
+    """`acceleration_range` of a group of joint bounds.
+
+    - `location`: interval, end, group and first joint.
+    """
     i, end, group, joint = location
     offset = ROWS * group
     a, b = path_slopes(grid, i, joint, end)

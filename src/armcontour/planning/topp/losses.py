@@ -45,9 +45,13 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
 def _shortest_time(
     w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
 ) -> tuple[float, float]:
-    """Shortest time [s] through an interval, and the switch point as a share of the interval."""
-    # `w`: length of the interval; `x`: values of x at its ends; `rates`: largest u and largest -u;
-    # `ceiling`: largest x between the ends.
+    """Shortest time [s] through an interval, and the switch point as a share of the interval.
+
+    - `w`: length of the interval.
+    - `x`: values of x at its ends.
+    - `rates`: largest u and largest -u.
+    - `ceiling`: largest x between the ends.
+    """
     up, down = 2 * rates[0], 2 * rates[1]
     first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
     top = x[0] + up * first
@@ -69,9 +73,11 @@ def _shortest_time(
 def estimate_losses(
     grid: Intervals, limits: GridLimits, plan: GridPlan
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Estimate the time that a plan loses by its grid and its slopes."""
-    # Returns the duration of the plan [s]; the time lost on each interval [s], (n,); and the point
-    # in each interval at which a new grid point saves most [m], (n,), or the start of the interval.
+    """Estimate the time that a plan loses by its grid and its slopes.
+
+    Returns the duration of the plan [s]; the time lost on each interval [s], (n,); and the point in
+    each interval at which a new grid point saves most [m], (n,), or the start of the interval.
+    """
     s, x, k, lost, n, duration = grid.s, plan.x, plan.k, plan.lost, len(plan.k), 0.0
     loss, point, valley = np.empty(n), np.empty(n), np.zeros(n)
     for i in range(n):

@@ -156,11 +156,13 @@ class OnGrid:
         return self.grid.joint_path.motion(*self.places)
 
     def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
-        """Rows `low <= a u + b x + c <= high` from coefficients at all samples, (samples, rows)."""
-        # The deviation of a coefficient from its chord is measured in the middle of an interval.
-        # Close to an inflection point this deviation is too small. Therefore its bound is computed
-        # from twice the largest second derivative of the interval and both neighbours. `low` and
-        # `high`: bounds, (rows,) each.
+        """Rows `low <= a u + b x + c <= high` from coefficients at all samples, (samples, rows).
+
+        The deviation of a coefficient from its chord is measured in the middle of an interval.
+        Close to an inflection point this deviation is too small. Therefore its bound is computed
+        from twice the largest second derivative of the interval and both neighbours. `low` and
+        `high`: bounds, (rows,) each.
+        """
         n, count = len(self), terms[0].shape[1]
         rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
         write_linear_rows(self.intervals, self.after, terms, (low, high), rows)

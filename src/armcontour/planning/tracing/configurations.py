@@ -103,10 +103,13 @@ def find_solutions(
     task: int,
     seed: FloatArray | None,
 ) -> list[Solution]:
-    """Solutions that complete the path inside the joint ranges, the shortest first."""
-    # `knot_poses`: tool poses at the starts of the knot intervals and at the end of the last one,
-    # (n + 1, 3, 4); `seed`: approximate joint positions at the start of the path [rad], (dof,);
-    # None for all configurations.
+    """Solutions that complete the path inside the joint ranges, the shortest first.
+
+    - `knot_poses`: tool poses at the starts of the knot intervals and at the end of the last one,
+      (n + 1, 3, 4).
+    - `seed`: approximate joint positions at the start of the path [rad], (dof,); None for all
+      configurations.
+    """
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
     starts = configurations(arm, poses[0], task, seed)
@@ -174,10 +177,13 @@ def follow_branches(
     starts: FloatArray,  # Joint positions at the first pose [rad], (starts, dof)
     max_correction: float = EXACTLY,
 ) -> tuple[FloatArray, IntArray]:
-    """Follow poses from several starts in parallel."""
-    # `max_correction`: a pose is reached if the correction of every joint is below this [rad].
-    # Returns joint positions at the reached poses [rad], (starts, n, dof), and the number of
-    # reached poses, including the first, (starts,).
+    """Follow poses from several starts in parallel.
+
+    Returns joint positions at the reached poses [rad], (starts, n, dof), and the number of reached
+    poses, including the first, (starts,).
+
+    - `max_correction`: a pose is reached if the correction of every joint is below this [rad].
+    """
     q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
     q[:, 0] = starts
 
@@ -287,19 +293,25 @@ class _DistinctSolutions:
 def _outside_null_space(
     w: FloatArray, difference: FloatArray, slides: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Largest component of joint differences outside null spaces, and largest difference [rad]."""
-    # `w`: bases of the null spaces, (..., n, free, dof); `difference`: joint differences, modulo
-    # whole turns [rad]; `slides`: mask of the prismatic joints, (dof,).
+    """Largest component of joint differences outside null spaces, and largest difference [rad].
+
+    - `w`: bases of the null spaces, (..., n, free, dof).
+    - `difference`: joint differences, modulo whole turns [rad].
+    - `slides`: mask of the prismatic joints, (dof,).
+    """
     wrapped = np.where(slides, difference, np.pi - np.mod(np.pi - difference, 2 * np.pi))
     outside = wrapped - (np.swapaxes(w, -1, -2) @ (w @ wrapped[..., None]))[..., 0]
     return np.abs(outside).max(axis=(-1, -2)), np.abs(wrapped).max(axis=(-1, -2))
 
 
 def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
-    """Divide knot intervals into subintervals whose chords are close to the path."""
-    # `poses`: tool poses at the starts of the intervals and at the end of the last one, (n + 1, 3,
-    # 4). Returns the subintervals, and the index of each given knot among the knots of the
-    # subintervals.
+    """Divide knot intervals into subintervals whose chords are close to the path.
+
+    Returns the subintervals, and the index of each given knot among the knots of the subintervals.
+
+    - `poses`: tool poses at the starts of the intervals and at the end of the last one, (n + 1, 3,
+      4).
+    """
     width = knots.u1 - knots.u0
     turn = width * path.curvatures[knots.segment]
     if path.orientation is not None and not path.orientation.constant:

@@ -46,11 +46,14 @@ class Knots:
         return Knots(**{name: getattr(self, name)[selection] for name in Knots.__slots__})
 
     def halve(self, mask: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:
-        """Split the selected intervals in two."""
-        # `mask`: mask of the intervals to split, (n,); `u`: distance along the segment at which
-        # each selected interval is split [m].
-        # Returns the new intervals; the index of the old interval of each; and the indices of the
-        # second halves among the new intervals.
+        """Split the selected intervals in two.
+
+        Returns the new intervals; the index of the old interval of each; and the indices of the
+        second halves among the new intervals.
+
+        - `mask`: mask of the intervals to split, (n,).
+        - `u`: distance along the segment at which each selected interval is split [m].
+        """
         parent = np.repeat(np.arange(len(self)), 1 + mask)
         second = np.flatnonzero(np.diff(parent, prepend=-1) == 0)
         u0, u1, s0 = self.u0[parent], self.u1[parent], self.s0[parent]
@@ -91,8 +94,11 @@ class Knots:
 
 
 def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
-    """Initial knot intervals for refinement, with a knot at every break of the path."""
-    # `span`: span of the arm [m]; `finer`: factor by which the intervals are shorter than required.
+    """Initial knot intervals for refinement, with a knot at every break of the path.
+
+    - `span`: span of the arm [m].
+    - `finer`: factor by which the intervals are shorter than required.
+    """
     cells = _cells(path)
     # All vertices of a full circle are one point, so the extent includes the diameters of arcs.
     diameter = np.minimum(path.lengths, 2 / np.where(path.curvatures > 0, path.curvatures, np.inf))

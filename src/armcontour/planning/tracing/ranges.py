@@ -58,10 +58,14 @@ def check_joint_range(joint_path: JointPath, limits: Limits, arm: Arm) -> None:
 def out_of_range(
     path: Path | None, arm: Arm, s: float, joint: int, q: float, edge: float, also: str = ""
 ) -> Unreachable:
-    """Make the error for a joint that leaves its range."""
-    # `s`: arc length at which the joint is out of range [m]; `joint`: index of the joint, from 0;
-    # `q`: joint position that the path requires there [rad]; `edge`: end of the joint range that is
-    # exceeded [rad]; `also`: clause that is added to the message.
+    """Make the error for a joint that leaves its range.
+
+    - `s`: arc length at which the joint is out of range [m].
+    - `joint`: index of the joint, from 0.
+    - `q`: joint position that the path requires there [rad].
+    - `edge`: end of the joint range that is exceeded [rad].
+    - `also`: clause that is added to the message.
+    """
     name, unit = "upper" if q > edge else "lower", arm.chain.unit("rad", joint)
     return Unreachable(
         f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} {unit}, "

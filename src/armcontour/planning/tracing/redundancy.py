@@ -50,11 +50,16 @@ class Guide:
 
     @classmethod
     def through(cls, s: FloatArray, q: FloatArray, w: FloatArray, stops: FloatArray) -> Guide:
-        """Guide through given joint positions."""
-        # The splines are cubic, or quintics where a cubic spline overshoots because the tool turns
-        # much faster on a short part of the path than next to it.
-        # `s`: arc lengths [m], (n,); `q`: joint positions [rad], (n, dof); `w`: bases of the null
-        # space, (n, free, dof); `stops`: those arc lengths in `s` at which the tool stops [m].
+        """Guide through given joint positions.
+
+        The splines are cubic, or quintics where a cubic spline overshoots because the tool turns
+        much faster on a short part of the path than next to it.
+
+        - `s`: arc lengths [m], (n,).
+        - `q`: joint positions [rad], (n, dof).
+        - `w`: bases of the null space, (n, free, dof).
+        - `stops`: those arc lengths in `s` at which the tool stops [m].
+        """
         n, free, dof = w.shape
         turned = [np.eye(free)]
         for turn in _basis_rotations(w):
@@ -71,9 +76,12 @@ class Guide:
         return cls(s=s, coefficients=coefficients, dof=dof)
 
     def evaluate(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rows w and guide g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof)."""
-        # `s`: arc lengths [m], (n,); `middle`: arc lengths inside the intervals that `s` belong to
-        # [m], (n,); at a knot they select the interval.
+        """Rows w and guide g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof).
+
+        - `s`: arc lengths [m], (n,).
+        - `middle`: arc lengths inside the intervals that `s` belong to [m], (n,); at a knot they
+          select the interval.
+        """
         interval, k = np.searchsorted(self.s, middle) - 1, np.arange(6)
         x = (s - self.s[interval])[:, None]
         one, two = k * x ** np.maximum(k - 1, 0), k * (k - 1) * x ** np.maximum(k - 2, 0)

@@ -39,8 +39,10 @@ class Solver(ABC, Generic[A]):
         self.arm = arm
 
     def first_ends(self, knots: Knots, guess: FloatArray | None) -> tuple[Ends, Ends]:
-        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals."""
-        # `guess`: joint positions near the solutions at the starts, then at the ends, (2 n, dof).
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals.
+
+        - `guess`: joint positions near the solutions at the starts, then at the ends, (2 n, dof).
+        """
         n = len(knots)
         both = knots.part(np.tile(np.arange(n), 2))
         columns = self.ends(both, np.concatenate([knots.u0, knots.u1]), guess)
@@ -48,18 +50,25 @@ class Solver(ABC, Generic[A]):
 
     @abstractmethod
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
-        # `knots`: the n knot intervals; `u`: distance along the segment of each interval [m], (n,);
-        # `guess`: joint positions near the solution, (n, dof); not used by a closed form.
+        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each.
+
+        - `knots`: the n knot intervals.
+        - `u`: distance along the segment of each interval [m], (n,).
+        - `guess`: joint positions near the solution, (n, dof); not used by a closed form.
+        """
 
     def guess(
         self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
     ) -> FloatArray | None:
-        """Joint positions near the solutions within intervals, (n, dof); None if not needed."""
-        # `knots`: the n knot intervals; `u`: distance along the segment of each interval [m], (n,);
-        # `middle`: joint positions in the middle of the quintics of the intervals, (n, dof);
-        # `halfway`: means of the joint positions at both ends, (n, dof). Near a singularity the
-        # quintic may overshoot, and `halfway` is the better guess.
+        """Joint positions near the solutions within intervals, (n, dof); None if not needed.
+
+        Near a singularity the quintic may overshoot, and `halfway` is the better guess.
+
+        - `knots`: the n knot intervals.
+        - `u`: distance along the segment of each interval [m], (n,).
+        - `middle`: joint positions in the middle of the quintics of the intervals, (n, dof).
+        - `halfway`: means of the joint positions at both ends, (n, dof).
+        """
         nearer = self.tool_errors(knots, u, halfway) < self.tool_errors(knots, u, middle)
         return np.where(nearer[:, None], halfway, middle)
 
@@ -131,8 +140,11 @@ class AnalyticSolver(Solver[PlanarTwoLink]):
 
 
 def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -> JointPath:
-    """Joint path through exact knots, refined until it satisfies the solver's tolerance."""
-    # `solver`: computes joint positions and their derivatives; `guess`: as in `first_ends`.
+    """Joint path through exact knots, refined until it satisfies the solver's tolerance.
+
+    - `solver`: computes joint positions and their derivatives.
+    - `guess`: as in `first_ends`.
+    """
     start, end = solver.first_ends(knots, guess)
     settled = np.zeros(len(knots), dtype=bool)
     while True:
@@ -173,9 +185,11 @@ def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
 
 
 def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
-    """Raise Unreachable at a point of the path at which the joints have no unique motion."""
-    # `s`: arc length of the point [m]; `state`: state of the arm at the point, such as "is
-    # singular".
+    """Raise Unreachable at a point of the path at which the joints have no unique motion.
+
+    - `s`: arc length of the point [m].
+    - `state`: state of the arm at the point, such as "is singular".
+    """
     path, point = solver.path, solver.path(s).tolist()
     raise Unreachable(
         describe_fast_rotation(path, s)

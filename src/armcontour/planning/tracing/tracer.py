@@ -143,10 +143,13 @@ def _refuse_flat(arm: SerialArm) -> None:
 def sketch_all(
     path: Path, arm: SerialArm, *, limits: Limits | None = None
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Joint positions at a few points of a long path, in all configurations that reach them."""
-    # `arm`: the arm, which moves in space.
-    # Returns arc lengths of the points from 0 to the path's end [m], (n,), and joint positions
-    # there [rad], (n, dof) each, the shortest joint path first.
+    """Joint positions at a few points of a long path, in all configurations that reach them.
+
+    Returns arc lengths of the points from 0 to the path's end [m], (n,), and joint positions there
+    [rad], (n, dof) each, the shortest joint path first.
+
+    - `arm`: the arm, which moves in space.
+    """
     from armcontour.planning.tracing.configurations import find_solutions
 
     if limits is not None:

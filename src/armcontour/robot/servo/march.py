@@ -224,8 +224,10 @@ def write_map(
 def apply_map(
     servo: Servo, f: FloatArray, i: int, u: Command, end: Command, q: float, w: float, x: float
 ) -> tuple[float, float, float]:
-    """Position, velocity and integral after a step without saturation, by the map f[i]."""
-    # end: the command at the end.
+    """Position, velocity and integral after a step without saturation, by the map f[i].
+
+    - `end`: the command at the end.
+    """
     e = q - u.value
     p = f[i, 0, 0] * e + f[i, 0, 1] * w
     p += f[i, 0, 2] * u.rate + f[i, 0, 3] * u.second + f[i, 0, 4] * u.third
@@ -300,9 +302,14 @@ def expand(
     x: FloatArray,
     z: FloatArray,
 ) -> None:
-    """Compute the Taylor coefficients of position minus command value, integral and demand."""
-    # q: the first two are input. x: the first is input. z: `terms` coefficients, output. `side` is
-    # 1 at the upper bound of the acceleration, -1 at the lower bound, otherwise 0.
+    """Compute the Taylor coefficients of position minus command value, integral and demand.
+
+    `side` is 1 at the upper bound of the acceleration, -1 at the lower bound, otherwise 0.
+
+    - `q`: the first two are input.
+    - `x`: the first is input.
+    - `z`: `terms` coefficients, output.
+    """
     kp, kv, ki = servo.kp, servo.kv, servo.ki
     bound = servo.upper if side > 0.0 else servo.lower
     if kv == 0.0:
@@ -425,9 +432,11 @@ def march_held(
     piece: int,
     out: FloatArray,
 ) -> tuple[Motion, float]:
-    """Simulate a joint whose drive holds acceleration or velocity in each piece; as `march`."""
-    # `piece` is the number of pieces that have begun before times[0]. The integral changes once per
-    # piece, by the equation above, before the demand is computed.
+    """Simulate a joint whose drive holds acceleration or velocity in each piece; as `march`.
+
+    `piece` is the number of pieces that have begun before times[0]. The integral changes once per
+    piece, by the equation above, before the demand is computed.
+    """
     q, w, x, saturated, lowest, highest = m
     first, last, now = servo.kv == 0.0, len(starts), times[0]
     kp, kv, ki = servo.kp, servo.kv, servo.ki
@@ -477,13 +486,18 @@ def march(
     state: FloatArray,
     out: FloatArray,
 ) -> tuple[Motion, float]:
-    """Simulate one joint from times[0] on; returns its motion and its held value."""
-    # pieces: coefficients of the command and its lead, (n + 1, 5), of which the first and the last
-    # are constant. starts: times at which all pieces but the first reach the joint [s], (n,).
-    # times: start, and times of the results [s], (m + 1,). state: position, velocity and held value
-    # at the start, (3,). out: position, velocity and demand, (m, 3). Results are not finite if the
-    # servo requires too many steps.
-    # Without extremes, no demand is a new one.
+    """Simulate one joint from times[0] on; returns its motion and its held value.
+
+    Results are not finite if the servo requires too many steps. Without extremes, no demand is a
+    new one.
+
+    - `pieces`: coefficients of the command and its lead, (n + 1, 5), of which the first and the
+      last are constant.
+    - `starts`: times at which all pieces but the first reach the joint [s], (n,).
+    - `times`: start, and times of the results [s], (m + 1,).
+    - `state`: position, velocity and held value at the start, (3,).
+    - `out`: position, velocity and demand, (m, 3).
+    """
     extreme = 0.0 if kind in (COMPLETE, HELD) else math.inf
     m, held = Motion(state[0], state[1], 0.0, 0.0, 0.0 - extreme, extreme), state[2]
     last, now = len(starts), times[0]

@@ -528,8 +528,10 @@ def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatAr
 
 
 def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator, in z, of the filter `s / (s + ki)` for means over cycles."""
-    # With a drive cycle, the integral is a sum; the filter is exact if `cycle` is the drive cycle.
+    """Numerator and denominator, in z, of the filter `s / (s + ki)` for means over cycles.
+
+    With a drive cycle, the integral is a sum; the filter is exact if `cycle` is the drive cycle.
+    """
     decay = np.log1p(ki * drive_cycle) / drive_cycle if drive_cycle else ki
     mean = -np.expm1(-decay * cycle) / (ki * cycle)
     return mean * np.array([1.0, -1.0]), np.array([1.0, -np.exp(-decay * cycle)])
@@ -538,9 +540,11 @@ def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[Floa
 def without_integral(
     dq: FloatArray, ddq: FloatArray, servo: ServoModel, cycle: float
 ) -> FloatArray:
-    """Part of mean accelerations that the integrators do not supply [rad/s²], (n, dof)."""
-    # The loop output is `K_v (1 + k_i / s)` times the velocity error, starting at rest, and also
-    # overcomes friction. dq and ddq are means over intervals of length `cycle`.
+    """Part of mean accelerations that the integrators do not supply [rad/s²], (n, dof).
+
+    The loop output is `K_v (1 + k_i / s)` times the velocity error, starting at rest, and also
+    overcomes friction. dq and ddq are means over intervals of length `cycle`.
+    """
     if not servo.ki.any():
         return ddq
     from scipy.signal import lfilter

@@ -53,10 +53,13 @@ class ServoSimulation:
     def run(
         self, begin: int, end: int, q: FloatArray, dq: FloatArray, held: FloatArray | None = None
     ) -> JointMotions:
-        """Simulate all joints from the start of interval `begin` to the start of `end`."""
-        # q [rad] and dq [rad/s], (dof,): initial state. held: initial values that drives with a
-        # cycle hold, (dof,): accelerations [rad/s²], for order "first" velocities, with an
-        # integrator demands.
+        """Simulate all joints from the start of interval `begin` to the start of `end`.
+
+        q [rad] and dq [rad/s], (dof,): initial state.
+
+        - `held`: initial values that drives with a cycle hold, (dof,): accelerations [rad/s²], for
+          order "first" velocities, with an integrator demands.
+        """
         results = np.arange(begin * self.steps, end * self.steps + 1, dtype=np.float64)
         held = np.zeros_like(q) if held is None else held
         return self.run_at(results * (self.cycle / self.steps), (q, dq, held))
@@ -124,8 +127,10 @@ def _joints(
 
 
 def held_pieces(u: FloatArray, starts: FloatArray, servo: ServoModel | JointServo) -> FloatArray:
-    """Pieces of held commands with feed-forward and friction; lines for pure delays, as `march`."""
-    # `u`: command without them in each drive cycle, (rows, count + 2), two cycles earlier.
+    """Pieces of held commands with feed-forward and friction; lines for pure delays, as `march`.
+
+    - `u`: command without them in each drive cycle, (rows, count + 2), two cycles earlier.
+    """
     width = starts[1] - starts[0]
     du, ddu = np.diff(u, axis=1)[:, 1:] / width, np.diff(u, 2, axis=1) / width**2
     a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (*servo.lead, servo.friction))
@@ -146,10 +151,13 @@ def respond_within(
     times: FloatArray,
     state: tuple[FloatArray, FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Response of all joints at increasing times within interval k."""
-    # state: positions [rad], velocities [rad/s] and held values at the first time, (dof,) each.
-    # Returns `times` and the times at which a set-point reaches a joint, in order [s], (m,);
-    # positions [rad], and velocities just before and just after each time [rad/s], (m, dof) each.
+    """Response of all joints at increasing times within interval k.
+
+    Returns `times` and the times at which a set-point reaches a joint, in order [s], (m,);
+    positions [rad], and velocities just before and just after each time [rad/s], (m, dof) each.
+
+    - `state`: positions [rad], velocities [rad/s] and held values at the first time, (dof,) each.
+    """
     phase = servo.dead_time % cycle
     tolerance = SNAP * cycle
     times = np.union1d(
@@ -177,10 +185,12 @@ def follow(
     drive_cycle: float = 0.0,
     ddq0: float | FloatArray = 0.0,
 ) -> FloatArray:
-    """Positions of a joint over its log [rad], (n,), exact between the breaks of its command."""
-    # If the servo has arrays, (rows,), the result is (rows, n). q0 [rad], dq0 [rad/s] and, with an
-    # integrator, the demand ddq0 [rad/s²] are the initial state. A drive cycle begins at the first
-    # set-point. The result is not finite if the time steps that the servo requires are too short.
+    """Positions of a joint over its log [rad], (n,), exact between the breaks of its command.
+
+    If the servo has arrays, (rows,), the result is (rows, n). q0 [rad], dq0 [rad/s] and, with an
+    integrator, the demand ddq0 [rad/s²] are the initial state. A drive cycle begins at the first
+    set-point. The result is not finite if the time steps that the servo requires are too short.
+    """
     shape = np.broadcast_shapes(*(np.shape(x) for x in (*servo, q0, dq0, ddq0)))
     rows = int(np.prod(shape))
     each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))

@@ -242,10 +242,13 @@ def _execute_robot(case: Case, set_points: SetPoints, deviations: FloatArray) ->
 def _search_corners(
     errors: Callable[[FloatArray], FloatArray], k: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Signs of the corners to execute if the box has more than MAX_CORNERS, and their errors."""
-    # errors: function from signs, (n, k), to errors [m] and demand, (n, contours + 1). First the
-    # corner with the worse sign of each single parameter, then the corners of a search from there
-    # that changes one sign per step while the error increases, then random corners.
+    """Signs of the corners to execute if the box has more than MAX_CORNERS, and their errors.
+
+    First the corner with the worse sign of each single parameter, then the corners of a search from
+    there that changes one sign per step while the error increases, then random corners.
+
+    - `errors`: function from signs, (n, k), to errors [m] and demand, (n, contours + 1).
+    """
     single = errors(np.concatenate([np.eye(k), -np.eye(k)]))[:, :-1].max(axis=1)
     best = np.where(single[:k] >= single[k:], 1.0, -1.0)
     corners = np.stack([best, -best])

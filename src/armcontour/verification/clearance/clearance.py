@@ -454,9 +454,11 @@ class _ClearanceSearch:
         ]
 
     def _bound_distances(self, t: FloatArray, travel: FloatArray) -> None:
-        """Search a part of the motion."""
-        # `t` are the times of the breaks in the part [s], `travel` the largest travel of each joint
-        # since the start of the part [rad], (n, dof).
+        """Search a part of the motion.
+
+        `t` are the times of the breaks in the part [s], `travel` the largest travel of each joint
+        since the start of the part [rad], (n, dof).
+        """
         pair = np.arange(len(self.pairs))
         begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
         travelled = np.zeros(len(pair)), self._radii @ travel[-1]

@@ -79,9 +79,12 @@ class Distances:
         self._still = self._coal.Transform3s()
 
     def measure(self, q: FloatArray, state: IntArray, pair: IntArray) -> FloatArray:
-        """Distances of pairs at joint positions [m], (m,); negative if the bodies overlap."""
-        # q: joint positions [rad], (n, dof). state: row of q of each result, (m,). pair: index of
-        # its pair, (m,).
+        """Distances of pairs at joint positions [m], (m,); negative if the bodies overlap.
+
+        - `q`: joint positions [rad], (n, dof).
+        - `state`: row of q of each result, (m,).
+        - `pair`: index of its pair, (m,).
+        """
         turned, moved = self._relative(q, state, pair)
         distances, placement, result = [], self._coal.Transform3s(), self._coal.DistanceResult()
         for p, turn, move in zip(pair.tolist(), turned, moved, strict=True):
@@ -90,8 +93,10 @@ class Distances:
         return np.array(distances)
 
     def points(self, q: FloatArray) -> FloatArray:
-        """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3)."""
-        # q: joint positions of each pair [rad], (pairs, dof).
+        """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3).
+
+        - `q`: joint positions of each pair [rad], (pairs, dof).
+        """
         every = np.arange(len(self._pairs))
         turned, moved = self._relative(q, every, every)
         # Each call has its own result object, because several threads may call.

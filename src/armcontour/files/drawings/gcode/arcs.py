@@ -201,9 +201,11 @@ def _check_end(start: Point, piece: ArcPart) -> None:
 def helix_points(
     arc: ProgrammedArc, tolerance: float, count_segments: Callable[[int], None]
 ) -> list[Point]:
-    """End points, in the plane of the arc [m], of the chords of a helix within a tolerance [m]."""
-    # The radius changes linearly from start to end. `count_segments` receives the number of chords
-    # before they are computed, and raises an error if there are too many.
+    """End points, in the plane of the arc [m], of the chords of a helix within a tolerance [m].
+
+    The radius changes linearly from start to end. `count_segments` receives the number of chords
+    before they are computed, and raises an error if there are too many.
+    """
     largest = max(arc.radius, arc.end_radius)
     step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
     # A chord spans at most 90°, even if the tolerance is large.
