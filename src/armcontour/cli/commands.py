@@ -387,7 +387,7 @@ class Play(JobOptions, ControllerOptions, Results, Json):
 
     Args:
         run_name: Run of the job.
-        speed_factor: Share of the job's speed.
+        speed_factor: Fraction of the job's speed.
         band: Largest difference of a joint from its simulated position before the motion is
             stopped, such as '5 mrad'; by default 2 mrad and the distance that it moves in 50 ms at
             its largest speed.

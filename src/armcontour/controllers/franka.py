@@ -95,7 +95,7 @@ class Franka(Controller):
         self._compare(motion.q)
 
     def _compare(self, q: FloatArray) -> list[Row]:
-        """Largest share of each FCI limit that set-points use, one row per derivative."""
+        """Largest fraction of each FCI limit that set-points use, one row per derivative."""
         self._check_within(q, np.array([[LOWER, UPPER]]))
         rows = []
         for name, (values, most) in compare(q).items():

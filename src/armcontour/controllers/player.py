@@ -61,7 +61,7 @@ class Played(Result):
         job: The job with the run as it is played.
         plan: Plan and simulation of this run, with the set-points that are played.
         controller: Name of the controller.
-        speed_factor: Share of the job's speed.
+        speed_factor: Fraction of the job's speed.
         checks: What was compared with the controller.
         motion: Set-points and predicted positions at the cycles of the controller.
         distance: Largest distance of a joint from the first set-point before the motion [rad].
@@ -160,7 +160,8 @@ def play(
         run_name: The run; by default the only one.
         execute: True moves the robot. False is a dry run, which only compares arm, limits,
             set-points and position.
-        speed_factor: Share of the speed; accelerations change by its square, jerks by its cube.
+        speed_factor: Fraction of the planned speed; accelerations change by its square, jerks by its
+            cube.
         band: Largest difference of a joint from its simulated position before the motion is stopped
             [rad]; by default 2 mrad and the distance that it moves in 50 ms at its largest speed.
         set_points: Set-points of `learn` for this run, instead of those of the compensation; only

@@ -37,7 +37,7 @@ DURATION, FADING = 12.0, 2.0
 # Frequencies of the first joint [Hz]. Those of joint j are higher by the share j * DETUNED, so that
 # motions of joints are not correlated.
 FREQUENCIES, DETUNED = (0.31, 0.83, 1.9, 3.7), 0.17
-# Maximum amplitude [rad], and share of the limits that the motion uses.
+# Maximum amplitude [rad], and fraction of the limits that the motion uses.
 AMPLITUDE, SHARE = 0.1, 0.6
 # Interval between the states whose limits are checked [s].
 STEP = 2e-3

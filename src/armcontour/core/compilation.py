@@ -113,7 +113,7 @@ def read_list(kind: Which) -> dict[Key, list[str]]:
 
 
 def compile_calls(calls: Calls) -> int:
-    """Compile a function, or load it if it is compiled; returns the number of compilations."""
+    """Compile a function or load its compiled form; return the number of compilations."""
     from numba.core.errors import NumbaError
 
     if is_child():

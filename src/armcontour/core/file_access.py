@@ -72,8 +72,10 @@ def listen_to_reading(
 def reading_below(
     folders: Iterable[FilePath], files: Iterable[FilePath] = ()
 ) -> AbstractContextManager[None]:
-    """Context in which files may be read only in some folders, in all threads."""
-    # Links that lead out of the folders are refused.
+    """Context in which all threads may read only `files`, and files below `folders`.
+
+    Links that lead out of the folders are refused.
+    """
     allowed = _Allowed(tuple(x.resolve() for x in folders), frozenset(x.resolve() for x in files))
     return registered(_allowed, allowed)
 

@@ -217,7 +217,8 @@ class Path(Checked):
             segment_limits: Speed, corner error and tag of all segments.
 
         Raises:
-            InvalidInput: Fewer than two points differ, or the ends of a closed spline differ.
+            InvalidInput: Fewer than two points differ, the ends of a closed spline differ, or the
+                tolerance is below 1e-9 m.
         """
         from armcontour.geometry.spline import fit_spline
 

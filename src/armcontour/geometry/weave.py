@@ -46,7 +46,7 @@ CLOSE_WAYPOINTS, SEAM_DEVIATION = 0.25, 0.005
 MAX_TURN = np.radians(10.0)
 # Relative rounding error of lengths.
 ROUNDING = 1e-12
-# Largest share of the pitch for both dwells of a wave.
+# Largest fraction of the pitch for both dwells of a wave.
 MAX_DWELL = 0.8
 
 

@@ -35,13 +35,13 @@ from armcontour.verification import evaluate
 MAX_LISTED, MAX_PLANNED = 3, 6
 # Factors by which limits and corner tolerances are increased.
 LIMIT_FACTOR, TOLERANCE_FACTOR = 1.2, 2.0
-# Minimum share of the duration that a listed change saves.
+# Minimum fraction of the duration that a listed change saves.
 MIN_SAVING = 2e-3
 # Speed factors and reserves that are tried to repair a run, the smallest change first.
 SPEED_FACTORS, RESERVES = (0.8, 0.6, 0.4, 0.2), (0.1, 0.2, 0.4)
-# Minimum reserve for the servo, as a share of acceleration.
+# Minimum reserve for the servo, as a fraction of acceleration.
 LEAST_RESERVE = 0.02
-# Share of the accuracy that a repair uses, so that rounding errors do not determine the verdict.
+# Fraction of the accuracy that a repair uses, so that rounding errors do not determine the verdict.
 ACCURACY_SHARE = 0.98
 # Maximum number of segments in all runs of a job for which advice is computed by default.
 SMALL = 50
@@ -60,7 +60,7 @@ class _Candidate:
     edits: tuple[tuple[str, Any], ...]
     job: Job  # Changed job
     run: Run  # Changed run
-    expected_saving: float = 0.0  # Estimated share of the duration that the change saves
+    expected_saving: float = 0.0  # Estimated fraction of the duration that the change saves
     condition: str = ""
 
 

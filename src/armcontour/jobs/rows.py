@@ -41,7 +41,7 @@ T = TypeVar("T")
 SERVO, BODIES, EXPECTED = "servo", "rigid bodies", "expected"
 Errors: TypeAlias = Mapping[str, Sequence[float]]
 
-# Default of the allowed contour error, as a share of the smallest corner tolerance.
+# Default of the allowed contour error, as a fraction of the smallest corner tolerance.
 DEFAULT_ACCURACY = 0.1
 # Name of the assigned velocity in explanations.
 ASSIGNED = LIMITS["speed"].label

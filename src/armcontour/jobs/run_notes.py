@@ -46,7 +46,7 @@ PLAN_SAMPLES = 1000
 MIN_JOINT_ERROR = 1e-6
 # SLOW: a contour is reported if it takes more than this multiple of the time for a line of the same
 # length. ENDS: the acceleration on this line is the largest mean acceleration from an end of the
-# contour to a point that is at least this share of the length away from the end.
+# contour to a point that is at least this fraction of the length away from the end.
 SLOW, ENDS = 2.0, 1e-3
 # Relative difference below which two speeds count as equal; it is above the margins of the timing.
 SAME_SPEED = 1e-3

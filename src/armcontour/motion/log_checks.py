@@ -41,7 +41,7 @@ NEAR_A_TURN = 0.6
 # Shortest and longest sample interval for identification [s]. No robot controller samples faster
 # than 20 kHz. Below 10 Hz, the loops settle between two samples.
 INTERVALS = (5e-5, 0.1)
-# Largest share of a recording that may be gaps, for learning.
+# Largest fraction of a recording that may be gaps, for learning.
 MAX_MISSING = 0.1
 
 
@@ -151,7 +151,7 @@ def check_interval(source: str, t: FloatArray) -> None:
 
 
 def check_gaps(source: str, t: FloatArray) -> None:
-    """Check that gaps are a small share of a recording, and that samples are not in bursts."""
+    """Check that gaps are a small fraction of a recording, and that samples are not in bursts."""
     steps = np.diff(t)
     if bursts := describe_bursts(t, source):
         raise InvalidInput(bursts)

@@ -85,7 +85,7 @@ def find_excess(
     - `q`: set-points [rad], (n, dof).
     - `cycle`: cycle [s].
     - `bounds`: as from `command_bounds`, or its first orders.
-    - `share`: allowed excess of derivatives, as a share of their bounds.
+    - `share`: allowed excess of derivatives, as a fraction of their bounds.
     """
     worst, excess = COMMAND_SLACK, None
     for order, (low, high) in enumerate(bounds):

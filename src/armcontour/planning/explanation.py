@@ -21,7 +21,7 @@ from armcontour.planning.path_grid import Grid
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limits import LIMITS, reduce_limits
 
-# A limit is active on an interval if its used share is at least this. Margins of the planner may
+# A limit is active on an interval if its used fraction is at least this. Margins of the planner may
 # use the remainder. Below this share, the plan is in transition between two limits.
 ACTIVE = 0.99
 # Margins are larger on wide intervals. Next to an interval with an active limit, the same limit is
@@ -31,7 +31,7 @@ ACTIVE_ADJACENT, MAX_TRANSITION = 0.9, 2
 # Value of ACTIVE for plans with limits of jerk. Their intervals are longer, so the used share of a
 # limit changes more along an interval.
 ACTIVE_WITH_JERK = 0.9
-# The assigned velocity counts as reached from this share of it on.
+# The assigned velocity counts as reached from this fraction of it on.
 REACHED = 0.999
 # An extreme of the speed is confirmed once the speed differs from it by this share.
 FLAT = 0.01
@@ -54,7 +54,7 @@ class Binding:
         joint: Index of the joint, from 0, or None for a limit of the tool.
         t: Start and end times [s].
         s: Arc lengths of start and end [m].
-        share: Largest used share of the limit on this part.
+        share: Largest used fraction of the limit on this part.
     """
 
     limit: str
@@ -104,8 +104,8 @@ class LimitShare:
     name: str  # The limit with its joint; otherwise the kind
     length: float | None  # Length [m]; None between contours
     time: float  # Time [s]
-    of_length: float | None  # Share of the length of all contours; None between contours
-    of_time: float  # Share of the duration of the motion
+    of_length: float | None  # Fraction of the length of all contours; None between contours
+    of_time: float  # Fraction of the duration of the motion
     count: int  # Number of parts of the path, or of moves
 
 
@@ -193,7 +193,7 @@ class Explanation(Result):
 
     @property
     def kinds(self) -> dict[str, float]:
-        """Share of the duration by limit (of all joints) or kind of move, the largest first."""
+        """Fraction of the duration by limit (of all joints) or kind of move, the largest first."""
         shares: defaultdict[str, float] = defaultdict(float)
         for share in self.shares:
             shares[share.kind] += share.of_time

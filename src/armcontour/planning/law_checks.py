@@ -18,7 +18,7 @@ from armcontour.robot.limits import LIMITS
 # Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
 # less than 1e-4 below the true peak.
 PEAK_SAMPLES = 33
-# Rounding error by which a law may exceed a limit, as a share of the limit
+# Rounding error by which a law may exceed a limit, as a fraction of the limit
 ROUNDING = 1e-6
 
 

@@ -106,7 +106,7 @@ def time_optimal(
     arm: Arm,
     start_speed: float,  # ds at the start [m/s]
     end_speed: float,  # ds at the end [m/s]
-    largest_loss: float,  # Share of the duration that the grid may lose
+    largest_loss: float,  # Fraction of the duration that the grid may lose
 ) -> PathLaw:
     """Plan on a grid and refine it where margins or the estimated loss of time are too large."""
     # At an end at which dq_ds vanishes, the joints rest at any ds.

@@ -47,7 +47,7 @@ class PlanOptions(Options):
     """Options of all timing methods.
 
     Args:
-        reserve: Share of the limits of joint acceleration and torque that the plan leaves to the
+        reserve: Fraction of the limits of joint acceleration and torque that the plan leaves to the
             servo. With a reserve of 0, a lagging servo cannot catch up.
         configuration: For an arm in the plane: the branch of its inverse kinematics; by default the
             one that is fastest along the path.

@@ -19,10 +19,10 @@ DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
 # Largest number of intervals of a grid, which needs several GB for an arm with six joints.
 MAX_INTERVALS = 5_000_000
-# Share of the intervals that is distributed evenly over the length. The other intervals are
+# Fraction of the intervals that is distributed evenly over the length. The other intervals are
 # distributed in proportion to the change of direction in joint space.
 EVEN_SHARE = 0.5
-# Points with a dq_ds below this share of the largest dq_ds have no direction.
+# Points with a dq_ds below this fraction of the largest dq_ds have no direction.
 AT_REST = 1e-9
 # dq_ds counts as zero below this share of the sum of its terms. A double root is accurate to 1e-8.
 VANISHED = 1e-9
@@ -99,7 +99,7 @@ def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) 
 
     - `breaks`: breaks of the joint path [m], (pieces + 1,).
     - `coefficients`: coefficients of its pieces [rad], (pieces, 6, dof).
-    - `at_rest`: share of the largest dq_ds below which the path has no direction.
+    - `at_rest`: fraction of the largest dq_ds below which the path has no direction.
     """
     n, dof = len(breaks) - 1, coefficients.shape[2]
     size, curvature = np.empty((n, 3)), np.empty((n, 3))
@@ -160,7 +160,7 @@ def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
     """Mask of breaks at which dq_ds of all joints vanishes, so they rest at any ds, (n + 1,).
 
     - `coefficients`: coefficients of the joint path, (n, 6, dof).
-    - `vanished`: dq_ds counts as zero below this share of the sum of its terms.
+    - `vanished`: dq_ds counts as zero below this fraction of the sum of its terms.
     """
     n, dof = coefficients.shape[0], coefficients.shape[2]
     resting = np.empty(n + 1, np.bool_)

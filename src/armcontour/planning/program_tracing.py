@@ -41,7 +41,7 @@ MAX_SLOWER = 0.01
 # Configurations whose durations on the parts differ by less than this share differ by a turn of the
 # wrist only, and are equally fast on the whole path.
 SAME_ON_PARTS = 1e-4
-# A configuration is not planned if this share of its lower bound of the duration exceeds the
+# A configuration is not planned if this fraction of its lower bound of the duration exceeds the
 # duration of a plan. The share is below 1 because the bound evaluates limits at points only.
 BOUND_SHARE = 0.998
 # Durations that differ by at most this share, the accuracy of the planner, are equal.

@@ -28,7 +28,7 @@ SPACING, MAX_SAMPLES, POSTURE_ERROR = 10e-3, 50_000, 1e-3
 STEEP = 1e3
 # Stored postures are multiples of this angle [rad]: their zeros make the page smaller.
 ANGLE = 2.0**-16
-# Maximum deviation of the drawn path as a share of its size.
+# Maximum deviation of the drawn path as a fraction of its size.
 VISIBLE = 1 / 4000
 
 

@@ -51,7 +51,7 @@ MAX_CORNERS, MAX_SHORTFALLS = 400, 60
 # Maximum number of breaks at which joint usage is evaluated, and approximate maximum number of
 # times with extreme usage that are drawn in addition to evenly spaced times.
 MAX_BREAKS, MAX_TIMES = 2_000, 1_000
-# Minimum share of the duration above which the legend lists a kind of limit.
+# Minimum fraction of the duration above which the legend lists a kind of limit.
 MIN_SHARE = 5e-5
 
 
@@ -331,7 +331,7 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
 
 
 def time_header(explanation: Explanation | None) -> dict[str, Any]:
-    """Header with the durations of active limits and the share of each kind of limit."""
+    """Header with the durations of active limits and the fraction of each kind of limit."""
     if explanation is None:
         return {"time": [], "kinds": []}
     shares = [(x, share) for x, share in explanation.kinds.items() if share >= MIN_SHARE]

@@ -26,7 +26,7 @@ WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 440.0, 190.0, 34.0
 # Maximum deviation of the drawn path [px], and length below which a piece gets the colour of the
 # previous piece [px].
 VISIBLE, SHORTEST = 0.3, 1.0
-# Share of the size of a path below which its height along z is ignored.
+# Fraction of the size of a path below which its height along z is ignored.
 FLAT = 0.02
 # Unit vectors to the right and up in the view of other paths in space.
 OBLIQUE = np.array([[0.806, 0.591, 0.0], [-0.257, 0.351, 0.9]])
@@ -35,11 +35,11 @@ RAPID_PLACES, APART = 24, 7.0
 # Maximum number of contours for which numbers are drawn.
 MAX_NUMBERED = 60
 # AXIS: length of a coordinate axis that is parallel to the picture [px]. SHORT_AXIS: an axis is not
-# drawn if its projection is below this share of it.
+# drawn if its projection is below this fraction of it.
 AXIS, SHORT_AXIS = 26.0, 0.25
-# Share of the maximum speed below which the tool counts as stopped.
+# Fraction of the maximum speed below which the tool counts as stopped.
 STILL = 1e-6
-# Share of the duration below which a limit is not listed in the legend.
+# Fraction of the duration below which a limit is not listed in the legend.
 LEAST_SHARE = 5e-3
 # Factor by which a link to a place enlarges the drawing.
 CLOSER = 5
@@ -50,7 +50,7 @@ class LegendEntry(NamedTuple):
 
     # Name of the kind of limit
     word: str
-    # Time in which this kind of limit restricts the speed [s], and its share of the duration
+    # Time in which this kind of limit restricts the speed [s], and its fraction of the duration
     time: float
     share: float
     # SVG attributes of the line
@@ -72,7 +72,7 @@ class Mark(NamedTuple):
     along: FloatArray | None = None
     # Id of the mark, to which the page links
     place: str = ""
-    # Size of what a link to the mark shows [m]; 0 for a share of the drawing
+    # Size of what a link to the mark shows [m]; 0 for a fraction of the drawing
     window: float = 0.0
 
 

@@ -51,7 +51,7 @@ def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
 
 
 def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
-    """Arrays of tool deviation and demand (share of acceleration limit) on the path.
+    """Arrays of tool deviation and demand (fraction of acceleration limit) on the path.
 
     Deviations are computed with 64 bits, because the page magnifies them.
     """

@@ -158,7 +158,7 @@ def new_document(card: str, arm: str, uploads: Uploads, folder: FilePath) -> Doc
 
 
 def blank_document(arm: str, folder: FilePath, *, is_start: bool = False) -> Document:
-    """Create a job with an empty path in a built-in cell."""
+    """Create a job with an empty path in a built-in cell; `is_start`: shown on the start page."""
     names: Patch = {("name",): "untitled", ("title",): f"New job on {arm}"}
     text = write_patch(cell_text(arm), names)
     return Document(text, source="untitled.yaml", folder=folder, is_start=is_start)

@@ -31,7 +31,7 @@ from armcontour.robot.servo.model import GAINS, MAX_TIME_CONSTANTS
 LARGEST_STEP = 0.25
 # Largest number of terms of the series, with which its error is below rounding errors.
 TERMS = 22
-# The series ends at a term below this share of the state.
+# The series ends at a term below this fraction of the state.
 NEGLIGIBLE = 1e-20
 
 

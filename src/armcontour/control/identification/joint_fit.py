@@ -32,7 +32,7 @@ SKIPPED_TIME = 0.04
 SPEED_WINDOW = 0.1
 # Number of samples from which the initial velocity is estimated.
 START_SAMPLES = 20
-# REST_SHARE: a command slower than this share of the typical speed counts as rest.
+# REST_SHARE: a command slower than this fraction of the typical speed counts as rest.
 # TYPICAL_PERCENTILE: the typical speed is this percentile of the command speeds. Weights are
 # command speeds, but at most the typical speed.
 REST_SHARE, TYPICAL_PERCENTILE = 0.02, 95
@@ -45,7 +45,7 @@ LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
 # Typical changes of the initial values of a log: measurement offset [rad], position [rad],
 # velocity [rad/s], acceleration [rad/s²] (only with an integrator).
 INITIAL_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
-# Step of numerical derivatives, as a share of these typical changes.
+# Step of numerical derivatives, as a fraction of these typical changes.
 DERIVATIVE_STEP = 1e-5
 # Fitted parameters up to this value are rounding errors at the bound 0.
 ROUNDING = 1e-9

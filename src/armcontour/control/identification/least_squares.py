@@ -81,7 +81,7 @@ def correlation_length(residuals: FloatArray) -> float:
 # Largest standard deviation of a determined parameter, relative to its value.
 RELATIVE_SD = 0.10
 # The data do not determine the parameters along an eigenvector of the Gram matrix whose eigenvalue
-# is below this share of the largest eigenvalue.
+# is below this fraction of the largest eigenvalue.
 DEPENDENT = 1e-14
 
 

@@ -37,7 +37,7 @@ from armcontour.robot.servo.simulation import JointServo
 # side.
 MAX_NOISE, LONGEST_WINDOW = 0.015, 0.04
 # TOP_PERCENTILE: the first guess of a limit is this percentile of the magnitudes of the derivative.
-# PLATEAU_RANGE: the limit is first searched within this share of the guess above and below it.
+# PLATEAU_RANGE: the limit is first searched within this fraction of the guess above and below it.
 TOP_PERCENTILE, PLATEAU_RANGE = 99.0, 0.1
 # A value is at a limit if it differs from the limit by at most the share PLATEAU_SHARE of the
 # limit, or by at most PLATEAU_SIGMAS standard deviations of the noise.
@@ -58,7 +58,7 @@ FEWEST_SAMPLES, SHORTEST_PLATEAU = 4, 5e-3
 EXCESS, EXCESS_ERRORS = 0.05, 4.0
 # Number of dead times that are tried for the commanded acceleration, and the longest of them [s].
 DELAY_COUNT, LONGEST_DELAY = 26, 0.1
-# LEAST_SHARE: smallest share of saturated samples that counts as saturation.
+# LEAST_SHARE: smallest fraction of saturated samples that counts as saturation.
 # FEWEST_FREE: smallest number of other samples to which the commanded acceleration is fitted.
 LEAST_SHARE, FEWEST_FREE = 2e-3, 50
 # Multiples of the measured limit that are tried: smallest, largest, and their number.

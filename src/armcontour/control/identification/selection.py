@@ -51,7 +51,7 @@ GAIN, LIMIT_GAIN, MAX_PARTS = 0.9, 0.5, 0.6
 RICHER_SHARE = 0.97
 # A poorer model is discarded if its cost on the fitted data exceeds this multiple of the best cost.
 POORER_RATIO = 2.0
-# A cascade is fitted if the error of the best model so far is below this share of the tracking
+# A cascade is fitted if the error of the best model so far is below this fraction of the tracking
 # error.
 CASCADE_SHARE = 0.5
 # Smallest damping ratio of a fitted loop; no drive is tuned with less damping.

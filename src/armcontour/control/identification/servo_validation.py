@@ -29,7 +29,7 @@ RECORD = (
 )
 # Spacing of the samples from which contour errors are computed [s].
 SPACING = 4e-3
-# Two logs are of the same program if their commands differ by at most this share of their range.
+# Two logs are of the same program if their commands differ by at most this fraction of their range.
 SAME_PROGRAM = 0.02
 # Without an arm, errors of a joint are divided by its RMS tracking error, or by this share of the
 # largest tracking error if that is larger. Then the noise of a joint that hardly moves is not
@@ -38,11 +38,11 @@ LEAST_WEIGHT = 0.1
 # NEWTON_STEPS: number of Newton steps for a delay. DELAY_MARGIN: the delay of the contour is
 # searched from minus this value to the longest delay of a joint plus this value [s].
 NEWTON_STEPS, DELAY_MARGIN = 3, 0.1
-# A model or delay is rejected if its error exceeds this share of the tracking error.
+# A model or delay is rejected if its error exceeds this fraction of the tracking error.
 MAX_WEAK = 0.8
 # A contour error of at most this multiple of the encoder noise is small enough to be trusted.
 NOISE_MULTIPLE = 3.0
-# Smallest share of a mean square that counts as signal, because the noise of a finite number of
+# Smallest fraction of a mean square that counts as signal, because the noise of a finite number of
 # samples correlates.
 LEAST_SIGNAL = 0.01
 # If all models are good, a joint is weak if compensation leaves more than the share TRUSTED of its

@@ -293,7 +293,7 @@ class Feeder:
         self.stops, self.stop_requested, self.stopped = {}, False, True
 
     def report(self) -> None:
-        """Print the samples."""
+        """Record the new samples, and print them for the parent process."""
         for number, k, command, measured in self.device.samples():
             line = " ".join(map(repr, (number, k, *command, *measured)))
             self.record.write(line + "\n")

@@ -98,7 +98,7 @@ class FrankaDevice:
         return not self.before and self.confirmed == self.k
 
     def samples(self) -> Iterable[Sample]:
-        """Answer the state; returns the samples that the robot has confirmed."""
+        """Answer the robot's state, and return the samples that the robot has confirmed."""
         if self.control is not None and not self.answered:
             k, self.sent = self.before.popleft() if self.before else (self.k, self.row)
             self._answer(finished=False)

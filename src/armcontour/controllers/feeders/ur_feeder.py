@@ -147,7 +147,7 @@ class UrDevice:
         return self.k == self.newest
 
     def samples(self) -> Iterable[Sample]:
-        """Send the registers once per cycle; returns the new samples."""
+        """Send the registers once per cycle, and return the new samples."""
         if self.running and self.fresh:
             self._send_inputs(1)
             self.fresh = False

@@ -64,7 +64,7 @@ def _cut_at_border(table: Segments, border: Segments) -> tuple[IntArray, FloatAr
     return row, begin, np.where(last, table.lengths[row], np.append(begin[1:], 0.0))
 
 
-# Share of the progress that is reported for the traversal of a drawing; the rest is for fitting.
+# Fraction of the progress that is reported for the traversal of a drawing; the rest is for fitting.
 TRAVERSAL_SHARE = 0.4
 # Largest number of entities that a note lists.
 MAX_NAMED = 9

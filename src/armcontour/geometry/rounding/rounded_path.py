@@ -60,7 +60,7 @@ SHORTEST_SMOOTH = 1e-6
 SAME_PLANE = 1e-9
 # Largest distance of vertices from a line that replaces nearly collinear lines [m]: the rounding
 # error of coordinates with three decimals of a millimetre or four of an inch, as for
-# `ReadOptions.mend_vertices`. Largest share of this distance in the smallest corner error.
+# `ReadOptions.mend_vertices`. Largest fraction of this distance in the smallest corner error.
 PRINTED, PRINTED_SHARE = 2e-6, 0.1
 # Reasons for a stop at a corner.
 TURN_BACK = "turn-back"

@@ -88,7 +88,7 @@ class IntervalEnds:
         return np.tile(np.arange(len(self.grid)), len(t)), t.ravel()
 
     def largest_use(self, name: str, limits: Limits) -> FloatArray:
-        """Largest used share of a limit on each interval, (n, dof); for the tool (n, 1)."""
+        """Largest used fraction of a limit on each interval, (n, dof); for the tool (n, 1)."""
         # The jerk `q''' ds³ + 3 q'' ds dds + q' s'''` can be largest inside an interval, so it is
         # sampled.
         n = len(self.grid)
@@ -137,7 +137,7 @@ class Constraint:
         return [(self.name, k) for k in range(np.size(self.limit))]
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Used share of the limit on each interval: the larger of the shares at its two ends."""
+        """Used fraction of the limit on each interval: the larger of the shares at its two ends."""
         # The shape is (n, joints) if `joints` is true, otherwise (n, 1).
         used = np.zeros((len(ends.grid), 1))
         for form in self.discretize(ends.path):
@@ -146,7 +146,7 @@ class Constraint:
 
 
 def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
-    """Used share of a form at the starts and ends of all intervals, (n, 2, rows)."""
+    """Used fraction of a form at the starts and ends of all intervals, (n, 2, rows)."""
     match form:
         case LinearRows():
             value = form.ends[..., A] * u + form.ends[..., B] * x

@@ -30,7 +30,7 @@ INTERVAL_SAMPLES = np.linspace(0.0, 1.0, 5)[:, None]
 # The curvature of a piece is constant if it varies by at most this share.
 EVEN_CURVATURE = 1e-3
 # The bound of x on an interval is a tangent of `limit / curvature`. The curvature at its point of
-# contact is at least this share of the larger of the curvatures at both ends.
+# contact is at least this fraction of the larger of the curvatures at both ends.
 TOUCH = 0.8
 # A piece with at most this curvature is a straight line [1/m].
 STRAIGHT = 1e-3

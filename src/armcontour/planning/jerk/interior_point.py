@@ -16,7 +16,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest, store
 
-# Largest step, as a share of the step to the nearest bound.
+# Largest step, as a fraction of the step to the nearest bound.
 NEAREST = 0.995
 # The same share for vector rows, which limit the norm of a vector
 NEAREST_ROUND = 0.9
@@ -26,7 +26,7 @@ SHORTENING, MAX_SHORTENINGS = 0.5, 30
 # of the gap, and the steps of slacks and multipliers exceed the share LONG_STEP of Newton's step.
 # Faster reduction leads to tiny steps.
 REDUCTION, CENTERED, LONG_STEP = 0.15, 0.1, 0.3
-# A tangent is moved if its rows retain at least this share of their slack.
+# A tangent is moved if its rows retain at least this fraction of their slack.
 MIN_SLACK = 0.1
 # Gauss-Legendre nodes and weights on [0, 1] for the duration of a cell.
 NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])

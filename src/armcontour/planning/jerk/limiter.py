@@ -55,15 +55,15 @@ CLEAR = 1e-4
 # plan. If rows need a lower bound of ds², it is the share LEAST of ds² in the previous plan.
 HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
 LEAST = 0.3
-# Smallest bound of dds, as a share of the largest dds.
+# Smallest bound of dds, as a fraction of the largest dds.
 LEAST_RATE = 0.02
 # The second pass is repeated with bounds that are wider by the factor WIDER, up to WIDEST, if
 # bounds closer to the plan than the share TOO_NEAR may cost more than the share LEAST_GAIN of the
 # duration. Distances below TINY are rounding errors.
 TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
-# Cells whose margins take more than this share of a limit are split.
+# Cells whose margins take more than this fraction of a limit are split.
 LARGEST_MARGIN, MAX_PARTS, MAX_SPLITS = 1e-2, 10, 6
-# Largest share of a limit that margins may take on cells of uniform jerk.
+# Largest fraction of a limit that margins may take on cells of uniform jerk.
 MAX_AT_RAMPS = 0.5
 
 
@@ -189,8 +189,8 @@ def _make_bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> M
 
 
 def _estimate_gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
-    """Share of the duration that wider bounds of a plan may save."""
-    # At the end of the search, the product of slack and multiplier is the same share of the
+    """Fraction of the duration that wider bounds of a plan may save."""
+    # At the end of the search, the product of slack and multiplier is the same fraction of the
     # duration for all bounds. The multiplier times the bound is the time that a bound of twice the
     # width saves.
     inner = rows.mesh.ramps[rows.mesh.cell] == 0

@@ -21,7 +21,7 @@ OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
 FIRST_CELL = 0.3
 # Up to this multiple of the build-up distance from a rest, cells have equal durations.
 RAMPS = 8.0
-# Farther away, the length of a cell increases by this share of the distance from the rest.
+# Farther away, the length of a cell increases by this fraction of the distance from the rest.
 GROWTH = 0.3
 # Largest and smallest length of the first cell, as shares of a section.
 LONGEST_FIRST, SHORTEST_FIRST = 0.02, 1e-9
@@ -30,9 +30,9 @@ SHORTEST = 1e-9
 # Number of points at which the cumulative number of cells next to a rest is computed
 SAMPLES = 200
 # A break of the joint path is an end of cells, unless it is closer to the previous end than this
-# share of a cell; then it only divides the cell into parts.
+# fraction of a cell; then it only divides the cell into parts.
 NEAR_KNOT = 0.3
-# A node closer to a break than this share of the shorter adjacent cell is moved to the break.
+# A node closer to a break than this fraction of the shorter adjacent cell is moved to the break.
 SNAP = 0.2
 
 
@@ -115,7 +115,7 @@ class _CellDistribution:
     turns: FloatArray  # Arc lengths from start to end, denser where the joints turn [m]
 
     def before(self, s: FloatArray) -> FloatArray:
-        """Share of the cells before arc lengths, (n,)."""
+        """Fraction of the cells before arc lengths, (n,)."""
         law = self.law
         _, t = law.reach(s)
         length = (s - law.s[0]) / (law.s[-1] - law.s[0])
@@ -233,7 +233,7 @@ EVEN_BEND = 5e-4
 # dq_ds vanishes at an end if it is below the share VANISHED of dq_ds nearby. The first cell is then
 # at most the share FIRST_AT_VANISHED of the section.
 VANISHED, FIRST_AT_VANISHED = 0.1, 5e-4
-# Distance from an end at which acceleration and jerk are evaluated, as a share of the section
+# Distance from an end at which acceleration and jerk are evaluated, as a fraction of the section
 NEAR_REST = 5e-3
 
 

@@ -104,7 +104,7 @@ def motion_rows(
             c1, c2 = grid.coefficients[at + grid.dof], grid.coefficients[at + 2 * grid.dof]
             c3, c4 = grid.coefficients[at + 3 * grid.dof], grid.coefficients[at + 4 * grid.dof]
             c5 = grid.coefficients[at + 5 * grid.dof]
-            # Coefficients of q in powers of the share of the part
+            # Coefficients of q in powers of the fraction of the part
             t1 = dx * (c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5))))
             t2 = dx**2 * (c2 + x * (3 * c3 + x * (6 * c4 + x * 10 * c5)))
             t3 = dx**3 * (c3 + x * (4 * c4 + x * 10 * c5))
@@ -136,7 +136,7 @@ def motion_rows(
                         rows[kind][i, first_rows[kind][j] + c, b] = value
 
 
-# Smallest value at an end of the tangent that bounds ds², as a share of its value in the middle
+# Smallest value at an end of the tangent that bounds ds², as a fraction of its value in the middle
 LEAST_SHARE = 0.25
 
 
@@ -163,7 +163,7 @@ class MeshRows:
         self.basis: Basis = basis(np.clip(start, 0, 1), grid.width / width, width)
         used = np.flatnonzero(grid.joint_path.coefficients.any(axis=(0, 2)))
         self.degree = max(3, int(used[-1]) if len(used) else 3)
-        # Largest share of a limit that margins take on each part, (m,)
+        # Largest fraction of a limit that margins take on each part, (m,)
         self.lost = np.zeros(len(grid))
         self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
         self.speeds = np.full((len(grid), grid.joint_path.dof), np.inf)

@@ -48,7 +48,7 @@ def draw(
 ) -> DrawnPath:
     """Compute the tool path of a joint spline.
 
-    The distance of the arcs from the curve is a small share of the tolerance.
+    The distance of the arcs from the curve is a small fraction of the tolerance.
 
     - `s_objective`: arc lengths on the objective at the control points [m], (n,).
     - `tolerance`: tolerance at the control points [m], (n,).

@@ -114,11 +114,11 @@ EVEN = 1e-5
 MAX_NODES = 4000
 # Number of samples of the distance between nodes: first between two marks, then per node
 SAMPLES, PER_NODE = 32, 8
-# Largest offset in tolerances, and search step as a share of the tolerance.
+# Largest offset in tolerances, and search step as a fraction of the tolerance.
 FARTHEST = 2.5
 SEARCH_STEP = 1 / 24
 HALVINGS = 24
-# Share of the tolerance that offsets must not use
+# Fraction of the tolerance that offsets must not use
 INSIDE = 1e-3
 # Arc lengths closer than this are equal [m].
 SAME = 1e-9
@@ -163,7 +163,7 @@ class Nodes:
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
         """Largest offsets in each direction of `sides` [m], (n, m).
 
-        - `inside`: share of the tolerance that offsets must not use, (n,).
+        - `inside`: fraction of the tolerance that offsets must not use, (n,).
         """
         windows = self._windows(tube)
         spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)

@@ -20,7 +20,7 @@ from armcontour.core.kernel_cache import FUSED, compiled
 GAP = 1e-8
 VIOLATION = 1e-8
 MAX_ITERATIONS = 60
-# Largest step, as a share of the step to the boundary.
+# Largest step, as a fraction of the step to the boundary.
 STEP_SHARE = 0.995
 # Smallest initial slack.
 FIRST_SLACK = 0.1
@@ -68,7 +68,7 @@ def solve_program(
         if not _factor(matrix):
             return x.reshape(n, k), -iteration - 1
         # The target of the predictor is zero complementarity. The target of the corrector is a
-        # share of the average complementarity.
+        # fraction of the average complementarity.
         for corrected in range(2):
             for a in range(n * k):
                 step[a] = -c[a] - w[a] * x[a]

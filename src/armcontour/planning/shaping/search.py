@@ -97,7 +97,7 @@ MAX_REVERSIONS = 4
 WEIGHT = (1e-3, 1e-9)
 # Offsets outside the tube are reduced by their excess distance times this factor.
 EXCESS_FACTOR = 1.5
-# Share of the tolerance to which the corners of starts are rounded
+# Fraction of the tolerance to which the corners of starts are rounded
 START_SHARE = 0.7
 
 
@@ -109,7 +109,7 @@ class _State:
     offsets: FloatArray  # Offsets of the best shape [m], (n, k)
     h: FloatArray  # Span times of the best shape [s], (n,)
     trust: FloatArray  # Largest change of the offsets of each node, divided by the tolerance, (n,)
-    inside: FloatArray  # Share of the tolerance that offsets must not use, (n,)
+    inside: FloatArray  # Fraction of the tolerance that offsets must not use, (n,)
     limits: FloatArray  # Largest offsets in each direction of `Nodes.sides` [m], (n, m)
     rejections: int = 0  # Number of consecutive rejections
     proposals: int = 0  # Number of proposals

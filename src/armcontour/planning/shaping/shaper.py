@@ -32,7 +32,7 @@ from armcontour.robot.limits import reduce_limits
 # Smallest turn of a sharp corner [rad]. Vertices with a smaller turn may be points on a curve,
 # which can be arbitrarily close to each other.
 SHARP = np.radians(30)
-# Once this share of the duration is saved, the search is not repeated from another start.
+# Once this fraction of the duration is saved, the search is not repeated from another start.
 ENOUGH_SAVED = 0.01
 # From this number of contours on, other processes shape them; processes start in a few seconds.
 MANY_CONTOURS = 24

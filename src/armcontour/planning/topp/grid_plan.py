@@ -52,17 +52,17 @@ LARGEST_X = 1e100  # initial x of Newton's method without a ceiling
 FAR, ROUNDED = 1e-3, 1e-12
 SLACK = 1e-9  # relative rounding error of the ends of a range of u
 END_TOLERANCE = 1e-7  # relative tolerance of x at the start and the end of the path
-ROUNDING = 2e-15  # rounding error of differences of x, as a share of x
-TINY = 1e-14  # a coefficient below this share of its terms is zero
-NEAR = 0.01  # u is at its bound within this share of its range
-BELOW_CEILING = 1 - 1e-6  # above this share of its ceiling, x is limited by the ceiling only
-LARGEST_TURN = 0.25  # largest change of u by a slope, as a share of its range
+ROUNDING = 2e-15  # rounding error of differences of x, as a fraction of x
+TINY = 1e-14  # a coefficient below this fraction of its terms is zero
+NEAR = 0.01  # u is at its bound within this fraction of its range
+BELOW_CEILING = 1 - 1e-6  # above this fraction of its ceiling, x is limited by the ceiling only
+LARGEST_TURN = 0.25  # largest change of u by a slope, as a fraction of its range
 NO_PLAN_MARGIN = (
     4e-2  # margin reported for intervals without a plan, because a finer grid may have a plan
 )
 # intervals closer than this (in indices) to the one where the plan fails are refined
 REFINED_NEIGHBOURS = 10
-# largest share of the limit at rest that the offset of a line above friction uses
+# largest fraction of the limit at rest that the offset of a line above friction uses
 MAX_OFFSET_SHARE = 0.5
 NEGLIGIBLE = 1e-150  # coefficients below this are zero
 BLOCK = 1 << 13  # number of stored intervals, which limits the memory
@@ -76,7 +76,7 @@ class Rules(NamedTuple):
 
     start: float = 0.0  # ds² at the start [m²/s²]; infinite for the largest feasible value
     end: float = 0.0  # ds² at the end [m²/s²]; infinite for the largest feasible value
-    max_margin: float = 1e-2  # Largest share of a limit that margins may take
+    max_margin: float = 1e-2  # Largest fraction of a limit that margins may take
     # If margins exceed `max_margin`, slopes are first set to zero on intervals whose margins exceed
     # this share
     steady: float = 0.999
@@ -84,7 +84,7 @@ class Rules(NamedTuple):
     close: float = 1.02  # The same factor relative to a proven plan
     # U, the bound of |u|, includes this many neighbours on each side, because switching points move
     window: int = 1
-    # Smallest U: this share of the largest |u| on the path, or of x divided by the width of the
+    # Smallest U: this fraction of the largest |u| on the path, or of x divided by the width of the
     # interval if that is less, because |u| is unbounded where dq_ds vanishes
     floor: float = 1e-3
     tangents: int = 2  # Largest number of plans without margins in which friction is linearized
@@ -110,7 +110,7 @@ class GridPlan(NamedTuple):
 
     x: FloatArray  # ds² at the ends of the intervals, (n + 1,)
     k: FloatArray  # Derivatives of dds in s, (n,)
-    lost: FloatArray  # Share of limits that margins take, (n,)
+    lost: FloatArray  # Fraction of limits that margins take, (n,)
     outcome: int  # FOUND, or FINER, STUCK, START, END, UNLIMITED
     interval: int
     allowed: float  # With START and END: the largest feasible ds² at this end [m²/s²]
@@ -138,7 +138,7 @@ class LimitLines(NamedTuple):
     # intervals, (slots, conics, 5)
     conics: FloatArray
     cap: FloatArray  # Largest x at the start and at the end, (n, 2)
-    lost: FloatArray  # Share of limits that margins take, (n,)
+    lost: FloatArray  # Fraction of limits that margins take, (n,)
     scratch: FloatArray
 
 
@@ -404,7 +404,7 @@ def rows_with_friction(
 
 @compiled(inner=True)
 def _record_margin(lines: LimitLines, i: int, room: float, turn: float, remaining: float) -> None:
-    """Record the share of a limit at rest that `room` takes; 1 if rest may violate the limit."""
+    """Record the fraction of a limit at rest that `room` takes; 1 if rest may violate the limit."""
     if room + turn > remaining:
         lines.lost[i] = max(lines.lost[i], 1.0)
     elif room > lines.lost[i] * remaining:
@@ -950,7 +950,7 @@ def _prove_or_widen(
 
 @compiled(inner=True)
 def _largest_margin(lost: FloatArray) -> int:
-    """Index of the interval whose margins take the largest share of a limit."""
+    """Index of the interval whose margins take the largest fraction of a limit."""
     worst = 0
     for i in range(len(lost)):
         if lost[i] > lost[worst]:

@@ -13,7 +13,7 @@ from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.grid_plan import GridPlan, acceleration_range, next_joint, path_slopes
 from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
 
-AT_BOUND = 0.02  # u is at its bound within this share of its range
+AT_BOUND = 0.02  # u is at its bound within this fraction of its range
 # Lost share of the time of an interval per unused share of the range of u, inside the motion and at
 # rest. The factors were measured against finer grids; they are too large where the range is small
 # compared with u.
@@ -45,7 +45,7 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
 def _shortest_time(
     w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
 ) -> tuple[float, float]:
-    """Shortest time [s] through an interval, and the switch point as a share of the interval.
+    """Shortest time [s] through an interval, and the switch point as a fraction of the interval.
 
     - `w`: length of the interval.
     - `x`: values of x at its ends.

@@ -26,7 +26,7 @@ from armcontour.planning.topp.limit_forms import (
     Squares,
 )
 
-ROUNDING = 2e-15  # rounding error of differences of x, as a share of x
+ROUNDING = 2e-15  # rounding error of differences of x, as a fraction of x
 
 
 @compiled(fastmath=FUSED)

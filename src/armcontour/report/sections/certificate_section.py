@@ -84,7 +84,7 @@ OF_PROGRAMS = (
 
 
 def _derating(certificate: Certificate) -> Figure:
-    """Figure with the usable share of each joint acceleration limit along all contours."""
+    """Figure with the usable fraction of each joint acceleration limit along all contours."""
     starts = np.cumsum([0.0, *(x.path.length for x in certificate.contours)])
     deratings, curves = [x.derating for x in certificate.contours], []
     # The curves have a gap (NaN) after each contour.

@@ -23,7 +23,7 @@ HEIGHT = 58
 MAX_POINTS = 400
 # Number of decimals of values in tables, so that numerical noise is shown as 0.
 ROUNDED = 6
-# Share of a limit above which the limit is drawn; a limit far away would flatten the curve.
+# Fraction of a limit above which the limit is drawn; a limit far away would flatten the curve.
 WORTH_SHOWING = 0.3
 # Percentile of the values that determines the scale, so that spikes are ignored.
 USUAL = 99.8

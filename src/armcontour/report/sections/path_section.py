@@ -18,7 +18,7 @@ from armcontour.verification import Evaluation
 
 # Maximum number of points of an executed path, and of evenly spaced points among them.
 MAX_PATH_POINTS, EVEN = 3000, 800
-# Share of the drawing's size that is visible in an enlarged drawing.
+# Fraction of the drawing's size that is visible in an enlarged drawing.
 VISIBLE = 1 / 50_000
 # Upper ends of the classes of errors as shares of the allowed error, and the colours of the
 # classes on light and dark pages. The last class exceeds the allowed error.

@@ -43,7 +43,7 @@ TRUSTED = 0.5
 LOGGED, EXCEEDED = (0.0, 1e6), 1.02
 # Errors of fast reversals do not bound those of slow motion. In simulations of random plants, the
 # bounds held for frequency ratios up to 10, and often not above 16. MOVING_SHARE: a joint moves
-# if its largest velocity is at least this share of that of the fastest joint.
+# if its largest velocity is at least this fraction of that of the fastest joint.
 MAX_FREQUENCY_RATIO, MOVING_SHARE = 13.0, 0.1
 PER_JOINT = (
     *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),

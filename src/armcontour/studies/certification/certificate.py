@@ -113,7 +113,7 @@ class Uncertified(Result, Frozen):
         contours: Duration of each contour [s].
         contour_error: Largest contour error of both directions, and RMS over time of the distance
             from the tool to the path [m].
-        saturated: Share of time in which each joint is saturated, (dof,).
+        saturated: Fraction of time in which each joint is saturated, (dof,).
         robots: Contour errors on robots of the box, for each contour; empty without a box.
     """
 

@@ -45,7 +45,7 @@ SHORTEST = 1e-4
 # until a plan is certified.
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
 # After that, the servo budget becomes this multiple of the servo error of the found plan, while the
-# plans become faster, and while the budget changes by this share of the tolerance.
+# plans become faster, and while the budget changes by this fraction of the tolerance.
 SERVO_MARGIN, LEAST_GAIN = 1.5, 1e-3
 
 

@@ -54,7 +54,7 @@ class Derating:
 
     @cached_property
     def share(self) -> FloatArray:
-        """Usable share of each joint's acceleration limit, (n, dof)."""
+        """Usable fraction of each joint's acceleration limit, (n, dof)."""
         return np.asarray(np.prod(list(self.share_by.values()), axis=0))
 
     @cached_property
@@ -118,7 +118,7 @@ class DeratedLimits(Constraint):
         return [(REASONS[x].removeprefix("the "), None) for x in CAUSES]
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Used share of the derated speed and acceleration on each interval, (n, causes)."""
+        """Used fraction of the derated speed and acceleration on each interval, (n, causes)."""
         derating = next(y for x, y in self.deratings if x is ends.law.joint_path)
         bounded = DeratedAcceleration(*self.limits.acceleration_bounds(ends.arm.dof), derating)
         acceleration, cell = bounded.usage(ends).max(axis=1), derating.cell_of(ends.grid)
@@ -146,7 +146,7 @@ def plan_derated(
 # slightly below limits. REPORTED_SHARE: a limit is reported if its largest reduction exceeds this
 # share.
 LEAST_REDUCTION, REPORTED_SHARE = 1e-5, 1e-3
-# Derating along more than this share of a contour is described as along the whole contour.
+# Derating along more than this fraction of a contour is described as along the whole contour.
 WHOLE_SHARE = 0.995
 # Reasons of derating by cause, as phrases after "because of".
 REASONS = {

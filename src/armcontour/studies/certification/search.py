@@ -61,9 +61,9 @@ TOOL_MEMORY = 8.0
 # Ratio of ds² that is assigned to a command outside the joint range. A lower speed cannot correct
 # such a command completely, but with this ratio each attempt reduces the speed in its cell.
 OUTSIDE_RATIO = 1.1
-# Times that differ by less than this share of the cycle are equal.
+# Times that differ by less than this fraction of the cycle are equal.
 PHASE_TOLERANCE = 1e-9
-# Largest share of the budget that the deviation from the previous move may use at the start of a
+# Largest fraction of the budget that the deviation from the previous move may use at the start of a
 # contour.
 ENTRY_SHARE = 0.25
 
