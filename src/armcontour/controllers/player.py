@@ -160,8 +160,8 @@ def play(
         run_name: The run; by default the only one.
         execute: True moves the robot. False is a dry run, which only compares arm, limits,
             set-points and position.
-        speed_factor: Fraction of the planned speed; accelerations change by its square, jerks by its
-            cube.
+        speed_factor: Fraction of the planned speed; accelerations change by its square, jerks
+            by its cube.
         band: Largest difference of a joint from its simulated position before the motion is stopped
             [rad]; by default 2 mrad and the distance that it moves in 50 ms at its largest speed.
         set_points: Set-points of `learn` for this run, instead of those of the compensation; only
