@@ -31,6 +31,12 @@ def integrate(values: FloatArray, t: FloatArray) -> float:
     return float((np.diff(t) * (values[1:] + values[:-1]) / 2.0).sum())
 
 
+def subdivide(values: FloatArray, count: int) -> FloatArray:
+    """Increasing values with `count` - 1 evenly spaced values inserted between neighbours."""
+    inner = values[:-1, None] + np.arange(count) / count * np.diff(values)[:, None]
+    return np.append(inner.ravel(), values[-1])
+
+
 def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
     """Index of each part's item, and of each part in its item, for `count` parts per item."""
     whole = np.repeat(np.arange(len(count)), count)

@@ -544,8 +544,7 @@ class Path(Checked):
     @property
     def start(self) -> FloatArray:
         """First point [m], (dimension,)."""
-        start: FloatArray = self.starts[0]
-        return start
+        return np.asarray(self.starts[0])
 
     @property
     def end(self) -> FloatArray:

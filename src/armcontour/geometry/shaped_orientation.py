@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.sampled_data import subdivide
 from armcontour.geometry.orientation import (
     RATE_FLOOR,
     SAME_ORIENTATION,
@@ -50,6 +51,8 @@ LEAST_ANGLE, MAX_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
 SHORTENING, TRIES = 0.8, 8
 # Largest number of halvings between two knots of the smooth arc lengths.
 HALVINGS = 12
+# Parts of each interval between two known arc lengths at whose ends angles are compared.
+REFINEMENT = 4
 
 AnyPath = TypeVar("AnyPath", bound=Path)
 
@@ -147,7 +150,9 @@ def _orient_smoothly(
     cut = _blend_lengths(path, objective, runs, pairs, BLENDS * allowed)
     for _ in range(TRIES):
         orientation = _insert_blends(runs, mapping, cut, axis_only=source.axis_only)
-        s = _refine(np.unique(np.concatenate([orientation.breaks, pairs[:, 1], runs.s])))
+        s = subdivide(
+            np.unique(np.concatenate([orientation.breaks, pairs[:, 1], runs.s])), REFINEMENT
+        )
         targets = source(np.interp(s, pairs[:, 1], pairs[:, 0]))
         angles = turns_between(orientation(s), targets, axis_only=source.axis_only)
         # Where the ratio of the arc lengths changes, a blend can exceed the tolerance; then it is
@@ -171,7 +176,7 @@ def _smooth_arc_lengths(runs: _Runs, pairs: FloatArray, near: float) -> PchipInt
     knots, values = runs.s, runs.objective_s
     for _ in range(HALVINGS):
         smooth = PchipInterpolator(knots, values)
-        s = _refine(np.union1d(knots, pairs[:, 1]))
+        s = subdivide(np.union1d(knots, pairs[:, 1]), REFINEMENT)
         run = np.clip(np.searchsorted(runs.s, s, side="right") - 1, 0, len(runs.speeds) - 1)
         deviations = np.abs(smooth(s) - np.interp(s, pairs[:, 1], pairs[:, 0])) * runs.speeds[run]
         coarse = np.unique(np.searchsorted(knots, s[deviations > near], side="right") - 1)
@@ -242,13 +247,6 @@ def _insert_blends(
     return Orientation(
         breaks=breaks, starts=starts, first=first, second=second, f=f, g=g, axis_only=axis_only
     )
-
-
-def _refine(s: FloatArray) -> FloatArray:
-    """Arc lengths with three values inserted between neighbours [m]."""
-    share = np.arange(4) / 4
-    inner = s[:-1, None] + share * np.diff(s)[:, None]
-    return np.append(inner.ravel(), s[-1])
 
 
 def _nearest(s: FloatArray, marks: FloatArray) -> tuple[IntArray, FloatArray]:

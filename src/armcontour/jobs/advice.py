@@ -73,14 +73,14 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
     helpful = list[Improvement]()
     repairs = result.kept is False
     if repairs:
-        groups = list(_repairs(job, result))
+        groups = [*_repairs(job, result)]
         none = (
             "No single change of tolerance, compensation, reserve or speed leads to a run that "
             "keeps its accuracy."
         )
     else:
-        likely = sorted(_savings(job, result), key=lambda x: -x[0].expected_saving)[:MAX_PLANNED]
-        groups = list(map(iter, likely))
+        likely = sorted(_savings(job, result), key=lambda x: -x[0].expected_saving)
+        groups = [*likely[:MAX_PLANNED]]
         none = (
             "No single change of a limit, of the corners or of the contour order makes the motion "
             "faster."
@@ -162,14 +162,14 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         yield from (
             [y] for y in _raised_limit(job, run, part.kind, joints.get(part.name), part.of_time)
         )
-    yield from ([x] for x in _faster_weave(job, result, kinds.get(ASSIGNED, 0.0)))
-    free = [ASSIGNED, RAPIDS, DWELLS]
-    cornering = 1 - sum(kinds.get(x, 0.0) for x in free)
-    yield from ([x] for x in _wider_corners(job, result, cornering))
+    assigned = kinds.get(ASSIGNED, 0.0)
+    cornering = 1 - assigned - sum(kinds.get(x, 0.0) for x in (RAPIDS, DWELLS))
+    changes = (_faster_weave(job, result, assigned), _wider_corners(job, result, cornering))
+    yield from ([x] for change in changes for x in change)
     if run.timing.reserve > LEAST_RESERVE:
         # The smallest reserve is tried first, because it saves most if the servo can follow.
         reserves = sorted({LEAST_RESERVE, max(_rounded(run.timing.reserve / 2), LEAST_RESERVE)})
-        share = (1 - kinds.get(free[0], 0.0)) / 2
+        share = (1 - assigned) / 2
         yield [_reserve(job, run, x, (run.timing.reserve - x) * share) for x in reserves]
     if len(job.program.contours) > 2 and job.process.order != "shortest":
         process = replace(job.process, order="shortest")
@@ -277,38 +277,30 @@ def _reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _C
     )
 
 
-def _repairs(job: Job, result: RunResult) -> Iterator[Iterator[_Candidate]]:
+def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     """Yield groups of changes that may repair a run; of each, the first successful one counts."""
     run, e = result.run, result.judged
     if run.accuracy is not None and result.tolerance is not None and e is not None:
         room = ACCURACY_SHARE * run.accuracy - 2 * e.contour_error.max
         if 0 < room < result.tolerance:
-            yield iter([_tolerance(job, run, _rounded(room))])
+            yield [_tolerance(job, run, _rounded(room))]
     inverse = default_compensation(job.servo, job.arm, run.experiment)
     if run.compensation.method != inverse.method:
         limits = run.compensation.command_limits
         changed = replace(run, compensation=replace(inverse, command_limits=limits))
-        yield iter(
-            [
-                _Candidate(
-                    label=f"Compensate the servo by {inverse.method}",
-                    edits=(("compensation.method", inverse.method),),
-                    job=job,
-                    run=changed,
-                )
-            ]
-        )
+        label = f"Compensate the servo by {inverse.method}"
+        edits = (("compensation.method", inverse.method),)
+        yield [_Candidate(label=label, edits=edits, job=job, run=changed)]
     if run.timing.method == Method.OPTIMAL:
-        yield (_reserve(job, run, x) for x in RESERVES if x > run.timing.reserve)
+        yield [_reserve(job, run, x) for x in RESERVES if x > run.timing.reserve]
     speed = run.limits.speed
     if speed is not None:
-        new = [_rounded(speed * x) for x in SPEED_FACTORS]
-        yield (
+        yield [
             _Candidate(
                 label=f"Lower the assigned velocity {_describe_change(speed, x, 'm/s')}",
                 edits=(("limits.speed", x),),
                 job=job,
                 run=replace(run, limits=run.limits.replace(speed=x)),
             )
-            for x in new
-        )
+            for x in (_rounded(speed * factor) for factor in SPEED_FACTORS)
+        ]

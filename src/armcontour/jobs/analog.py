@@ -12,7 +12,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.geometry import ShapedPath
 from armcontour.motion import TimedEvent, Trajectory
 from armcontour.motion.trajectory import Span
-from armcontour.program import Analog, Contour, Process, Program, contour_called
+from armcontour.program import Analog, Process, Program, contour_called
 from armcontour.program.moves import SPINDLE_SPEED, events_of
 from armcontour.robot import Limits
 
@@ -101,9 +101,17 @@ def _values(
         first, last = np.searchsorted(times, [begin - lead, end - lead])
         inside = np.clip(times[first:last] + lead, begin, end)
         if len(inside):
-            s = trajectory.s(inside) - span.s[0]
-            speeds = _tool_speeds(contour, s, trajectory.s(inside, 1))
-            active = _values_at_speeds(output, speeds, _full_speeds(contour, s, limits, output))
+            s, path = trajectory.s(inside) - span.s[0], contour.path
+            speeds, full = trajectory.s(inside, 1), output.speed
+            if isinstance(path, ShapedPath) and path.curve is not None:
+                # For a smooth curve, s is the arc length of arcs that approximate the curve.
+                # Therefore the norm of the derivative of the position by s differs from 1 by a few
+                # parts per million.
+                speeds = speeds * np.linalg.norm(path(s, 1), axis=1)
+            active: FloatArray | float = output.full
+            if output.rest != output.full:
+                share = speeds / (path.assigned_speeds(limits.speed, s) if full is None else full)
+                active = output.rest + (output.full - output.rest) * np.minimum(share, 1.0)
             on = states.on(process, output, np.clip(inside, *span.t))
             if output.full_s is not None:
                 active = active * states.s_words(np.clip(inside, *span.t)) / output.full_s
@@ -118,34 +126,6 @@ def _times_on(span: Span, process: Process) -> tuple[float, float]:
     if process.begins_on:
         begin = span.t[0] - (0.0 if process.pierce is None else process.pierce.time)
     return begin, span.t[1] if process.ends_on else end
-
-
-def _tool_speeds(contour: Contour, s: FloatArray, rates: FloatArray) -> FloatArray:
-    """Tool speeds at arc lengths s of a contour [m/s], (n,); `rates`: derivatives of s [m/s]."""
-    path = contour.path
-    if not isinstance(path, ShapedPath) or path.curve is None:
-        return rates
-    # For a smooth curve, s is the arc length of arcs that approximate the curve. Therefore the norm
-    # of the derivative of the position by s differs from 1 by a few parts per million.
-    return np.asarray(rates * np.linalg.norm(path(s, 1), axis=1))
-
-
-def _values_at_speeds(
-    output: Analog, speed: FloatArray, full: FloatArray | float
-) -> FloatArray | float:
-    """Values of an output at tool speeds [m/s]; `full`: speed at which the value is full [m/s]."""
-    if output.rest == output.full:
-        return output.full
-    return output.rest + (output.full - output.rest) * np.minimum(speed / full, 1.0)
-
-
-def _full_speeds(
-    contour: Contour, s: FloatArray, limits: Limits, output: Analog
-) -> FloatArray | float:
-    """Tool speed at which an output has its full value, at arc lengths s of a contour [m/s]."""
-    if output.speed is not None:
-        return output.speed
-    return contour.path.assigned_speeds(limits.speed, s)
 
 
 class _States:

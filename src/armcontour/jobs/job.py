@@ -34,7 +34,7 @@ from armcontour.jobs.analog import check_analog
 from armcontour.jobs.exports import Exports
 from armcontour.jobs.goal import CertificateGoal
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
-from armcontour.planning import Optimal, PlanOptions, Shaped, check_duration
+from armcontour.planning import Optimal, PlanOptions, check_duration
 from armcontour.planning.options import DEFAULT_ITERATIONS, FASTEST
 from armcontour.program import Process, Program
 from armcontour.program.preparation import check_process
@@ -153,13 +153,6 @@ class Rounding(Checked):
     def with_arcs(self) -> Rounding:
         """The same tolerance with arcs at the corners."""
         return replace(self, shape=ARC)
-
-    @property
-    def options(self) -> Shaped:
-        """Options of the function `shape` for corners of shape free."""
-        assert self.tolerance is not None
-        angle = self.angular_tolerance
-        return Shaped(tolerance=self.tolerance, angular_tolerance=angle, iterations=self.iterations)
 
     def check(self, timing: str, key: str = "corners") -> None:
         """Check that the values are consistent.

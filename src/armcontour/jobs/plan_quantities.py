@@ -173,8 +173,7 @@ def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
     # Torques from the left do not exist at the first time, torques from the right not at the last.
     before = torques_at(arm, plan, t[1:], side="left")
     right = torques_at(arm, plan, t[:-1])
-    values = np.empty((2 * len(before), arm.dof))
-    values[::2], values[1::2] = right, before
+    values = np.stack([right, before], axis=1).reshape(-1, arm.dof)
     return Torques(t=np.repeat(t, 2)[1:-1], values=values)
 
 

@@ -21,6 +21,7 @@ from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
     Explanation,
     Optimal,
+    Shaped,
     Tracing,
     explain,
     intervals_of,
@@ -106,9 +107,11 @@ def round_program(
         from armcontour.planning import shape
 
         with error_context("corners"):
-            assert isinstance(run.timing, Optimal)
-            options = dataclasses.replace(
-                rounding.options,
+            assert isinstance(run.timing, Optimal) and rounding.tolerance is not None
+            options = Shaped(
+                tolerance=rounding.tolerance,
+                angular_tolerance=rounding.angular_tolerance,
+                iterations=rounding.iterations,
                 reserve=run.timing.reserve,
                 configuration=job.configuration,
                 seed=job.seed,

@@ -291,14 +291,11 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
     """The options of a contour; a closed contour has at most `count`."""
     path = contour.path
 
-    def as_drawn() -> Contour:
-        return contour
-
     if not contour.closed:
-        return [(as_drawn, path([0.0, path.length]))]
+        return [(lambda: contour, path([0.0, path.length]))]
     if count == 1 or process.begin != "auto" or keeps_drawn_start(contour, led=False):
         starts = [find_start(contour, process, led=False)]
-        makers: Sequence[Callable[[], Contour]] = [as_drawn]
+        makers: Sequence[Callable[[], Contour]] = [lambda: contour]
     else:
         starts = find_start_candidates(path, count).tolist()
         makers = [partial(_fix_start, contour, s) for s in starts]
@@ -382,8 +379,24 @@ def keeps_drawn_start(contour: Contour, *, led: bool) -> bool:
 
 def find_start(contour: Contour, process: Process, *, led: bool) -> float:
     """Arc length at which a closed contour starts [m]; see `close_contour`."""
-    keeps = process.begin == AUTO and keeps_drawn_start(contour, led=led)
-    return _find_start(contour.path, DRAWN if keeps else process.begin)
+    path, begin = contour.path, process.begin
+    if begin == DRAWN or (begin == AUTO and keeps_drawn_start(contour, led=led)):
+        return 0.0
+    if isinstance(begin, tuple):
+        point = np.array(begin)
+        if len(point) != path.dimension:
+            raise InvalidInput(
+                f"begin is a point of {len(point)} coordinates, but contours have {path.dimension}."
+            )
+        return float(path.project(point[None]).s[0])
+    if isinstance(begin, float):
+        return begin % path.length
+    last = slice(len(path) - 1, None)
+    end = path.segments.evaluate(last, path.lengths[last], 1)
+    if np.linalg.norm(path.tangents[0] - end[0]) <= TANGENT_TOLERANCE:
+        return 0.0
+    longest = int(np.argmax(path.lengths))
+    return float(path.breaks[longest] + path.lengths[longest] / 2)
 
 
 def move_start(contour: Contour, start: float, outputs: Mapping[str, Value]) -> Contour:
@@ -468,24 +481,3 @@ def _move_event(event: Event, start: float, length: float) -> Event:
     if event.s <= REPEATED_POINT or event.s >= length - REPEATED_POINT:
         return replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
     return replace(event, s=(event.s - start) % length)
-
-
-def _find_start(path: Path, begin: str | float | Sequence[float]) -> float:
-    """Arc length of the start point that `Process.begin` specifies on a closed path [m]."""
-    if begin == DRAWN:
-        return 0.0
-    if isinstance(begin, tuple):
-        point = np.array(begin)
-        if len(point) != path.dimension:
-            raise InvalidInput(
-                f"begin is a point of {len(point)} coordinates, but contours have {path.dimension}."
-            )
-        return float(path.project(point[None]).s[0])
-    if isinstance(begin, float):
-        return begin % path.length
-    last = slice(len(path) - 1, None)
-    end = path.segments.evaluate(last, path.lengths[last], 1)
-    if np.linalg.norm(path.tangents[0] - end[0]) <= TANGENT_TOLERANCE:
-        return 0.0
-    longest = int(np.argmax(path.lengths))
-    return float(path.breaks[longest] + path.lengths[longest] / 2)

@@ -121,11 +121,12 @@ def apply_kerf(program: Program, process: Process) -> Program:
 
 def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Process) -> list[str]:
     """The side of each contour on which its kerf lies; "" for contours without offset."""
-    sides = [process.kerf_side] * len(contours)
-    if process.kerf_side == WASTE:
-        waste = waste_sides(contours, process)
-        sides = [side if x.closed else "" for x, side in zip(contours, waste, strict=True)]
-    return [side if kerf else "" for side, kerf in zip(sides, kerfs, strict=True)]
+    waste = process.kerf_side == WASTE
+    sides = waste_sides(contours, process) if waste else [process.kerf_side] * len(contours)
+    return [
+        side if kerf and (contour.closed or not waste) else ""
+        for contour, side, kerf in zip(contours, sides, kerfs, strict=True)
+    ]
 
 
 def _notes_on_open(names: Sequence[str]) -> list[str]:

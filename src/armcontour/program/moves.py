@@ -519,17 +519,14 @@ class Program(Checked):
             x for x, *chosen in zip(self.contours, by_layer, by_name, strict=True) if all(chosen)
         )
         if not contours:
+            reason = "no contour matches both the layers and the names. Remove one of both lists"
             if layers is None or names is None:
                 reason = "no contour is selected. Remove the empty list"
-            else:
-                reason = (
-                    "no contour matches both the layers and the names. Remove one of both lists"
-                )
             raise InvalidInput(f"{self.source or 'The program'}: {reason}.")
         notes = self.notes
         if len(self.contours) < len(self.moves):
             note = "rapids, dwells and events between the selected contours are removed."
-            notes = (*notes, note)
+            notes += (note,)
         others = Counter(
             x.layer for x, chosen in zip(self.contours, by_layer, strict=True) if not chosen
         )

@@ -94,12 +94,11 @@ def _split_arcs(rows: Segments, up: FloatArray) -> Segments:
     """Divide arcs into at most half circles, and replace tilted arcs by chords."""
     sweeps = rows.curvatures * rows.lengths
     pieces = np.where(sweeps > np.pi / 2, 4, 1)
+    tilted = np.zeros(len(rows), dtype=bool)
     if rows.dimension == 3:
         tilted = np.hypot(rows.tangents @ up, rows.normals @ up) > MAX_SLOPE
         tilted &= rows.curvatures > 0
         pieces[tilted] = CHORDS * np.ceil(sweeps[tilted] / (np.pi / 2)).astype(int)
-    else:
-        tilted = np.zeros(len(rows), dtype=bool)
     if (pieces == 1).all():
         return rows
     i, k = number_parts(pieces)

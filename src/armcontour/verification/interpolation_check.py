@@ -14,6 +14,7 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import Choice, Frequency, NotNegative, Quantity, Tolerance
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
+from armcontour.core.sampled_data import subdivide
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory
 from armcontour.motion.controller_laws import CONTROLLERS, NAMES, CommandCurve, interpolate_points
@@ -176,9 +177,7 @@ def check_interpolation(
 def _times(points: TimeSamples) -> FloatArray:
     """Times at the points and between them, since the first point [s], (n,)."""
     t = np.round(np.asarray(points.t) - points.t[0], 9)
-    count = int(np.clip(MAX_TIMES // len(t), 2, MAX_PER_INTERVAL))
-    inside = t[:-1, None] + np.arange(count) / count * np.diff(t)[:, None]
-    return np.append(inside.ravel(), t[-1])
+    return subdivide(t, int(np.clip(MAX_TIMES // len(t), 2, MAX_PER_INTERVAL)))
 
 
 def _law_acceleration(curve: CommandCurve, limits: Limits, t: FloatArray) -> float:

@@ -90,11 +90,9 @@ class Occurrence:
             Row("limit", self.limit, unit, "of"),
             Row("t", self.t, "s", "at"),
             Row("joint", joint, "", "joint"),
-            *(
-                Row("certain", self.certain, "1"),
-                Row("slack", self.slack, "1"),
-                Row("s", self.s, "m"),
-            ),
+            Row("certain", self.certain, "1"),
+            Row("slack", self.slack, "1"),
+            Row("s", self.s, "m"),
         )
 
 

@@ -18,6 +18,7 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
+from armcontour.core.sampled_data import subdivide
 from armcontour.core.text import short_repr
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory, arm_of
@@ -121,10 +122,8 @@ class Check(Result):
                     "distance from path",
                     location,
                 ),
-                *(
-                    Row("path_deviation.t", deviation.t, "s"),
-                    Row("path_deviation.s", deviation.s, "m"),
-                ),
+                Row("path_deviation.t", deviation.t, "s"),
+                Row("path_deviation.s", deviation.s, "m"),
             ]
         times = f"from {number(self.start, 's')} to {number(self.end, 's')}"
         return Data(
@@ -558,24 +557,16 @@ def record_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> 
     # largest sagitta of a tool point and its neighbours.
     assert tally.path is not None
     if callable(motion):
-        breaks = np.asarray(motion.breaks, dtype=np.float64)
-        inner = (
-            breaks[:-1, None]
-            + np.arange(POINTS_PER_INTERVAL) / POINTS_PER_INTERVAL * np.diff(breaks)[:, None]
-        )
-        t = np.append(inner.ravel(), breaks[-1])
+        t = subdivide(np.asarray(motion.breaks, dtype=np.float64), POINTS_PER_INTERVAL)
         q = np.asarray(motion(t, 0, side="left"))
         error = np.zeros(q.shape[1])
     else:
         t, q, error = motion.t, motion.q, motion.errors[0]
     points, error_bound = tally.tool_points(q, error)
     followed = follow_path(tally.path, points)
-    sagitta = np.zeros(len(points))
     middle = (points[2:] + points[:-2]) / 2
-    sagitta[1:-1] = np.linalg.norm(points[1:-1] - middle, axis=1)
-    around = np.maximum(
-        sagitta, np.maximum(np.append(sagitta[1:], 0.0), np.append(0.0, sagitta[:-1]))
-    )
+    sagitta = np.pad(np.linalg.norm(points[1:-1] - middle, axis=1), 2)
+    around = np.maximum.reduce([sagitta[:-2], sagitta[1:-1], sagitta[2:]])
     tally.record(
         Use("coverage_error", followed.coverage_error, allowed, around + error_bound), t, q
     )

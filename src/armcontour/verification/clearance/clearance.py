@@ -402,8 +402,7 @@ class _ClearanceSearch:
             farthest = (np.abs(q[:-1]) + np.diff(self._travel, axis=0)).max(axis=0)
             self._radii = np.array([x.radii_at(farthest, distances.slides) for x in pairs])
         self._margins = np.array([x.margin for x in pairs])
-        kinds = {x.kind: k for k, x in enumerate(pairs)}
-        self._kinds = np.array([list(kinds).index(x.kind) for x in pairs])
+        self._kinds = np.unique([x.kind for x in pairs], return_inverse=True)[1]
         self._blur = np.zeros(len(pairs))
         if isinstance(motion, Execution):
             # Between samples the joints deviate from straight lines.

@@ -23,7 +23,6 @@ from armcontour.robot.scene import (
     Cylinder,
     HalfSpace,
     LeftOut,
-    LinkShape,
     Mesh,
     Scene,
     Shape,
@@ -48,21 +47,16 @@ class Distances:
         # `ComputeDistance` is faster, but its result depends on the previous calls.
         self._least = self._coal.distance
         self._pairs = pairs
-        # Indices in the list of all bodies; bodies are compared by identity.
-        self._bodies: dict[int, int] = {}
-        self._list: list[LinkShape] = []
         made = partial(_geometry, self._coal)
-        for pair in pairs:
-            for body in (pair.first, pair.second):
-                if id(body) not in self._bodies:
-                    self._bodies[id(body)] = len(self._list)
-                    self._list.append(body)
+        # Bodies are compared by identity.
+        bodies = {id(x): x for pair in pairs for x in (pair.first, pair.second)}
+        places = {key: k for k, key in enumerate(bodies)}
         self._links, self._base = link_table(chain), chain.base.matrix
         self.slides = chain.slides
         # Frames of the bodies in the frames of joints, which have z along the joint axis.
         turns = [np.eye(3), *np.swapaxes(joint_frames(chain), 1, 2)]
-        self._joints = np.array([x.link - 1 for x in self._list], dtype=np.intp)
-        placements = [turns[x.link] @ x.place.matrix for x in self._list]
+        self._joints = np.array([x.link - 1 for x in bodies.values()], dtype=np.intp)
+        placements = [turns[x.link] @ x.place.matrix for x in bodies.values()]
         self._places = np.array(placements).reshape(-1, 3, 4)
         self._shapes = [(made(x.first.shape), made(x.second.shape)) for x in pairs]
         self._exact = [
@@ -72,7 +66,7 @@ class Distances:
             for x in pairs
         ]
         self._ends = np.array(
-            [(self._bodies[id(x.first)], self._bodies[id(x.second)]) for x in pairs], dtype=np.intp
+            [(places[id(x.first)], places[id(x.second)]) for x in pairs], dtype=np.intp
         ).reshape(-1, 2)
         self._request = self._coal.DistanceRequest()
         self._request.enable_signed_distance = True
