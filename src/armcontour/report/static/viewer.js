@@ -16,6 +16,8 @@ import {
 const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Arm: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Side: [0, 0.05] });
 /** Programs that compute WebGL on the processor. */
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
+/** Resolution while something moves in software rendering, whose time goes into the shadow of each pixel. */
+const COARSE = 0.75;
 /** So long after the last change the picture is drawn with smooth edges [ms]. */
 const REST = 600;
 /** Height of the view [degrees], its largest angle from above, so that the eye stays above the floor, and the angle of an edge [degrees]. */
@@ -322,7 +324,7 @@ export class Viewer {
   render(rests) {
     const { clientWidth: width, clientHeight: height } = this.host;
     if (width < 2 || height < 2) return;
-    const ratio = this.software ? (rests ? 2 : 1) : Math.min(2, devicePixelRatio);
+    const ratio = this.software ? (rests ? 2 : COARSE) : Math.min(2, devicePixelRatio);
     if (String([width, height, ratio]) !== this.size) {
       this.size = String([width, height, ratio]);
       this.renderer.setPixelRatio(ratio);
