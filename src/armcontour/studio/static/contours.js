@@ -51,4 +51,16 @@ export function init(store) {
     );
   });
   for (const event of ["picture", "view", "theme"]) store.on(event, update);
+  let shown = -1;
+  /** A contour that is selected elsewhere comes into sight: the list is scrolled, and not the page. */
+  const reveal = () => {
+    const [list, row] = ["ol", "[aria-pressed=true]"].map((x) => /** @type {HTMLElement | null} */ (region.querySelector(x)));
+    if (!list || !row) return;
+    const top = row.offsetTop - list.offsetTop;
+    list.scrollTop = Math.min(top, Math.max(list.scrollTop, top + row.offsetHeight - list.clientHeight));
+  };
+  store.on("view", () => {
+    if (store.options.contour !== shown) setTimeout(reveal, 2 * READING);
+    shown = store.options.contour;
+  });
 }

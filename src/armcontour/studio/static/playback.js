@@ -71,7 +71,10 @@ function drawSpeed(canvas, store, duration) {
   context.fillStyle = themed("--quiet");
   context.font = "11px system-ui, sans-serif";
   context.textAlign = "right";
-  context.fillText(`${mm(most, 0)} mm/s`, width - 4, 15);
+  // The curve is behind the text.
+  context.strokeStyle = themed("--surface");
+  context.lineWidth = 4;
+  for (const write of ["strokeText", "fillText"]) context[/** @type {"fillText"} */ (write)](`${mm(most, 0)} mm/s`, width - 4, 15);
   context.textAlign = "left";
   const step = roundUp((APART / width) * duration);
   for (let at = 0; x(at) < width - APART / 2; at += step) context.fillText(`${Number(at.toPrecision(6))} s`, x(at) + 1, height - 3);
