@@ -157,7 +157,13 @@ class Contour(Checked):
     def on_path(
         self, path: Path, map_s: Callable[[FloatArray], FloatArray], **changes: Any
     ) -> Contour:
-        """This contour on another path; `map_s` maps the arc lengths of events and work."""
+        """This contour on another path, with its events and work.
+
+        Args:
+            path: The other path.
+            map_s: Maps arc lengths of this contour to those of the other path [m], (n,).
+            changes: Other fields with their new values.
+        """
         work = () if self.work is None else self.work
         s = np.minimum(map_s(np.array([*(x.s for x in self.events), *work])), path.length).tolist()
         events = tuple(replace(x, s=at) for x, at in zip(self.events, s, strict=False))
