@@ -130,7 +130,8 @@ def _load(name: str | FilePath, options: ArmOptions, payload: Payload | None) ->
     table = table_of(arm.limits, arm.dof)
     override_limits(table, arm.joint_names, options.joint_limits)
     # The file replaces only joint limits; other limits of the arm do not change.
-    replaced = limits_of(table, arm.joint_names, str(options.joint_limits))
+    slides = arm.chain.prismatic or ()
+    replaced = limits_of(table, arm.joint_names, str(options.joint_limits), slides)
     values = {key: getattr(replaced, key) for key in table}
     lifted: dict[str, Any] = {key: np.inf for key, x in values.items() if x is None}
     return arm.with_limits(Limits().replace(**values | lifted))

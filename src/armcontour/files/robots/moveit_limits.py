@@ -11,6 +11,7 @@ import numpy as np
 
 from armcontour.core import file_access, yaml_loader
 from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import linear_unit
 from armcontour.core.text import plain_number, show
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, UNITS, Limits, or_unlimited
 
@@ -84,27 +85,36 @@ def override_limits(table: Table, joints: Sequence[str], file: str | FilePath) -
             _override_joint(table, k, f"{file}, joint {joint}", entries[joint])
 
 
-def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
-    """`Limits` of a table, infinite where a joint has no limit; checks values and ranges."""
+def limits_of(table: Table, joints: Sequence[str], source: str, slides: Sequence[bool]) -> Limits:
+    """`Limits` of a table, infinite where a joint has no limit; checks values and ranges.
+
+    `slides`: whether each joint is prismatic, for the units of messages.
+    """
     limits: dict[str, Any] = {}
+
+    def unit(name: str, k: int) -> str:
+        return linear_unit(UNITS[name]) if slides[k] else UNITS[name]
+
     for name, values in table.items():
         none = -math.inf if name == JOINT_RANGE[0] else math.inf
         limits[name] = [none if x is None else x for x in values]
-        for joint, value in zip(joints, limits[name], strict=True):
+        for k, (joint, value) in enumerate(zip(joints, limits[name], strict=True)):
             if name in JOINT_LIMITS and isinstance(value, int | float) and not value > 0:
                 raise InvalidInput(
                     f"{source}: the {name} of joint {joint} must be positive, but is "
-                    f"{value:g} {UNITS[name]}. Specify the correct value in the file or with "
+                    f"{value:g} {unit(name, k)}. Specify the correct value in the file or with "
                     "joint_limits.",
                     limit=name,
                 )
         if any(isinstance(x, list) for x in values):
             limits[name] = [x if isinstance(x, list) else [-x, x] for x in limits[name]]
-    for joint, low, high in zip(joints, *(limits[x] for x in JOINT_RANGE), strict=True):
+    ranges = zip(joints, *(limits[x] for x in JOINT_RANGE), strict=True)
+    for k, (joint, low, high) in enumerate(ranges):
         if low >= high:
             raise InvalidInput(
                 f"{source}: the lower end of the range of joint {joint} must be less than the "
-                f"upper end, but the range is from {low:g} to {high:g}."
+                f"upper end, but the range is from {low:g} to {high:g} "
+                f"{unit(JOINT_RANGE[0], k)}."
             )
     return Limits(**{name: x for name, x in limits.items() if np.isfinite(x).any()})
 

@@ -172,7 +172,7 @@ def _limits(
         override_limits(stated, names, file)
     if not has_bodies:
         table["joint_torque"] = [None] * len(moving)
-    described = limits_of(table, names, tree.file)
+    described = limits_of(table, names, tree.file, [x.kind == "prismatic" for x in moving])
     _check_radians(table, stated, moving, tree.file)
     limits, assumed_note = assume_accelerations(described, names)
     missing = _missing_limits_note(limits, moving, has_bodies=has_bodies)
