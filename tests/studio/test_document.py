@@ -143,7 +143,7 @@ def test_a_drawing_becomes_a_job_next_to_it_with_the_comments_of_its_cell(tmp_pa
     document = Document.of_drawing(drawing, "pmk3s")
     assert document.file == drawing.with_suffix(".yaml") and document.on_disk() == "missing"
     assert document.data["path"]["file"] == "plate: 1.svg" and document.data["name"] == "plate: 1"
-    assert "# The drawing's origin lies here" in document.text and document.dirty
+    assert "# Origin of the drawing" in document.text and document.dirty
     document.save()
     assert Document.open(document.file).text == document.text
     with pytest.raises(InvalidInput):

@@ -154,28 +154,23 @@ class Contour(Checked):
         """Arc lengths at which the process is switched on and off [m], between the leads."""
         return (0.0, self.path.length) if self.work is None else self.work
 
-    def on_path(
-        self, path: Path, map_s: Callable[[FloatArray], FloatArray], **changes: Any
-    ) -> Contour:
-        """This contour on another path, with its events and work.
-
-        Args:
-            path: The other path.
-            map_s: Maps arc lengths of this contour to those of the other path [m], (n,).
-            changes: Other fields with their new values.
-        """
-        work = () if self.work is None else self.work
-        s = np.minimum(map_s(np.array([*(x.s for x in self.events), *work])), path.length).tolist()
-        events = tuple(replace(x, s=at) for x, at in zip(self.events, s, strict=False))
-        return replace(
-            self, path=path, events=events, work=(s[-2], s[-1]) if work else None, **changes
-        )
-
     def without_z(self) -> tuple[Contour | Event, ...]:
         """The contour without z; if no length remains, its events as separate moves."""
         if not has_length_without_z(self.path):
             return tuple(replace(x, s=0.0) for x in self.events)
-        return (self.on_path(drop_z(self.path), partial(arc_lengths_without_z, self.path)),)
+        return (put_on_path(self, drop_z(self.path), partial(arc_lengths_without_z, self.path)),)
+
+
+def put_on_path(
+    contour: Contour, path: Path, map_s: Callable[[FloatArray], FloatArray], **changes: Any
+) -> Contour:
+    """Move a contour to another path; `map_s` maps the arc lengths of events and work."""
+    work = () if contour.work is None else contour.work
+    old = np.array([*(x.s for x in contour.events), *work])
+    s = np.minimum(map_s(old), path.length).tolist()
+    events = tuple(replace(x, s=at) for x, at in zip(contour.events, s, strict=False))
+    new = (s[-2], s[-1]) if work else None
+    return replace(contour, path=path, events=events, work=new, **changes)
 
 
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
@@ -376,7 +371,7 @@ class Program(Checked):
                 checks.check_type("result of change", path, Path)
                 scale = partial(np.multiply, path.length / move.path.length)
                 woven = move.woven and replace(move.woven, seam=change(move.woven.seam))
-                moves.append(move.on_path(path, scale, woven=woven))
+                moves.append(put_on_path(move, path, scale, woven=woven))
             elif isinstance(move, Rapid) and move.path is not None:
                 moves.append(Rapid(path=change(move.path)))
             else:

@@ -33,6 +33,7 @@ from armcontour.program.moves import (
     has_intended_start,
     last_end,
     next_rapid,
+    put_on_path,
     reroute,
 )
 from armcontour.program.process import MAX_TABS, Leads, Process, Switch, Tabs
@@ -274,7 +275,7 @@ def _weave(contour: Contour, weave: Weave) -> Contour:
     with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
         path, woven = weave_seam(contour.path, weave)
     scale = partial(np.multiply, path.length / contour.path.length)
-    return contour.on_path(path, scale, ring=contour.closed, woven=woven)
+    return put_on_path(contour, path, scale, ring=contour.closed, woven=woven)
 
 
 def _add_leads(

@@ -17,7 +17,7 @@ from armcontour.core.quantities import Quantity
 from armcontour.core.text import capitalise
 from armcontour.geometry import Path, RoundedPath, round_path
 from armcontour.geometry.rounding.rounded_path import describe_large_tolerance
-from armcontour.program.moves import Contour, Program
+from armcontour.program.moves import Contour, Program, put_on_path
 
 # Continuity of a rounded path: only the tangent is continuous, or also the curvature.
 Continuity: TypeAlias = Literal["tangent", "curvature"]
@@ -104,7 +104,7 @@ def round_corners(
         return rounded_path
     program = Program.from_path(path, "round_corners needs a Path or a Program")
     moves = [
-        x.on_path(to := rounded(x.path), to.place) if isinstance(x, Contour) else x
+        put_on_path(x, to := rounded(x.path), to.place) if isinstance(x, Contour) else x
         for x in program.moves
     ]
     return replace(program, moves=tuple(moves))
@@ -144,7 +144,7 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
     for move in program.moves:
         if isinstance(move, Contour):
             smoothed, pairs = smooth_path(move.path, tolerance)
-            move = move.on_path(smoothed, partial(_interpolate, pairs))
+            move = put_on_path(move, smoothed, partial(_interpolate, pairs))
         moves.append(move)
     smooth = replace(program, moves=tuple(moves))
     return smooth if program is path else smooth.path
@@ -157,7 +157,7 @@ def draw_with_arcs(contour: Contour) -> Contour:
     if not contour.path.segments.is_transition.any():
         return contour
     path, pairs = draw_path(contour.path)
-    return contour.on_path(path, partial(_interpolate, pairs))
+    return put_on_path(contour, path, partial(_interpolate, pairs))
 
 
 def _interpolate(pairs: FloatArray, s: FloatArray) -> FloatArray:

@@ -26,6 +26,7 @@ from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of,
 from armcontour.planning.shaping.search import explain_unshaped, make_searches
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs
+from armcontour.program.moves import put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 from armcontour.robot.limits import reduce_limits
 
@@ -141,7 +142,7 @@ class Shaping:
         for done, (i, move, _) in enumerate(tasks):
             with error_context(contour_called(move, done)) if named else nullcontext():
                 path = shaped_path(done)
-                moves[i] = move.on_path(path, path.place)
+                moves[i] = put_on_path(move, path, path.place)
         shaped = replace(program, moves=tuple(moves))
         if arcs is None or seed is not None or self.arm.dimension == 2:
             return shaped
@@ -238,7 +239,7 @@ class Shaping:
                 path, matches = starts[name]
                 outcome = ShapingOutcome(start=name, durations={})
                 shaped = _shaped_path(move.path, path, matches, self.options, outcome)
-                moves[i] = move.on_path(shaped, shaped.place)
+                moves[i] = put_on_path(move, shaped, shaped.place)
         return replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
