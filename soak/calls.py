@@ -199,6 +199,7 @@ def instances() -> Iterator[Any]:
     yield from (Tabs(width=1e-3, count=2), Weave(width=1e-3, pitch=1e-3))
     yield from (
         ac.Payload(mass=1.0),
+        ac.Rail(axis=[1.0, 0.0, 0.0], upper=2.0, velocity=1.0, acceleration=2.0),
         ac.CertificateGoal(servo_error=1e-4),
         ac.Scene(),
         scene.Margins(),

@@ -128,6 +128,11 @@ def _oriented(orientation: Any) -> dict[str, Any]:
     }
 
 
+_RAIL: dict[str, Any] = {
+    **{"axis": [0.0, 1.0, 0.0], "origin": [0.0, -0.5, 0.0], "lower": 0.0, "upper": 1.0},
+    **{"velocity": 1.0, "acceleration": 2.0, "jerk": 50.0, "force": 5e3, "mass": 50.0},
+    "weight": 5.0,
+}
 _CLOSED = {"points": [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23], [0.30, 0.20]]}
 _LINE: dict[str, Any] = {"to": [0.34, 0.20], "speed": 0.05, "tolerance": 1e-3}
 _DRAWN: dict[str, Any] = {
@@ -263,6 +268,7 @@ BASES: list[dict[str, Any]] = [
         },
     ),
     _with(PLANE, servo={**_REAL, **_IDENTIFIED}, plant={**SERVO, **_REAL}),
+    _with(SPACE, arm={"rail": _RAIL}, seed=[0.5, *SPACE["seed"]]),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED),
     _with(PLANE, limits={"joint_torque": 50.0}, runs=_INVERSE),
     _with(PLANE, command_limits=_COMMANDS),

@@ -168,6 +168,12 @@ def _pair_joints(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[li
             f"such as {EXAMPLE} (or rename them with {table.suggest('u1', 'q1')}). The known "
             f"formats are {', '.join(FORMATS)}."
         )
+    for column in table.columns.values():
+        if column.linear:
+            raise InvalidInput(
+                f"{table.heading}: the column {show(column.title)} has the unit "
+                f"{show(column.unit)} of a prismatic joint, but logs are of revolute joints."
+            )
     single = [key for key in table.columns if key.kind == "q" and key.joint not in pairs]
     if not pairs:
         key = single[0]

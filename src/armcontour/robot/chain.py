@@ -14,7 +14,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, declared
+from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import Frame, rotations
 from armcontour.core.quantities import (
     Acceleration,
@@ -225,14 +225,17 @@ class Chain(Checked):
         """Mask of the prismatic joints, (n,)."""
         return np.array(self.prismatic, dtype=np.bool_)
 
+    @checked
     def unit(self, unit: str, joint: int | None = None) -> str:
         """Unit of a joint, from that of revolute joints; of all joints, one each if they differ."""
         chosen = self.prismatic or ()
         units = [linear_unit(unit) if x else unit for x in chosen]
         if joint is not None:
+            checks.raise_if(not 0 <= joint < len(units), f"There is no joint {joint}.")
             return units[joint]
         return units[0] if len(set(units)) == 1 else ", ".join(units)
 
+    @checked
     def on_rail(self, rail: Rail) -> Chain:
         """The chain with a rail as the first joint."""
         along = rail.axis / np.linalg.norm(rail.axis)
