@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.frames import Frame
-from armcontour.jobs import Job
+from armcontour.jobs import Job, RunResult
 from armcontour.report.page_frame import PageFrame
 from armcontour.robot import Arm, Chain
 from armcontour.robot.scene import (
@@ -69,6 +69,15 @@ def arm_frame(job: Job) -> PageFrame:
         "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are unknown."],
     }
     return PageFrame("arm", header, arrays)
+
+
+def nearest_pair(result: RunResult) -> dict[str, Any] | None:
+    """Nearest points of two bodies [m], and their time [s]; None if the clearance is unknown."""
+    pair = None if result.clearance is None else result.clearance.least
+    if pair is None:
+        return None
+    t = pair.t if pair.first_time is None else pair.first_time
+    return {"points": pair.points, "t": t}
 
 
 def matrix(frame: Frame) -> FloatArray:

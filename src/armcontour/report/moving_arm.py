@@ -14,7 +14,7 @@ from armcontour.core.render import LIMITS
 from armcontour.jobs import Job, RunResult
 from armcontour.motion import Trajectory
 from armcontour.planning.explanation import RAPIDS
-from armcontour.report.arm_picture import arm_frame
+from armcontour.report.arm_picture import arm_frame, nearest_pair
 from armcontour.report.figure import WHOLE, Picture
 from armcontour.report.outline import simplify
 from armcontour.report.page_frame import PageFrame
@@ -72,8 +72,7 @@ def draw_arm(result: RunResult, job: Job) -> MovingArm:
         arrays |= {f"points{k}": to_float32(in_space(points)), f"breaks{k}": breaks}
         lines.append({"points": f"points{k}", "breaks": f"breaks{k}"})
         lines[-1] |= {theme: str(look[theme]) for theme in ("light", "dark")}
-    nearest = result.clearance and result.clearance.least
-    header = {"lines": lines, "nearest": nearest and nearest.points}
+    header = {"lines": lines, "nearest": nearest_pair(result)}
     title = f"Arm, moving as planned in run {result.run.name}"
     return MovingArm(title=title, frames=(arm_frame(job), PageFrame("motion", header, arrays)))
 

@@ -21,6 +21,7 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.motion import LawAlongPath, Trajectory
 from armcontour.planning import Explanation
 from armcontour.program import Program, cut_parts, idle_parts
+from armcontour.report.arm_picture import nearest_pair
 from armcontour.report.page_frame import PageFrame
 from armcontour.report.view import (
     View,
@@ -337,17 +338,6 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
     shares = [(x, share) for x, share in explanation.kinds.items() if share >= MIN_SHARE]
     kinds = [{"kind": x, "share": number(share, "1")} for x, share in shares]
     return {"time": cells(explanation.time_table), "kinds": kinds}
-
-
-def nearest_pair(result: RunResult) -> dict[str, Any] | None:
-    """Nearest points of two bodies [m], and their time [s]; None if the clearance is unknown."""
-    pair = None if result.clearance is None else result.clearance.least
-    if pair is None:
-        return None
-    return {
-        "points": pair.points,
-        "t": pair.t if pair.first_time is None else pair.first_time,
-    }
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:

@@ -71,7 +71,7 @@ async function showArm(figure) {
     };
     paint();
     DARK.addEventListener("change", paint);
-    viewer.mark(motion.head.nearest, null);
+    viewer.mark(motion.head.nearest?.points ?? null, null);
     enablePlayer(player, motion.arrays, viewer);
     viewer.look("Arm");
     for (const x of views) x.addEventListener("click", () => viewer.look(x.dataset.view));

@@ -18,7 +18,8 @@ def figures(request: Request) -> PageFrame:
     """Frame with the exact figures and the plan of a run, or a refusal with its position."""
     from armcontour.core.render import frame
     from armcontour.jobs.rows import judging_rows
-    from armcontour.report.picture import Tier, nearest_pair, refusal_header, time_header
+    from armcontour.report.arm_picture import nearest_pair
+    from armcontour.report.picture import Tier, refusal_header, time_header
 
     try:
         result = request.result
