@@ -8,7 +8,8 @@ from tests.dynamics_extra import pinocchio, pinocchio_model
 import armcontour as ac
 from armcontour.core.frames import Frame, from_rpy
 from armcontour.motion import LapLaw
-from armcontour.robot.chain import Chain, Payload
+from armcontour.robot.bodies import Payload
+from armcontour.robot.chain import Chain
 from armcontour.robot.serial import SerialArm
 
 pytest.importorskip("mujoco")

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tests.oracle.toppra_kept import SAME, recorded_duration
 
 import armcontour as ac
-from armcontour.robot.chain import Payload
+from armcontour.robot.bodies import Payload
 from armcontour.robot.serial import SerialArm
 
 mujoco = pytest.importorskip("mujoco")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.robot.chain import Payload
+from armcontour.robot.bodies import Payload
 from armcontour.robot.serial import SerialArm
 
 VISCOUS = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])

@@ -10,7 +10,8 @@ import pytest
 
 import armcontour as ac
 from armcontour.motion import LapLaw
-from armcontour.robot.chain import Chain, Payload
+from armcontour.robot.bodies import Payload
+from armcontour.robot.chain import Chain
 from armcontour.robot.serial import SerialArm
 from armcontour.simulation import mujoco_model
 

@@ -40,7 +40,8 @@ from armcontour.planning import METHODS, PlanOptions
 from armcontour.planning.options import FASTEST
 from armcontour.program import ContourProcess, Process
 from armcontour.robot import Limits
-from armcontour.robot.chain import Payload, Rail
+from armcontour.robot.bodies import Payload
+from armcontour.robot.external_axes import Rail
 from armcontour.robot.servo import ServoModel
 
 # Topic of options in the help of commands.

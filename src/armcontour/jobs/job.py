@@ -40,7 +40,7 @@ from armcontour.program import Process, Program
 from armcontour.program.preparation import check_process
 from armcontour.program.rounded_corners import CONTINUITIES, Continuity
 from armcontour.robot import Arm, Limits
-from armcontour.robot.chain import Payload
+from armcontour.robot.bodies import Payload
 from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant

@@ -4,8 +4,10 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "arm": "Arm compare_limits resolve_limits",
-    "chain": "Chain Payload Rail",
+    "bodies": "Payload",
+    "chain": "Chain",
     "dynamics": "Dynamics",
+    "external_axes": "Rail",
     "limits": "Limits",
     "planar": "PlanarTwoLink",
     "serial": "SerialArm",

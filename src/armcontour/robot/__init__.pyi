@@ -1,10 +1,10 @@
 from armcontour.robot.arm import Arm as Arm
 from armcontour.robot.arm import compare_limits as compare_limits
 from armcontour.robot.arm import resolve_limits as resolve_limits
+from armcontour.robot.bodies import Payload as Payload
 from armcontour.robot.chain import Chain as Chain
-from armcontour.robot.chain import Payload as Payload
-from armcontour.robot.chain import Rail as Rail
 from armcontour.robot.dynamics import Dynamics as Dynamics
+from armcontour.robot.external_axes import Rail as Rail
 from armcontour.robot.limits import Limits as Limits
 from armcontour.robot.planar import PlanarTwoLink as PlanarTwoLink
 from armcontour.robot.serial import SerialArm as SerialArm

@@ -15,7 +15,8 @@ from armcontour.core.checks import FloatArray, Immutable
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.fields import checked
 from armcontour.core.frames import Pose, read_poses, transforms
-from armcontour.robot.chain import Chain, Payload, link_table, state_rows
+from armcontour.robot.bodies import Payload
+from armcontour.robot.chain import Chain, link_table, state_rows
 from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
 
 if TYPE_CHECKING:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import field
 from typing import Annotated
@@ -17,120 +16,21 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import Frame, rotations
 from armcontour.core.quantities import (
-    Acceleration,
     Axes,
-    Convert,
     CoulombFrictions,
-    Direction,
-    Force,
-    Inertia,
-    Items,
-    Jerk,
     JointArmatures,
-    Key,
-    Length,
-    Mass,
     Name,
     Quantity,
-    Speed,
     ViscousFrictions,
     linear_unit,
 )
+from armcontour.robot.bodies import INERTIA, Payload, check_inertia
+from armcontour.robot.external_axes import Rail
 
 # Fields that change often and have their own checks, so that `replace` need not check the links.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = checks.frozen_array([0.0, 0.0, -9.81])
-LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
-Weight = Annotated[float, Quantity("", sign="positive")]
-# A file has the components xx, xy, xz, yy, yz and zz of the symmetric tensor.
-TENSOR = Key(
-    hint=Annotated[
-        list[Inertia],
-        Items(6, 6),
-        Convert(lambda x: np.array(x)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]),
-    ],
-    text="xx, xy, xz, yy, yz and zz about the centre of mass, along the axes of the tip [kg m²]; a "
-    "point by default.",
-)
-
-
-@declared(eq=False)
-class Payload(Checked):
-    """A load at the tool, in the frame of the chain's tip.
-
-    >>> payload = ac.Payload(mass=2.0, center=(0.0, 0.0, 0.05))
-    >>> arm.with_dynamics(payload=payload).has_bodies
-    True
-
-    Args:
-        mass: Mass of the load [kg].
-        center: Centre of mass of the load [m], (3,).
-        inertia: Inertia about the centre of mass, along the tip's axes [kg m²], (3, 3); by default
-            that of a point mass.
-
-    Raises:
-        InvalidInput: The mass is negative, or no body can have this inertia.
-    """
-
-    mass: Mass = field(kw_only=False)
-    center: Annotated[FloatArray, Quantity("m", "5 mm"), Axes(3)] = field(
-        default_factory=lambda: np.zeros(3), kw_only=False
-    )
-    inertia: Annotated[FloatArray, INERTIA, Axes(3, 3), TENSOR] = field(
-        default_factory=lambda: np.zeros((3, 3))
-    )
-
-    def _check_together(self) -> None:
-        check_inertia("the payload", self.inertia)
-
-
-@declared(eq=False)
-class Rail(Checked):
-    """A linear axis that carries the base of an arm, as its first joint.
-
-    >>> rail = ac.Rail(axis=(1.0, 0.0, 0.0), upper=3.0, velocity=1.0, acceleration=2.0)
-    >>> ac.load_arm("ur10e").with_rail(rail).dof
-    7
-
-    Args:
-        axis: Direction of the rail, along the axes of the arm's base.
-        upper: Upper end of its range [m].
-        velocity: Largest velocity [m/s].
-        acceleration: Largest acceleration [m/s²].
-        lower: Lower end of its range [m].
-        jerk: Largest jerk [m/s³]; by default unlimited.
-        force: Largest force of its drive [N]; by default unlimited.
-        origin: Position of the arm's base with the rail at 0 [m], (3,). The frame of the rail
-            replaces the frame of the arm's base in the work frame and in the scene.
-        mass: Mass of the carriage and of the arm's base, which the force accelerates [kg].
-        weight: Weight of the motion of the rail, relative to that of the other joints. With a
-            larger weight the rail moves less, and the arm reaches farther.
-
-    Raises:
-        InvalidInput: The axis is zero, or the range is empty.
-    """
-
-    axis: Direction
-    upper: Length
-    velocity: Speed
-    acceleration: Acceleration
-    lower: Length = 0.0
-    jerk: Jerk | None = None
-    force: Force | None = None
-    origin: Annotated[FloatArray, Quantity("m", "5 mm"), Axes(3)] = field(
-        default_factory=lambda: np.zeros(3)
-    )
-    mass: Mass = 0.0
-    weight: Weight = 1.0
-
-    def _check_together(self) -> None:
-        if not np.linalg.norm(self.axis) > 0:
-            raise InvalidInput("The axis of a rail must be a direction, but is zero.")
-        if self.lower >= self.upper:
-            raise InvalidInput(
-                f"The range of a rail is empty: lower ({self.lower:g} m) must be less than upper "
-                f"({self.upper:g} m)."
-            )
+LENGTH = Quantity("m")
 
 
 @declared(eq=False)
@@ -323,37 +223,3 @@ def joint_frames(chain: Chain) -> FloatArray:
             frame[:, 0] = across / np.linalg.norm(across)
             frame[:, 1], frame[:, 2] = np.cross(axis, frame[:, 0]), axis
     return frames
-
-
-def merge_bodies(
-    bodies: Sequence[tuple[float, FloatArray, FloatArray]],
-) -> tuple[float, FloatArray, FloatArray]:
-    """Mass [kg], centre of mass [m], and inertia about it [kg m²] of rigidly joined bodies.
-
-    The sum of the masses must be positive.
-
-    - `bodies`: mass, centre, (3,), and inertia, (3, 3), of each body, in one frame.
-    """
-    masses, centers, inertias = (np.array(x) for x in zip(*bodies, strict=True))
-    mass = float(masses.sum())
-    center = masses @ centers / mass
-    # Parallel-axis theorem for all bodies.
-    away = centers - center
-    apart = (masses[:, None] * away).T @ away
-    inertia = inertias.sum(axis=0) + np.trace(apart) * np.eye(3) - apart
-    return mass, center, (inertia + inertia.T) / 2
-
-
-def check_inertia(who: str, inertia: npt.ArrayLike) -> None:
-    """Check that a rigid body can have an inertia matrix, (3, 3) [kg m²]."""
-    matrix = np.asarray(inertia, dtype=np.float64)
-    size = float(np.abs(matrix).max())
-    if np.abs(matrix - matrix.T).max() > 1e-9 * size:
-        raise InvalidInput(f"The inertia of {who} must be symmetric.")
-    moments = np.linalg.eigvalsh(matrix)
-    if moments[0] < -1e-9 * size or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12:
-        raise InvalidInput(
-            f"No body can have the inertia of {who}: its principal moments are "
-            f"{', '.join(f'{x:.4g}' for x in moments)} kg m², and none may be negative or exceed "
-            "the sum of the two others."
-        )

@@ -16,7 +16,8 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Length, Name, Quantity, Size
 from armcontour.robot.arm import Arm, unit_hint
-from armcontour.robot.chain import Chain, Payload, state_rows
+from armcontour.robot.bodies import Payload
+from armcontour.robot.chain import Chain, state_rows
 from armcontour.robot.limits import Limits
 from armcontour.robot.scene import ArmShapes, Capsule, LinkShape
 

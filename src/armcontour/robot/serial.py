@@ -14,7 +14,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.frames import IDENTITY, Frame, Pose
 from armcontour.robot.arm import Arm
-from armcontour.robot.chain import Chain, Payload, Rail
+from armcontour.robot.bodies import Payload
+from armcontour.robot.chain import Chain
+from armcontour.robot.external_axes import Rail
 from armcontour.robot.limits import JOINT_VALUES, Limits
 
 if TYPE_CHECKING:

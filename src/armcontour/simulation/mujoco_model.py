@@ -13,7 +13,8 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.motion import SetPoints
-from armcontour.robot.chain import Chain, merge_bodies
+from armcontour.robot.bodies import merge_bodies
+from armcontour.robot.chain import Chain
 from armcontour.simulation.drive_loop import Functions
 
 # MuJoCo models friction as a stiff constraint, so a sticking joint creeps. With the standard

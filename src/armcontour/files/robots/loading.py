@@ -25,7 +25,8 @@ from armcontour.files.robots.tree import (
     check_options,
 )
 from armcontour.robot.arm import Arm
-from armcontour.robot.chain import Chain, Payload
+from armcontour.robot.bodies import Payload
+from armcontour.robot.chain import Chain
 from armcontour.robot.limits import LIMITS as RECORDS
 from armcontour.robot.limits import Limits
 from armcontour.robot.planar import LinkTube, PlanarTwoLink

@@ -13,7 +13,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, exp, from_rpy, rotations
 from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.tree import Joint, Tree
-from armcontour.robot.chain import Chain, check_inertia, merge_bodies
+from armcontour.robot.bodies import check_inertia, merge_bodies
+from armcontour.robot.chain import Chain
 
 # Maximum length of a sequence of joints in which each mimics the next; grippers have about 3.
 MAX_MIMICS = 50
