@@ -132,6 +132,47 @@ def test_a_job_that_is_refused_from_the_start_is_drawn(tmp_path, old, new):
     session.close()
 
 
+PIERCE = "process: {switch: {name: a}, lead_in: {length: 5 mm}, "
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "steps"),
+    [
+        ("servo:", "process: {tabs: {width: 1 mm}}\nservo:", [2, 1]),
+        ("servo:", "process: {lead_in: {length: 5 mm}, pierce: {time: 0.1 s}}\nservo:", [1, 2]),
+        ("servo:", PIERCE + "pierce: {time: 0.1 s}}\nservo:", [2]),
+        ("servo:", PIERCE + "by_layer: {a: {pierce: {time: 0.1 s}}}}\nservo:", [1]),
+        ("servo:", "process: {direction: climb, kerf_side: right}\nservo:", [2]),
+        ("tolerance: 5 mm", "shape: free", [1]),
+        ("tolerance: 5 mm", "shape: arc", [1]),
+        ("tolerance: 5 mm", "shape: free, speed: 10 mm/s", [2, 1]),
+        ("tolerance: 5 mm}", "shape: free, tolerance: 5 mm, continuity: tangent}", [2]),
+        ("fast: {}", "fast: {timing: {method: paper}, duration: 9 s}", [2]),
+        ("fast: {}", "fast: {timing: {method: paper}, corners: {shape: free}}", [1, 1]),
+    ],
+)
+def test_remedies_lead_to_a_plan_or_to_the_next_refusal(tmp_path, old, new, steps):
+    file = tmp_path / "job.yaml"
+    file.write_text(JOB.replace(old, new))
+
+    def try_all(taken, counts):
+        session = session_of(file)
+        tab = SessionPage(session)
+        session.begin()
+        for edit in taken:
+            tab.edit(edit)
+        if "preview" == tab.last("picture")["tier"]:
+            assert tab.frames[-1].kind == "executed"
+        else:
+            remedies = tab.last("refusal")["remedies"]
+            assert len(remedies) == counts[0]
+            for edit in remedies:
+                try_all([*taken, edit], counts[1:])
+        session.close()
+
+    try_all([], steps)
+
+
 def test_a_page_that_joins_a_refused_job_has_its_outline(tmp_path):
     file = tmp_path / "job.yaml"
     file.write_text(JOB)

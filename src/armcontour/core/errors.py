@@ -49,7 +49,8 @@ class ArmContourError(Exception):
         key: Names and indices, from 0, of the wrong value: keys of a file, from the outermost one,
             or the field of a class or the argument of a function. Empty if unknown.
         value: The wrong value, for a file as it is written; None if unknown.
-        remedies: Usual values that are missing: keys relative to `key`, and the value as in a file.
+        remedies: Alternative fixes: a key relative to `key`, and its value as in a file; None to
+            remove the key.
     """
 
     exit_code = 1
@@ -68,7 +69,7 @@ class ArmContourError(Exception):
         allowed: float | None = None,
         key: Keys = (),
         value: object = None,
-        remedies: Sequence[tuple[Keys, str | float]] = (),
+        remedies: Sequence[tuple[Keys, str | float | None]] = (),
     ) -> None:
         # Messages repeat text of files, which must not control the terminal.
         super().__init__(to_line(message))

@@ -27,7 +27,7 @@ from armcontour.files.keys import Patch, read_keys
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Exports, Job, Rounding, Run
-from armcontour.jobs.job import default_compensation
+from armcontour.jobs.job import FIRST_TOLERANCE, default_compensation
 from armcontour.motion import DEFAULT_CYCLE
 from armcontour.planning import Optimal, Paper, PlanOptions
 from armcontour.program import Event, Process, Program
@@ -258,7 +258,8 @@ def _timing(model: RunModel, cycle: float) -> PlanOptions:
     if model.duration is not None:
         raise InvalidInput(
             f"duration requires the timing method optimal, not {model.timing.method}. Remove "
-            "duration, or write timing: {method: optimal}."
+            "duration, or write timing: {method: optimal}.",
+            remedies=((("duration",), None), (("timing", "method"), Optimal.method)),
         )
     if isinstance(model.timing, Paper):
         return dataclasses.replace(model.timing, cycle=cycle)
@@ -272,6 +273,7 @@ def _check_corner_speed(keys: Keys, corners: Rounding, limits: Limits) -> None:
             f"{key_text(keys)} requires either tolerance, the largest corner error, or both speed "
             "and acceleration.",
             key=keys,
+            remedies=((("tolerance",), FIRST_TOLERANCE),),
         )
 
 

@@ -318,7 +318,8 @@ class Process(Checked):
         if self.kerf_side not in (WASTE, side):
             raise InvalidInput(
                 f"direction {self.direction} requires the tool to the {side} of the contour, but "
-                f"kerf_side is {self.kerf_side}. Remove direction or kerf_side."
+                f"kerf_side is {self.kerf_side}. Remove direction or kerf_side.",
+                remedies=((("direction",), None), (("kerf_side",), None)),
             )
         object.__setattr__(self, "begin", _checked_begin(self.begin))
         names = [x.name for x in self.analog]
@@ -349,7 +350,8 @@ class Process(Checked):
         if self.lead_in is not None and not self.lead_in.active:
             raise InvalidInput(
                 "The tool pierces at the start of the lead-in, but the process is off along the "
-                "lead-in. Set active: true in lead_in."
+                "lead-in. Set active: true in lead_in.",
+                remedies=((("lead_in", "active"), True), (("pierce",), None)),
             )
 
     def _make_parts(self) -> None:
@@ -367,7 +369,16 @@ class Process(Checked):
                         name: NULL_VALUES.get(name) if x is None else x
                         for name, x in values.items()
                     }
-                    made[part] = replace(self, by_layer={}, by_contour={}, **part_values)
+                    try:
+                        made[part] = replace(self, by_layer={}, by_contour={}, **part_values)
+                    except InvalidInput as error:
+                        # A common value cannot be removed here, nor one of its keys changed.
+                        error.remedies = tuple(
+                            (keys, x)
+                            for keys, x in error.remedies
+                            if keys[0] in values or not getattr(self, str(keys[0]), None)
+                        )
+                        raise
             object.__setattr__(self, key, MappingProxyType(dict(values_by_part)))
         object.__setattr__(self, "_parts", MappingProxyType(made))
 

@@ -193,8 +193,11 @@ def refusal_header(
 
 
 def error_place(error: ArmContourError) -> dict[str, Any]:
-    """Key of an error in the job, and edits that set usual values there."""
-    edits = [{"do": "set", "key": [*error.key, *keys], "value": x} for keys, x in error.remedies]
+    """Key of an error in the job, and edits that fix it."""
+    edits = [
+        {"do": "unset" if x is None else "set", "key": [*error.key, *keys], "value": x}
+        for keys, x in error.remedies
+    ]
     return {"key": ".".join(map(str, error.key)), "remedies": edits}
 
 

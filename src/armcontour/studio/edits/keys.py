@@ -20,11 +20,10 @@ from armcontour.files.job_text_edits import REMOVE, Change, change_data, value_a
 from armcontour.files.keys import quantity_of
 from armcontour.files.patch import IN_RUN, MERGED, arm_keys, key_of, locate_key, resolve_patch
 from armcontour.jobs import Job, Run
+from armcontour.jobs.job import FIRST_TOLERANCE
 from armcontour.studio.handles import EditState
 
 SHARP = "sharp"
-# Initial tolerance of corners that become rounded.
-FIRST_TOLERANCE = "1 mm"
 # Mappings of the values of all contours; others are in `process`.
 SHARED = {"speed": "limits", "tolerance": "corners"}
 # Required mappings of a job: they stay even if they become empty.

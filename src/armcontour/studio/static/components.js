@@ -28,8 +28,11 @@ export function Entry({ value, send, ...more }) {
   return html`<input type="text" autocomplete="off" spellcheck=${false} ref=${field} onChange=${change} onKeyDown=${key} ...${more} />`;
 }
 
-/** Buttons that set what a refusal says is missing. @param {{edits?: {key: (string | number)[], value: any}[], take: (edit: object) => void}} props */
-export const Remedies = ({ edits = [], take }) => edits.map((edit) => html`<button type="button" onClick=${() => take(edit)}>Set ${edit.key.join(".")}: ${edit.value}</button> `);
+/** Buttons that do what a refusal proposes. @param {{edits?: {key: (string | number)[], value: any}[], take: (edit: object) => void}} props */
+export const Remedies = ({ edits = [], take }) => edits.map((edit) => {
+  const name = edit.key.join(".");
+  return html`<button type="button" onClick=${() => take(edit)}>${edit.value === null ? `Remove ${name}` : `Set ${name}: ${edit.value}`}</button> `;
+});
 
 /**
  * Buttons for changes of the job; where they are brief, their conditions are titles.
