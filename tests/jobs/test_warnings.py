@@ -9,7 +9,7 @@ from tests.jobs.making import ARM, a_job, a_run
 
 import armcontour as ac
 from armcontour.jobs import Experiment, Rounding, run
-from armcontour.program import Contour, Program, Rapid
+from armcontour.program import Contour, Program
 
 LINES = [(0.3, 0.1), (0.36, 0.1), (0.36, 0.14)]
 LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)
@@ -140,48 +140,3 @@ def test_a_corner_tolerance_larger_than_the_path_causes_a_warning():
     assert doubts(0.05) == []
     (doubt,) = doubts(0.5)
     assert "0.5 m" in doubt and "tolerance: 0.5 mm" in doubt
-
-
-def measured(noise, points=80):
-    """A half circle of points whose tool axes have errors."""
-    turn = np.linspace(0, np.pi, points)
-    circle = np.stack([0.45 + 0.06 * np.cos(turn), 0.06 * np.sin(turn), 0 * turn + 0.3], axis=1)
-    axes = np.stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0 * turn - 1], axis=1)
-    axes += np.random.default_rng(1).normal(scale=noise, size=axes.shape)
-    return ac.Path.polyline(circle).pointing(axes)
-
-
-def slow(path, **values):
-    """The warning of a job at 150 mm/s whose contours are far slower."""
-    arm = ac.load_arm(
-        "ur5e" if ac.Program.from_path(path).contours[0].path.dimension == 3 else "pmk3s"
-    )
-    limits = arm.limits.replace(speed=0.15, joint_torque=np.inf, **values.pop("limits", {}))
-    rounding = Rounding(tolerance=3e-4, angular_tolerance=0.03)
-    run_options = {
-        "compensation": ac.NoCompensation(),
-        "limits": limits,
-        "rounding": rounding,
-        **values,
-    }
-    warnings = warnings_of(job(path, arm=arm, **run_options))
-    return [x for x in warnings if "mm/s on average" in x]
-
-
-def test_a_warning_names_the_slowest_of_the_slow_contours():
-    (warning,) = slow(measured(6e-3))
-    assert "instead of 150 mm/s" in warning
-    a, b = (Contour(path=measured(x), name=name) for x, name in ((4e-3, "a"), (6e-3, "b")))
-    (warning,) = slow(Program(moves=(a, Rapid(), b)))
-    assert "of 2 cases" in warning and "contour b" in warning
-    circle = ac.Path(segments=[ac.Arc(start=(0.32, 0.2), center=(0.3, 0.2), angle=2 * np.pi)])
-    assert len(slow(circle, limits={"centripetal_acceleration": 0.02})) == 1
-    # Smooth axes, a given duration and lines without room for their speed are not warned of.
-    assert (
-        slow(measured(0.0))
-        == slow(measured(6e-3), timing=ac.Optimal(reserve=0.1, duration=30.0))
-        == []
-    )
-    for length in (1e-4, 5e-3, 0.05):
-        line = ac.Path.polyline([(0.30, 0.20), (0.30 + length, 0.20)])
-        assert slow(line) == [], length

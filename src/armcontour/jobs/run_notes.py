@@ -11,7 +11,7 @@ from armcontour.control.compensation import NoCompensation
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import figure, number
 from armcontour.core.text import capitalise, count_noun, list_some
-from armcontour.geometry import Path, count_full_stops
+from armcontour.geometry import Path
 from armcontour.geometry.rounding.rounded_path import describe_large_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import describe_unfinished
@@ -44,10 +44,6 @@ COARSE = 0.1
 PLAN_SAMPLES = 1000
 # Minimum joint error that is reported [rad].
 MIN_JOINT_ERROR = 1e-6
-# SLOW: a contour is reported if it takes more than this multiple of the time for a line of the same
-# length. ENDS: the acceleration on this line is the largest mean acceleration from an end of the
-# contour to a point that is at least this fraction of the length away from the end.
-SLOW, ENDS = 2.0, 1e-3
 # Relative difference below which two speeds count as equal; it is above the margins of the timing.
 SAME_SPEED = 1e-3
 
@@ -178,10 +174,7 @@ def _at_corners(path: Path) -> FloatArray:
 
 
 def _slow(result: RunResult) -> str:
-    """Warning for the contour or end that is slowest relative to its assigned velocity.
-
-    Contours that are too short for the assigned velocity, and stops of the path, are ignored.
-    """
+    """Warning for the end of a lead that is slowest relative to its assigned velocity."""
     run, slow = result.run, list[tuple[float, str]]()
     spans = result.trajectory.contour_spans
     for i, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True)):
@@ -199,33 +192,8 @@ def _slow(result: RunResult) -> str:
                 words = f"{name} {word} at {number(speed, 'm/s')} instead of "
                 words += f"{number(assigned, 'm/s')}, with a lead of {number(lead, 'm')}"
                 slow.append((speed / assigned, words))
-        if not result.jerk_stops and not isinstance(run.timing, Conventional):
-            slow += _missed_speed(name, path, motion, run)
     others = f" (the slowest of {len(slow)} cases)" if len(slow) > 1 else ""
     return f"{min(slow)[1]}{others}." if slow else ""
-
-
-def _missed_speed(
-    name: str, path: Path, motion: Trajectory, run: Run
-) -> Iterator[tuple[float, str]]:
-    """Yield ratio of mean speed to assigned velocity, and a sentence, if too slow."""
-    speeds = path.assigned_speeds(run.limits.speed)
-    ideal = float(np.sum(path.lengths / speeds))
-    if not np.isfinite(speeds).all() or motion.duration <= SLOW * ideal:
-        return
-    t = motion.breaks
-    s, v = motion.s(t), motion.s(t, 1)
-    gone = np.minimum(s, path.length - s)
-    inside = gone > ENDS * path.length
-    acceleration = float((v[inside] ** 2 / (2 * gone[inside])).max(initial=0.0))
-    assigned, mean = float(speeds.max()), path.length / motion.duration
-    stops = 1 + sum(count_full_stops(path).values())
-    if acceleration * (motion.duration / SLOW - ideal) > assigned * stops:
-        yield (
-            mean / assigned,
-            f"{name} moves at {number(mean, 'm/s')} on average and {number(float(v.max()), 'm/s')} "
-            f"at most instead of {number(assigned, 'm/s')}",
-        )
 
 
 def _stops(stops: tuple[JerkStop, ...]) -> str:

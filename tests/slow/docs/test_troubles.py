@@ -36,12 +36,6 @@ NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 RUN = "armcontour run job.yaml --out out --no-simulation"
 SIMULATED = "armcontour run job.yaml --out out"
 SHOW = "armcontour show part.dxf"
-# Measured points of a half circle, whose tool axes turn to and fro.
-BEAD = "x [mm],y [mm],z [mm],ax,ay,az\n" + "".join(
-    f"{450 + 60 * math.cos(k / 25):.3f},{60 * math.sin(k / 25):.3f},300,"
-    f"{0.01 * (-1) ** k:.4f},{0.01 * math.sin(k * k):.4f},-1\n"
-    for k in range(79)
-)
 STEPS = "t,u1,q1\n" + "".join(f"{k / 250},{k * 1e-4},{k // 2 * 2e-4}\n" for k in range(200))
 LINE = "t,q1,q2\n" + "".join(f"{k / 250},{0.1 + k * 4e-4:.3f},1.0\n" for k in range(200))
 # A description as makers write it: six joints, no accelerations, and 0 for unknown torques.
@@ -111,10 +105,6 @@ TROUBLES = {
         runs={"only": {"compensation": {"method": "pole_placement"}}},
     ),
     "A drawing without a unit": gasket(SHOW, GASKET.replace(b"INSUNITS", b"INSUNITZ")),
-    "The tool never reaches its speed": changed(
-        SEAM, RUN, {"bead.csv": BEAD}, path={"file": "bead.csv"}, limits={"speed": "0.15 m/s"},
-        corners={"tolerance": "0.3 mm", "angular_tolerance": "2 deg"},
-    ),
     "The servo is not determined": Trouble("armcontour identify log.csv", {"log.csv": STEPS}),
     "Cannot tell": Trouble("armcontour check log.csv --arm pmk3s", {"log.csv": LINE}),
 }  # fmt: skip
