@@ -78,7 +78,10 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
         objective = prepare_program(case, case.runs[0])
         assert [x.name for x in objective.contours] == ["hole", "outline"]
         lengths.append([x.at_work[0] for x in objective.contours])
-    assert lengths[0] == pytest.approx(lengths[1], rel=1e-6) and abs(lengths[0][0] - lengths[0][1]) > 1e-4
+    assert (
+        lengths[0] == pytest.approx(lengths[1], rel=1e-6)
+        and abs(lengths[0][0] - lengths[0][1]) > 1e-4
+    )
 
 
 @pytest.mark.parametrize("shape", ["line", "arc"])

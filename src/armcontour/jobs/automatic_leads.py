@@ -57,11 +57,11 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
     # Events may be due before the motion without leads begins.
     still = (dataclasses.replace(x, events=()) if isinstance(x, Contour) else x for x in moves)
     program = Program(moves=tuple(x for x in still if not isinstance(x, Event)))
-    unled = plan(job, run, objective=program)
+    planned = plan(job, run, objective=program)
     with error_context("leads"):
         return [
             _find_leads(partial(plan, job, run), run, process.of_contour(x), x, span.trajectory)
-            for x, span in zip(program.contours, unled.trajectory.contour_spans, strict=True)
+            for x, span in zip(program.contours, planned.trajectory.contour_spans, strict=True)
         ]
 
 

@@ -1,6 +1,5 @@
 """The page of troubles: each sentence on it is what the tool says when the trouble is provoked."""
 
-import math
 import re
 import shlex
 from dataclasses import dataclass, field
