@@ -66,9 +66,10 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
 
 
 def _find_leads(
-    plan: PlanOne, run: Run, process: Process, contour: Contour, motion: Trajectory
+    plan: PlanOne, run: Run, process: Process, contour: Contour, motion: Trajectory | None
 ) -> Leads:
     """Lengths of the automatic leads of a contour, from its motion without leads."""
+    assert motion is not None
     leads = Leads(before=0.0, after=0.0)
     contour = dataclasses.replace(contour, work=None)
     path, length_of_motion = contour.path, float(motion.s(motion.duration))
