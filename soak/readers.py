@@ -18,7 +18,7 @@ import numpy as np
 import armcontour as ac
 from armcontour.core.checks import LONGEST_NAME
 from armcontour.core.text import LONGEST_SENTENCE
-from armcontour.files.drawings.endings import READERS
+from armcontour.files.drawings.read import READERS
 from armcontour.files.drawings.read_options import ReadOptions
 from soak import Outcome
 from soak.samples import samples

@@ -24,7 +24,7 @@ import armcontour as ac
 from armcontour.cli.commands import program_for
 from armcontour.files import json_schema, parse_job
 from armcontour.files.cell import read_cell
-from armcontour.files.drawings.endings import READERS
+from armcontour.files.drawings.read import READERS
 from armcontour.files.robot_file import read_limits
 
 ROOT = Path(__file__).parents[1]

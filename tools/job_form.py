@@ -15,13 +15,13 @@ from armcontour.core.fields import parts_of
 from armcontour.core.quantities import About, AtLeast, Quantity
 from armcontour.core.text import capitalise
 from armcontour.files.cell import GEOMETRY_KEYS, cell_names
-from armcontour.files.drawings.endings import READERS, YAML
+from armcontour.files.drawings.read import READERS, YAML
 from armcontour.files.exports.formats import format_named
 from armcontour.files.job_model import RunModel, SharedModel
 from armcontour.files.job_text_edits import Keys
 from armcontour.files.patch import MERGED
 from armcontour.files.robots.loading import arm_names
-from armcontour.jobs.exports import ENDINGS
+from armcontour.jobs.job import ENDINGS
 from armcontour.robot.limits import TOOL_LIMITS
 from armcontour.studio.description import settings, usual_ranges
 

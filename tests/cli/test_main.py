@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import armcontour as ac
 from armcontour.cli.commands import program_for
-from armcontour.cli.quantity_options import read_option
+from armcontour.cli.inputs import read_option
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Speed, Time
 from armcontour.files.cell import cell_names

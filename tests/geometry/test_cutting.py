@@ -11,7 +11,7 @@ from tests.geometry.tables import arc, each, jumps, line, path_of, refused
 import armcontour as ac
 from armcontour.core.frames import Frame
 from armcontour.geometry.biarcs import UNEVEN
-from armcontour.geometry.path_parts import cut_path, drop_z
+from armcontour.geometry.path import cut_path, drop_z
 
 TURN = 1.2
 END = (1 + 0.5 * np.sin(TURN), 0.5 - 0.5 * np.cos(TURN))

@@ -9,7 +9,7 @@ from tests.geometry.tables import arc, each, line, path_of, refused
 import armcontour as ac
 from armcontour.geometry import Tube, round_path
 from armcontour.geometry.arc_fit import draw_with_arcs
-from armcontour.geometry.path_parts import cut_path
+from armcontour.geometry.path import cut_path
 from armcontour.geometry.rounding.tangent_repair import repair_tangents
 
 CORNER = [(0, 0), (0.1, 0), (0.1, 0.1)]

@@ -13,7 +13,7 @@ from armcontour import files, verification
 from armcontour.cli.commands import Check
 from armcontour.cli.console import data_lines
 from armcontour.cli.execution import Outcome
-from armcontour.cli.quantity_options import read_option
+from armcontour.cli.inputs import read_option
 from armcontour.core.checks import FloatArray, comparable, raise_if
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_text
@@ -24,13 +24,13 @@ from armcontour.core.result import Row
 from armcontour.core.text import digits, joint_label, list_some, show
 from armcontour.core.yaml_loader import load
 from armcontour.files.cell import read_cell_scene
-from armcontour.files.drawings.endings import YAML
+from armcontour.files.drawings.read import YAML
 from armcontour.files.joint_table import TrajectoryFile
 from armcontour.files.robots.loading import load_arm
 from armcontour.jobs import Job, Run, prepare_program, round_program
 from armcontour.jobs.job import find_run
+from armcontour.motion.log import raise_other_joints
 from armcontour.motion.log_checks import check_range_of_log, refuse_wrapped
-from armcontour.motion.log_columns import raise_other_joints
 from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.verification.clearance import Clearance, check_clearance

@@ -227,13 +227,13 @@ class Place(JobOptions, WorkerOptions, Results):
     run_name: Name = None
 
 
-@command(PREPARE, "arms", "cell_commands")
+@command(PREPARE, "arms", "installation_commands")
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Arms:
     """List the built-in arms with their sources and assumed parameters."""
 
 
-@command(PREPARE, "init ur5e --out cell.yaml", "cell_commands")
+@command(PREPARE, "init ur5e --out cell.yaml", "installation_commands")
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Init:
     """Write a built-in cell as a job file to edit, with arm, limits, servo and comments.
@@ -283,7 +283,7 @@ class Check(LogOptions, Json):
     rate: Text = None
 
 
-@command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate")
+@command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate", "study_commands")
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Certify(JobOptions, Results, Json):
     """Find the fastest plan whose execution stays within a tolerance; exit code 4 without one.

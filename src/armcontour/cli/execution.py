@@ -11,8 +11,7 @@ from typing import Annotated, Any, ClassVar, TypeAlias
 import typer
 
 from armcontour import files
-from armcontour.cli.console import print_lines
-from armcontour.cli.progress_bars import ProgressDisplay
+from armcontour.cli.console import ProgressDisplay, print_lines
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import listen_to_compilation
 

@@ -21,7 +21,7 @@ from armcontour.files.exports.table import SetPointTable
 from armcontour.files.exports.template import BUILT_IN
 from armcontour.files.keys import read_keys
 from armcontour.jobs import Job, RunResult, analog_outputs
-from armcontour.jobs.exports import Exports, ending_of
+from armcontour.jobs.job import Exports, ending_of
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.program.moves import events_of

@@ -7,11 +7,9 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 
 from armcontour.cli.commands import Identify
-from armcontour.cli.console import data_lines, print_lines
+from armcontour.cli.console import ProgressDisplay, data_lines, print_lines
 from armcontour.cli.execution import REPORT, Outcome
-from armcontour.cli.inputs import NEEDS_ON, OF_CONTROLLER, refuse_given
-from armcontour.cli.progress_bars import ProgressDisplay
-from armcontour.cli.quantity_options import read_option, read_window
+from armcontour.cli.inputs import NEEDS_ON, OF_CONTROLLER, read_option, read_window, refuse_given
 from armcontour.control import identification
 from armcontour.control.identification import Identification, ServoFit
 from armcontour.core.quantities import Interval

@@ -7,11 +7,9 @@ from dataclasses import replace
 
 from armcontour.cli import play_command as playing
 from armcontour.cli.commands import Identify
-from armcontour.cli.console import data_lines
+from armcontour.cli.console import ProgressDisplay, data_lines
 from armcontour.cli.execution import Outcome
-from armcontour.cli.inputs import open_job, refuse_given
-from armcontour.cli.progress_bars import ProgressDisplay
-from armcontour.cli.quantity_options import read_option
+from armcontour.cli.inputs import open_job, read_option, refuse_given
 from armcontour.control.identification import ServoFit
 from armcontour.controllers import RobotIdentification, robot_identification
 from armcontour.controllers.player import Player

@@ -1,4 +1,4 @@
-"""Inputs of commands: a job file, or a drawing and cell, with options that set job keys."""
+"""Inputs of commands: jobs, or drawings and cells, and options with quantities or job keys."""
 
 from __future__ import annotations
 
@@ -13,12 +13,17 @@ from armcontour.cli.program import SHORT
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import subprogress
 from armcontour.core.text import plain_number
-from armcontour.files.drawings.endings import YAML, find_reader
+from armcontour.files.drawings.read import YAML, find_reader
 
 if TYPE_CHECKING:
     from armcontour.core.progress import Progress
     from armcontour.files.patch import Patch
     from armcontour.jobs import Job
+import math
+from typing import get_args
+
+from armcontour.core.quantities import Moment
+from armcontour.core.units import read_quantity
 
 # Fields of options that require --on, and the end of the message.
 OF_CONTROLLER = ("execute", "drives", "hal", "address")
@@ -158,3 +163,27 @@ def to_formats(texts: list[str]) -> list[str]:
 READERS: dict[str, Callable[[Any], Any]] = {
     x.__name__: x for x in (to_quantity, to_quantities, to_point, to_skip, to_formats)
 }
+
+
+def read_option(option: str, text: str | None, kind: Any) -> Any:
+    """Read a quantity in SI units; values other than 0 require a unit; None without the option."""
+    if text is None:
+        return None
+    quantity, plain = get_args(kind)[1], text.strip()
+    number = plain_number(plain)
+    if number:
+        # The message has only an example, because the intended unit is unknown.
+        raise InvalidInput(
+            f"{option} requires a unit, but {plain!r} has none. Specify it as in "
+            f"'{quantity.example}'."
+        )
+    try:
+        return read_quantity(plain if number is None else number, quantity)
+    except ValueError as error:
+        raise InvalidInput(f"{option}: {str(error).rstrip('.')}.") from None
+
+
+def read_window(start: str | None, end: str | None) -> tuple[float, float]:
+    """First and last used time of a log [s]; infinite if the option is not given."""
+    first, last = read_option("--from", start, Moment), read_option("--to", end, Moment)
+    return -math.inf if first is None else first, math.inf if last is None else last

@@ -9,11 +9,16 @@ from pathlib import Path as FilePath
 
 from armcontour.cli import play_command as playing
 from armcontour.cli.commands import Learn
-from armcontour.cli.console import data_lines, print_lines
+from armcontour.cli.console import ProgressDisplay, data_lines, print_lines
 from armcontour.cli.execution import REPORT, Outcome, report_line, write_summary
-from armcontour.cli.inputs import NEEDS_ON, OF_CONTROLLER, open_job, refuse_given
-from armcontour.cli.progress_bars import ProgressDisplay
-from armcontour.cli.quantity_options import read_option, read_window
+from armcontour.cli.inputs import (
+    NEEDS_ON,
+    OF_CONTROLLER,
+    open_job,
+    read_option,
+    read_window,
+    refuse_given,
+)
 from armcontour.cli.run_command import write_motions
 from armcontour.controllers.player import Player
 from armcontour.controllers.robot_learning import RobotLearning, learn_next, start_learning

@@ -1,4 +1,4 @@
-"""The commands `place` and `batch`: many plans or runs of one job."""
+"""The commands `certify`, `place` and `batch`: many plans or runs of one job."""
 
 from __future__ import annotations
 
@@ -7,20 +7,23 @@ import re
 import numpy as np
 
 from armcontour import files, report
-from armcontour.cli.commands import Batch, Place
+from armcontour.cli.commands import Batch, Certify, Place
 from armcontour.cli.console import table_lines
 from armcontour.cli.execution import REPORT, Outcome, report_line
-from armcontour.cli.inputs import find_file, is_job, name_options, open_job, read_patch
-from armcontour.cli.quantity_options import read_option
+from armcontour.cli.inputs import find_file, is_job, name_options, open_job, read_option, read_patch
+from armcontour.cli.run_command import write_motions
 from armcontour.core import staging
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.quantities import Angle, Length
-from armcontour.core.render import plain
+from armcontour.core.render import compare, plain, text
+from armcontour.core.result import TABLE
 from armcontour.files import batch as batches
 from armcontour.files.cell import drawing_text
 from armcontour.files.job_file import job_text
+from armcontour.files.study_files import certificate_page
+from armcontour.studies import certification
 from armcontour.studies import placement as places
 
 # File name of the job in its best place.
@@ -87,11 +90,11 @@ def batch(options: Batch, _: None, progress: Progress) -> Outcome:
     """Run a job for all combinations of values; the exit code is 1 if some jobs failed."""
     patch, names = read_patch(options)
     over = {keys: [value] for keys, value in patch.items()}
-    for text in options.over:
+    for given in options.over:
         with error_context("--over"):
-            [(keys, values)] = files.parse_set(text).items()
+            [(keys, values)] = files.parse_set(given).items()
             if not isinstance(values, list) or not values:
-                raise InvalidInput(f"{text} has no list. Write 'KEY=[VALUE, VALUE]'.")
+                raise InvalidInput(f"{given} has no list. Write 'KEY=[VALUE, VALUE]'.")
         over[keys] = values
     out, cell = options.out, options.cell
     with name_options(names):
@@ -117,3 +120,24 @@ def batch(options: Batch, _: None, progress: Progress) -> Outcome:
         report_line(out),
     ]
     return Outcome(lines=lines, code=int(batches.FAILED in result.counts))
+
+
+def certify(options: Certify, folder: files.ResultFolder | None, progress: Progress) -> Outcome:
+    """Find the fastest plan whose execution stays within a tolerance."""
+    job = open_job(options.job, options, progress)
+    certificate = certification.certify(job, run=options.run_name, progress=progress)
+    if folder is not None:
+        write_motions(folder, job, certificate.study.runs)
+        page = report.render_report(certificate.study, certificate=certificate)
+        folder.write(REPORT, page)
+    data = certificate.to_data()
+    lines = [
+        *text(data).splitlines(),
+        *table_lines(compare(certificate.comparison, TABLE)),
+        *data.notes,
+        *certificate.result.remarks,
+        *(f"Warning: {x}" for x in data.warnings),
+        *(f"Note: {x}" for x in certificate.job.arm.notes),
+    ]
+    code = int(not certificate.kept)
+    return Outcome(lines=lines, page=certificate_page(certificate), code=code)

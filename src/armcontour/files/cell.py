@@ -15,7 +15,7 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.quantities import PartialFields
 from armcontour.core.text import make_printable, shorten
-from armcontour.files.drawings.endings import YAML
+from armcontour.files.drawings.read import YAML
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_file import file_context, job_of, job_text, parse_job, read_data
 from armcontour.files.job_model import CellModel, PathModel

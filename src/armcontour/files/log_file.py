@@ -25,8 +25,7 @@ from armcontour.files.joint_table import (
     read_joint_title,
     read_samples,
 )
-from armcontour.motion.log import INTERPOLATIONS, Log, cut_log
-from armcontour.motion.log_columns import arrange_joints
+from armcontour.motion.log import INTERPOLATIONS, Log, arrange_joints, cut_log
 
 if TYPE_CHECKING:
     from armcontour.control.learning import Recording

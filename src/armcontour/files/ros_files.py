@@ -15,7 +15,7 @@ from armcontour.core.file_access import read_text
 from armcontour.core.text import plain_number, show
 from armcontour.files.csv_table import Digits, last_digit, rename
 from armcontour.files.joint_table import TrajectoryFile, drop_repeated_rows
-from armcontour.motion.log_columns import match_joints, raise_other_joints
+from armcontour.motion.log import match_joints, raise_other_joints
 
 # Fields of messages and goals that contain the JointTrajectory, directly or nested.
 INNER_FIELDS = ("request", "goal", "trajectory", "joint_trajectory")

@@ -38,7 +38,7 @@ from armcontour.files.joint_table import (
 from armcontour.files.result_folder import SUMMARY, verify_file
 from armcontour.files.ros_files import is_ros_file, read_ros_motion
 from armcontour.motion import Samples, TimedEvent
-from armcontour.motion.log_columns import match_joints, raise_other_joints
+from armcontour.motion.log import match_joints, raise_other_joints
 from armcontour.robot import Limits
 
 # Beginnings of the titles of export columns that are ignored without a note.

@@ -22,8 +22,7 @@ from armcontour.core.quantities import (
     Tolerance,
 )
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.path import Path
-from armcontour.geometry.path_parts import cut_path
+from armcontour.geometry.path import Path, cut_path
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
 UP = checks.frozen_array([0.0, 0.0, 1.0])

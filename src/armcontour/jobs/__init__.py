@@ -5,9 +5,7 @@ from armcontour.core.lazy import lazy_names
 _HOME = {
     "advice": "advise",
     "analog": "analog_outputs",
-    "exports": "Exports",
-    "goal": "CertificateGoal Uncertainty",
-    "job": "Experiment Job Rounding Run build_plant",
+    "job": "CertificateGoal Experiment Exports Job Rounding Run Uncertainty build_plant",
     "run_notes": "warnings_of",
     "run_plan": "plan_one prepare_program round_program",
     "run_result": "Advice ExperimentResult Improvement JobResult RunResult",

@@ -19,6 +19,7 @@ from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.planning.program_timing import (
     Timing,
     check_jerk_support,
+    slow_down,
     time_contour,
     time_program,
 )
@@ -112,8 +113,6 @@ def plan(
         timing = Timing(arm, reduced, _fit_options(traced.program, options))
         trajectory = time_program(traced, timing, progress)
     if isinstance(options, Optimal) and options.duration is not None:
-        from armcontour.planning.given_duration import slow_down
-
         trajectory = slow_down(trajectory, options.duration, traced, timing)
     if not trajectory.duration <= LONGEST_MOTION:
         raise NotRealizable(

@@ -16,7 +16,7 @@ from armcontour.core.frames import exp, log, shortest
 from armcontour.core.progress import Progress, Step
 from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.path_parts import cut_path
+from armcontour.geometry.path import cut_path
 from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal import plan_optimal

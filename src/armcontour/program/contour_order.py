@@ -14,7 +14,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between, exp, log, shortest
 from armcontour.core.text import count_noun
 from armcontour.geometry import Path
-from armcontour.geometry.path_parts import cut_path
+from armcontour.geometry.path import cut_path
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program.moves import Contour, Event, Program, Value, contour_called
 from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process

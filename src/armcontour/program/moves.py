@@ -35,7 +35,7 @@ from armcontour.core.text import (
     shorten,
 )
 from armcontour.geometry import Path
-from armcontour.geometry.path_parts import (
+from armcontour.geometry.path import (
     arc_lengths_without_z,
     drop_z,
     has_length_without_z,

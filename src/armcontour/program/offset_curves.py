@@ -14,8 +14,7 @@ from functools import partial
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.geometry.near_points import group_points
-from armcontour.geometry.projection import find_nearest
+from armcontour.geometry.projection import find_nearest, group_points
 from armcontour.geometry.segments import Segments
 from armcontour.program.crossings import (
     CURVATURE,

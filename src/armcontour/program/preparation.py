@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import checked
 from armcontour.core.text import count_noun, shorten
 from armcontour.geometry import Path, SegmentLimits
-from armcontour.geometry.path_parts import cut_path
+from armcontour.geometry.path import cut_path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weave import Weave, weave_seam
 from armcontour.program.contour_order import close_contour, direct_contours, order_contours

@@ -13,7 +13,7 @@ from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
 from armcontour.files.cell import GEOMETRY_KEYS, cell_names, cell_text, drawing_text
-from armcontour.files.drawings.endings import READERS, YAML
+from armcontour.files.drawings.read import READERS, YAML
 from armcontour.files.job_text_edits import Change
 from armcontour.files.patch import Patch, write_patch
 from armcontour.studio.document import Document

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import armcontour as ac
 from armcontour.files.drawings.entity_chains import DrawnEntity, chain_pieces
-from armcontour.geometry.path_parts import cut_path
+from armcontour.geometry.path import cut_path
 
 TOLERANCE = 1e-5
 SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]

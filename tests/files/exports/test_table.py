@@ -30,7 +30,7 @@ from armcontour.files.exports import (
 )
 from armcontour.files.exports import table as table_module
 from armcontour.files.exports.table import csv_pieces, event_data
-from armcontour.jobs.exports import ENDINGS
+from armcontour.jobs.job import ENDINGS
 from armcontour.motion import TimedEvent
 
 CYCLE = 0.004

@@ -10,7 +10,7 @@ import yaml
 from docs.pages import run_command
 from markdown_it import MarkdownIt
 
-from armcontour.cli.progress_bars import ProgressDisplay
+from armcontour.cli.console import ProgressDisplay
 from armcontour.core.progress import listen_to_compilation, report_compiling
 
 ROOT = Path(__file__).parents[3]

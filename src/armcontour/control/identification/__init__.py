@@ -1,12 +1,12 @@
 """Identification of independent joint servos from logs."""
 
-from armcontour.control.identification.estimates import Estimate
 from armcontour.control.identification.identification_result import (
     Identification,
     JointIdentification,
     Judgement,
     Prediction,
 )
+from armcontour.control.identification.least_squares import Estimate
 from armcontour.control.identification.servo_identification import ServoFit, identify
 from armcontour.motion.log import INTERPOLATIONS, Log, cut_log
 

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.control.identification.estimates import UNITS, Estimate
 from armcontour.control.identification.joint_fit import (
     LogSegment,
     predict,
     predict_from_start,
     split_logs,
 )
-from armcontour.control.identification.least_squares import fastest_motion
+from armcontour.control.identification.least_squares import UNITS, Estimate, fastest_motion
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import InvalidInput

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armcontour.control.identification.estimates import LOGARITHMIC, Estimate
 from armcontour.control.identification.least_squares import (
+    LOGARITHMIC,
+    Estimate,
     correlation_length,
     invert,
     normalize,

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.control.identification.estimates import UNITS, Estimate
 from armcontour.control.identification.joint_fit import (
     HALF_INTERVAL,
     LogSegment,
@@ -18,7 +17,7 @@ from armcontour.control.identification.joint_fit import (
     fit,
     predict,
 )
-from armcontour.control.identification.least_squares import allowed_deviation
+from armcontour.control.identification.least_squares import UNITS, Estimate, allowed_deviation
 from armcontour.control.identification.selection import (
     GAIN,
     KP,

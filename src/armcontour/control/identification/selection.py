@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.control.identification.estimates import Estimate
 from armcontour.control.identification.joint_fit import (
     ROUNDING,
     Fit,
@@ -19,6 +18,7 @@ from armcontour.control.identification.joint_fit import (
     fit,
     predict,
 )
+from armcontour.control.identification.least_squares import Estimate
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.motion.log import FEWEST
 from armcontour.robot.servo.simulation import JointServo

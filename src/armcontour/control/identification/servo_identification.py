@@ -39,14 +39,13 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Choice, Interval, Quantity
 from armcontour.core.sampled_data import white_noise
 from armcontour.core.text import show
-from armcontour.motion.log import FEWEST, INTERPOLATIONS, Log
+from armcontour.motion.log import FEWEST, INTERPOLATIONS, Log, renew_positions
 from armcontour.motion.log_checks import (
     check_interval,
     check_range_of_log,
     check_speeds,
     find_misreading,
 )
-from armcontour.motion.log_columns import renew_positions
 from armcontour.robot import Arm
 from armcontour.robot.servo.simulation import JointServo
 

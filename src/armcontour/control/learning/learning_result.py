@@ -18,8 +18,8 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
 from armcontour.motion import Execution, Log, SetPoints
+from armcontour.motion.log import renew_positions
 from armcontour.motion.log_checks import check_gaps
-from armcontour.motion.log_columns import renew_positions
 from armcontour.robot.servo import ServoModel
 
 # Largest difference of an execution's set-points from the set-points of the run [rad].

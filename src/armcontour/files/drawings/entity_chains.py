@@ -12,7 +12,7 @@ from armcontour.core.checks import LONGEST_NAME, BoolArray, FloatArray, IntArray
 from armcontour.core.sampled_data import number_parts
 from armcontour.core.text import list_some, shorten
 from armcontour.geometry import Path, Segments
-from armcontour.geometry.near_points import group_points, nearest_points
+from armcontour.geometry.projection import group_points, nearest_points
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Contour
 from armcontour.program.offset_curves import find_self_crossing

@@ -1,4 +1,4 @@
-"""The function `read_path`, which selects the reader by the extension of a file."""
+"""The function `read_path`, and the extensions of files by which it selects the reader."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from armcontour.core.fields import checked
 from armcontour.core.file_access import read_bytes
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
-from armcontour.files.drawings.endings import READERS, find_reader
 from armcontour.files.drawings.read_options import MAX_COORDINATE, MAX_FILE_SIZE, ReadOptions
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program
@@ -133,3 +132,34 @@ def _check_scaled_size(program: Program, factor: float) -> None:
     raise InvalidInput(
         f"With the scale {factor:g}, {program.source} has {problem}: check the scale."
     )
+
+
+# Extensions of job files.
+YAML = (".yaml", ".yml")
+# Module and function of the reader for each extension.
+READERS = {
+    ".dxf": ("dxf", "read_dxf"),
+    ".svg": ("svg", "read_svg"),
+    **dict.fromkeys((".ngc", ".nc", ".gcode", ".tap", ".cnc"), ("gcode", "read_gcode")),
+    ".csv": ("waypoint_table", "read_waypoints"),
+}
+
+
+def find_reader(file: str | FilePath) -> tuple[FilePath, str]:
+    """The path and the lower-case extension of a file, which must have a reader."""
+    if not isinstance(file, str | FilePath):
+        raise InvalidInput(
+            f"The argument file must be the path of a file, but is of type {type(file).__name__}."
+        )
+    location = FilePath(file)
+    suffix = location.suffix.lower()
+    if suffix == ".dwg":
+        raise InvalidInput(
+            f"{location.name} is a DWG file, which is not supported: save it as DXF."
+        )
+    if suffix not in READERS:
+        raise InvalidInput(
+            f"{location.name} cannot be read as a path: its extension must be one of "
+            f"{', '.join(READERS)}."
+        )
+    return location, suffix

@@ -18,7 +18,7 @@ from armcontour.files.exports.ros import GoalTolerances, select_points, write_ro
 from armcontour.files.exports.table import SetPointTable, make_table, write_csv
 from armcontour.files.exports.template import LAST_DIGIT, describe_program, write_template
 from armcontour.files.exports.urscript import JOINTS, write_urscript
-from armcontour.jobs.exports import ENDINGS, Exports, PointTolerance, ending_of
+from armcontour.jobs.job import ENDINGS, Exports, PointTolerance, ending_of
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.robot import Arm
 

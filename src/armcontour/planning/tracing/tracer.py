@@ -190,7 +190,7 @@ def _trace_serial(
     """Joint paths of a serial arm in its configurations, the shortest first."""
     from armcontour.planning.tracing.configurations import find_solutions
     from armcontour.planning.tracing.redundancy import Guide, null_space
-    from armcontour.planning.tracing.serial_solver import NumericSolver
+    from armcontour.planning.tracing.solver import NumericSolver
 
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)

@@ -79,7 +79,7 @@ def export(request: Request) -> PageFrame:
     from armcontour.files.exports.formats import WITH_ANALOG, format_named, write_destination
     from armcontour.files.exports.table import make_table
     from armcontour.jobs import analog_outputs
-    from armcontour.jobs.exports import ENDINGS
+    from armcontour.jobs.job import ENDINGS
 
     kind = str(request.option("format", "csv"))
     if kind not in ENDINGS:
