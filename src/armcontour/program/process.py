@@ -23,13 +23,13 @@ from armcontour.core.quantities import (
     Distance,
     Duration,
     Factor,
-    Interval,
     Items,
     Key,
     Length,
     Name,
     NeededName,
     PartialFields,
+    Quantity,
     Ratio,
     Size,
     Speed,
@@ -120,7 +120,7 @@ class Pierce(Checked):
             [m]; from there it moves straight down, stops, and starts along the lead-in.
     """
 
-    time: Interval = field(kw_only=False)
+    time: Annotated[float, Quantity("s", "0.5 s", "positive")] = field(kw_only=False)
     height: Distance = 0.0
 
 

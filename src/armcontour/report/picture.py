@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -340,7 +340,10 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
         return {"time": [], "kinds": []}
     shares = [(x, share) for x, share in explanation.kinds.items() if share >= MIN_SHARE]
     kinds = [{"kind": x, "share": number(share, "1")} for x, share in shares]
-    return {"time": cells(explanation.time_table), "kinds": kinds}
+    table = explanation.time_table
+    of_time = [x.name for x in table.columns].index("of_time")
+    listed = replace(table, rows=[x for x in table.rows if x[of_time] >= MIN_SHARE])
+    return {"time": cells(listed), "kinds": kinds}
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
@@ -353,9 +356,11 @@ def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
     s = np.array([x.s for x in chosen])
     times = planned.trajectory.time_at(s).tolist()
     uv_points = view.uv(_points_at(planned.path, s)).tolist()
+    contours = np.searchsorted(planned.path.breaks[1:-1], s, side="right").tolist()
     return [
-        {"s": x.s, "t": t, "uv": uv, "sentence": x.sentence, "kind": x.kind}
-        for x, t, uv in zip(chosen, times, uv_points, strict=True)
+        {"s": x.s, "t": t, "uv": uv, "contour": contour, "kind": x.kind}
+        | {"sentence": f"{x.reason}: {number(x.speed, 'm/s')} of {number(x.assigned, 'm/s')}"}
+        for x, t, uv, contour in zip(chosen, times, uv_points, contours, strict=True)
     ]
 
 

@@ -13,6 +13,8 @@ import { bandOf, idleOf, marksOf } from "./polylines.js";
 const SHORTEST_LABELLED = 46; // px
 // Marks of contours have at least about this distance.
 const ROOM = 40; // px
+// And their numbers about this one.
+const NUMBER = 22; // px
 // Radius of the mark of a pierce.
 const RING = 6.5; // px
 // Longer lines (numbers of coordinates) are drawn without dashes, which cost more than they do.
@@ -81,6 +83,8 @@ export class Painter {
     stroke(context, objective, count ? themed("--faint") : themed("--ink"), px, dashed ? [5 * px, 4 * px] : []);
     stroke(context, layers.lines(picture, "rapid"), themed("--faint"), 1 * px, [1.5 * px, 4 * px]);
     if (store.options.contour >= 0) stroke(context, layers.contour(picture, store.options.contour), themed("--selected"), 11 * px);
+    // Below the colours of the limits: it is seen where it leaves them.
+    if (executed && store.options.executed) this.executed(context, view, executed);
     for (const { path, colour, dash } of layers.strokes(picture, executed)) {
       stroke(
         context,
@@ -94,7 +98,6 @@ export class Painter {
     const idle = layers.keep("idle", [picture], () => idleOf(picture));
     stroke(context, idle, themed("--ground"), 4 * px);
     stroke(context, idle, themed("--ink"), 0.8 * px);
-    if (executed && store.options.executed) this.executed(context, view, executed);
   }
 
   /** Number, start, direction and pierce of each contour that has room for them. @param {Context} context @param {Viewport} view @param {Frame} picture */
@@ -105,13 +108,17 @@ export class Painter {
     for (const { at, along, out, size, inner, number, isPierced } of marks) {
       const [x, y] = view.toScreen(at);
       const cell = `${Math.round(x / ROOM)} ${Math.round(y / ROOM)}`;
-      if (size * view.scale < ROOM / 2 || taken.has(cell) || x < 0 || y < 0 || x > view.width || y > view.height) continue;
+      if (x < 0 || y < 0 || x > view.width || y > view.height) continue;
+      const [right, down] = [x + (9 + 3.2 * number.length) * out[0], y - 13 * out[1]];
+      const spot = `number ${Math.round(right / NUMBER)} ${Math.round(down / NUMBER)}`;
+      if (!taken.has(spot)) context.fillText(number, right, down);
+      taken.add(spot);
+      if (size * view.scale < ROOM / 2 || taken.has(cell)) continue;
       taken.add(cell);
       arrow(arrows, x, y, along);
       pierces.moveTo(x + RING, y);
       if (isPierced) pierces.arc(x, y, RING, 0, 2 * Math.PI);
       if (size * view.scale > 3 * ROOM) arrow(arrows, ...view.toScreen(inner.at), inner.along);
-      context.fillText(number, x + (9 + 3.2 * number.length) * out[0], y - 13 * out[1]);
     }
     context.fill(arrows);
     stroke(context, pierces, themed("--ink"), 1.2);

@@ -30,8 +30,8 @@ export function Entry({ value, send, ...more }) {
 
 /** Buttons that do what a refusal proposes. @param {{edits?: {key: (string | number)[], value: any}[], take: (edit: object) => void}} props */
 export const Remedies = ({ edits = [], take }) => edits.map((edit) => {
-  const name = edit.key.join(".");
-  return html`<button type="button" onClick=${() => take(edit)}>${edit.value === null ? `Remove ${name}` : `Set ${name}: ${edit.value}`}</button> `;
+  const name = edit.key.slice(-2).join(" ").replaceAll("_", " ");
+  return html`<button type="button" title=${edit.key.join(".")} onClick=${() => take(edit)}>${edit.value === null ? `Remove ${name}` : `Set ${name}: ${edit.value}`}</button> `;
 });
 
 /**

@@ -2,7 +2,7 @@
 
 import { styleOf } from "./colours.js";
 import { find } from "./dom.js";
-import { seconds } from "./format.js";
+import { contourLabel, seconds } from "./format.js";
 import { kindAt } from "./polylines.js";
 import { nowAndThen, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
@@ -36,8 +36,8 @@ export function init(store) {
     const picture = /** @type {import("./state.js").Frame} */ (store.latest("picture"));
     const { colour } = styleOf(t ? limitOf(picture, k) : "unknown", store.theme);
     return html`<li><button type="button" aria-pressed=${String(store.options.contour === k)} onClick=${() => select(k)}>
-      <span class="dot" style=${`background: ${colour}`} /><span class="name">${number}${name && name !== String(number) ? ` · ${name}` : ""}</span>
-      <small>${layer}</small><span class="time">${t ? `${seconds(t[1] - t[0])} s` : ""}</span></button></li>`;
+      <span class="dot" style=${`background: ${colour}`} /><span class="name">${contourLabel({ number, name })}</span>
+      <small>${!name.startsWith(`${layer}-`) && layer}</small><span class="time">${t ? `${seconds(t[1] - t[0])} s` : ""}</span></button></li>`;
   };
   const update = nowAndThen(READING, () => {
     const contours = /** @type {Contour[]} */ (store.latest("picture")?.head.contours ?? []);

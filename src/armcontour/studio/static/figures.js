@@ -3,7 +3,7 @@
 import { styleOf, verdictOf } from "./colours.js";
 import { Changes } from "./components.js";
 import { find, make, mark, say } from "./dom.js";
-import { NONE } from "./format.js";
+import { fixed, NONE } from "./format.js";
 import { largest, timeOf } from "./polylines.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
@@ -14,6 +14,8 @@ import { html, render } from "./vendor/preact.js";
 
 const SPOKEN_EVERY = 1000; // ms
 const MOST_ADVISED = 2;
+/** Limits with smaller shares of the time have no name next to the bar [%]. */
+const LEAST = 1;
 /** Names of figures in their order. */
 const FIGURES = ["kept", "off_drawing", "duration", "clearance.low", "contour_error.rms", "saturated"];
 /** From which values on a figure is an alarm. @type {Record<string, (value: any) => boolean>} */
@@ -46,20 +48,29 @@ class Figures {
     const advice = make("div", { class: "figure advice", hidden: true });
     this.row.append(advice);
     this.region.append(this.row);
-    const advise = (/** @type {any[]} */ changes) => {
-      advice.hidden = !changes.length;
-      render(html`<${Changes} brief changes=${changes.slice(0, MOST_ADVISED)} link=${link} />`, advice);
+    /** Changes of the shown job; null while they are searched, none before. @param {any[] | null} [changes] */
+    const advise = (changes) => {
+      const press = () => /** @type {HTMLFormElement} */ (find("#tasks form[data-task=changes]")).requestSubmit();
+      const state = changes === null ? "Searching for savings …" : changes && "No change saves time";
+      render(
+        changes?.length
+          ? html`<${Changes} brief changes=${changes.slice(0, MOST_ADVISED)} link=${link} />`
+          : html`<span class="label">Faster</span>${state ? html`<span>${state}</span>` : html`<button type="button" title="Computes what changes of speed, order or tolerance save" onClick=${press}>Find savings</button>`}`,
+        advice,
+      );
     };
+    advise();
     store.on("advice", advise);
     let rev = -1;
     store.on("document", (/** @type {any} */ frame) => {
-      if (frame.rev !== rev) advise([]);
+      if (frame.rev !== rev) advise();
       rev = frame.rev;
     });
     this.spoken = "";
     const showEverything = () => {
       this.showAll(FIGURES);
       this.showShares();
+      advice.hidden = !hasMotion(store);
     };
     const update = oncePerFrame(showEverything);
     for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, update);
@@ -101,10 +112,11 @@ class Figures {
     this.shares.hidden = !kinds.length;
     const look = (/** @type {string} */ kind) => styleOf(kind, this.store.theme);
     const told = kinds.map(({ kind, share }) => `${look(kind).label} ${share}`);
+    const large = kinds.filter(({ share }) => parseFloat(share) >= LEAST);
     render(
       html`<span class="label">Where the time goes</span>
         <span class="bar" aria-hidden="true">${kinds.map(({ kind, share }) => html`<span style=${`flex-grow: ${parseFloat(share)}; background: ${look(kind).colour}`} />`)}</span>
-        <span class="note" title=${told.join(", ")}>${kinds.map(({ kind }, k) => html`<button type="button" class="link" title="Show where that is longest" onClick=${() => this.showLimit(kind)}>${told[k]}</button>`)}</span>`,
+        <span class="note" title=${told.join(", ")}>${large.map(({ kind, share }) => html`<button type="button" title="Show where that is longest" onClick=${() => this.showLimit(kind)}><span class="key" style=${`background: ${look(kind).colour}`} />${look(kind).label} ${fixed(parseFloat(share), 0)} %</button>`)}</span>`,
       this.shares,
     );
   }
@@ -135,7 +147,9 @@ class Figures {
     mark(box, "data-exact", String(isExact && !this.store.isOffline));
     const looks = name === "kept" && row ? verdictOf(row.value, this.store.theme) : null;
     box.style.color = looks?.colour ?? "";
-    say(value, looks ? `${looks.mark} ${row?.text}` : (row?.text ?? NONE));
+    const isRefused = name === "kept" && this.store.refusal?.head.tier === 1;
+    if (isRefused) box.style.color = "var(--refusal)";
+    say(value, isRefused ? "✗ refused" : looks ? `${looks.mark} ${row?.text}` : (row?.text ?? NONE));
     // A figure that is not known for a moment leaves its place.
     if (!row) return;
     box.hidden = false;

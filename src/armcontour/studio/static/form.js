@@ -5,7 +5,7 @@ import { find } from "./dom.js";
 import { isPlain, quantity } from "./format.js";
 import { Gesture } from "./gesture.js";
 import { Entry, Remedies } from "./components.js";
-import { computed, html, render, signal, useComputed, useRef, useSignal } from "./vendor/preact.js";
+import { computed, html, render, signal, useComputed, useLayoutEffect, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
@@ -29,6 +29,7 @@ const FROM = {
   run: ["run", "Written for this run alone."],
   arm: ["arm", "Of the arm; not written in the job."],
   default: ["", "The default; not written in the job."],
+  contour: ["", "As for the whole job."],
 };
 /** Keys of which a layer that is omitted is not run, and of layers. */
 const [READ, BY_LAYER] = ["path.layers", "process.by_layer"];
@@ -51,8 +52,8 @@ const refusals = signal(/** @type {Record<string, any>} */ ({}));
  * Edits of a key.
  * @typedef {{key: string, edits: object[], outer: string}} Wish `outer` is the key around `key` that the server refused, or empty
  */
-/** What was refused because of other keys of `outer`: it is sent again with the next edit there. @type {Wish[]} */
-let waiting = [];
+/** What was refused because of other keys of `outer`: it is sent again with the next edit there. */
+const waiting = signal(/** @type {Wish[]} */ ([]));
 /** What has no answer, and what was sent with it. @type {{wish: Wish, more: Wish[]} | null} */
 let sent = null;
 /** @type {any} */
@@ -116,8 +117,8 @@ function readAs(f, text) {
 /** Send edits of a key, with those that wait for it. @param {Key} at @param {object[]} edits */
 function send(at, edits) {
   const key = at.join(".");
-  waiting = waiting.filter((x) => x.key !== key);
-  const more = waiting.filter((x) => key.startsWith(`${x.outer}.`));
+  waiting.value = waiting.value.filter((x) => x.key !== key);
+  const more = waiting.value.filter((x) => key.startsWith(`${x.outer}.`));
   sent = { wish: { key, edits, outer: "" }, more };
   link.edit([...more.flatMap((x) => x.edits), ...edits]);
 }
@@ -148,22 +149,26 @@ const unset = (key) => send(key, [...listed(key), { do: "unset", key }]);
 export function refuseAt({ head: { key, sentence, remedies } }) {
   if (!sent) return false;
   const { wish, more } = sent;
-  sent = more.length ? { wish, more: [] } : null;
-  // Together they are refused: the new edit may be possible alone.
+  // Together they are refused, and not because of what is around them: the new edit may be possible alone.
+  sent = more.length && !more.some((x) => x.outer.startsWith(`${key}.`)) ? { wish, more: [] } : null;
   if (sent) link.edit(wish.edits);
   if (sent) return true;
   const place = [key, wish.key].find((x) => x && find("#form").querySelector(`[data-key="${CSS.escape(x)}"]`));
-  if (wish.key.startsWith(`${key}.`)) waiting.push({ ...wish, outer: key });
+  const outer = [key, wish.key.slice(0, wish.key.lastIndexOf("."))].find((x) => x && wish.key.startsWith(`${x}.`) && `${key}.`.startsWith(`${x}.`));
+  if (outer && key !== wish.key) waiting.value = [...waiting.value.map((x) => (more.includes(x) ? { ...x, outer } : x)), { ...wish, outer }];
   const take = (/** @type {object} */ edit) => send(wish.key.split("."), [...wish.edits, edit]);
-  if (place) refusals.value = { ...refusals.value, [place]: html`${sentence} <${Remedies} edits=${remedies} take=${take} />` };
+  // The field says where it is, and the newest refusal has the reasons of those that wait.
+  const said = sentence.replace(/^[\w.-]+: ([\w.-]+: )*/, "").replace(/ \(line \d+\)/, "");
+  refusals.value = place ? { [place]: html`${said} <${Remedies} edits=${remedies} take=${take} />` } : {};
+  requestAnimationFrame(() => document.querySelector("#form .refused")?.scrollIntoView({ block: "nearest" }));
   return place !== undefined;
 }
 
 /** The job has changed: what was sent is made; what a change of others refused is forgotten. */
 function accept() {
-  const made = sent ? [sent.wish, ...sent.more] : waiting;
-  waiting = waiting.filter((x) => !made.includes(x));
-  refusals.value = Object.fromEntries(Object.entries(refusals.value).filter(([key]) => waiting.some((x) => x.key === key || x.outer === key)));
+  const made = sent ? [sent.wish, ...sent.more] : waiting.value;
+  waiting.value = waiting.value.filter((x) => !made.includes(x));
+  refusals.value = Object.fromEntries(Object.entries(refusals.value).filter(([key]) => waiting.value.some((x) => x.key === key || x.outer === key)));
   sent = null;
 }
 
@@ -175,9 +180,9 @@ const SYNONYMS = /** @type {Record<string, string>} */ ({ exclude: "layers", dwe
 
 /** @param {Field} f @returns {boolean} true if a search finds its own words */
 const isNamed = (f) => {
-  const own = `${f.name.replaceAll("_", " ")} ${f.name} ${f.label ?? ""} ${f.text ?? ""}`.toLowerCase();
+  const own = ` ${f.name.replaceAll("_", " ")} ${f.name} ${f.label ?? ""} ${f.text ?? ""}`.toLowerCase();
   const sought = wanted.value.toLowerCase();
-  return own.includes(sought) || own.includes(SYNONYMS[sought] ?? sought);
+  return own.includes(` ${sought}`) || own.includes(` ${SYNONYMS[sought] ?? sought}`);
 };
 
 /** @param {Field} f @returns {boolean} true if a search finds it, or a field in it */
@@ -209,34 +214,37 @@ function One({ f, at, label = f.name }) {
     // A joint has the value of all; sharp corners are no shape in the file.
     if (typeof at.at(-1) === "number" && typeof whole.written !== "object") own.written ??= whole.written;
     if (key === "corners.shape" && typeof (whole.written ?? "") === "string") own.written = f.choices?.[0];
-    return JSON.stringify([own, rowAt(at)]);
+    const edits = /** @type {any[]} */ (waiting.value.find((x) => x.key === key)?.edits);
+    return JSON.stringify([own, rowAt(at), edits?.findLast((x) => x.do === "set" && x.key.join(".") === key)?.value]);
   });
-  const [{ written, from }, row] = JSON.parse(state.value);
+  const [{ written, from }, row, refused] = JSON.parse(state.value);
   const place = useRef(/** @type {HTMLElement | null} */ (null));
-  const is = written !== undefined ? from : row?.arm ? "arm" : "default";
+  const is = written !== undefined ? from : row?.arm ? "arm" : at[1] === "contours" ? "contour" : "default";
   const [mark, where] = FROM[is];
   const isChosen = f.choices && !f.open;
-  const given = textOf(key === "arm" ? (written?.name ?? written?.file ?? written) : written);
+  const given = textOf(refused !== null ? refused : key === "arm" ? (written?.name ?? written?.file ?? written) : written);
   const value = typeof row?.value === "number" && (is === "arm" || is === "default") ? quantity(row.value, row) : given;
   const id = `set-${key.replace(/[^\w]/g, "-")}`;
   const title = [f.text, where].filter(Boolean).join(" ");
   const name = words(label);
   const more = { id, title };
+  // What is written has changed while the field has the focus.
+  useLayoutEffect(() => void (place.current?.contains(document.activeElement) && (help.value = title)), [title]);
   let control = html`<${Entry} ...${more} value=${value} placeholder=${hintOf(f)} list=${f.choices && `${id}-known`} send=${(/** @type {string} */ text) => set(at, text === "" ? "" : readAs(f, text))} />`;
   if (f.choices && !isChosen)
     control = html`${control}<datalist id=${`${id}-known`}>${f.choices.map((x) => html`<option value=${String(x)} />`)}</datalist>`;
   if (f.tick) control = html`<input type="checkbox" ...${more} checked=${written ?? f.default ?? false} onChange=${(/** @type {any} */ e) => set(at, e.target.checked)} />`;
   if (isChosen) {
     const now = written ?? (f.label ? f.default : "") ?? "";
-    const none = f.label || f.needed ? [] : [html`<option value="">${f.default === undefined ? "none" : `${f.default} (default)`}</option>`];
-    control = html`<select ...${more} value=${String(now)} onChange=${(/** @type {any} */ e) => set(at, e.target.value)}>${none}${f.choices?.map(
-      (x) => html`<option value=${String(x)} selected=${String(x) === String(now)}>${String(x).replaceAll("_", " ")}</option>`,
+    const none = f.label || f.needed ? [] : [html`<option value="">${words(String(f.default ?? "none"))}</option>`];
+    control = html`<select ...${more} value=${String(now)} onChange=${(/** @type {any} */ e) => set(at, e.target.value)}>${none}${f.choices?.filter((x) => !none.length || x !== f.default || x === now).map(
+      (x) => html`<option value=${String(x)} selected=${String(x) === String(now)}>${words(String(x))}</option>`,
     )}</select>`;
   }
   const slider = row && typeof row.min === "number" && row.min < row.max ? { ...row, key, label: name.toLowerCase() } : null;
   // A plain number of the file stays one; its unit is reported next to it.
-  const unit = isPlain(value) || (f.list && !row) ? (row?.unit ?? f.unit) : "";
-  return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)}>
+  const unit = (isPlain(value) && refused === null) || (f.list && !row) ? (row?.unit ?? f.unit) : "";
+  return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)} onInput=${() => (refusals.value = {})}>
     <label for=${id} title=${title}>${name}</label>
     <span class="from">${[unit, mark].filter(Boolean).join(" · ")}</span>
     ${(is === "job" || is === "run") && !f.needed && !(isChosen && f.label) && html`<${Without} at=${at} name=${name} />`}
@@ -310,7 +318,7 @@ function Part({ f, at, label = f.label ?? f.name, more = null }) {
     return written !== null && typeof written === "object" ? Object.keys(written).length : Number(written !== undefined);
   });
   const fields = (f.fields ?? []).filter((x) => !wanted.value || isNamed(f) || isFound(x));
-  const leave = !f.needed && count.value > 0 && html`<p class="acts"><button type="button" onClick=${() => unset(at)}>Leave ${label.replaceAll("_", " ")} out</button></p>`;
+  const leave = !f.needed && count.value > 0 && html`<p class="acts"><button type="button" onClick=${() => unset(at)}>Remove ${label.replaceAll("_", " ")}</button></p>`;
   return html`<${Fold} at=${at} title=${label} text=${f.text} count=${count.value} content=${() => html`${more}${fields.map((x) => html`<${Any} key=${x.name} f=${x} at=${[...at, x.name]} />`)}${leave}`} />`;
 }
 
@@ -348,7 +356,7 @@ function Named({ f, at }) {
   const each = f.each ?? f;
   const entry = (/** @type {string} */ name) => {
     if (!each.fields) return html`<${Leaf} key=${name} f=${{ ...each, unit: f.unit, text: f.text }} at=${[...at, name]} label=${name} />`;
-    const isRun = written === undefined || given.includes(name);
+    const isRun = written === null || given.includes(name);
     const tick = html`<label class="field"><input type="checkbox" checked=${isRun} onChange=${() => (isRun ? unset([...at, name]) : set([...at, name], {}))} /> run this layer</label>`;
     return html`<${Part} key=${name} f=${{ ...each, needed: key === READ, text: f.text }} at=${[...at, name]} label=${name} more=${key === READ && tick} />`;
   };
@@ -440,12 +448,12 @@ function Form() {
   if (!isThere.value) return null;
   const choice = (/** @type {{value: boolean}} */ of, /** @type {boolean} */ is, /** @type {string} */ text, /** @type {string} */ title) =>
     html`<button type="button" title=${title} aria-pressed=${String(of.value === is)} onClick=${() => (of.value = is)}>${text}</button>`;
-  return html`<div class="seek">
+  const seek = html`<div class="seek">
       <input type="search" aria-label="Search settings" placeholder="Search settings" value=${wanted} onInput=${(/** @type {any} */ e) => ([wanted.value, help.value] = [e.target.value.trim(), ""])} />
       <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "What is set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
       <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "For job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "For run", "Changes are for the shown run alone")}</span>
-    </div>
-    ${side.value === "contours" && html`<${Contour} />`}
+    </div>`;
+  return html`${side.value === "contours" && html`<${Contour} />`}${seek}
     ${form.groups.map((/** @type {any} */ x) => (wanted.value || (SIDES[x.title] ?? "process") === side.value) && html`<${Group} key=${x.title} ...${x} />`)}
     ${wanted.value && !form.groups.some((/** @type {any} */ x) => x.title.toLowerCase().includes(wanted.value.toLowerCase()) || x.fields.some(isFound)) && html`<p role="status">No setting matches "${wanted}".</p>`}
     <p class="help quiet">${help}</p>`;

@@ -3,6 +3,9 @@
 /** Figure that a missing number is shown as. */
 export const NONE = "–";
 
+/** Number and name of a contour. @param {{number: number, name: string}} contour @returns {string} */
+export const contourLabel = ({ number, name }) => `${number}${name && name !== String(number) ? ` · ${name}` : ""}`;
+
 /** A number with so many decimals; zero has no sign. @param {number | null | undefined} x @param {number} decimals @returns {string} */
 export function fixed(x, decimals) {
   if (x === null || x === undefined || !Number.isFinite(x)) return NONE;

@@ -3,12 +3,13 @@
 import { find, say } from "./dom.js";
 import { headOf } from "./figures.js";
 import { Tabular } from "./components.js";
+import { contourLabel } from "./format.js";
 import { nowAndThen, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 
-/** A list of sentences under a title; nothing without any. @param {{title: string, sentences: string[]}} props */
+/** A list of sentences under a title; nothing without any. @param {{title: string, sentences: any[]}} props */
 const Sentences = ({ title, sentences }) => html`${sentences.length > 0 && html`<section><h2>${title}</h2><ul>${sentences.map((text) => html`<li>${text}</li>`)}</ul></section>`}`;
 
 /** @param {Store} store */
@@ -25,11 +26,12 @@ export function init(store) {
     if (region.hidden) return;
     // The panel has room for the limit, its time and its share.
     const [head = [], ...shares] = (headOf(store).time ?? []).map((/** @type {string[]} */ row) => row.slice(0, 3));
-    const slow = (picture.shortfalls ?? []).map((/** @type {any} */ x) => x.sentence);
+    const slow = (picture.shortfalls ?? []).map((/** @type {any} */ { contour, t, sentence }) =>
+      html`<button type="button" class="link" title="Show its place" onClick=${() => store.setTime(t)}>${contourLabel(picture.contours[contour])}</button>: ${sentence}`);
     render(
       html`<${Sentences} title="Warnings" sentences=${warnings} />
-        ${shares.length > 0 && html`<section><h2>What takes the time</h2><table><${Tabular} columns=${head} rows=${shares} /></table></section>`}
-        <${Sentences} title="Where it is slower than wished" sentences=${slow} />
+        ${shares.length > 0 && html`<section><h2>Time by limit</h2><table><${Tabular} columns=${head} rows=${shares} /></table></section>`}
+        <${Sentences} title="Slower than assigned" sentences=${slow} />
         <${Sentences} title="Notes" sentences=${all("notes")} />`,
       region,
     );

@@ -140,6 +140,7 @@ export class Store {
     }
     if (frame.kind === "picture" || (frame.kind === "executed" && this.refusal?.head.tier >= 2)) this.setRefusal(null);
     if (frame.kind === "document" && this.document && this.document.id !== frame.head.id) this.reset();
+    if (frame.kind === "picture") this.keepContour(frame);
     this.frames.set(frame.kind, frame);
     this.tell(frame.kind, frame);
   }
@@ -205,6 +206,14 @@ export class Store {
   get place() {
     const arrays = this.latest("picture")?.arrays;
     return arrays?.path_t.length ? along(arrays.path_t, arrays.path_s, this.time)[0] : 0;
+  }
+
+  /** The selected contour stays selected in another order of the contours. @param {Frame} next */
+  keepContour(next) {
+    const [selected, old] = [this.options.contour, this.latest("picture")?.head.contours];
+    if (selected < 0 || !old) return;
+    const is = (/** @type {any} */ x) => x.number === old[selected]?.number && x.name === old[selected].name;
+    this.options = { ...this.options, contour: next.head.contours.findIndex(is) };
   }
 
   /** Select the contour of a piece of the path. @param {number} piece its first point; -1: none */

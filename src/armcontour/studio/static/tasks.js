@@ -133,6 +133,7 @@ export function init(store, link) {
     results.value = results.value.map((x) => (x === old ? { ...x, ...more } : x));
     if (more.told) return;
     tell();
+    if (old.task === "changes" && old.rev === store.latest("document")?.rev) store.tell("advice", more.frame?.head.changes);
     if (results.value.every((x) => x.state !== "running")) say(find("#spoken"), region.querySelector(".task-sentence, .tiles")?.textContent ?? "");
   };
   const tell = () => (region.dataset.running = results.value.filter((x) => x.state === "running").map((x) => x.id).join(" "));
@@ -145,6 +146,7 @@ export function init(store, link) {
     const how = /** @type {Partial<Result>} */ (isSent ? { state: "running" } : { state: "failed", sentence: "There is no connection to the server." });
     results.value = /** @type {Result[]} */ ([{ id, task, title, time, rev: store.latest("document")?.rev, ...how }, ...results.value].slice(0, MAX_RESULTS));
     tell();
+    if (isSent && task === "changes") store.tell("advice", null);
     // In a narrow page the results are below the forms.
     requestAnimationFrame(() => region.querySelector(".task-result")?.scrollIntoView({ block: "nearest" }));
   };
@@ -152,9 +154,6 @@ export function init(store, link) {
   store.on("result", (/** @type {Frame} */ frame) => {
     const { id, kept } = frame.head;
     renew(id, { state: kept === false ? "refused" : "done", frame });
-    // The savings are those of the job that was asked about.
-    const { task, rev } = results.value.find((x) => x.id === id) ?? {};
-    if (task === "changes" && rev === store.latest("document")?.rev) store.tell("advice", frame.head.changes);
   });
   store.on("cancelled", (/** @type {Frame} */ x) => renew(x.head.id, { state: "cancelled", sentence: "Cancelled." }));
   store.on("failed", (/** @type {Frame} */ x) => renew(x.head.id, { state: "failed", sentence: x.head.sentence }));

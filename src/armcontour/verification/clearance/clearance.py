@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TypeAlias
@@ -167,7 +168,8 @@ class Clearance(Result):
     def to_data(self) -> Data:
         """The verdict, and the pairs, sorted by distance above the margin."""
         below = None if not self.below else -self.below[0].high
-        note = "" if self.least is None else f"{self.least.second} and {self.least.first}"
+        names = () if self.least is None else (self.least.second, self.least.first)
+        note = " and ".join(re.sub("(_link|_inertia)+$", "", x).replace("_", " ") for x in names)
         if self.too_near:
             note = str(self.too_near[0])
         return Data(
