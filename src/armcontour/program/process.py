@@ -29,8 +29,8 @@ from armcontour.core.quantities import (
     Name,
     NeededName,
     PartialFields,
-    Quantity,
     Ratio,
+    Rest,
     Size,
     Speed,
     Time,
@@ -120,7 +120,7 @@ class Pierce(Checked):
             [m]; from there it moves straight down, stops, and starts along the lead-in.
     """
 
-    time: Annotated[float, Quantity("s", "0.5 s", "positive")] = field(kw_only=False)
+    time: Rest = field(kw_only=False)
     height: Distance = 0.0
 
 
@@ -221,7 +221,7 @@ class ContourProcess(LayerProcess):
 
 
 @declared(eq=False)
-class Process(Checked):
+class Process(Checked, LayerProcess):
     """Requirements of a process that are added to the contours of a program.
 
     >>> cut = ac.Process(overlap=1e-3, order="inside_first")
@@ -282,21 +282,10 @@ class Process(Checked):
     """
 
     begin: Annotated[str | float | Sequence[float], BEGIN] = AUTO
-    overlap: Distance = 0.0
-    lead_in: Lead | None = None
-    lead_out: Lead | None = None
     approach: Distance = 0.0
     retract: Distance = 0.0
     up: Annotated[Direction, NO_KEY] = field(default_factory=lambda: UP)
-    dwell: Duration = 0.0
-    pierce: Pierce | None = None
-    switch: Switch | None = None
     off_between: tuple[Name, ...] = ()
-    events: tuple[Event, ...] = ()
-    analog: tuple[Analog, ...] = ()
-    passes: Annotated[int, AtLeast(1, MAX_PASSES)] = 1
-    tabs: Tabs | None = None
-    weave: Weave | None = None
     by_layer: Mapping[str, Annotated[Mapping[str, Any], PartialFields(LayerProcess, null=True)]] = (
         field(default_factory=dict)
     )
@@ -305,9 +294,7 @@ class Process(Checked):
         default_factory=lambda: NO_LAYERS
     )
     order: Annotated[str, Choice(ORDERS)] = "auto"
-    kerf: Distance | None = None
     kerf_side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
-    direction: Annotated[str, Choice(DIRECTIONS)] = DRAWN
     rapid_speed: Speed | None = None
     approach_speed: Speed | None = None
     resume_at: Annotated[Distance, About("--resume-at")] = 0.0

@@ -196,25 +196,6 @@ class Evaluation(Result, Frozen):
     __repr__ = short_repr
     figure = draw
 
-    def to_dict(self) -> dict[str, FloatArray]:
-        """Errors over time as columns for `pandas.DataFrame`, by name.
-
-            pandas.DataFrame(result.to_dict()).plot(x="t", y="contour_error")
-
-        Returns:
-            `t` [s], `s` [m], `contour_error` [m] and `tracking_error` [m], (n,) each; NaN between
-            the contours of a program.
-        """
-        error, lag = self.contour_error, self.tracking_error
-        judged = np.isfinite(lag.values)
-        tracking = np.interp(error.t, lag.t[judged], lag.values[judged])
-        return {
-            "t": error.t.copy(),
-            "s": error.s.copy(),
-            "contour_error": error.values.copy(),
-            "tracking_error": np.where(np.isfinite(error.values), tracking, np.nan),
-        }
-
 
 def duration_row(duration: float, level: int = FIRST) -> Row:
     """Row of the duration of a plan [s]."""
