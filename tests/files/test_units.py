@@ -8,9 +8,9 @@ import pint
 import pytest
 from tests.files.tables import refusals
 
-from armcontour.core.quantities import Quantity
-from armcontour.core.units import (
+from armcontour.core.quantities import (
     UNIT_FACTORS,
+    Quantity,
     parse_quantity,
     read_quantity,
     unit_of,

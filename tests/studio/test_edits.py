@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.files.tables import change_text
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.units import parse_quantity
+from armcontour.core.quantities import parse_quantity
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.cell import cell_names, cell_text

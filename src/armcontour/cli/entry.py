@@ -8,7 +8,7 @@ import os
 import sys
 from contextlib import suppress
 
-from armcontour.cli.interrupts import run_interruptibly
+from armcontour.cli.console import run_interruptibly
 from armcontour.core.errors import ArmContourError
 from armcontour.core.text import to_line
 

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 import math
 from typing import get_args
 
-from armcontour.core.quantities import Moment
-from armcontour.core.units import read_quantity
+from armcontour.core.quantities import Moment, read_quantity
 
 # Fields of options that require --on, and the end of the message.
 OF_CONTROLLER = ("execute", "drives", "hal", "address")

@@ -12,7 +12,7 @@ from armcontour import files
 from armcontour.cli.commands import Arms, Compile, Init, Schema
 from armcontour.cli.execution import Outcome
 from armcontour.cli.inputs import refuse_existing
-from armcontour.core import staging
+from armcontour.core import file_access
 from armcontour.core.compilation import compile_kernels
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.progress import Progress
@@ -73,7 +73,7 @@ def init(options: Init, _: None, progress: Progress) -> Outcome:
     if file.suffix.lower() not in YAML:
         raise InvalidInput(f"The file of --out must have the extension {YAML[0]}, but is {file}.")
     refuse_existing(file, options.force)
-    staging.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
+    file_access.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
     return Outcome(
         lines=[
             f"{file} is a copy of the cell {cell}. Set its arm, its servo and the position of the "

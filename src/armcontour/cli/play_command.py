@@ -10,10 +10,9 @@ from contextlib import contextmanager
 import typer
 
 from armcontour.cli.commands import ControllerOptions, Play
-from armcontour.cli.console import ProgressDisplay, data_lines
+from armcontour.cli.console import ProgressDisplay, data_lines, on_interrupt
 from armcontour.cli.execution import Outcome
 from armcontour.cli.inputs import open_job, read_option
-from armcontour.cli.interrupts import on_interrupt
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerRefused, InvalidInput

@@ -8,10 +8,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from armcontour.cli.commands import Studio
-from armcontour.cli.console import print_lines
+from armcontour.cli.console import before_interrupt, print_lines
 from armcontour.cli.execution import Outcome
 from armcontour.cli.inputs import find_file, is_job
-from armcontour.cli.interrupts import before_interrupt
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import LARGE, read_bytes
 from armcontour.core.progress import Progress

@@ -12,7 +12,7 @@ from armcontour.cli.console import table_lines
 from armcontour.cli.execution import REPORT, Outcome, report_line
 from armcontour.cli.inputs import find_file, is_job, name_options, open_job, read_option, read_patch
 from armcontour.cli.run_command import write_motions
-from armcontour.core import staging
+from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
@@ -112,7 +112,7 @@ def batch(options: Batch, _: None, progress: Progress) -> Outcome:
     if any(errors):
         header, rows = (*header, ""), [(*x, y) for x, y in zip(rows, errors, strict=True)]
     page = report.render_table(f"Batch of {result.title}", counts, header, rows)
-    staging.write_atomically(out / REPORT, lambda x: x.write_text(page, encoding="utf-8"))
+    file_access.write_atomically(out / REPORT, lambda x: x.write_text(page, encoding="utf-8"))
     lines = [
         *table_lines(cells, f"{result.title}: {counts}", names=1 + len(over)),
         *result.errors(),

@@ -32,9 +32,8 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import Frozen
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import AtLeast, Axes, Choice, Named, Quantity
+from armcontour.core.quantities import AtLeast, Axes, Choice, Named, Quantity, read_quantity
 from armcontour.core.text import shorten, show
-from armcontour.core.units import read_quantity
 
 P = ParamSpec("P")
 R = TypeVar("R")

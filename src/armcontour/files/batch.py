@@ -15,7 +15,7 @@ from itertools import product
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour.core import checks, staging
+from armcontour.core import checks, file_access
 from armcontour.core.compilation import compile_kernels
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.fields import checked
@@ -254,7 +254,7 @@ def _open_results(folder: FilePath | None) -> Iterator[Callable[[Line], object]]
         folder.mkdir(parents=True, exist_ok=True)
         stream = (folder / LINES).open("x", encoding="utf-8", buffering=1)
     except OSError as error:
-        raise staging.unwritable(f"to the folder {folder}", error) from None
+        raise file_access.unwritable(f"to the folder {folder}", error) from None
     with stream:
         yield lambda line: stream.write(json.dumps(line) + "\n")
 
@@ -267,4 +267,4 @@ def _write_table(file: FilePath, rows: Sequence[Mapping[str, Any]]) -> None:
     for row in rows:
         values = (json.dumps(x) if isinstance(x, list | dict) else x for x in row.values())
         table.writerow(["" if x is None else x for x in values])
-    staging.write_atomically(file, lambda x: x.write_text(text.getvalue(), encoding="utf-8"))
+    file_access.write_atomically(file, lambda x: x.write_text(text.getvalue(), encoding="utf-8"))

@@ -13,9 +13,8 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import linear_unit
+from armcontour.core.quantities import linear_unit, parse_quantity
 from armcontour.core.text import LONGEST, list_some, parse_number, show
-from armcontour.core.units import parse_quantity
 
 Key = TypeVar("Key", bound=Hashable)
 NUMBER = re.compile(

@@ -36,9 +36,9 @@ from armcontour.core.quantities import (
     Named,
     PartialFields,
     Quantity,
+    read_quantity,
 )
 from armcontour.core.text import Keys, describe_fields, key_text, show, suggest
-from armcontour.core.units import read_quantity
 
 # Values by key path in a job file, from the outermost key.
 Patch: TypeAlias = Mapping[Keys, Any]

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from armcontour.core import file_access
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import parse_quantity
 from armcontour.core.text import show
-from armcontour.core.units import parse_quantity
 from armcontour.robot.scene import LARGEST, SMALLEST, Mesh
 
 MESHES = (".stl", ".obj")

@@ -17,7 +17,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour._version import __version__
-from armcontour.core import file_access, render, staging
+from armcontour.core import file_access, render
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
 
@@ -64,7 +64,7 @@ class ResultFolder:
             raise InvalidInput(f"{folder} is not a folder. Choose another --out.")
         try:
             self._target = folder.resolve()
-            self._staging = staging.Staging(self._target, folder)
+            self._staging = file_access.Staging(self._target, folder)
             self._new = self._staging.folder / "new"
             try:
                 self._new.mkdir()
@@ -94,7 +94,7 @@ class ResultFolder:
             file.parent.mkdir(parents=True, exist_ok=True)
             write(file)
         except OSError as error:
-            raise staging.unwritable(self.folder / name, error) from None
+            raise file_access.unwritable(self.folder / name, error) from None
         inside = sorted(x for x in file.rglob("*") if x.is_file()) if file.is_dir() else [file]
         self.files += [x.relative_to(self._new).as_posix() for x in inside]
 
@@ -109,7 +109,7 @@ class ResultFolder:
 
     def _find_earlier(self) -> list[str]:
         """Names of the files and folders of an earlier result, which may be replaced."""
-        present = _names_in(self._target) - {staging.NEXT}
+        present = _names_in(self._target) - {file_access.NEXT}
         if not present:
             return []
         manifest = _manifest(self._target)
@@ -143,7 +143,7 @@ class ResultFolder:
         text = json.dumps(data, indent=1)
         (self._new / MANIFEST).write_text(text + "\n", encoding="utf-8")
         earlier = self._find_earlier()
-        old = self._staging.folder / staging.OLD
+        old = self._staging.folder / file_access.OLD
         old.mkdir()
         fresh = sorted(_names_in(self._new), key=lambda x: x == SUMMARY)
         foreign = [x for x in fresh if os.path.lexists(self._target / x) and x not in earlier]
@@ -156,7 +156,7 @@ class ResultFolder:
         self._staging.move([*aside, *((self._new / x, self._target / x) for x in fresh)])
 
     def _unwritable(self, error: OSError) -> InvalidInput:
-        return staging.unwritable(f"to the folder {self.folder}", error)
+        return file_access.unwritable(f"to the folder {self.folder}", error)
 
 
 def _names_in(folder: FilePath) -> set[str]:

@@ -1,13 +1,16 @@
-"""`plan_one`: all steps from the program of a run to its plan."""
+"""`plan_one`: all steps from the program of a run to its plan, with leads of automatic length."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
+from typing import Any
 
-from armcontour.core.errors import InvalidInput, Unreachable, error_context
+import numpy as np
+
+from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.alternatives import (
     alternatives,
@@ -28,8 +31,27 @@ from armcontour.planning import (
     plan,
     trace_program,
 )
-from armcontour.program import Program, prepare, round_corners, smooth_curvature
+from armcontour.program import (
+    Contour,
+    Event,
+    Leads,
+    Process,
+    Program,
+    arrange_contours,
+    prepare,
+    round_corners,
+    smooth_curvature,
+)
 
+# Length of a lead below which the arm reaches none [m].
+SHORTEST_LEAD = 1e-3
+# Ratio of a lead to the length on which the tool accelerates along the contour, because the arm
+# accelerates less in other positions.
+LONGER = 1.1
+# Number of points along a contour with known speed.
+PLACES = 401
+# Keys of the process that are ignored while automatic leads are determined.
+UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 # Names of the first step of a run: rounding of corners, or shaping for corners of shape free.
 ROUNDING, SHAPING = "rounding", "shaping"
 
@@ -87,13 +109,86 @@ def prepare_program(job: Job, run: Run, progress: Progress | None = None) -> Pro
                 f"Run {run.name}: leads of automatic length require the timing method optimal, but "
                 f"the method is {run.timing.method}. Specify the lengths of the leads."
             )
-        from armcontour.jobs.automatic_leads import automatic_leads
-
-        leads = automatic_leads(job, run, partial(plan_one, clear=False))
+        leads = find_leads(job, run)
     with error_context("process"):
         prepared = prepare(job.program, job.process, leads)
     run.check_end_time(prepared)
     return prepared
+
+
+def find_leads(job: Job, run: Run) -> list[Leads]:
+    """Leads with which each contour has full speed where the process switches on and off.
+
+    The tool is assumed to accelerate as along the contour itself. Full speed is the assigned
+    velocity; without one, the largest speed along the contour. Leads that the arm does not reach
+    are halved. Lengths of leads that are not automatic are 0.
+    """
+    # Corners of shape free are replaced by arcs here, because shaping takes long.
+    rounding = None if run.rounding is None else run.rounding.with_arcs
+    assert isinstance(run.timing, Optimal)
+    timing = dataclasses.replace(run.timing, duration=None)
+    run = dataclasses.replace(run, rounding=rounding, timing=timing)
+    process = job.process
+    unled: dict[str, Any] = dict.fromkeys(UNLED)
+    plain = dataclasses.replace(
+        process,
+        **unled,
+        approach=0.0,
+        retract=0.0,
+        order="drawn",
+        by_layer={x: {**given, **unled} for x, given in process.by_layer.items()},
+        by_contour={x: {**given, **unled} for x, given in process.by_contour.items()},
+    )
+    moves = prepare(arrange_contours(job.program, process), plain).moves
+    # Events may be due before the motion without leads begins.
+    still = (dataclasses.replace(x, events=()) if isinstance(x, Contour) else x for x in moves)
+    program = Program(moves=tuple(x for x in still if not isinstance(x, Event)))
+    planned = plan_one(job, run, objective=program, clear=False)
+    with error_context("leads"):
+        return [
+            _leads_of_contour(job, run, x, span.trajectory)
+            for x, span in zip(program.contours, planned.trajectory.contour_spans, strict=True)
+        ]
+
+
+def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory | None) -> Leads:
+    """Lengths of the automatic leads of a contour, from its motion without leads."""
+    assert motion is not None
+    process, leads = job.process.of_contour(contour), Leads()
+    contour = dataclasses.replace(contour, work=None)
+    path, length_of_motion = contour.path, float(motion.s(motion.duration))
+    distances = np.linspace(0.0, length_of_motion, PLACES)[1:]
+    for key, name, s, side in (
+        ("lead_in", "before", 0.0, "right"),
+        ("lead_out", "after", path.length, "left"),
+    ):
+        lead = getattr(process, key)
+        if lead is None or lead.length is not None:
+            continue
+        speeds = motion.speed_at(distances if name == "before" else length_of_motion - distances)
+        speed = float(path.assigned_speeds(run.limits.speed, s, side=side))
+        speed = speed if math.isfinite(speed) else float(speeds.max())
+        needed = speed**2 / float((speeds**2 / distances).max())
+        if lead.shape == "arc" and run.limits.centripetal_acceleration is not None:
+            # A shorter quarter of a circle is too tight for the speed.
+            needed = max(needed, math.pi / 2 * speed**2 / run.limits.centripetal_acceleration)
+        length = needed = LONGER * needed
+        ends = Process(begin="drawn", up=process.up, **{key: lead})
+        while True:
+            tried = Leads(**{name: length})
+            try:
+                alone = prepare(Program(moves=(contour,)), ends, [tried])
+                planned = plan_one(job, run, objective=alone, clear=False)
+                break
+            except ArmContourError:
+                if length <= SHORTEST_LEAD:
+                    raise
+                length /= 2
+        # Limits of the contour may not allow the full speed.
+        reached = planned.trajectory.speed_at(planned.path.contours[0].at_work[name == "after"])
+        length = min(length, LONGER * needed * (float(reached) / speed) ** 2)
+        leads = dataclasses.replace(leads, **{name: length})
+    return leads
 
 
 def round_program(

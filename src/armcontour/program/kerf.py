@@ -17,7 +17,6 @@ from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.prescribed_orientation import tangent_rates
 from armcontour.geometry.projection import find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, Segments
-from armcontour.program.crossings import LENGTH, find_crossings, turns_between
 from armcontour.program.moves import (
     Contour,
     Move,
@@ -36,11 +35,14 @@ from armcontour.program.nesting import (
     project_along_up,
 )
 from armcontour.program.offset_curves import (
+    LENGTH,
     SLACK,
     OffsetPart,
     find_crossing_paths,
+    find_crossings,
     find_self_crossing,
     offset_segments,
+    turns_between,
 )
 from armcontour.program.process import WASTE, Lead, Process
 from armcontour.program.rounded_corners import draw_with_arcs
@@ -476,7 +478,7 @@ def _box(pieces: FloatArray) -> FloatArray:
 
 
 def _pieces(path: Path, up: FloatArray) -> FloatArray:
-    """The table of pieces (crossings.py) of a path seen from above, (n, 6)."""
+    """The table of pieces (offset_curves.py) of a path seen from above, (n, 6)."""
     chords = find_chords(path, up)
     a, chord, bent = chords[:, :2], chords[:, 2:4] - chords[:, :2], chords[:, 7] != 0
     curvatures = np.where(bent, chords[:, 7] / np.where(bent, chords[:, 6], 1.0), 0.0)

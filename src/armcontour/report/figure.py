@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.core import staging
+from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import VERDICTS, number
 from armcontour.report.page_frame import PageFrame
@@ -47,7 +47,7 @@ class Picture:
     def write_html(self, file: str | FilePath) -> None:
         """Write the picture as one self-contained page, atomically."""
         page = self._page()
-        staging.write_atomically(FilePath(file), lambda x: x.write_text(page, encoding="utf-8"))
+        file_access.write_atomically(FilePath(file), lambda x: x.write_text(page, encoding="utf-8"))
 
     def _repr_html_(self) -> str:
         return f'<iframe srcdoc="{escape(self._page())}" width="100%" height="560"></iframe>'

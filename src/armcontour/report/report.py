@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.core import checks, staging
+from armcontour.core import checks, file_access
 from armcontour.core.fields import checked
 from armcontour.core.render import number
 from armcontour.core.text import count_noun
@@ -134,4 +134,4 @@ def write_report(
     """
     place = checks.read_file_path("write_report", file)
     page = render_report(study_of(study))
-    staging.write_atomically(place, lambda x: x.write_text(page, encoding="utf-8"))
+    file_access.write_atomically(place, lambda x: x.write_text(page, encoding="utf-8"))

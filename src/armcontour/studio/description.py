@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import About
+from armcontour.core.quantities import About, unit_of
 from armcontour.core.text import Keys
-from armcontour.core.units import unit_of
 from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_model import JobModel, RunModel
 from armcontour.files.job_text_edits import line_of, value_at

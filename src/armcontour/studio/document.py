@@ -10,8 +10,7 @@ from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.file_access import read_bytes
-from armcontour.core.staging import write_atomically
+from armcontour.core.file_access import read_bytes, write_atomically
 from armcontour.files.cell import drawing_text
 from armcontour.files.job_file import read_data
 from armcontour.files.job_text_edits import write_data

@@ -13,9 +13,8 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray, frozen_array
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
-from armcontour.core.quantities import Quantity
+from armcontour.core.quantities import Quantity, unit_of, write_like
 from armcontour.core.text import Keys, show
-from armcontour.core.units import unit_of, write_like
 from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import FrameModel, PathModel

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.staging import unwritable, write_atomically
+from armcontour.core.file_access import unwritable, write_atomically
 
 # Maximum number of listed documents without unsaved changes.
 MAX_RECENT = 8

@@ -23,9 +23,9 @@ from armcontour.core.quantities import (
     Distance,
     Factor,
     Tolerance,
+    parse_quantity,
 )
 from armcontour.core.text import digits, make_printable, shorten
-from armcontour.core.units import parse_quantity
 from armcontour.geometry import Path, SegmentLimits, Segments
 from armcontour.geometry.rounding.tangent_repair import (
     LARGEST_KINK,

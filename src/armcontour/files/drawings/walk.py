@@ -28,10 +28,9 @@ from armcontour.geometry import Path
 from armcontour.geometry.projection import find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Program
-from armcontour.program.crossings import find_crossings
 from armcontour.program.moves import describe_not_run
 from armcontour.program.nesting import wind_around
-from armcontour.program.offset_curves import to_pieces
+from armcontour.program.offset_curves import find_crossings, to_pieces
 
 
 def is_drawn(path: Path, border: Path) -> BoolArray:

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import Annotated, ClassVar
 
-from armcontour.core import checks, staging
+from armcontour.core import checks, file_access
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
@@ -304,4 +304,4 @@ def write_destination(file: FilePath, write: Callable[[FilePath], None]) -> None
         raise InvalidInput(f"Cannot write {str(file)!r}, because it is not a valid file name.")
     if file.is_dir():
         raise InvalidInput(f"Cannot write {file}, because a folder has this name.")
-    staging.write_atomically(file, write)
+    file_access.write_atomically(file, write)

@@ -12,9 +12,8 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import Quantity
+from armcontour.core.quantities import Quantity, unit_of, write_like
 from armcontour.core.text import Keys, plain_number, show
-from armcontour.core.units import unit_of, write_like
 from armcontour.files.job_model import JobModel
 from armcontour.files.job_text_edits import REMOVE, Change, change_data, value_at
 from armcontour.files.keys import quantity_of

@@ -12,9 +12,8 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import exp, quaternions, shortest, to_rpy
-from armcontour.core.quantities import Quantity
+from armcontour.core.quantities import Quantity, read_quantity, write_like
 from armcontour.core.text import Keys, plain_number
-from armcontour.core.units import read_quantity, write_like
 from armcontour.files.job_model import FrameModel, OrientationModel
 from armcontour.files.job_text_edits import Change, value_at
 from armcontour.files.keys import in_si, read_keys
