@@ -22,7 +22,7 @@ import armcontour as ac
 from armcontour.core.checks import FloatArray
 from armcontour.motion import quintic
 from armcontour.planning.tracing.knots import Knots, first_knots, motion_at
-from armcontour.planning.tracing.solver import NumericSolver
+from armcontour.planning.tracing.tracer import NumericSolver
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 

@@ -1,30 +1,327 @@
 """The paper's method, Sec. III-A, and the conventional method that the paper compares with.
 
-Lines have maximum joint acceleration (`paper_line.py`). Corners are arcs at one speed, (16)-(17).
-If a line is too short to reach the speed of a corner or to brake to it, the speed of that corner is
-reduced to a value that the line can reach; the paper has no rule for this case.
+Lines have maximum joint acceleration. Corners are arcs at one speed, (16)-(17). If a line is too
+short to reach the speed of a corner or to brake to it, the speed of that corner is reduced to a
+value that the line can reach; the paper has no rule for this case.
+
+A line begins with MAC, the maximum joint acceleration, has AVC, the assigned velocity, in the
+middle, and ends with MDC, the maximum deceleration. Two passes run along the line, one from each
+end, until a joint limit would be violated. Each pass is used up to the knot at which it reaches the
+assigned velocity, (23). Between those knots the tool moves with uniform acceleration, (24)-(25). If
+the passes meet below the assigned velocity, one lap of uniform tool acceleration joins them; the
+paper has no rule for this case.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.core.kernel_cache import compiled
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, LawAlongPath, LawPhase, Method, Trajectory
+from armcontour.motion import JointPath, LawAlongPath, LawPhase, LineLaw, Method, Trajectory
 from armcontour.planning.law_checks import (
     check_limits,
     law_peaks,
+    law_states,
     path_law,
     require_speed,
     tool_path_of,
 )
 from armcontour.planning.options import FEWEST_LAPS, MAX_LAPS, Paper
-from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
+
+# The tool speed is not computed from a joint that is slower than this share of the fastest joint.
+MIN_JOINT_SPEED = 0.01
+
+
+@compiled()
+def run_laps(
+    q: FloatArray, dq_ds: FloatArray, speed: float, limit: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
+    """Move from the first knot towards the last as fast as (18)-(20) of the paper allow.
+
+    The paper does not state the velocity at the start of a lap. If every joint continued with `dq +
+    ddq h`, a velocity error of a joint that does not determine the lap time would alternate from
+    lap to lap, and the acceleration that it causes would grow as 1 / h. Therefore only the joint
+    that determines the lap time continues with its velocity. The other joints get their velocities
+    from the path by (28); the step in these velocities is of second order in h.
+
+    Returns lap times [s], (n,); tool speeds at the knots [m/s], (n + 1,), NaN beyond the last valid
+    lap; joint velocities at the start of the laps and joint accelerations in them, (n, dof) each;
+    the number of valid laps; and for the first invalid lap the joint, from 0 (-1 if none), and the
+    acceleration that this joint would need.
+
+    - `q`: joint positions at the knots [rad], (n + 1, dof).
+    - `dq_ds`: derivatives of q along the path, of the same shape.
+    - `speed`: tool speed at the first knot [m/s].
+    - `limit`: largest joint accelerations [rad/s²], (dof,).
+    """
+    n = len(q) - 1
+    dof = q.shape[1]
+    h = np.empty(n)
+    speeds = np.full(n + 1, np.nan)
+    velocity = np.empty((n, dof))
+    acceleration = np.empty((n, dof))
+    speeds[0] = speed
+    for k in range(n):
+        longest = 0.0
+        slowest = -1
+        for j in range(dof):
+            step = q[k + 1, j] - q[k, j]
+            w = dq_ds[k, j] * speeds[k]
+            velocity[k, j] = w
+            if step == 0.0:
+                time = 2.0 * abs(w) / limit[j]
+            else:
+                if step < 0.0:
+                    w = -w
+                root = math.sqrt(w * w + 2.0 * limit[j] * abs(step))
+                # (18), or for w > 0 its equivalent 2 d / (w + root), which has no cancellation.
+                time = 2.0 * abs(step) / (w + root) if w > 0.0 else (root - w) / limit[j]
+            if time > longest:
+                longest = time
+                slowest = j
+        h[k] = longest
+        fastest = 0.0
+        for j in range(dof):
+            step = q[k + 1, j] - q[k, j]
+            needed = 2.0 * (step - velocity[k, j] * longest) / (longest * longest)
+            rounding = 8e-16 * (abs(q[k, j]) + 1e-3) / (longest * longest)
+            if j != slowest and abs(needed) > limit[j] * (1 + 1e-9) + rounding:
+                return h, speeds, velocity, acceleration, k, j, abs(needed)
+            if abs(needed) > limit[j]:
+                needed = math.copysign(limit[j], needed)
+            acceleration[k, j] = needed
+            fastest = max(fastest, abs(dq_ds[k + 1, j]))
+        lead = slowest
+        if abs(dq_ds[k + 1, lead]) < MIN_JOINT_SPEED * fastest:
+            for j in range(dof):
+                if abs(dq_ds[k + 1, j]) == fastest:
+                    lead = j
+        handed = velocity[k, lead] + acceleration[k, lead] * longest
+        speeds[k + 1] = max(handed / dq_ds[k + 1, lead], 0.0)
+    return h, speeds, velocity, acceleration, n, -1, 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """Motion along a line from one end with maximum joint acceleration; knots in order of time."""
+
+    h: FloatArray  # Lap times [s], (n,)
+    speed: FloatArray  # Tool speed at the knots [m/s], (n + 1,); NaN after the last valid lap
+    dq: FloatArray  # Joint velocities at the start of the laps [rad/s], (n, dof)
+    ddq: FloatArray  # Joint accelerations in the laps [rad/s²], (n, dof)
+    done: int  # Number of laps that satisfy the limit
+    joint: int  # Joint that would exceed the limit in the next lap, from 0; -1 for no joint
+    needed: float  # Acceleration that this joint would need [rad/s²]
+
+    def last_within(self, speed: float) -> int:
+        """Index of the last knot before the tool speed first exceeds `speed` [m/s]."""
+        faster = np.flatnonzero(self.speed[: self.done + 1] > speed * (1 + 1e-12))
+        return max(int(faster[0]) - 1, 0) if len(faster) else self.done
+
+
+@dataclass(frozen=True, slots=True)
+class LinePhase:
+    """Time law on a part of a line, and the rule of the paper that made it."""
+
+    law: LawAlongPath
+    kind: str  # Rule: "MAC", "AVC" or "MDC"; "meeting" for the lap between MAC and MDC
+    s: tuple[float, float]  # Arc lengths of start and end on the path [m]
+    # For a meeting lap, time [s] and arc length [m] from its start to the point where both passes
+    # have the same speed
+    switch: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class RulePart:
+    """Part of a line, or a corner, that one rule of the paper made."""
+
+    name: str  # Name of the line or corner, such as "line 1"
+    kind: str  # Rule: "MAC", "AVC", "MDC" or "corner"
+    duration: float  # Duration [s]
+    s: tuple[float, float]  # Arc lengths of start and end on the path [m]
+    laws: list[LawAlongPath]  # The complete laws that contain the part
+
+
+def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[RulePart]:
+    """Group the pieces of a line by rule; a meeting lap is MAC before its switch and MDC after."""
+    parts = []
+    for piece in pieces:
+        time = float(piece.law.breaks[-1])
+        if piece.kind != "meeting":
+            parts.append(RulePart(name, piece.kind, time, piece.s, [piece.law]))
+            continue
+        before, length = piece.switch
+        middle = piece.s[0] + length
+        parts.append(RulePart(name, "MAC", before, (piece.s[0], middle), [piece.law]))
+        parts.append(RulePart(name, "MDC", time - before, (middle, piece.s[1]), [piece.law]))
+    joined: list[RulePart] = []
+    for part in parts:
+        if joined and joined[-1].kind == part.kind:
+            last = joined.pop()
+            part = RulePart(
+                name,
+                part.kind,
+                last.duration + part.duration,
+                (last.s[0], part.s[1]),
+                last.laws + part.laws,
+            )
+        joined.append(part)
+    return joined
+
+
+class PaperLine:
+    """A straight segment of a traced path, with its knots."""
+
+    def __init__(
+        self,
+        *,
+        name: str,  # Name for messages, such as "line 1"
+        joint_path: JointPath,  # The joint path that contains the line
+        arm: Arm,
+        limit: FloatArray,  # Joint acceleration limits [rad/s²], (dof,)
+        s: FloatArray,  # Arc lengths of the knots [m], (n + 1,)
+        assigned: float,  # Assigned velocity on the line [m/s]
+    ) -> None:
+        self.name, self.joint_path, self.arm, self.limit = name, joint_path, arm, limit
+        self.s, self.assigned = s, assigned
+        path = tool_path_of(joint_path, "paper")
+        self.point, self.direction = path(s[0]), path(s[0], 1)
+        self.q = joint_path(s)
+        # The derivatives at both ends are one-sided, because the path may turn there.
+        before, after = joint_path(s[-1:], 1, side="left"), joint_path(s[:-1], 1)
+        self.dq_ds = np.concatenate([after, before])
+
+    def forward(self, speed: float) -> Pass:
+        """Run the pass from the start of the line at `speed` [m/s]."""
+        return Pass(*run_laps(self.q, self.dq_ds, speed, self.limit))
+
+    def reverse(self, speed: float) -> Pass:
+        """Run the pass backwards in time from the end of the line at `speed` [m/s]."""
+        return Pass(*run_laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
+
+    def plan(self, start: float, end: float) -> list[LinePhase]:
+        """Plan the line from the tool speed `start` to the tool speed `end` [m/s]."""
+        forward, reverse = self.forward(start), self.reverse(end)
+        n = len(self.s) - 1
+        backward = reverse.speed[::-1]  # Speed of the reverse pass in the order of the path
+        last = forward.last_within(self.assigned)
+        first = n - reverse.last_within(self.assigned)
+        if first <= last:
+            # The passes overlap: the forward pass is used up to the last knot at which it is
+            # slower.
+            both = np.arange(first, last + 1)
+            slower = both[forward.speed[both] <= backward[both]]
+            last = int(slower[-1]) if len(slower) else first - 1
+            if first == 0 and forward.speed[0] >= backward[0]:
+                # The start speed is the largest from which the line can brake: MDC throughout.
+                last = -1
+            first = last + 1
+            meeting = 0 <= last and first <= n
+            if meeting:
+                last, first = self._find_meeting(last, first, forward.speed, backward)
+        else:
+            self._refuse_broken(forward, last, reverse, n - first)
+            meeting = False
+        pieces = []
+        if last > 0:
+            run = forward.h[:last], forward.dq[:last], forward.ddq[:last]
+            pieces.append(self._make_phase("MAC", 0, last, *run))
+        low, high = max(last, 0), first
+        if low < high <= n:
+            pieces.append(self._make_middle(low, high, forward.speed, backward, meeting))
+        if first < n:
+            pieces.append(self._make_mdc(reverse, first))
+        return pieces
+
+    def _make_mdc(self, run: Pass, first: int) -> LinePhase:
+        """Phase of the reverse pass from the knot `first` to the end, in the order of time."""
+        count = len(self.s) - 1 - first
+        ends = run.dq[:count] + run.ddq[:count] * run.h[:count, None]
+        h, dq, ddq = run.h[:count][::-1], -ends[::-1], run.ddq[:count][::-1]
+        return self._make_phase("MDC", first, len(self.s) - 1, h, dq, ddq)
+
+    def _make_phase(
+        self, kind: str, first: int, last: int, h: FloatArray, dq: FloatArray, ddq: FloatArray
+    ) -> LinePhase:
+        ends = (float(self.s[first]), float(self.s[last]))
+        law = LineLaw(
+            breaks=np.concatenate([[0.0], np.cumsum(h)]),
+            q=self.q[first : last + 1],
+            dq=dq,
+            ddq=ddq,
+            arm=self.arm,
+            ends=ends,
+            point=self.point + (ends[0] - self.s[0]) * self.direction,
+            direction=self.direction,
+        )
+        return LinePhase(law, kind, ends)
+
+    def _find_meeting(
+        self, low: int, high: int, forward: FloatArray, backward: FloatArray
+    ) -> tuple[int, int]:
+        """Indices of the knots at which the passes are joined, so that the limit is satisfied."""
+        # Usually one lap joins the passes. If they meet close to an end of the lap, uniform
+        # acceleration of the tool would need slightly more joint acceleration than the limit, so
+        # two laps join them.
+        for start, end in ((low, high), (low - 1, high), (low, high + 1)):
+            if start < 0 or end >= len(self.s) or np.isnan([forward[start], backward[end]]).any():
+                continue
+            law = path_law(self.joint_path, self.s[[start, end]], forward[[start]], backward[[end]])
+            if (np.abs(law_states(law, self.arm).ddq) <= self.limit).all():
+                return start, end
+        return low, high
+
+    def _make_middle(
+        self, low: int, high: int, forward: FloatArray, backward: FloatArray, meeting: bool
+    ) -> LinePhase:
+        """Phase with uniform tool acceleration between both passes, see `_find_meeting`."""
+        s = self.s[[low, high]]
+        start, end = forward[low], backward[high]
+        law = path_law(self.joint_path, s, np.array([start]), np.array([end]))
+        ends = (float(s[0]), float(s[1]))
+        if not meeting or np.isnan([forward[high], backward[low]]).any():
+            return LinePhase(law, "AVC", ends)
+        ahead, after = backward[low] ** 2 - start**2, forward[high] ** 2 - end**2
+        length = float(s[1] - s[0]) * (ahead / (ahead + after) if ahead + after > 0 else 0.5)
+        acceleration = law.rates.dds[0]
+        time = 2 * length / (start + np.sqrt(max(start**2 + 2 * acceleration * length, 0.0)))
+        return LinePhase(law, "meeting", ends, (float(time), length))
+
+    def _refuse_broken(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
+        """Raise NotRealizable if a pass ended at a joint limit before the assigned velocity."""
+        broken = [
+            (run, place)
+            for run, end, place in (
+                (forward, last, forward.done),
+                (reverse, count, len(self.s) - 1 - reverse.done),
+            )
+            if run.joint >= 0 and end == run.done
+        ]
+        if not broken:
+            return
+        run, knot = broken[0]
+        s, point = float(self.s[knot]), self.arm.tool_position(self.q[knot]).tolist()
+        allowed = float(self.limit[run.joint])
+        raise NotRealizable(
+            f"On {self.name} at {s:.4g} m along the path, joint {run.joint + 1} would need "
+            f"{run.needed:.4g} rad/s² within one lap, but its limit is {allowed:g} rad/s². The "
+            "joint cannot reverse in time, because the method does not look ahead: reduce the "
+            "assigned velocity, or plan by the method optimal.",
+            point=point,
+            s=s,
+            joint=run.joint,
+            limit="joint_acceleration",
+            needed=run.needed,
+            allowed=allowed,
+        )
+
 
 # A lap next to a rest is divided into this many parts, because the speed changes much in it.
 PARTS_AT_REST = 10

@@ -1,4 +1,7 @@
-"""Public functions of tracing: joint paths along which an arm follows a tool path."""
+"""Joint paths along which an arm follows a tool path: inverse kinematics at knots.
+
+Knots are added until the tool follows its path between them.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +24,263 @@ from armcontour.planning.tracing.knots import (
     task_dimension,
 )
 from armcontour.planning.tracing.ranges import check_joint_range, turn_into_range
-from armcontour.planning.tracing.solver import AnalyticSolver, refine
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.configurations import Solution
+from abc import ABC, abstractmethod
+from typing import Any, Generic, NoReturn, TypeVar
+
+from armcontour.core.checks import BoolArray
+from armcontour.motion import quintic
+from armcontour.planning.tracing.knots import (
+    MIDDLE,
+    PLACES,
+    describe_fast_rotation,
+    motion_at,
+    poses_at,
+    suggest_remedy,
+)
+from armcontour.planning.tracing.redundancy import Guide
+from armcontour.robot import newton
+
+# Length below which an interval outside the tolerance indicates a singularity [m].
+SMALLEST_INTERVAL = 1e-9
+# Powers of `PLACES`, (places, 6).
+POWERS = PLACES[:, None] ** np.arange(6)
+# q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
+Ends = tuple[FloatArray, FloatArray, FloatArray]
+
+
+A = TypeVar("A", bound=Arm, covariant=True)
+
+
+class Solver(ABC, Generic[A]):
+    """Computes joint positions and their derivatives along a tool path, for one kind of arm."""
+
+    def __init__(self, path: Path, arm: A) -> None:
+        self.path = path
+        self.arm = arm
+
+    def first_ends(self, knots: Knots, guess: FloatArray | None) -> tuple[Ends, Ends]:
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals.
+
+        - `guess`: joint positions near the solutions at the starts, then at the ends, (2 n, dof).
+        """
+        n = len(knots)
+        both = knots.part(np.tile(np.arange(n), 2))
+        columns = self.ends(both, np.concatenate([knots.u0, knots.u1]), guess)
+        return _select(columns, slice(n)), _select(columns, slice(n, None))
+
+    @abstractmethod
+    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
+        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each.
+
+        - `knots`: the n knot intervals.
+        - `u`: distance along the segment of each interval [m], (n,).
+        - `guess`: joint positions near the solution, (n, dof); not used by a closed form.
+        """
+
+    def guess(
+        self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
+    ) -> FloatArray | None:
+        """Joint positions near the solutions within intervals, (n, dof); None if not needed.
+
+        Near a singularity the quintic may overshoot, and `halfway` is the better guess.
+
+        - `knots`: the n knot intervals.
+        - `u`: distance along the segment of each interval [m], (n,).
+        - `middle`: joint positions in the middle of the quintics of the intervals, (n, dof).
+        - `halfway`: means of the joint positions at both ends, (n, dof).
+        """
+        nearer = self.tool_errors(knots, u, halfway) < self.tool_errors(knots, u, middle)
+        return np.where(nearer[:, None], halfway, middle)
+
+    @abstractmethod
+    def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
+        """Error of the tool at joint positions `q`, divided by the tolerance, (n,)."""
+
+    def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
+        """Largest tool error on the quintics of intervals, divided by the tolerance, (n,)."""
+        # Returns the errors, and the joint positions in the middle of the intervals, (n, dof).
+        q = np.tensordot(POWERS, quintic(knots.u1 - knots.u0, start, end), (1, 1))
+        errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
+        return np.asarray(errors.reshape(-1, len(knots)).max(axis=0)), q[MIDDLE]
+
+    def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
+        """Values at starts and ends of the intervals, without jumps between intervals."""
+        return start, end
+
+
+class AnalyticSolver(Solver[PlanarTwoLink]):
+    """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27) of the paper."""
+
+    def __init__(
+        self, path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
+    ) -> None:
+        # `configuration`: one of `arm.branches`; `tolerance`: largest distance of the tool from the
+        # path between knots [m].
+        if path.dimension != arm.dimension:
+            raise InvalidInput(
+                f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
+                f"has {arm.dimension}. Use a path with {arm.dimension} coordinates."
+            )
+        super().__init__(path, arm)
+        self.configuration, self.tolerance = configuration, tolerance
+
+    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
+        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
+        try:
+            q = self.arm.joint_position(self.path.on_segment(knots.segment, u), self.configuration)
+        except Unreachable as error:
+            index = error.index or 0
+            s = float(knots.arc_lengths(u)[index])
+            raise Unreachable(
+                f"At {s:.6g} m along the path: {error}",
+                point=error.point,
+                index=int(knots.segment[index]),
+                s=s,
+                limit=error.limit,
+                needed=error.needed,
+                allowed=error.allowed,
+            ) from None
+        dq_ds = self.arm.joint_velocity(q, self.path.on_segment(knots.segment, u, 1))
+        curvature = self.path.on_segment(knots.segment, u, 2)
+        return q, dq_ds, self.arm.joint_acceleration(q, dq_ds, curvature)
+
+    def guess(self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray) -> None:
+        """Return None, because the closed form needs no guess."""
+
+    def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
+        """Remove jumps by whole turns from the joint positions."""
+        q = np.stack([start[0], end[0]], axis=1).reshape(-1, start[0].shape[1])
+        unwrapped = np.unwrap(q, axis=0).reshape(len(start[0]), 2, -1)
+        return (unwrapped[:, 0], *start[1:]), (unwrapped[:, 1], *end[1:])
+
+    def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
+        """Distances of the tool from its position on the path, divided by the tolerance, (n,)."""
+        difference = self.arm.tool_position(q) - self.path.on_segment(knots.segment, u)
+        return np.asarray(np.linalg.norm(difference, axis=1) / self.tolerance)
+
+
+def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -> JointPath:
+    """Joint path through exact knots, refined until it satisfies the solver's tolerance.
+
+    - `solver`: computes joint positions and their derivatives.
+    - `guess`: as in `first_ends`.
+    """
+    start, end = solver.first_ends(knots, guess)
+    settled = np.zeros(len(knots), dtype=bool)
+    while True:
+        start, end = solver.continuous(start, end)
+        unsettled = np.flatnonzero(~settled)
+        if len(unsettled) == len(knots):
+            errors, middle = solver.errors_between(knots, start, end)
+        else:
+            errors, middle = solver.errors_between(
+                knots.part(unsettled), _select(start, unsettled), _select(end, unsettled)
+            )
+        outside = ~(errors <= 1)
+        too_coarse = np.zeros(len(settled), dtype=bool)
+        too_coarse[unsettled[outside]] = True
+        if not too_coarse.any():
+            break
+        coarse = knots.part(too_coarse)
+        small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
+        if len(small):
+            s_singular = float(coarse.s0[small[0]])
+            refuse_singular_pose(solver, s_singular, "is singular or jumps between configurations")
+        u = (coarse.u0 + coarse.u1) / 2
+        halfway = (start[0][too_coarse] + end[0][too_coarse]) / 2
+        between = solver.ends(coarse, u, solver.guess(coarse, u, middle[outside], halfway))
+        knots, parent, second = knots.halve(too_coarse, u)
+        start, end = _select(start, parent), _select(end, parent)
+        for k in range(3):
+            start[k][second], end[k][second - 1] = between[k], between[k]
+        settled = (~too_coarse)[parent]
+    path = solver.path
+    breaks = np.append(knots.s0, path.length)
+    return JointPath.hermite(breaks, start, end, stops=path.stops, tool_path=path)
+
+
+def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
+    q, dq_ds, d2q_ds2 = ends
+    return q[selection], dq_ds[selection], d2q_ds2[selection]
+
+
+def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
+    """Raise Unreachable at a point of the path at which the joints have no unique motion.
+
+    - `s`: arc length of the point [m].
+    - `state`: state of the arm at the point, such as "is singular".
+    """
+    path, point = solver.path, solver.path(s).tolist()
+    raise Unreachable(
+        describe_fast_rotation(path, s)
+        or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
+        f"{tuple(round(x, 6) for x in point)} m, the arm {solver.arm.name} {state}: "
+        f"{suggest_remedy(path)}.",
+        point=point,
+        s=s,
+        limit="singularity",
+    )
+
+
+# Largest angle between the tool and its required orientation between knots [rad].
+ANGULAR_TOLERANCE = 1e-9
+# Ratio of pivots in elimination below which the Jacobian is singular.
+SINGULAR = 1e-9
+
+
+class NumericSolver(Solver[SerialArm]):
+    """Exact joint positions and derivatives at knots, by Newton's method from nearby guesses."""
+
+    def __init__(
+        self,
+        path: Path,
+        arm: SerialArm,
+        task: int,  # Task dimension: 6, 5 or 3, see `task_dimension`
+        tolerance: float,  # Largest distance of the tool from the path between knots [m]
+        guide: Guide | None,  # Guide of a redundant arm
+    ) -> None:
+        super().__init__(path, arm)
+        self.task, self.tolerance, self._guide = task, tolerance, guide
+
+    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
+        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
+        q, (poses, rates) = np.array(guess, order="C"), motion_at(self.path, knots, u)
+        w, g = self._rows(knots, u)
+        links = self.arm.link_table
+        solved = newton.newton(links, self.task, q, poses, w, g)
+        dq_ds, d2q_ds2, pivot_ratio = newton.path_derivatives(
+            links, self.task, q, poses, rates, w, g
+        )
+        bad = ~(solved & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
+        if bad.any():
+            refuse_singular_pose(self, float(knots.arc_lengths(u)[np.argmax(bad)]), "is singular")
+        return q, dq_ds, d2q_ds2
+
+    def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
+        """Largest ratio of the tool's position and orientation errors to their tolerances, (n,)."""
+        difference = self.arm.poses(q) - poses_at(self.path, knots, u)
+        error: FloatArray = np.linalg.norm(difference[:, :, 3], axis=1) / self.tolerance
+        if self.task == 3:
+            return error
+        turned = difference[:, :, 2]
+        if self.task == 6:
+            turned = difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
+        return np.asarray(np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE))
+
+    def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
+        # The second axis is the order of the derivative along s, see `redundancy`.
+        n, dof = len(u), self.arm.dof
+        if self._guide is None:
+            return np.zeros((n, 3, 0, dof)), np.zeros((n, 3, dof))
+        return self._guide.evaluate(
+            knots.arc_lengths(u), knots.arc_lengths((knots.u0 + knots.u1) / 2)
+        )
+
 
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
@@ -190,7 +445,6 @@ def _trace_serial(
     """Joint paths of a serial arm in its configurations, the shortest first."""
     from armcontour.planning.tracing.configurations import find_solutions
     from armcontour.planning.tracing.redundancy import Guide, null_space
-    from armcontour.planning.tracing.solver import NumericSolver
 
     task = task_dimension(path, arm)
     knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
