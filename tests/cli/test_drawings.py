@@ -69,7 +69,7 @@ def test_runs_g_code_in_a_cell_with_exports(folder, call):
 REFUSED = [
     ("plain.csv", ["--cell", "requires a cell"]),
     ("deep.ngc --cell pmk3s", ["deep.ngc has z", "--ignore-z"]),
-    ("two.csv --cell pmk3s --position 0.5m,0.3m", ["Contour b", "out of reach"]),
+    ("two.csv --cell pmk3s --position 0.5m,0.3m", ["Contour 2 (b)", "out of reach"]),
     ("two.csv --cell pmk3s --export template", ["template", "urscript, kuka"]),
     ("two.csv --cell pmk3s --call", ["--call requires --export"]),
     (

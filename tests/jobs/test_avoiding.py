@@ -105,7 +105,7 @@ def test_a_rapid_goes_around_a_wall(job, free):
 @needs_dynamics
 def test_collisions_are_refused_with_pair_position_and_time(job):
     blocked = dataclasses.replace(job, scene=wall(0.50, width=0.02))
-    with pytest.raises(Collision, match="contour seam 1: torch and wall touch, first at t = ") as e:
+    with pytest.raises(Collision, match=r"\(seam 1\): torch and wall touch, first at t = ") as e:
         run(blocked, simulate=False)
     assert e.value.t is not None and e.value.exit_code == 8
     assert abs(e.value.point[0] - 0.5) < 0.02

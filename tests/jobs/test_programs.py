@@ -116,7 +116,7 @@ def test_invalid_jobs_are_refused():
     auto = Process(lead_in=Lead())
     far = Contour(path=Path.polyline([[0.5, 0.1], [0.6, 0.1]]), name="E7")
     led = Process(lead_in=Lead(length=0.01))
-    refused((lambda: run(job(auto, *TWO, far)), "Contour E7", "PMK-3s"), kind=Unreachable)
+    refused((lambda: run(job(auto, *TWO, far)), "Contour 3 (E7)", "PMK-3s"), kind=Unreachable)
     refused(
         (lambda: run(job(auto, timing=ac.Paper())), "Run compensated", "optimal", "paper"),
         (lambda: job(Process(), end_time=3.0), "end_time requires a job with a single path"),
@@ -224,9 +224,9 @@ def test_stops_at_ends_of_arcs_are_reported_once_and_counted_by_contour():
     straight = ac.Path.polyline([(0.3, 0.3), (0.34, 0.3)])
     program = Program(moves=(Contour(path=straight, name="A"), Contour(path=BENT, name="B")))
     (plan,) = plans(program, {"rounding": None})
-    assert [x.contour for x in plan.jerk_stops] == ["contour B"] * 2
+    assert [x.contour for x in plan.jerk_stops] == ["contour 2 (B)"] * 2
     (warning,) = stops_said(plan.warnings)
-    assert "2 full stops, the first at s = 60 mm (360 mm, 200 mm) of contour B" in warning
+    assert "2 full stops, the first at s = 60 mm (360 mm, 200 mm) of contour 2 (B)" in warning
 
 
 def test_transitions_avoid_stops_within_their_tolerance():

@@ -42,7 +42,7 @@ def test_a_speed_and_a_tolerance_above_the_runs_are_reported_once():
     names = "MARK 1", "CUT 1", "MARK 2"
     moves = (Contour(path=drawn(*x), name=y) for x, y in zip(values, names, strict=True))
     speed, tolerance = warnings_of(job(Program(moves=tuple(moves))))
-    capped = "of contour MARK 1, contour MARK 2 is reduced to "
+    capped = "of contour 1 (MARK 1), contour 3 (MARK 2) is reduced to "
     assert f"speed of up to 150 mm/s {capped}100 mm/s by limits.speed. " in speed
     assert f"tolerance of up to 0.5 mm {capped}0.25 mm by corners.tolerance. " in tolerance
     (speed,) = warnings_of(job(drawn(0.15, 0.1e-3)))

@@ -292,13 +292,13 @@ def test_errors_name_the_contour_or_the_rapid(refuses):
     over = Rapid(path=Path.polyline([[0.35, 0.25], [0.5, 0.5], [0.3, 0.1]]))
     arc = Path(segments=[Arc(start=[0.3, 0.2], center=[0.3, 0.22], angle=1.0)])
     for moves, kind, words in (
-        ((BEND, far), Unreachable, "contour E7:"),
+        ((BEND, far), Unreachable, "contour 2 (E7):"),
         ((BEND, over, SQUARE), Unreachable, "rapid to contour 2:"),
         ((BEND, over), Unreachable, "rapid away from contour 1:"),
     ):
         refuses(lambda x=moves: ac.plan(program_of(*x), PMK3S, IN_PLANE), kind, words)
     alone = program_of(Contour(path=arc, name="E8"))
-    refuses(lambda: ac.plan(alone, PMK3S, IN_PLANE, ac.Paper()), NotRealizable, "contour E8:")
+    refuses(lambda: ac.plan(alone, PMK3S, IN_PLANE, ac.Paper()), NotRealizable, "contour 1 (E8):")
     # Options of one path hold for a program of one only.
     options = {"start_speed": 0.02, "end_speed": 0.01}
     for name, x in options.items():

@@ -82,7 +82,7 @@ def test_a_kerf_is_inside_of_holes_and_refused_there_on_every_layer():
         hole = circle(0.01, 0, 0.0045, name="hole 7", layer=layer)
         cut_program = cut(outline, hole, kerf=1.2e-3)
         assert radii(cut_program) == pytest.approx([3.9e-3, 50.6e-3], abs=1e-15)
-        with pytest.raises(InvalidInput, match="contour hole 7: a kerf of 12 mm") as caught:
+        with pytest.raises(InvalidInput, match=r"contour 2 \(hole 7\): a kerf of 12 mm") as caught:
             cut(outline, hole, kerf=12e-3)
         assert caught.value.allowed == pytest.approx(9e-3, rel=1e-3)
         assert len(cut(outline, hole, kerf=8.9e-3).contours) == 2
@@ -114,8 +114,8 @@ def test_contours_that_cross_themselves_or_are_too_near_are_refused():
     ramp = Path.polyline([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0.01], [0, 0, 0]])
     refused(
         (lambda: cut(eight, kerf=1e-3), "contour 1 crosses", "(50, 50) mm"),
-        (lambda: cut(a, b, kerf=2e-4), "contour a and contour b cross", "kerf of 0.2 mm"),
-        (lambda: cut(a, across, kerf=2e-3), "contour a and contour c cross"),
+        (lambda: cut(a, b, kerf=2e-4), "contour 1 (a) and contour 2 (b) cross", "kerf of 0.2 mm"),
+        (lambda: cut(a, across, kerf=2e-3), "contour 1 (a) and contour 2 (c) cross"),
         (lambda: cut(*rings, kerf=2e-3), "0.02", "0.0199", "nearer"),
         (lambda: cut(led, kerf=1e-3), "already has leads"),
         (lambda: cut(ramp, kerf=1e-3), "contour 1 leaves the plane"),
@@ -131,7 +131,7 @@ def test_open_contours_have_no_waste_and_stay_unless_a_side_is_given():
     cut_program = cut(mark, circle(0, 0, 0.2), kerf=2e-3)
     assert any(x.path is BEND for x in cut_program.contours)
     (note,) = cut_program.notes
-    assert "contour mark is not offset" in note
+    assert "contour 1 (mark) is not offset" in note
     cut_left = cut(mark, kerf=2e-3, kerf_side="left").path
     np.testing.assert_allclose(
         cut_left.vertices, [[0, 1e-3], [0.049, 1e-3], [0.049, 0.05]], atol=1e-15

@@ -61,7 +61,7 @@ def test_refuses_invalid_programs():
         (lambda: drawn.selected(names=["1"], layers=["b"]), "matches both"),
         (lambda: drawn.selected(layers=[]), "is selected"),
         (lambda: drawn.path, "2 contours"),
-        (raised.without_z, "x.ngc: contour line 7: Segment 1", "not parallel to this plane"),
+        (raised.without_z, "x.ngc: contour 2 (line 7): Segment 1", "not parallel to this plane"),
         (lambda: rest.repeated(columns=2), "column_spacing"),
         (lambda: rest.repeated(rows=2, row_spacing=0.0), "row_spacing", "0 m"),
         (lambda: rest.repeated(rows=0, row_spacing=1.0), "rows", "0"),
@@ -128,7 +128,7 @@ def test_contours_are_selected_and_called_by_layer_and_name():
     assert drawn.selected(layers="a").contours == (first,)
     names = ["", "E7", "contour 4", "line 12"]
     called = [contour_called(contour(name=x), i) for i, x in enumerate(names)]
-    assert called == ["contour 1", "contour E7", "contour 4", "contour line 12"]
+    assert called == ["contour 1", "contour 2 (E7)", "contour 4", "contour 4 (line 12)"]
 
 
 def test_names_are_a_line_of_80_printable_characters():

@@ -66,7 +66,7 @@ def test_inner_contours_come_first_part_by_part():
 
 def test_a_warning_names_what_is_cut_too_early():
     (note,) = ordered(PARTS, lead_in=WASTE, order="drawn").notes
-    assert "contour outline is cut before contour window" in note and "likewise 3 more" in note
+    assert "(outline) is cut before contour " in note and "likewise 3 more" in note
     # The order of G-code has a meaning, and stays.
     moves = PARTS[0], Event(name="gas"), PARTS[1]
     arranged = ordered(moves, lead_in=WASTE)

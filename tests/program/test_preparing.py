@@ -228,7 +228,7 @@ def test_a_moved_start_does_not_change_switching(switched, is_unchanged):
     if is_unchanged:
         only(square, process)
     else:
-        refused((lambda: only(square, process), "contour E7", "laser", "0.05 m"))
+        refused((lambda: only(square, process), "contour 1 (E7)", "laser", "0.05 m"))
 
 
 def test_a_moved_start_keeps_the_values_that_the_program_has_set_before():
@@ -309,7 +309,7 @@ def test_events_of_the_process_and_at_the_ends_stay_at_their_places():
     far = Process(events=(Event(name="glue", s=0.15),))
     named = program(SQUARE, Contour(path=BEND, name="E7"))
     refused(
-        (lambda: prepare(named, far), "glue", "contour E7 is only 0.1 m"),
+        (lambda: prepare(named, far), "glue", "contour 2 (E7) is only 0.1 m"),
         (lambda: prepare(program(SQUARE, BEND), far), "contour 2 is only 0.1 m"),
     )
 
@@ -495,7 +495,7 @@ def test_refuses_invalid_values_of_a_process():
         (upward, {"lead_in": Lead(length=0.01, shape="arc")}, "parallel to the direction up"),
         (BEND, {"by_layer": {"MARK": {"passes": 2}}}, "'MARK'"),
         (teeth, {"passes": 1000}, "fewer passes"),
-        (ring, {"weave": Weave(width=0.1, pitch=0.01)}, "weave of contour ring", "50 mm"),
+        (ring, {"weave": Weave(width=0.1, pitch=0.01)}, "weave of contour 1 (ring)", "50 mm"),
     ]
     refused(*((lambda x=x, y=y: only(x, Process(**y)), *words) for x, y, *words in preparations))
     refused(

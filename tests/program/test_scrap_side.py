@@ -207,6 +207,6 @@ def test_a_layer_has_its_own_direction_unless_events_fix_the_drawn_one():
     )
     (prepared_contours,) = prepared([end], direction="clockwise").contours
     assert [x.s for x in prepared_contours.events] == pytest.approx([prepared_contours.path.length])
-    with pytest.raises(InvalidInput, match=r"contour rim .* clockwise.* glue"):
+    with pytest.raises(InvalidInput, match=r"contour 1 \(rim\) .* clockwise.* glue"):
         prepared([inner], direction="clockwise")
     assert prepared([inner], direction="counterclockwise").contours[0].events[0].s == 0.05

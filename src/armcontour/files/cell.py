@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path as FilePath
 from typing import Any
@@ -129,7 +128,7 @@ def cell_data(
     """Job data of a cell with a drawing, the cell's name for messages, and the cell's folder."""
     text, source, folder = _read_cell_text(str(cell))
     data, location = read_data(text, source), FilePath(drawing)
-    drawn = _drawing_patch(data, location, str(location.absolute()))
+    drawn = _drawing_patch(location, str(location.absolute()))
     with error_context(source):
         return apply_patch(data, {**drawn, **(patch or {})}), source, folder
 
@@ -139,20 +138,17 @@ def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) ->
     text, source, folder = _read_cell_text(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
-    drawn = _drawing_patch(read_data(text, source), location, file)
-    return write_patch(move_files(text, folder, to), drawn, source)
+    return write_patch(move_files(text, folder, to), _drawing_patch(location, file), source)
 
 
-def _drawing_patch(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
+def _drawing_patch(drawing: FilePath, file: str) -> Patch:
     """Patch that sets path, name and title of a cell for a drawing with the file name `file`."""
-    cell_title = cell.get("title")
-    title = drawing.name if cell_title is None else f"{drawing.name} on {cell_title}"
     return {
         **{("path", key): REMOVE for key in GEOMETRY_KEYS},
         ("path", "file"): file,
         # A file name may be too long for a job name, and may have unprintable characters.
         ("name",): shorten(make_printable(drawing.stem), LONGEST_NAME),
-        ("title",): shorten(make_printable(title), LONGEST_TITLE),
+        ("title",): shorten(make_printable(drawing.name), LONGEST_TITLE),
     }
 
 

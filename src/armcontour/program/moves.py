@@ -185,10 +185,11 @@ def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
 
 
 def contour_called(contour: Contour, number: int) -> str:
-    """Name of a contour for messages: its name, or its number from 1."""
-    if not contour.name:
-        return f"contour {number + 1}"
-    return contour.name if contour.name.startswith("contour ") else f"contour {contour.name}"
+    """Contour in messages: its number from 1, by default `number` + 1, and its name if any."""
+    if contour.name.startswith("contour "):
+        return contour.name
+    name = f" ({contour.name})" if contour.name else ""
+    return f"contour {contour.number or number + 1}{name}"
 
 
 def name_copy(name: str, row: int, column: int) -> str:

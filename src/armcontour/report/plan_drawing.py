@@ -15,7 +15,6 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.render import LIMITS, LINES, number, number_range
 from armcontour.core.text import count_noun
 from armcontour.jobs import Job, RunResult
-from armcontour.jobs.rows import allowed_error
 from armcontour.planning.explanation import BETWEEN, RAPIDS, Binding, LimitShare
 from armcontour.program import Contour, Process, cut_parts, idle_parts
 from armcontour.report.figure import WHOLE, Picture
@@ -122,7 +121,9 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
     """Draw the path of a plan with its active limits, rapids, kerf, process and extremes."""
     outline = [x.path(fine_places(x.path)) for x in result.path.contours]
     rapids, tabs = rapid_paths(result), _tabs(result, job.process)
-    sheet = Sheet.of(np.concatenate([*outline, *rapids]))
+    # A flat part is viewed from above, also if the tool is lifted between its contours.
+    axes = view_of(np.concatenate(outline))
+    sheet = Sheet.of(np.concatenate([*outline, *rapids]), axes)
     parts = [
         *_kerf(result, job.process, sheet),
         *_as_drawn(result, job, sheet),
@@ -210,9 +211,8 @@ class Sheet:
     height: float
 
     @classmethod
-    def of(cls, points: FloatArray) -> Sheet:
+    def of(cls, points: FloatArray, axes: FloatArray) -> Sheet:
         """Sheet on which points [m], (n, dimension), are drawn as large as possible."""
-        axes = view_of(points)
         low, high = (f(points @ axes.T, axis=0) for f in (np.min, np.max))
         wide, high_up = np.maximum(high - low, 1e-9)
         size = min((WIDTH - 2 * EDGE) / wide, (HEIGHT - 2 * EDGE) / high_up)
@@ -480,13 +480,11 @@ def _extremes(result: RunResult, prefix: str) -> Iterator[tuple[str, str, Mark]]
         errors = result.judged.contours
         roundings = [getattr(x.path, "deviation", None) or 0.0 for x in result.path.contours]
         e = errors[int(np.argmax([x + y.max for x, y in zip(roundings, errors, strict=True)]))]
-        allowed = allowed_error(result)
-        share = f", {number(e.max / allowed, '1')} of the allowed" if allowed else ""
-        words = f"largest error {number(e.max, 'm')}{share}"
+        words = f"largest contour error of the worst contour: {number(e.max, 'm')}"
         yield "error", "✕", Mark(_at(result, e.s_max), words, place=f"{prefix}-error")
     if result.clearance is not None and (pair := result.clearance.least) is not None:
         t = pair.t if pair.first_time is None else pair.first_time
-        words = f"nearest pair: {pair.second} and {pair.first}, {number(pair.high, 'm')}"
+        words = f"nearest pair: {pair.second} and {pair.first}, {number(result.clearance.low, 'm')}"
         tool = result.arm.tool_position(result.trajectory(t))
         yield "near", "◎", Mark(tool, words, place=f"{prefix}-near")
 

@@ -94,7 +94,7 @@ def test_unreadable_files_are_refused(read, tmp_path):
         (("w.csv", {"scale": -1.0}), "scale ... above zero"),
         (("w.csv", {"unknown": "guess"}), "unknown"),
         (("w.csv", {"layers": 5}), "layer ... 5"),
-        (("across.ngc", {"ignore_z": True}), "across.ngc: contour line 3: Segment 2"),
+        (("across.ngc", {"ignore_z": True}), "across.ngc: contour 1 (line 3): Segment 2"),
         (("part.ngc", {"colors": ["red"]}), "DXF and SVG"),
         (("PART.SVG", {"colors": "red"}), "must be a list"),
         (("large.ngc", {"units": "furlongs"}), "furlong ... 4.426e+04 m ... 1000 m"),

@@ -57,7 +57,7 @@ def executed(certificate, servo=None):
 
 def test_every_contour_satisfies_its_goal_without_its_leads(certified):
     execution, result = executed(certified)
-    assert [x.name for x in certified.contours] == ["contour bend", "contour line"]
+    assert [x.name for x in certified.contours] == ["contour 1 (bend)", "contour 2 (line)"]
     for x, error in zip(certified.contours, result.contours, strict=True):
         assert error.max <= 2e-6
         assert x.error.max == x.budget.executed == pytest.approx(error.max, rel=1e-9)
@@ -112,12 +112,12 @@ def test_robots_of_a_box_satisfy_the_goal_on_every_contour():
 def test_a_refusal_names_the_contour(refuses):
     call = partial(ac.certify, job(), goal=ac.CertificateGoal(servo_error=1e-10, slowest=1.05))
     data = {"limit": "contour error", "allowed": 1e-10}
-    refuses(call, ac.NotRealizable, "contour bend", "largest contour error", **data)
+    refuses(call, ac.NotRealizable, "contour 1 (bend)", "largest contour error", **data)
 
 
 def test_the_written_certificate_contains_every_contour(certified):
     data = certificate_page(certified)["certificate"]
-    assert [x["name"] for x in data["contours"]] == ["contour bend", "contour line"]
+    assert [x["name"] for x in data["contours"]] == ["contour 1 (bend)", "contour 2 (line)"]
     assert data["contours"][1]["budget"]["executed"] == certified.contours[1].budget.executed
     page = render_report(certified.study, certificate=certified)
     assert all(number(x.duration, "s") in page for x in certified.contours)

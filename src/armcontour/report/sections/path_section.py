@@ -12,7 +12,7 @@ from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.rows import allowed_error
 from armcontour.motion import Execution
 from armcontour.report.outline import fine_places, simplify
-from armcontour.report.plan_drawing import Drawing, Key, Mark, Sheet, line, slug
+from armcontour.report.plan_drawing import Drawing, Key, Mark, Sheet, line, slug, view_of
 from armcontour.report.section import Section
 from armcontour.verification import Evaluation
 
@@ -71,7 +71,8 @@ def draw_tool(tool: Tool, job: str) -> Drawing:
     """Drawing of the objective path and an executed path, coloured by its error."""
     outline = [x.path(fine_places(x.path)) for x in tool.result.objective.contours]
     classes = _classes(tool)
-    sheet = Sheet.of(np.concatenate([*outline, *(x for y in classes.values() for x in y)]))
+    points = np.concatenate([*outline, *(x for y in classes.values() for x in y)])
+    sheet = Sheet.of(points, view_of(points))
     parts = [line(sheet, outline, 'class="objective"', "objective path")]
     keys = [Key("┄", "objective path")]
     allowed, named = _scale(tool)
