@@ -3,7 +3,7 @@
 import { styleOf, verdictOf } from "./colours.js";
 import { Changes } from "./components.js";
 import { find, make, mark, say } from "./dom.js";
-import { fixed, NONE } from "./format.js";
+import { fixed, NONE, textOf } from "./format.js";
 import { largest, timeOf } from "./polylines.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
@@ -67,6 +67,11 @@ class Figures {
       rev = frame.rev;
     });
     this.spoken = "";
+    /** Exact cycle times: of the newest state, and of the one before. @type {{rev: number | undefined, row: Row} | undefined} */
+    this.last = undefined;
+    /** @type {Row | undefined} */
+    this.before = undefined;
+    store.on("reset", () => (this.last = this.before = undefined));
     const showEverything = () => {
       this.showAll(FIGURES);
       this.showShares();
@@ -153,10 +158,19 @@ class Figures {
     // A figure that is not known for a moment leaves its place.
     if (!row) return;
     box.hidden = false;
+    const { accuracy } = this.store.document?.data ?? {};
     say(label, row.label);
-    say(unit, row.unit);
-    say(note, row.note ?? "");
+    say(unit, name === "off_drawing" && typeof accuracy === "string" ? `${row.unit} of ${accuracy}` : row.unit);
+    say(note, name === "duration" ? this.was(row, isExact) : (row.note ?? ""));
     mark(note, "title", row.note ?? "");
+  }
+
+  /** The cycle time before the last change. @param {Row} row @param {boolean} isExact @returns {string} */
+  was(row, isExact) {
+    const rev = this.store.latest("figures")?.rev;
+    if (isExact && rev !== this.last?.rev) [this.before, this.last] = [this.last?.row, { rev, row }];
+    const old = isExact ? this.before : this.last?.row;
+    return old && old.text !== row.text ? `was ${textOf(old)}` : "";
   }
 
   /** The cycle time for screen readers, at most once a second, when it rests. */

@@ -1,5 +1,6 @@
 // Top bar: name and state of the file, undo, shown run.
 
+import { show } from "./dialog.js";
 import { find, say } from "./dom.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -32,13 +33,18 @@ function disable(buttons, dead) {
 }
 
 /** Open a tab of the details, and start its task; an export has choices first. @param {Store} store @param {string} name */
-function open(store, name) {
+async function open(store, name) {
   store.setView({ tab: name === "runs" ? name : "tasks", dock: true });
   const form = document.querySelector(`#tasks form[data-task="${name}"]`);
   if (!(form instanceof HTMLFormElement)) return;
   form.scrollIntoView({ block: "nearest" });
-  if (name === "export") form.querySelector("select")?.focus();
-  else form.requestSubmit();
+  if (name === "export") {
+    const choices = [...form.querySelectorAll("label")].map((x) => /** @type {HTMLElement} */ (x.cloneNode(true)));
+    const answer = await show("Export to robot", choices, [{ value: "yes", text: "Export" }, { value: "", text: "Cancel" }]);
+    if (answer !== "yes") return;
+    choices.forEach((x, k) => (form.querySelectorAll("select")[k].value = /** @type {HTMLSelectElement} */ (find("select", x)).value));
+  }
+  form.requestSubmit();
 }
 
 /** @param {Store} store @param {Link} link */

@@ -31,8 +31,7 @@ class Marks {
     view.overlay.prepend(this.slow);
     view.overlay.append(this.dot, this.tool, this.refused);
     this.tip = make("div", { class: "tip", role: "tooltip", hidden: true });
-    this.sentence = make("div", { class: "tip refusal", hidden: true });
-    view.region.append(this.tip, this.sentence);
+    view.region.append(this.tip);
     store.on("picture", () => this.setSlow());
     store.on("time", () => this.place());
     view.followers.add(() => this.place());
@@ -76,7 +75,7 @@ class Marks {
     const isPlanned = picture.arrays.path_t.length > 0;
     this.dot.toggleAttribute("hidden", !isPlanned);
     if (isPlanned) move(this.dot, this.view.view.toScreen(pointOf(picture, time, place)));
-    const executed = refusal || !options.executed ? null : this.store.latest("executed");
+    const executed = refusal || !options.executed || !this.store.isCurrent(this.store.latest("executed")) ? null : this.store.latest("executed");
     this.tool.toggleAttribute("hidden", !executed);
     if (executed) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
   }
@@ -93,16 +92,7 @@ class Marks {
     const refusal = this.store.refusal;
     const at = refusal?.head.at?.uv;
     this.refused.toggleAttribute("hidden", !at);
-    const [x, y] = at ? this.screen(at, centre) : [-1, -1];
-    const { width, height } = this.view.view;
-    const seen = x >= 0 && y >= 0 && x <= width && y <= height;
-    this.sentence.hidden = !seen;
-    // The sentence is either at its place or in the messages.
-    mark(document.body, "data-refused-here", String(seen));
-    if (!refusal || !at) return;
-    move(this.refused, [x, y]);
-    say(this.sentence, refusal.head.sentence);
-    this.put(this.sentence, x, y);
+    if (at) move(this.refused, this.screen(at, centre));
   }
 
   /** @param {PointerEvent} event */

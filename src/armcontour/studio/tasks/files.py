@@ -52,13 +52,16 @@ def certify(request: Request) -> PageFrame:
     from armcontour.studies.certification import certify
     from armcontour.studies.certification.certification import goal_of
 
-    if request.whole_job.certificate is None and "tolerance" not in request.options:
+    job, options = request.whole_job, dict(request.options)
+    if job.certificate is None and "tolerance" not in options:
+        options["tolerance"] = request.job.runs[0].accuracy
+    if options.get("tolerance", 0.0) is None:
         raise InvalidInput(
             "Certify requires a tolerance, because the job does not specify one. Enter it next to "
             "Certify."
         )
-    goal = goal_of(request.whole_job, **request.options)
-    certificate = certify(request.whole_job, run=request.run, goal=goal, progress=request.progress)
+    goal = goal_of(job, **options)
+    certificate = certify(job, run=request.run, goal=goal, progress=request.progress)
     request.progress(Step(("writing",)))
     data = certificate.to_data()
     header = {
