@@ -133,7 +133,9 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
     note = "process.by_layer has the layer 'GONE', but no contour is on this layer."
     assert made.program.notes[-1] == note
     open_speeds = "{process: {analog: [{name: power}]}, limits: {speed: inf}}"
-    refusals(lambda x: job(folder, x), [(open_speeds, "Run compensated ... power ... (a) has none")])
+    refusals(
+        lambda x: job(folder, x), [(open_speeds, "Run compensated ... power ... (a) has none")]
+    )
     speeds = {"file": "layers.csv", "layers": {x: {"speed": "1 mm/s"} for x in ("CUT", "MARK")}}
     assert job(folder, open_speeds, path=speeds).process.analog
 

@@ -69,7 +69,8 @@ CUT = """() => {
   }));
   texts.forEach((e, i) => {
     // The bars of a narrow page are scrolled.
-    if (boxes[i].right > innerWidth + 1 && !e.closest("#bar, #viewbar")) cut.push(`outside: ${e.textContent}`);
+    if (boxes[i].right > innerWidth + 1 && !e.closest("#bar, #viewbar"))
+      cut.push(`outside: ${e.textContent}`);
   });
   return cut;
 }"""
