@@ -15,7 +15,7 @@ from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
 from armcontour.core.text import draw, short_repr
-from armcontour.motion.trajectory import Trajectory, to_columns
+from armcontour.motion.trajectory import Trajectory
 from armcontour.robot import Arm, Limits
 from armcontour.robot.arm import unit_of
 
@@ -92,13 +92,6 @@ class Execution(Checked):
     __repr__ = short_repr
 
     figure = draw
-
-    def to_dict(self) -> dict[str, FloatArray]:
-        """Samples as named columns for `pandas.DataFrame`, like `Trajectory.to_dict`.
-
-        pandas.DataFrame(executed.to_dict()).plot(x="t", y="q1")
-        """
-        return to_columns(self)
 
     @classmethod
     @checked

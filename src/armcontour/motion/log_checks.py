@@ -206,9 +206,8 @@ MAX_REMAINING = 0.3
 # The remaining difference must also be at most this fraction of the variance, which allows for the
 # difference between a joint and a pure lag.
 MAX_UNEXPLAINED = 0.2
-# Candidates for the lag of a joint after its dead time [s].
-LAGS = (0.0, 0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16)
-# Number of candidates for the dead time, and number of consecutive samples that are compared.
+# Number of candidates for the dead time, which also represents the lag of a joint, and number of
+# consecutive samples that are compared.
 DEAD_TIMES = 26
 SAMPLES = 8000
 # Fraction by which another order of columns must be better than the order of the file.
@@ -305,8 +304,8 @@ def find_misreading(
     candidate is reported only if it makes the differences much smaller.
 
     - `reference`: reference positions [rad], or, with `longest_delay`, commands [rad], (n, dof).
-    - `longest_delay`: largest dead time with which joints follow commands, with any lag and offset
-      [s]; without it positions are compared directly.
+    - `longest_delay`: largest dead time with which joints follow commands, with any offset [s];
+      without it positions are compared directly.
     """
     names = names or [str(j + 1) for j in range(reference.shape[1])]
     if longest_delay is not None:
@@ -355,13 +354,13 @@ def find_misreading(
 
 
 class _Comparison:
-    """Second moments of measured and reference positions, for all candidate lags and dead times."""
+    """Second moments of measured and reference positions, for all candidate dead times."""
 
     def __init__(
         self, t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float | None
     ) -> None:
         # `power`: mean squares of the measured columns [rad²], (dof,).
-        pairs = [(y, u)] if longest_delay is None else _candidate_responses(t, y, u, longest_delay)
+        pairs = [(y, u)] if longest_delay is None else _shift_commands(t, y, u, longest_delay)
         self._yy = np.array([(a**2).mean(axis=0) for a, _ in pairs])[:, :, None]
         self._uu = np.array([(b**2).mean(axis=0) for _, b in pairs])[:, None, :]
         self._yu = np.array([a.T @ b / len(a) for a, b in pairs])
@@ -373,33 +372,14 @@ class _Comparison:
         return np.asarray(np.maximum(deviations, 0.0).min(axis=0))
 
 
-def _candidate_responses(
+def _shift_commands(
     t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Measured positions, and commands after each lag and dead time, both without their means."""
-    step, pairs = float(t[-1] - t[0]) / (len(t) - 1), []
+    """Measured positions, and commands after each dead time, both without their means."""
+    step = float(t[-1] - t[0]) / (len(t) - 1)
     delays = np.unique(np.round(np.linspace(0.0, longest_delay, DEAD_TIMES) / step).astype(int))
-    for lag in LAGS:
-        response = _apply_lag(t, u, lag)
-        for k in delays[delays < len(t) // 2]:
-            a, b = y[k:], response[: len(response) - k]
-            pairs.append((a - a.mean(axis=0), b - b.mean(axis=0)))
-    return pairs
-
-
-def _apply_lag(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
-    """Response of a first-order lag [s] to commands, from rest, (n, dof)."""
-    from scipy.linalg import solve_banded
-
-    if lag == 0.0:
-        return u
-    share = np.exp(-np.diff(t) / lag)
-    # Each row is the decayed previous position plus the remaining part of the command.
-    matrix = np.ones((2, len(u)))
-    matrix[1, :-1] = -share
-    driven = np.array(u)
-    driven[1:] *= 1 - share[:, None]
-    return np.asarray(solve_banded((1, 0), matrix, driven))
+    pairs = ((y[k:], u[: len(u) - k]) for k in delays[delays < len(t) // 2])
+    return [(a - a.mean(axis=0), b - b.mean(axis=0)) for a, b in pairs]
 
 
 def _find_most_motion(u: FloatArray) -> slice:

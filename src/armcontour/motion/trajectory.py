@@ -141,14 +141,6 @@ class Samples(Frozen):
     __repr__ = short_repr
 
 
-def to_columns(samples: Any) -> dict[str, FloatArray]:
-    """Times, positions, velocities and accelerations as columns `t`, `q1`, ..., `dq1`, ..."""
-    columns = {"t": np.array(samples.t)}
-    for name in ("q", "dq", "ddq"):
-        columns |= {f"{name}{j + 1}": x.copy() for j, x in enumerate(getattr(samples, name).T)}
-    return columns
-
-
 @checks.hint_attributes(
     **dict.fromkeys(("position", "at"), "trajectory(t)"),
     velocity="trajectory(t, 1)",
@@ -244,22 +236,6 @@ class Trajectory(Checked):
             InvalidInput: The trajectory has no arm, or was planned by another method.
         """
         return load_method("explain")(self)
-
-    def to_dict(self, cycle: float = DEFAULT_CYCLE) -> dict[str, FloatArray]:
-        """Samples as named columns for `pandas.DataFrame`.
-
-            pandas.DataFrame(trajectory.to_dict(cycle=8e-3)).plot(x="t", y="dq1")
-
-        Args:
-            cycle: Time between samples [s].
-
-        Returns:
-            `t` [s], and of each joint `q1`, `dq1` and `ddq1` [rad, rad/s, rad/s²], (n,) each.
-
-        Raises:
-            InvalidInput: As for `sample`.
-        """
-        return to_columns(self.sample(cycle))
 
     @checked
     def limited(self, limits: Limits, reserve: float = 0.0, arm: Arm | None = None) -> Trajectory:
