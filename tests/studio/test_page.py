@@ -33,14 +33,13 @@ def test_the_page_reads_the_frames_that_the_server_writes():
     assert (computed["kind"], computed["seq"], computed["rev"]) == ("picture", 7, 2)
     assert computed["head"]["sentence"] == head["sentence"]
     for name, values in arrays.items():
-        assert computed["shapes"][name] == list(values.shape)
         assert computed["arrays"][name] == values.ravel().astype(float).tolist()
 
 
 STORE = """
 const { Store } = await import("./state.js");
 const { exactnessOf } = await import("./figures.js");
-const store = new Store(), told = [], rest = { arrays: {}, shapes: {}, asked: 0 };
+const store = new Store(), told = [], rest = { arrays: {}, asked: 0 };
 const put = (kind, rev, seq, head = {}) =>
   store.put({ kind, rev, seq, head, ...rest });
 const listen = (who, events) => events.forEach((event) =>

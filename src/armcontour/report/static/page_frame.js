@@ -23,13 +23,10 @@ export function unpack(bytes) {
   const start = Math.ceil((4 + length) / 8) * 8;
   /** @type {Record<string, Numbers>} */
   const arrays = {};
-  /** @type {Record<string, number[]>} */
-  const shapes = {};
   for (const [name, told] of Object.entries(head.arrays ?? {})) {
     const { type, shape, at } = /** @type {{type: string, shape: number[], at: number}} */ (told);
     const count = shape.reduce((/** @type {number} */ all, /** @type {number} */ n) => all * n, 1);
     arrays[name] = new TYPES[type](bytes, start + at, count);
-    shapes[name] = shape;
   }
-  return { kind: head.kind, seq: head.seq ?? null, rev: head.rev ?? 0, head, arrays, shapes, asked: 0 };
+  return { kind: head.kind, seq: head.seq ?? null, rev: head.rev ?? 0, head, arrays, asked: 0 };
 }

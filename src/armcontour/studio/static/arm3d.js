@@ -3,7 +3,7 @@
 import { heat, shadeOf, styleOf, themed } from "./colours.js";
 import { find, make, say } from "./dom.js";
 import { headOf } from "./figures.js";
-import { motionOf } from "./motion.js";
+import { motionOf, shownMotion } from "./motion.js";
 import { kindAt, largest, PieceGrid, scaleOf, startsOf } from "./polylines.js";
 import { along, indexAt, oncePerFrame } from "./state.js";
 import { CLICKED } from "./view2d.js";
@@ -112,7 +112,7 @@ class ArmView {
     if (stale.has("theme")) viewer?.setTheme(store.theme);
     if (stale.size > 0) {
       const picture = store.latest("picture");
-      this.motion = motionOf(store, store.options.time) ?? motionOf(store, "planned");
+      this.motion = shownMotion(store);
       viewer?.setPath(this.motion && picture ? this.lines(this.motion, picture) : []);
     }
     stale.clear();

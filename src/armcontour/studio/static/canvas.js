@@ -3,6 +3,7 @@
 import { themed } from "./colours.js";
 import { besideHandles, beyond, handledOf } from "./corner.js";
 import { bandOf, idleOf, marksOf } from "./polylines.js";
+import { roundUp } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -11,6 +12,8 @@ import { bandOf, idleOf, marksOf } from "./polylines.js";
 /** @typedef {CanvasRenderingContext2D} Context */
 
 const SHORTEST_LABELLED = 46; // px
+// Least distance of grid lines.
+const GRID = 60; // px
 // Marks of contours have at least about this distance.
 const ROOM = 40; // px
 // And their numbers about this one.
@@ -86,13 +89,7 @@ export class Painter {
     // Below the colours of the limits: it is seen where it leaves them.
     if (executed && store.options.executed) this.executed(context, view, executed);
     for (const { path, colour, dash } of layers.strokes(picture, executed)) {
-      stroke(
-        context,
-        path,
-        colour,
-        3.2 * px,
-        dash.map((d) => d * px),
-      );
+      stroke(context, path, colour, 3.2 * px, dash.map((d) => d * px));
     }
     // A gap in the coloured line, with a thin line in it.
     const idle = layers.keep("idle", [picture], () => idleOf(picture));
@@ -151,7 +148,7 @@ export class Painter {
 
   /** Lines at round distances. @param {Context} context @param {Viewport} view */
   grid(context, view) {
-    const step = gridStep(view.scale);
+    const step = roundUp(GRID / view.scale);
     const centre = this.store.latest("picture")?.head.centre ?? [0, 0];
     const [left, top] = view.toPlane([0, 0]);
     const [right, bottom] = view.toPlane([view.width, view.height]);
@@ -179,12 +176,6 @@ function arrow(path, x, y, [u, v]) {
   path.lineTo(...at(-1, 4));
   path.lineTo(...at(-1, -4));
   path.closePath();
-}
-
-/** Distance of grid lines: round, about 60 px or more. @param {number} scale px per m @returns {number} m */
-function gridStep(scale) {
-  const power = 10 ** Math.floor(Math.log10(60 / scale));
-  return power * ([1, 2, 5, 10].find((f) => f * power * scale >= 60) ?? 10);
 }
 
 /**

@@ -62,7 +62,8 @@ export class Chart {
     this.fresh = false;
     this.inSight = false;
     this.loads = false;
-    this.cursor = /** @type {number | null} */ (null);
+    /** Place of the cursor, in the unit of the horizontal axis. */
+    this.cursor = 0;
     new IntersectionObserver((seen) => this.see(seen.at(-1)?.isIntersecting ?? false)).observe(this.element);
     new ResizeObserver(() => this.resize()).observe(this.plotBox);
   }
@@ -80,21 +81,16 @@ export class Chart {
   /** Draw again in the colours of the theme. */
   repaint() {
     this.signature = "";
-    this.fresh = false;
-    if (this.inSight) this.draw();
+    if (this.content) this.show(this.content);
   }
 
-  /**
-   * Put the cursor at a place.
-   * @param {number | null} x in the unit of the axis
-   */
+  /** Put the cursor at a place. @param {number} x in the unit of the axis */
   point(x) {
     this.cursor = x;
     const { plot } = this;
     if (!plot || !this.inSight) return;
-    const left = x === null ? -10 : plot.valToPos(x, "x");
-    plot.setCursor({ left, top: x === null ? -10 : 0 }, false);
-    this.element.dataset.cursor = x === null ? "" : String(x);
+    plot.setCursor({ left: plot.valToPos(x, "x"), top: 0 }, false);
+    this.element.dataset.cursor = String(x);
   }
 
   /** @param {boolean} inSight */
@@ -108,10 +104,7 @@ export class Chart {
   draw() {
     const { content } = this;
     if (!content) return;
-    if (!Plot) {
-      this.load();
-      return;
-    }
+    if (!Plot) return void this.load();
     const started = performance.now();
     // The width of a chart that is there is known: asking makes the browser lay out the page.
     const width = this.plot?.width ?? this.plotBox.clientWidth;
@@ -185,9 +178,7 @@ export class Chart {
           value: (/** @type {uPlot} */ _u, /** @type {number | null} */ y) => (y === null || y === undefined ? "–" : `${number(y)} ${unit}`),
         })),
       ],
-      hooks: {
-        drawClear: [(u) => drawLimits(u, content.limits ?? [])],
-      },
+      hooks: { drawClear: [(u) => drawLimits(u, content.limits ?? [])] },
     };
   }
 

@@ -4,9 +4,11 @@
 /** @typedef {{colour: string, dash: number[], label: string}} Style */
 
 /** @typedef {Record<string, {light: string, dark: string, dash: number[], word?: string, mark?: string}>} Looks */
-/** Colours, dashes and words, by the same file as in reports. @type {{limits: Looks, verdicts: Looks, runs: string[]}} */
+/** Colours, dashes and words, by the same file as in reports. @type {{limits: Looks, verdicts: Looks, runs: string[], cividis: number[][]}} */
 const PALETTE = await (await fetch("/static/palette.json")).json();
 export const RUN_COLOURS = PALETTE.runs;
+/** Points of cividis at equal steps, dark to bright. */
+const CIVIDIS = PALETTE.cividis;
 /** Kind of the parts on which no limit is active. */
 export const BETWEEN = "between two limits";
 
@@ -27,20 +29,6 @@ export function verdictOf(kept, theme) {
 
 /** All of what is allowed, with room for rounding. */
 export const ALL = 1 + 1e-6;
-
-/** Points of cividis at equal steps, dark to bright. */
-const CIVIDIS = [
-  [0, 34, 78],
-  [18, 53, 112],
-  [59, 73, 108],
-  [87, 93, 109],
-  [112, 113, 115],
-  [138, 134, 120],
-  [165, 156, 116],
-  [195, 179, 105],
-  [225, 204, 85],
-  [254, 232, 56],
-];
 
 /**
  * Colour of a share from 0 to 1, as cividis; its darkest part is omitted on dark ground, its brightest on light ground.

@@ -1,39 +1,10 @@
 // Keyboard control of everything that the mouse does. In fields, keys belong to the field.
 
-import { find, make } from "./dom.js";
+import { find } from "./dom.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
-
-/** Content of the help. @type {[string, [string, string][]][]} */
-const HELP = [
-  ["Drawing", [
-    ["drag, arrow keys", "move a handle in steps of 1 mm or 1°, a small tolerance by half its first digit; with Alt 0.01, with Shift 10"],
-    ["digits on a handle", "the exact value, also during a drag: 12.5 or 350, 120; Enter ends, Escape undoes"],
-    ["drag a +, or Insert", "insert a waypoint"],
-    ["Delete", "remove the waypoint or the obstacle"],
-    ["F2, double click", "name and height of an obstacle"],
-    ["Tab, Shift+Tab", "the next handle, the one before"],
-    ["Escape", "undo a drag that is under way"],
-    ["wheel, + and −", "zoom; drag the ground or Shift+arrows to pan"],
-    ["F", "show all"],
-    ["M", "move and turn the part as a whole"],
-    ["E", "show the executed tool"],
-    ["V", "2D, both, 3D"],
-  ]],
-  ["Job", [
-    ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
-    ["Ctrl+S", "save"],
-    ["Ctrl+O", "open a file; or drop it on the page"],
-    ["Ctrl+Enter", "apply the text of the job file"],
-  ]],
-  ["Page", [
-    ["D", "show or hide the tabs"],
-    ["Space", "play, pause"],
-    ["?", "this help"],
-  ]],
-];
 
 /** True if keys belong to the element: text is typed there. @param {EventTarget | null} target */
 function isField(target) {
@@ -86,7 +57,8 @@ function actions(store, view) {
 /** @param {Store} store @param {Link} link @param {View2d} view */
 export function init(store, link, view) {
   const act = actions(store, view);
-  buildHelp();
+  const help = /** @type {HTMLDialogElement} */ (find("#help"));
+  find("#help-open").addEventListener("click", () => help.showModal());
   window.addEventListener("keydown", (event) => {
     if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
     const name = nameOf(event);
@@ -103,23 +75,4 @@ export function init(store, link, view) {
       link.whenKnown(act[name]);
     });
   });
-}
-
-function buildHelp() {
-  const dialog = /** @type {HTMLDialogElement} */ (find("#help"));
-  const parts = HELP.flatMap(([title, keys]) => [
-    make("h3", { text: title }),
-    make(
-      "dl",
-      {},
-      keys.map(([key, what]) => make("div", {}, [make("dt", { text: key }), make("dd", { text: what })])),
-    ),
-  ]);
-  const close = make("button", { type: "button", text: "Close", onclick: () => dialog.close() });
-  dialog.append(
-    make("h2", { id: "help-title", text: "Keys and mouse" }),
-    make("div", { class: "keys" }, parts),
-    make("div", { class: "acts" }, [close]),
-  );
-  find("#help-open").addEventListener("click", () => dialog.showModal());
 }

@@ -16,49 +16,33 @@ const MOST = 4;
 
 /**
  * Show a sentence for a while; it can be closed.
- * @param {string} sentence @param {"notice" | "alarm"} [tone] @returns {HTMLElement}
+ * @param {string} sentence @param {string} [look] classes: alarm, and a kind that is closed together
  */
-export function notify(sentence, tone = "notice") {
+export function notify(sentence, look = "notice") {
   const region = find("#messages");
   const old = [...region.querySelectorAll(".message")].filter((m) => m.firstChild?.textContent === sentence);
   old.forEach((m) => m.remove());
   const close = make("button", { type: "button", text: "×", "aria-label": "Close this message", onclick: () => message.remove() });
-  const message = make("div", { class: `message ${tone}` }, [make("span", { text: sentence }), close]);
+  const message = make("div", { class: `message ${look}` }, [make("span", { text: sentence }), close]);
   region.append(message);
   while (region.querySelectorAll(".message").length > MOST) region.querySelector(".message")?.remove();
   setTimeout(() => message.remove(), SHOWN_FOR);
-  return message;
 }
 
-/** Alarms that go together. */
-class Passing {
-  /** @type {HTMLElement[]} */
-  shown = [];
-
-  /** @param {string} sentence */
-  tell(sentence) {
-    this.shown.push(notify(sentence, "alarm"));
-  }
-
-  clear() {
-    for (const message of this.shown.splice(0)) message.remove();
-  }
+/** Close alarms that go together. @param {string} kind */
+function clear(kind) {
+  for (const message of document.querySelectorAll(`.message.${kind}`)) message.remove();
 }
-
-/** Failures before anything was shown. */
-const early = new Passing();
 
 /** Say that something cannot be done before a path is shown; this goes with the first path. @param {string} sentence */
-export function tellEarly(sentence) {
-  early.tell(sentence);
-}
+export const tellEarly = (sentence) => notify(sentence, "alarm early");
 
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   // Messages lie over the drawing, and not over the buttons above it.
   const place = () => document.body.style.setProperty("--messages", `${find("#views").getBoundingClientRect().top + 12}px`);
   new ResizeObserver(place).observe(find("#views"));
-  store.on("picture", () => early.clear());
+  store.on("picture", () => clear("early"));
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
   const take = (/** @type {object} */ edit) => link.edit([edit]);
@@ -86,14 +70,12 @@ export function init(store, link) {
   });
   // A job that is refused has started, too.
   for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (work.hidden ||= task === "start" && Boolean(frame)));
-  /** Refusals of the current job. */
-  const dropped = new Passing();
-  store.on("dropped", (/** @type {any} */ frame) => refuseAt(frame) || dropped.tell(`${frame.head.sentence} Nothing was changed.`));
+  store.on("dropped", (/** @type {any} */ frame) => refuseAt(frame) || notify(`${frame.head.sentence} Nothing was changed.`, "alarm dropped"));
   let rev = -1;
   store.on("document", (/** @type {any} */ frame) => {
     if (frame.rev === rev) return;
     rev = frame.rev;
-    dropped.clear();
+    clear("dropped");
   });
   store.on("notice", (/** @type {any} */ frame) => notify(frame.head.sentence));
   // Results of a task are shown next to its button.

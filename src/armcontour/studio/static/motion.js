@@ -34,6 +34,9 @@ export function motionOf(store, of) {
   return { of, t, q, dof, duration, trail: xyz, trailTimes };
 }
 
+/** The motion that is played; where the executed one is not there, the planned one. @param {Store} store @returns {Motion | null} */
+export const shownMotion = (store) => motionOf(store, store.options.time) ?? motionOf(store, "planned");
+
 /**
  * Contour errors over time [m]; between contours there is none, so that no line is drawn there.
  * @param {import("./state.js").Frame} executed

@@ -3,9 +3,10 @@
 import { styleOf, themed } from "./colours.js";
 import { find } from "./dom.js";
 import { mm, seconds } from "./format.js";
-import { motionOf } from "./motion.js";
+import { motionOf, shownMotion } from "./motion.js";
 import { kindAt, largest } from "./polylines.js";
 import { nowAndThen, READING } from "./state.js";
+import { roundUp } from "./viewport.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -80,12 +81,6 @@ function drawSpeed(canvas, store, duration) {
   for (let at = 0; x(at) < width - APART / 2; at += step) context.fillText(`${Number(at.toPrecision(6))} s`, x(at) + 1, height - 3);
 }
 
-/** The next of 1, 2, 5 times a power of ten. @param {number} least */
-function roundUp(least) {
-  const power = 10 ** Math.floor(Math.log10(least));
-  return power * (/** @type {number} */ ([1, 2, 5, 10].find((x) => x * power >= least)));
-}
-
 class Playback {
   /**
    * @param {HTMLElement} region
@@ -105,10 +100,8 @@ class Playback {
     this.renew();
   }
 
-  /** The shown motion; where the executed one is not there, the planned one. */
   get motion() {
-    const which = this.store.options.time;
-    return motionOf(this.store, which) ?? motionOf(this.store, "planned");
+    return shownMotion(this.store);
   }
 
   /** There is another motion, or another choice. */

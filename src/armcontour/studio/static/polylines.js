@@ -30,7 +30,7 @@ export function polyline(points, breaks = [], part = null) {
 }
 
 /** Squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */
-export function squaredDistance(u, v, points, k) {
+function squaredDistance(u, v, points, k) {
   const [du, dv] = [points[k + 2] - points[k], points[k + 3] - points[k + 1]];
   const square = du * du + dv * dv;
   const share = square > 0 ? Math.min(1, Math.max(0, ((u - points[k]) * du + (v - points[k + 1]) * dv) / square)) : 0;
@@ -177,16 +177,12 @@ export function timeOf(picture, kind) {
 export function strokesByLimit(picture, theme, part) {
   const { path } = picture.arrays;
   const kinds = /** @type {string[]} */ ([]);
-  const found = buckets(
-    path,
-    (i) => {
-      const kind = kindAt(picture, i);
-      if (!kinds.includes(kind)) kinds.push(kind);
-      return kinds.indexOf(kind);
-    },
-    startsOf(picture),
-    part,
-  );
+  const bucketOf = (/** @type {number} */ i) => {
+    const kind = kindAt(picture, i);
+    if (!kinds.includes(kind)) kinds.push(kind);
+    return kinds.indexOf(kind);
+  };
+  const found = buckets(path, bucketOf, startsOf(picture), part);
   return [...found].map(([k, way]) => {
     const { colour, dash } = styleOf(kinds[k], theme);
     return { path: way, colour, dash: path.length > 2 * MAX_DASHED ? [] : dash };
@@ -202,15 +198,11 @@ export const scaleOf = (executed) => executed?.head.allowed ?? largest(executed?
  * @returns {Stroke[]}
  */
 export function strokesByHeat(points, values, most, theme, starts, part) {
-  const found = buckets(
-    points,
-    (i) => {
-      const share = values[i] / most || 0;
-      return share > ALL ? SHADES : Math.round(Math.min(1, share) * (SHADES - 1));
-    },
-    starts,
-    part,
-  );
+  const bucketOf = (/** @type {number} */ i) => {
+    const share = values[i] / most || 0;
+    return share > ALL ? SHADES : Math.round(Math.min(1, share) * (SHADES - 1));
+  };
+  const found = buckets(points, bucketOf, starts, part);
   return [...found].map(([k, path]) => ({ path, colour: shadeOf(k / (SHADES - 1), theme), dash: [] }));
 }
 

@@ -23,7 +23,7 @@
 /**
  * One frame of the server. `head` is its JSON header; `arrays` are views into the frame, row by row.
  * @typedef {{kind: string, seq: number | null, rev: number, head: any, arrays: Record<string, Numbers>,
- *   shapes: Record<string, number[]>, asked: number}} Frame
+ *   asked: number}} Frame
  */
 /**
  * @typedef {Object} ViewOptions

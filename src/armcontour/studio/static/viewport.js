@@ -81,13 +81,17 @@ export function boxOf(points) {
   return Number.isFinite(box.left) ? box : null;
 }
 
+/** Round numbers of the decade of a number. @param {number} x @returns {number[]} */
+const roundNumbers = (x) => [1, 2, 5, 10].map((factor) => factor * 10 ** Math.floor(Math.log10(x)));
+
+/** The next of 1, 2, 5 times a power of ten. @param {number} least @returns {number} */
+export const roundUp = (least) => roundNumbers(least).find((x) => x >= least) ?? least;
+
 /**
  * A round length near a number of pixels, for a scale bar.
- * @param {number} scale px per m @param {number} [pixels] @returns {{length: number, pixels: number}} length [m]
+ * @param {number} scale px per m @param {number} [pixels] at most @returns {{length: number, pixels: number}} length [m]
  */
 export function scaleBar(scale, pixels = 90) {
-  const about = pixels / scale;
-  const power = 10 ** Math.floor(Math.log10(about));
-  const factor = [5, 2, 1].find((f) => f * power <= about) ?? 1;
-  return { length: factor * power, pixels: factor * power * scale };
+  const length = roundNumbers(pixels / scale).findLast((x) => x * scale <= pixels) ?? pixels / scale;
+  return { length, pixels: length * scale };
 }
