@@ -130,5 +130,5 @@ def test_bags_are_refused_with_their_remedy(tmp_path):
     for name in ("a.mcap", "a.db3", "a.bag"):
         (tmp_path / name).write_bytes(b"#ROSBAG V2.0\n")
         for read in (read_trajectory, read_log):
-            with pytest.raises(InvalidInput, match="write a CSV file with the script"):
+            with pytest.raises(InvalidInput, match="Write a CSV file with the script"):
                 read(tmp_path / name)

@@ -310,7 +310,7 @@ def test_contours_are_refused_before_the_rapids_to_them():
     assert "Run one: The path is out of reach" in message or "contour 1 is out" in message.lower()
     assert error.point[2] == pytest.approx(0.2)
     _, message = approached(0.45, 1.0)
-    assert "Rapid to contour 1 is out of reach" in message and "use a smaller approach" in message
+    assert "Rapid to contour 1 is out of reach" in message and "Use a smaller approach" in message
 
 
 def test_the_worst_of_very_many_contours_is_found():

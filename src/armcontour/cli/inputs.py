@@ -26,7 +26,7 @@ from armcontour.core.quantities import Moment, read_quantity
 
 # Fields of options that require --on, and the end of the message.
 OF_CONTROLLER = ("execute", "drives", "hal", "address")
-NEEDS_ON = "requires --on. Specify a controller with --on too."
+NEEDS_ON = "requires --on. Also specify a controller with --on."
 # Names of options that differ from those of their fields.
 OPTIONS = {"start": "from", "end": "to", "run_name": "run", "sets": "set"}
 

@@ -33,7 +33,7 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     """Compare a run with a controller, and with --execute play it."""
     execute = options.execute
     if folder is not None and not execute:
-        raise InvalidInput("--out requires --execute too, because only a motion has a log.")
+        raise InvalidInput("--out also requires --execute, because only a motion has a log.")
     refuse_without_terminal(options)
     speed_factor = read_option("--speed-factor", options.speed_factor, player.SpeedFactor)
     band = read_option("--band", options.band, AngularDistance)

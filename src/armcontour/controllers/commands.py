@@ -99,9 +99,9 @@ class Stopper:
                 return Stop(k=k, q=q[k:] + self._correction(k, len(q) - k))
             foresight *= 2
         raise NotRealizable(
-            f"The set-points before cycle {k} depend on the stop after it: the compensation looks "
-            f"ahead by more than {LONGEST_FORESIGHT} set-points. Choose faster poles or wider "
-            "command limits."
+            f"The set-points before cycle {k} depend on the stop after it, because the "
+            f"compensation looks ahead by more than {LONGEST_FORESIGHT} set-points. Choose faster "
+            "poles or wider command limits."
         )
 
     def _compensate(self, trajectory: Trajectory) -> SetPoints:

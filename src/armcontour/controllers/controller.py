@@ -400,7 +400,7 @@ class Controller:
 
     def _connected(self) -> _Channel:
         if self._channel is None:
-            raise InvalidInput(f"{self.name} is not connected: call connect first.")
+            raise InvalidInput(f"{self.name} is not connected. Call connect first.")
         return self._channel
 
     def _check_joints(self, arm: Arm, dof: int) -> None:
@@ -421,7 +421,7 @@ class Controller:
         raise ControllerRefused(
             f"Joint {joint + 1} {'moves with' if excess.order else 'is at'} "
             f"{number(needed, unit)} at {at}, beyond the limit {number(allowed, unit)} of the "
-            "robot: move the path, reduce joint_velocity, or increase timing.reserve.",
+            "robot. Move the path, reduce joint_velocity, or increase timing.reserve.",
             joint=joint,
             needed=needed,
             allowed=allowed,
@@ -435,7 +435,7 @@ class Controller:
             raise ControllerRefused(
                 f"Joint {j + 1} is commanded to {number(self.position()[j], 'rad')}, "
                 f"{number(distance[j], 'rad')} from the first set-point, but at most "
-                f"{number(START, 'rad')} are allowed: move the robot there first.",
+                f"{number(START, 'rad')} are allowed. Move the robot there first.",
                 joint=j,
                 needed=float(distance[j]),
                 allowed=START,
@@ -500,6 +500,6 @@ def _deviation(rows: Sequence[Sequence[float]], motion: Motion) -> str:
     i, j = np.unravel_index(int((errors - motion.band).argmax()), errors.shape)
     return (
         f"Joint {j + 1} was {number(errors[i, j], 'rad')} from its predicted position in cycle "
-        f"{k[i]}, above the allowed {number(motion.band[j], 'rad')}: check its drive, or identify "
+        f"{k[i]}, above the allowed {number(motion.band[j], 'rad')}. Check its drive, or identify "
         "its servo."
     )

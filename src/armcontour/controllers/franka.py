@@ -83,7 +83,7 @@ class Franka(Controller):
                 given = number(values[j], UNITS[name]) if np.isfinite(values[j]) else "unlimited"
                 raise ControllerRefused(
                     f"The limit joint_{name} of joint {j + 1} is {given}, but the FCI allows "
-                    f"{number(most, UNITS[name])}: reduce joint_{name}.",
+                    f"{number(most, UNITS[name])}. Reduce joint_{name}.",
                     joint=j,
                     allowed=most,
                 )
@@ -106,9 +106,9 @@ class Franka(Controller):
                 unit = UNITS[name]
                 raise ControllerRefused(
                     f"The {name} of joint {j + 1} is {number(values[i, j], unit)} at "
-                    f"{number(i * CYCLE, 's')}, above the {number(most[i, j], unit)} of the FCI: "
-                    f"reduce the limit joint_{name}, or increase timing.reserve. Compensated "
-                    "set-points need more jerk than the FCI allows: use compensation method none.",
+                    f"{number(i * CYCLE, 's')}, above the {number(most[i, j], unit)} of the FCI. "
+                    f"Reduce the limit joint_{name}, or increase timing.reserve. Compensated "
+                    "set-points need more jerk than the FCI allows. Use compensation method none.",
                     joint=j,
                     needed=float(values[i, j]),
                     allowed=float(most[i, j]),
@@ -119,7 +119,7 @@ class Franka(Controller):
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
         if find_spec("pylibfranka") is None:
             raise ControllerRefused(
-                'pylibfranka is not installed: pip install "armcontour[franka]" (Linux on x86-64, '
-                "Python 3.11 and 3.12)"
+                'pylibfranka is not installed. Install it with: pip install "armcontour[franka]" '
+                "(Linux on x86-64, Python 3.11 and 3.12)"
             )
         return super()._command(arm, start, folder)

@@ -87,7 +87,8 @@ class LinuxCNC(Controller):
             file = FilePath(shutil.copy(self.hal_file, folder))
         if shutil.which("halcmd") is None:
             raise ControllerRefused(
-                "LinuxCNC is not installed: apt-get install --no-install-recommends linuxcnc-uspace"
+                "LinuxCNC is not installed. Install it with: apt-get install "
+                "--no-install-recommends linuxcnc-uspace"
             )
         environment = {"RTAPI_FIFO_PATH": str(folder / "rtapi"), "HOME": str(folder)}
         environment["PYTHONPATH"] = str(SOURCE)
@@ -168,7 +169,7 @@ def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: floa
     other = [x for x in UNSUPPORTED if np.any(getattr(servo, x))]
     if servo.kv is None or not np.isfinite(servo.kv).all() or other:
         raise InvalidInput(
-            "LinuxCNC's simulated drives have only kp, kv and ki: set plant or --drives "
+            "LinuxCNC's simulated drives have only kp, kv and ki. Set plant or --drives "
             f"to a servo of order second without {', '.join(other or UNSUPPORTED)}."
         )
     names = [signal_name(x) for x in arm.joint_names]

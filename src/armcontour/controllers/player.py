@@ -95,7 +95,7 @@ class Played(Result):
         """
         record = self.record
         if record is None:
-            raise InvalidInput("A dry run has no log: set execute=True.")
+            raise InvalidInput("A dry run has no log. Set execute=True.")
         return Log(
             t=record.t,
             command=record.command,
@@ -189,11 +189,11 @@ def plan_kept(
 ) -> tuple[Job, RunResult]:
     """Plan the run of `play`; `learned`: the set-points of `learn` will be played."""
     if learned and speed_factor != 1.0:
-        raise InvalidInput("Learned set-points are valid at full speed only: set speed_factor=1.")
+        raise InvalidInput("Learned set-points are valid at full speed only. Set speed_factor=1.")
     played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
     if planned.kept is False:
         raise ControllerRefused(
-            f"The simulation of run {planned.run.name} is not within its limits or accuracy: see "
+            f"The simulation of run {planned.run.name} is not within its limits or accuracy. See "
             "armcontour run."
         )
     return played_job, planned

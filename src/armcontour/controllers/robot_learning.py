@@ -157,7 +157,8 @@ def _check_commands(result: RobotLearning, log: Log, cycle: float) -> None:
     if not same or np.abs(log.command[:n] - q[:n]).max() > SAME:
         raise InvalidInput(
             f"The commands of {log.source} differ from the set-points of run "
-            f"{len(result.logs) + 1}: the job has changed since. Start again in another folder."
+            f"{len(result.logs) + 1}, because the job has changed since. Start again in "
+            "another folder."
         )
 
 

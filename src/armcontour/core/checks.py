@@ -281,7 +281,7 @@ def check_count(work: str, values: float, fix: str) -> None:
     """Check that a task has at most MAX_VALUES values, before the values are computed."""
     if not values <= MAX_VALUES:
         raise InvalidInput(
-            f"{work} would have {values:.3g} values, but at most {MAX_VALUES:.3g} are allowed: "
+            f"{work} would have {values:.3g} values, but at most {MAX_VALUES:.3g} are allowed. "
             f"{fix}.",
             limit="values",
             needed=values,

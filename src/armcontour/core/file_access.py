@@ -22,24 +22,24 @@ MEGABYTE = 1_000_000
 SMALL = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 LARGE = 1000 * MEGABYTE
-_BAG = "write a CSV file with the script in docs/guides/controllers/ros2.md"
+_BAG = "Write a CSV file with the script in docs/guides/controllers/ros2.md"
 # First bytes of unsupported files (placeholders, or formats to convert), each with the end of its
 # error message.
 FOREIGN = {
-    b"version https://git-lfs.github.com/": "a pointer of Git LFS and not the file itself: fetch "
+    b"version https://git-lfs.github.com/": "a pointer of Git LFS and not the file itself. Fetch "
     "it with `git lfs pull`",
-    b"#ROSBAG V": f"a bag of ROS: {_BAG}",
+    b"#ROSBAG V": f"a bag of ROS. {_BAG}",
 }
 # Extensions of unsupported robots, logs and set-points, each with the remedy.
 ENDINGS = {
-    ".xacro": "expand it: `pip install xacrodoc`, then `xacrodoc robot.urdf.xacro NAME:=VALUE -d "
+    ".xacro": "Expand it: `pip install xacrodoc`, then `xacrodoc robot.urdf.xacro NAME:=VALUE -d "
     "FOLDER_OF_PACKAGES -o robot.urdf` with the file that calls the macro; with ROS, `xacro "
     "robot.urdf.xacro > robot.urdf`",
-    ".xml": "use a URDF of the same robot (.urdf), or a CSV file of the log",
+    ".xml": "Use a URDF of the same robot (.urdf), or a CSV file of the log",
     ".mcap": _BAG,
     ".db3": _BAG,
-    ".npz": "write a CSV file with the columns t, q1, q2, ... in Python, for example with NumPy",
-    ".parquet": "write a CSV file in Python, with `pandas.read_parquet(FILE).to_csv(NEW_FILE)`",
+    ".npz": "Write a CSV file with the columns t, q1, q2, ... in Python, for example with NumPy",
+    ".parquet": "Write a CSV file in Python, with `pandas.read_parquet(FILE).to_csv(NEW_FILE)`",
 }
 
 
@@ -90,8 +90,8 @@ def refuse_ending(file: str | FilePath, noun: str) -> None:
     ending = FilePath(file).suffix.lower()
     if ending in ENDINGS:
         raise InvalidInput(
-            f"The {noun} {file} cannot be read, because {ending} files are not supported. To fix "
-            f"this, {ENDINGS[ending]}."
+            f"The {noun} {file} cannot be read, because {ending} files are not supported. "
+            f"{ENDINGS[ending]}."
         )
 
 
@@ -106,7 +106,7 @@ def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> byte
             state = os.fstat(stream.fileno())
             if not stat.S_ISREG(state.st_mode):
                 raise InvalidInput(f"The {noun} {path} is not a regular file.")
-            # Some system files report the size 0, so the number of bytes is checked, too.
+            # Some system files report the size 0, so the number of bytes is also checked.
             content = b"" if state.st_size > maximum else stream.read(maximum + 1)
             size = max(state.st_size, len(content))
     except FileNotFoundError:
@@ -142,7 +142,9 @@ def read_text(file: str | FilePath, noun: str, *, maximum: int = SMALL, latin: b
     except UnicodeDecodeError:
         if latin and b"\0" not in content:
             return content.decode("latin-1")
-        raise InvalidInput(f"The {noun} {file} cannot be read: it is not UTF-8 text.") from None
+        raise InvalidInput(
+            f"The {noun} {file} cannot be read, because it is not UTF-8 text."
+        ) from None
 
 
 def _unreadable(noun: str, file: FilePath, error: Exception) -> InvalidInput:

@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
 from armcontour.core.text import format_table
 
-# The page of the Studio reads this file, too.
+# The page of the Studio also reads this file.
 PALETTE_FILE = FilePath(__file__).with_name("palette.json")
 # Colours by theme, dashes [px] and words. Keys of limits are their names in explanations.
 PALETTE: dict[str, Any] = json.loads(PALETTE_FILE.read_text("utf-8"))

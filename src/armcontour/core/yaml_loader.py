@@ -32,8 +32,8 @@ PLAIN = {
     "expected key": "this line is not indented like the lines around it, or has a bracket too many",
     "expected '-'": "this line is not indented like the lines around it",
     "expected ','": "the bracket of line {begun} needs a comma or its end before this",
-    "values are not allowed": "this colon is wrong: the line is indented too far, or a text with a "
-    "colon needs quotes",
+    "values are not allowed": "this colon is wrong, because the line is indented too far, or a "
+    "text with a colon needs quotes",
     "expected ':'": "line {begun} has no colon after its key",
     "nesting depth": "it is nested too deeply",
 }
@@ -46,7 +46,7 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
         """Construct the document after the checks of its keys and aliases."""
         # A value that is written has at least one character.
         if _size(node, {}) > node.end_mark.index + MAX_ALIASED:
-            words = f"its aliases add more than {MAX_ALIASED} values: use fewer aliases"
+            words = f"its aliases add more than {MAX_ALIASED} values. Use fewer aliases"
             raise _node_error(node, words)
         return super().construct_document(node)
 

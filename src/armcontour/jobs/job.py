@@ -156,7 +156,7 @@ class CertificateGoal(Checked):
                 "A certificate requires a tolerance (largest distance from the objective path), "
                 "servo_error (largest contour error of the execution), or both. Specify them in "
                 "the key `certificate` of the job, such as certificate: {servo_error: 0.05 mm}, or "
-                "on the command line with --servo-error (certify takes --total-tolerance too)."
+                "on the command line with --servo-error (certify also takes --total-tolerance)."
             )
         if self.tolerance is not None and (self.servo_error or 0.0) >= self.tolerance:
             raise InvalidInput(

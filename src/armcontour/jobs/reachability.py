@@ -144,7 +144,7 @@ def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: boo
     )
     count = len(np.unique(points.owner[away > OUT_OF_REACH]))
     others = "" if far or count < 2 else f" ({count} of {len(points.paths)} are out of reach)"
-    remedy = unit_hint(gap) if far else "; " + _remedy(points, rapid)
+    remedy = unit_hint(gap) if far else ". " + _remedy(points, rapid)
     return Unreachable(
         f"{capitalise(called)} is out of reach of the arm {job.arm.name} by up to "
         f"{f'{gap:.3g} m' if far else number(gap, 'm')}, most at {_place(point, far)}, {s:.6g} m "
@@ -158,10 +158,12 @@ def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: boo
 
 
 def _remedy(points: _PathPoints, rapid: bool) -> str:
-    """Remedy for points out of reach, as the end of a sentence."""
-    lower = "all contours are in reach: use a smaller approach or retract, or " if rapid else ""
-    free = suggest_remedy(points.paths[0][1]).removeprefix("move the path or the arm")
-    return f"{lower}move the part or the arm{free}; armcontour place finds a position"
+    """Remedy for points out of reach, as sentences; the last has no period."""
+    free = suggest_remedy(points.paths[0][1]).removeprefix("Move the path or the arm")
+    move = f"ove the part or the arm{free}. `armcontour place` finds a position"
+    if rapid:
+        return f"All contours are in reach. Use a smaller approach or retract, or m{move}"
+    return f"M{move}"
 
 
 def _place(point: FloatArray, far: bool = False) -> str:

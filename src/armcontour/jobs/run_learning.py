@@ -73,7 +73,7 @@ class LearningStudy:
         if describe_excess(self.plan.set_points):
             notes.append(
                 "The set-points before learning already exceed joint limits, so the learned "
-                "set-points can exceed these limits too."
+                "set-points can also exceed these limits."
             )
         return notes
 

@@ -331,7 +331,7 @@ def _explain_law(
             continue
         joints = range(arm.dof) if LIMITS[limit].kind == "joint" else (None,)
         names += [(LIMITS[limit].label, x) for x in joints]
-    # A limit of the run that is used up, too, is the cause, not a slightly stricter constraint.
+    # A limit of the run that is also used up is the cause, not a slightly stricter constraint.
     free = np.concatenate(used, axis=1).max(axis=1) < ACTIVE
     for constraint in constraints:
         used.append(constraint.usage(ends) * free[:, None])

@@ -26,7 +26,7 @@ def tool_path_of(joint_path: JointPath, method: str) -> Path:
     """Return the tool path of a joint path, which the method requires."""
     if joint_path.tool_path is None:
         raise InvalidInput(
-            f"The method {method} plans along a tool path, but this joint path has none: pass "
+            f"The method {method} plans along a tool path, but this joint path has none. Pass "
             "a Path to plan, or the joint path that trace returns for it."
         )
     return joint_path.tool_path
@@ -134,7 +134,7 @@ def check_limits(
 def raise_too_fast(name: str, x: float, allowed: float, s: float) -> NoReturn:
     """Raise the error for a start or end speed; `x` and `allowed` are squared speeds [m²/s²]."""
     raise NotRealizable(
-        f"The {name} speed of {np.sqrt(x):.6g} m/s is too high: at {s:.6g} m along the path the "
+        f"The {name} speed of {np.sqrt(x):.6g} m/s is too high. At {s:.6g} m along the path the "
         f"limits allow about {np.sqrt(max(allowed, 0.0)):.6g} m/s.",
         s=s,
         limit=f"{name} speed",

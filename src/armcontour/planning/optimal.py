@@ -201,7 +201,7 @@ def plan_optimal(
 
     - `joint_path`: a traced path, or a joint path without a tool path (then without limits of the
       tool).
-    - `limits`: joint ranges are ignored; the speed of each path segment applies, too.
+    - `limits`: joint ranges are ignored; the speed of each path segment also applies.
     - `options`: number of intervals, speeds at the ends, and additional constraints.
     """
     intervals = options.intervals
@@ -213,7 +213,7 @@ def plan_optimal(
     if any(ends) and np.isfinite(jerk).any():
         raise InvalidInput(
             "start_speed and end_speed are not supported with limits of jerk, with which a motion "
-            "starts and ends at rest: remove them, or lift joint_jerk."
+            "starts and ends at rest. Remove them, or lift joint_jerk."
         )
     law = time_optimal(grid, active, arm, *ends, loss)
     if np.isfinite(jerk).any():
@@ -280,7 +280,7 @@ def time_optimal(
         return _make_law(*best)
     raise NotRealizable(
         f"At {s:.6g} m along the path the limits cannot be satisfied between grid points on any "
-        "grid, because the joint path is too uneven there: smooth it or trace it more accurately.",
+        "grid, because the joint path is too uneven there. Smooth it or trace it more accurately.",
         s=s,
     )
 
@@ -331,7 +331,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
     if not OnGrid(grid).derivatives[0][0, i].any():
         raise InvalidInput(
             f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g} m, so no limit "
-            "restricts dds there: remove this piece of the joint path."
+            "restricts dds there. Remove this piece of the joint path."
         )
     hint = arm.limits_hint
     raise InvalidInput(
@@ -343,7 +343,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
     s = float(grid.s[i])
     raise NotRealizable(
-        f"At {s:.6g} m along the path the limits allow no motion: raise the limits, or move the "
+        f"At {s:.6g} m along the path the limits allow no motion. Raise the limits, or move the "
         "path away from singularities of the arm.",
         s=s,
     )

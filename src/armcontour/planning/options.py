@@ -107,7 +107,7 @@ class Optimal(PlanOptions):
             if self.duration is not None and getattr(self, name):
                 raise InvalidInput(
                     f"A motion with a given duration starts and ends at rest, but {name} is "
-                    f"{number(getattr(self, name), 'm/s')}: remove {name} or duration."
+                    f"{number(getattr(self, name), 'm/s')}. Remove {name} or duration."
                 )
 
 

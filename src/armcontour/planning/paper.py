@@ -312,7 +312,7 @@ class PaperLine:
         raise NotRealizable(
             f"On {self.name} at {s:.4g} m along the path, joint {run.joint + 1} would need "
             f"{run.needed:.4g} rad/s² within one lap, but its limit is {allowed:g} rad/s². The "
-            "joint cannot reverse in time, because the method does not look ahead: reduce the "
+            "joint cannot reverse in time, because the method does not look ahead. Reduce the "
             "assigned velocity, or plan by the method optimal.",
             point=point,
             s=s,
@@ -455,7 +455,7 @@ def _find_junctions(
             s = float(path.breaks[arcs[0]])
             raise NotRealizable(
                 f"At {s:.4g} m along the path the tool is at rest next to an arc, but the method "
-                "paper moves along arcs only at constant speed: start and end the path on lines, "
+                "paper moves along arcs only at constant speed. Start and end the path on lines, "
                 "or plan by the method optimal.",
                 s=s,
                 point=path(s).tolist(),
@@ -519,7 +519,7 @@ def _check_part(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPh
         location=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m "
         "along the path",
         t=start,
-        remedy="The method paper does not plan for this limit there: reduce the assigned "
+        remedy="The method paper does not plan for this limit there. Reduce the assigned "
         "velocity or the centripetal acceleration, or plan by the method optimal",
     )
     return LawPhase(

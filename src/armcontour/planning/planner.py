@@ -117,7 +117,7 @@ def plan(
     if not trajectory.duration <= LONGEST_MOTION:
         raise NotRealizable(
             f"The motion would take {trajectory.duration:.3g} s, but it may last "
-            f"at most {LONGEST_MOTION:g} s: raise the active limits.",
+            f"at most {LONGEST_MOTION:g} s. Raise the active limits.",
             needed=trajectory.duration,
             allowed=LONGEST_MOTION,
         )
@@ -189,7 +189,7 @@ def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
         if getattr(options, name):
             raise InvalidInput(
                 f"{name} applies to a single path only, because a program rests between its "
-                f"moves: remove {name}."
+                f"moves. Remove {name}."
             )
     fewer = intervals_of(program)
     return options if options.intervals or fewer is None else replace(options, intervals=fewer)
@@ -209,7 +209,7 @@ def check_duration(program: Program, limits: Limits) -> None:
     if not total <= LONGEST_MOTION:
         raise InvalidInput(
             f"At its assigned velocities, and with its dwells, the path takes {total:.3g} s, but a "
-            f"motion may last at most {LONGEST_MOTION:g} s: raise speed, or shorten the dwells.",
+            f"motion may last at most {LONGEST_MOTION:g} s. Raise speed, or shorten the dwells.",
             limit="speed",
             needed=total,
             allowed=LONGEST_MOTION,
@@ -247,7 +247,7 @@ def _check_traced(
         if step.joint_path.dof != arm.dof:
             raise InvalidInput(
                 f"The joint path has {step.joint_path.dof} joints, but the arm {arm.name} has "
-                f"{arm.dof}: plan the joint path with its own arm."
+                f"{arm.dof}. Plan the joint path with its own arm."
             )
         with step.named():
             check_joint_range(step.joint_path, limits, arm)

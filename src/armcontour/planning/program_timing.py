@@ -114,7 +114,7 @@ def time_rapid(
 ) -> Trajectory:
     """Plan the fastest rapid within the limits of the joints; limits of the tool are ignored.
 
-    If the joint path has a tool path, the speeds of its segments apply, too.
+    If the joint path has a tool path, the speeds of its segments also apply.
 
     - `joint_path`: the joint path of the rapid.
     - `limits`: limits of the arm, one value per joint.
@@ -202,7 +202,7 @@ class JoinedMoves:
         if first is not None:
             raise InvalidInput(
                 f"The event {first.name} would be switched {-first.t:.6g} s before the motion "
-                "begins: start with a longer lead-in or a dwell, or reduce the advance of the "
+                "begins. Start with a longer lead-in or a dwell, or reduce the advance of the "
                 "event.",
                 t=first.t,
                 allowed=0.0,
@@ -233,8 +233,8 @@ class JoinedMoves:
                 raise InvalidInput(
                     f"The event {event.name} to {event.value} at {event.s:.6g} m would be "
                     f"switched at {event.t:.6g} s because of its advance, before the event to "
-                    f"{before.value} at {before.s:.6g} m, which is switched at {before.t:.6g} s: "
-                    "reduce its advance, or increase the distance or time between the events.",
+                    f"{before.value} at {before.s:.6g} m, which is switched at {before.t:.6g} s. "
+                    "Reduce its advance, or increase the distance or time between the events.",
                     s=event.s,
                     t=event.t,
                     allowed=before.t,
@@ -266,14 +266,14 @@ def check_jerk_support(method: Method, limits: Limits) -> None:
     )
     if method == Method.SHAPED:
         raise NotRealizable(
-            f"Accelerations jump along a shaped path, where joint_jerk would stop the tool: round "
+            f"Accelerations jump along a shaped path, where joint_jerk would stop the tool. Round "
             'corners with continuity="curvature" and plan by the method optimal (in a job, '
             f"corners: {{shape: arc}}, whose curvature is continuous if jerk is limited), or "
             f"{lift}.",
             limit="joint_jerk",
         )
     raise NotRealizable(
-        f"The method {method} does not support limits of jerk, but joint_jerk is given: plan by "
+        f"The method {method} does not support limits of jerk, but joint_jerk is given. Plan by "
         f"the method optimal (in a job, timing: {{method: optimal}}), or {lift}.",
         limit="joint_jerk",
     )

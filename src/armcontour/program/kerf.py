@@ -139,7 +139,7 @@ def _notes_on_open(names: Sequence[str]) -> list[str]:
     suffix = f" and {more} are" if len(names) > 1 else " is"
     return [
         f"{names[0]}{suffix} not offset, because an open contour has no waste side. Set kerf_side "
-        "to left or right to offset open contours, too."
+        "to left or right to also offset open contours."
     ]
 
 

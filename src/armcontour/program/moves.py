@@ -425,7 +425,7 @@ class Program(Checked):
     ) -> Program:
         """Copies of the whole program in columns along x and rows along y, there and back.
 
-        Rapids, dwells and events are copied, too. A contour `hole` becomes `hole [1,1]` (row,
+        Rapids, dwells and events are also copied. A contour `hole` becomes `hole [1,1]` (row,
         column), `hole [1,2]`, and so on.
 
         Args:

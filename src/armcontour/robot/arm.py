@@ -39,7 +39,7 @@ def unit_hint(gap: float) -> str:
     if gap < FAR_OUT:
         return ""
     return (
-        "; lengths without a unit are metres, so a unit may be missing (for drawings: --units mm)"
+        ". Lengths without a unit are metres, so a unit may be missing (for drawings: --units mm)"
     )
 
 

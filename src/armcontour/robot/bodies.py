@@ -85,7 +85,7 @@ def check_inertia(who: str, inertia: npt.ArrayLike) -> None:
     moments = np.linalg.eigvalsh(matrix)
     if moments[0] < -1e-9 * size or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12:
         raise InvalidInput(
-            f"No body can have the inertia of {who}: its principal moments are "
+            f"No body can have the inertia of {who}, because its principal moments are "
             f"{', '.join(f'{x:.4g}' for x in moments)} kg m², and none may be negative or exceed "
             "the sum of the two others."
         )

@@ -69,6 +69,6 @@ class Rail(Checked):
             raise InvalidInput("The axis of a rail must be a direction, but is zero.")
         if self.lower >= self.upper:
             raise InvalidInput(
-                f"The range of a rail is empty: lower ({self.lower:g} m) must be less than upper "
+                f"The range of a rail is empty. lower ({self.lower:g} m) must be less than upper "
                 f"({self.upper:g} m)."
             )

@@ -139,7 +139,7 @@ class States:
         # values are signed, except for torques.
         if name not in LIMITS:
             raise InvalidInput(
-                f"The use of {name!r} is undefined: it must be one of {', '.join(LIMITS)}."
+                f"There is no limit {name!r}. It must be one of {', '.join(LIMITS)}."
             )
         limit = LIMITS[name]
         if limit.order >= len(self.columns):

@@ -166,7 +166,7 @@ class Limits(Checked):
             j = int(np.argmax(empty))
             low, high = (float(np.broadcast_to(x, empty.shape)[j]) for x in (lower, upper))
             raise InvalidInput(
-                f"The range of joint {j + 1} is empty: joint_lower ({low:g} rad) must be less than "
+                f"The range of joint {j + 1} is empty. joint_lower ({low:g} rad) must be less than "
                 f"joint_upper ({high:g} rad)."
             )
 
@@ -182,7 +182,7 @@ class Limits(Checked):
         """
         for name in changes:
             if name not in UNITS:
-                raise InvalidInput(f"Unknown limit {name!r}: the limits are {', '.join(UNITS)}.")
+                raise InvalidInput(f"Unknown limit {name!r}. The limits are {', '.join(UNITS)}.")
         return dataclasses.replace(self, **(dict.fromkeys(self.lifted, math.inf) | changes))
 
     @classmethod

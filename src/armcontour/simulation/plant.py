@@ -130,7 +130,7 @@ def simulate(
         (span / set_points.cycle + 1)
         * max(set_points.cycle / resolution, 1.0)
         * set_points.q.shape[1],
-        "use a coarser resolution or a higher speed, or skip the simulation (--no-simulation)",
+        "Use a coarser resolution or a higher speed, or skip the simulation (--no-simulation)",
     )
     return plant.run(set_points, resolution)
 

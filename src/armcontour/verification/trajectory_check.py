@@ -509,7 +509,7 @@ def _check_samples(
     unknown = set(digits) - set(UNITS)
     if unknown:
         raise InvalidInput(
-            f"resolution has an unknown key {sorted(unknown)[0]!r}: the keys are t, q, dq and ddq."
+            f"resolution has an unknown key {sorted(unknown)[0]!r}. The keys are t, q, dq and ddq."
         )
     errors = {name: np.zeros(dof) for name in ("q", "dq", "ddq")}
     for name, values in columns.items():

@@ -616,7 +616,7 @@ def test_a_file_of_entities_alone_is_read_and_wrong_ones_are_refused():
     table = [
         (b"", "empty"),
         (b"\x00\xff\x12 not a drawing", "DXF"),
-        (b"AC1032\x00\x00", "DWG ... save it as DXF"),
+        (b"AC1032\x00\x00", "DWG ... Save it as DXF"),
         (b"  0\nSECTION\nwhat\nENTITIES\n", "cannot be read as DXF"),
         (b"AutoCAD Binary DXF\r\n\x1a\x00\x01\x02", "DXF"),
     ]

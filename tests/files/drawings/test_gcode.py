@@ -220,7 +220,7 @@ M117 Hello X5|M862.3 P "MK3S"|M84 X Y E|G1 X1 F6 => 0,0 1,0 => M117 (f ... M862.
 G1 X1 F60 A0|X2 C0.0 => 0,0 1,0 2,0 => the word A with the value 0 ... word C with
 G1 X1 F60|X2 Y3 M60 => 0,0 1,0 2,3 => M60
 G0 X1|G1 X2 => 1,0 2,0 => without a feed rate, first in line 2
-G92 E0|G1 X1 E1 F60|G1 E-5|X2 => 0,0 1,0 2,0 => The word E, first in line 1, is left out
+G92 E0|G1 X1 E1 F60|G1 E-5|X2 => 0,0 1,0 2,0 => The word E, first in line 1, is ignored
 %|G1 X1 F60|%| => 0,0 1,0
 G98 G1 X1 F60|G99 X2|G49|G59 => 0,0 1,0 2,0
 """)
@@ -277,7 +277,7 @@ G1 A90 => A90, a move of the axis A,
 
 def test_unsupported_words_are_refused_with_their_line():
     table = [
-        (f"G1 X1 F60|{x}|X2", f"part.ngc, line 2: {y} is not supported: post-process the program")
+        (f"G1 X1 F60|{x}|X2", f"part.ngc, line 2: {y} is not supported. Post-process the program")
         for x, y in rows(UNSUPPORTED)
     ]
     refusals(read, table)

@@ -88,7 +88,7 @@ def test_unreadable_files_are_refused(read, tmp_path):
     (tmp_path / "large.ngc").write_text("G1 X220 F60\nY140\n")
     table = [
         (("missing.dxf", {}), "There is no file ... missing.dxf"),
-        (("part.dwg", {}), "save it as DXF"),
+        (("part.dwg", {}), "Save it as DXF"),
         (("w.csv", {"units": "mm", "layers": ["FOO"]}), "no layer 'FOO' ... 'CUT', 'MARK'"),
         (("w.csv", {"units": "mm", "names": ["c"]}), "no contour 'c' ... 'a', 'b'"),
         (("w.csv", {"scale": -1.0}), "scale ... above zero"),

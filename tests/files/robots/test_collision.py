@@ -113,7 +113,7 @@ BAD = r"""
 => link beam ... exactly one geometry
 <mesh filename="http://example.org/a.stl"/> => http://example.org/a.stl ... does not exist
 <mesh filename="package://[/a.stl"/> => package://[/a.stl ... does not exist
-<mesh filename="small.dae"/> => small.dae ... convert it to .stl or .obj
+<mesh filename="small.dae"/> => small.dae ... Convert it to .stl or .obj
 <mesh filename="small.obj" scale="1 x 1"/> => scale must be 3 numbers
 <mesh filename="large.obj"/> => large.obj would be 200 m large ... unit: mm
 """

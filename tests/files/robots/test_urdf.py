@@ -538,6 +538,6 @@ def test_the_tip_is_tool0_else_flange(tmp_path):
 
 def test_files_of_other_formats_are_refused_with_their_remedy(tmp_path):
     table = [(str(tmp_path / f"robot{x}"), words) for x, words in ENDINGS.items()]
-    table += [("a.XACRO", "pip install xacrodoc ... -o robot.urdf"), ("b.xml", "use a URDF")]
+    table += [("a.XACRO", "pip install xacrodoc ... -o robot.urdf"), ("b.xml", "Use a URDF")]
     for read in (ac.load_arm, ac.read_log, ac.read_trajectory):
-        refusals(read, table, "files are not supported. To fix this, ")
+        refusals(read, table, "files are not supported. ")

@@ -264,7 +264,7 @@ def test_invalid_orientations_and_corners_are_refused(ur5e, refuses):
     for motion, arm, options, words, data in (
         (path, ur5e, {}, "path.oriented", {}),
         (ac.Path.polyline([(0.4, 0), (0.5, 0)]), ur5e, {}, "2 coordinates", {}),
-        (sharp, ur5e, {}, "round the corner", {"s": sharp.breaks[1], "point": POINTS[1]}),
+        (sharp, ur5e, {}, "Round the corner", {"s": sharp.breaks[1], "point": POINTS[1]}),
         (lifted, ur5e, {}, "do not lie in one plane", {}),
         (path.oriented(DOWN), ur5e, {"configuration": "up"}, "no named branches", {}),
         (level, two, {}, "2 joints", {}),
@@ -285,7 +285,7 @@ def test_sharp_corners_are_stops_and_corners_next_to_arcs_are_rounded(ur5e):
     path = ac.Path(segments=[line, arc]).following_tangent((0, 0, 1))
     rounded = ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.02)
     assert len(ac.trace(rounded, ur5e).stops) == 0
-    with pytest.raises(ac.InvalidInput, match="at a sharp corner: round the corner"):
+    with pytest.raises(ac.InvalidInput, match="at a sharp corner. Round the corner"):
         ac.trace(path, ur5e)
 
 

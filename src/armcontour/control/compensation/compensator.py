@@ -289,7 +289,7 @@ def unchecked_set_points(
     checks.check_count(
         f"{count * interval:.4g} s of motion at a cycle of {interval:g} s",
         count * trajectory.dof,
-        "use a longer cycle or a higher speed",
+        "Use a longer cycle or a higher speed",
     )
     start, q, truncated = _set_points(trajectory, model, interval, options, arm)
     set_points = SetPoints(

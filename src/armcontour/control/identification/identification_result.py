@@ -187,7 +187,7 @@ class Identification(Result, Frozen):
             if name in (joint.name, j + 1):
                 return joint
         names = ", ".join(x.name for x in self.joints)
-        raise InvalidInput(f"{self.source} has no joint {name!r}: its joints are {names}.")
+        raise InvalidInput(f"{self.source} has no joint {name!r}. Its joints are {names}.")
 
     @property
     def source(self) -> str:

@@ -194,7 +194,7 @@ def select_unsaturated(
     certain = [estimate_parameters(x)[KP].sd for x in (whole, free.fit)]
     if not is_implausible(whole) and rms * GAIN < free.rms and certain[0] < certain[1]:
         return replace(predict_parts(whole), rivals=free.rivals)
-    # Smoothing reduces the height of short plateaus, so larger limits are tried, too.
+    # Smoothing reduces the height of short plateaus, so larger limits are also tried.
     measured, servo = saturation.limit, free.fit.servo
     value = min(
         (measured, *measured * np.linspace(*LIMIT_MULTIPLES)),

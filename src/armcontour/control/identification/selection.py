@@ -248,7 +248,7 @@ class _Trials:
         if LIMIT not in new:
             return [initial]
         # If a joint often saturates, the fit without a limit is a useless start. Therefore generic
-        # loops are tried, too.
+        # loops are also tried.
         tops = [max(_largest_acceleration(s, x) for s in self.segments) for x in ACCELERATION_TIMES]
         loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
         return [{**x, LIMIT: a} for x in (initial, *loops) for a in (*tops, 3 * max(tops))]

@@ -316,7 +316,7 @@ def _contradiction(lifted: Lifted, run: LearningRun) -> str:
     return (
         f"{run.source} contradicts the servo: joint {j + 1} deviates by {misfit[j] * 1e3:.3g} mrad "
         f"RMS from the simulation with the servo, but by {lag[j] * 1e3:.3g} mrad from its "
-        "set-points, so identify the servo first"
+        "set-points. Identify the servo first"
     )
 
 

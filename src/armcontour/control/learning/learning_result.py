@@ -25,7 +25,7 @@ from armcontour.robot.servo import ServoModel
 # Largest difference of an execution's set-points from the set-points of the run [rad].
 SET_POINT_TOLERANCE = 1e-9
 # Consequence of saturation.
-SATURATED = "Learning assumes a linear response: plan with a larger reserve."
+SATURATED = "Learning assumes a linear response. Plan with a larger reserve."
 
 
 @declared(eq=False)

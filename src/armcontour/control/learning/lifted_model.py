@@ -107,7 +107,7 @@ class Lifted:
         checks.check_count(
             f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
             len(t) * self.dof**2,
-            "learn each contour separately or at a higher speed",
+            "Learn each contour separately or at a higher speed",
         )
         self.nominal, drives = nominal, nominal.drives
         self.planned, dq, ddq = self.plan.motion_with_rests(t)

@@ -50,7 +50,7 @@ class LinuxCNCDevice:
         components = self.halcmd("list", "comp").split()
         self.is_used = not all(x.startswith("halcmd") for x in components)
         if self.is_used:
-            raise DeviceError("HAL is in use: end LinuxCNC first (halrun -U unloads its rest)")
+            raise DeviceError("HAL is in use. End LinuxCNC first (halrun -U unloads its rest)")
         self.halcmd("-f", self.file)
         self.attach(COMPONENT)
         self.halcmd("start")

@@ -103,11 +103,11 @@ class UrDevice:
         self.wait()
         mode, safety, _, speed = self.state[13:17]
         if mode != RUNNING:
-            raise DeviceError(f"the robot is not running: its mode is {mode}")
+            raise DeviceError(f"the robot is not running, but in mode {mode}")
         if safety != NORMAL:
             raise DeviceError(f"the robot's safety mode is {MODES.get(safety, safety)}")
         if abs(speed - 1) > 1e-6:
-            raise DeviceError(f"the speed slider is at {100 * speed:.0f} %: set it to 100 %")
+            raise DeviceError(f"the speed slider is at {100 * speed:.0f} %. Set it to 100 %")
         return tuple(self.state[1:7])
 
     def start(self) -> None:
@@ -128,7 +128,7 @@ class UrDevice:
                 if self.state[18] == self.number:
                     break
             else:
-                raise DeviceError("its program does not start: set the robot to remote control")
+                raise DeviceError("its program does not start. Set the robot to remote control")
         self.running = True
 
     def room(self) -> int:

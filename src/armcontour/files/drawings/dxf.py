@@ -64,7 +64,7 @@ UNITS = {
 # Maximum depth of nested blocks, and maximum number of copied entities. A document with more is
 # malicious.
 MAX_DEPTH = 50
-EXPLODE = "explode the entity into lines and arcs in the CAD program"
+EXPLODE = "Explode the entity into lines and arcs in the CAD program"
 MAX_COPIES = 200_000
 OFF, FROZEN, UNPLOTTED = "off", "frozen", "not plotted"
 # Layer of CAD programs for the points of dimensions, which is never plotted; in lower case.
@@ -80,7 +80,7 @@ BY_BLOCK, BY_LAYER, ACI_WHITE = 0, 256, 7
 WHITE = frozenset({"7", "#ffffff", "#000000"})
 BINARY = b"AutoCAD Binary DXF"
 DRAWING_DATABASE = b"AC10"
-CUT_OFF = "The file has no end mark (EOF): it seems to be cut off, and contours may be missing."
+CUT_OFF = "The file has no end mark (EOF). It seems to be cut off, and contours may be missing."
 # Types of the tags whose numbers determine contours.
 WITH_NUMBERS = {*SHAPES, "VERTEX", "INSERT", "BLOCK", "MLINE", "MLINESTYLE"}
 # Matches a number; numbers that are not finite are refused later.
@@ -113,7 +113,7 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
         return UNITS[code]
     reason = "does not specify its unit" if code == 0 else f"has the unknown unit {code!r}"
     raise InvalidInput(
-        f"{source} {reason} ($INSUNITS): specify the unit, for example `units: mm` or --units mm."
+        f"{source} {reason} ($INSUNITS). Specify the unit, for example `units: mm` or --units mm."
     )
 
 
@@ -224,7 +224,7 @@ class DxfWalk(Walk):
         elif kind in NO_CONTOUR:
             self.omit(NOT_READ, "mesh" if kind == "POLYLINE" else kind)
         else:
-            raise Unreadable(f"is of an unsupported type: {EXPLODE}")
+            raise Unreadable(f"is of an unsupported type. {EXPLODE}")
 
     def _shape(
         self, entity: Any, kind: str, name: str, layer: str, block: Inherited
@@ -366,9 +366,9 @@ def open_document(data: bytes, source: str) -> tuple[Any, list[str]]:
         import ezdxf  # noqa: F401
     except ImportError:
         raise InvalidInput(
-            "Reading DXF files needs ezdxf: pip install 'armcontour[drawings]'."
+            "Reading DXF files requires ezdxf. Install it with: pip install 'armcontour[drawings]'."
         ) from None
-    dwg = f"{source} is a DWG file, which is not supported: save it as DXF."
+    dwg = f"{source} is a DWG file, which is not supported. Save it as DXF."
     raise_if(data.startswith(DRAWING_DATABASE), dwg)
     raise_if(not data.strip(), f"{source} is empty.")
     sections = data.startswith(BINARY) or b"SECTION" in data

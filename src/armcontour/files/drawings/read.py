@@ -70,7 +70,7 @@ def read_path(
     for option, (modules, purpose) in FORMAT_OPTIONS.items():
         checks.raise_if(
             bool(getattr(options, option)) and module not in modules,
-            f"{purpose}, so it is not valid for {location.name}: remove the option.",
+            f"{purpose}, so it is not valid for {location.name}. Remove the option.",
         )
     read = getattr(importlib.import_module(f"armcontour.files.drawings.{module}"), name)
     if module in WITH_PROGRESS:
@@ -84,7 +84,7 @@ def read_path(
     checks.raise_if(
         far > LARGEST_PART and unit is not None,
         f"With the unit {options.units}, {program.source} has coordinates up to {far:.4g} m, but "
-        f"at most {LARGEST_PART:g} m are allowed: check the unit, or move the part to the origin.",
+        f"at most {LARGEST_PART:g} m are allowed. Check the unit, or move the part to the origin.",
     )
     if far > FARTHEST_ARM and (unit, module) == (None, "waypoint_table"):
         note = (
@@ -130,7 +130,7 @@ def _check_scaled_size(program: Program, factor: float) -> None:
     else:
         return
     raise InvalidInput(
-        f"With the scale {factor:g}, {program.source} has {problem}: check the scale."
+        f"With the scale {factor:g}, {program.source} has {problem}. Check the scale."
     )
 
 
@@ -155,11 +155,11 @@ def find_reader(file: str | FilePath) -> tuple[FilePath, str]:
     suffix = location.suffix.lower()
     if suffix == ".dwg":
         raise InvalidInput(
-            f"{location.name} is a DWG file, which is not supported: save it as DXF."
+            f"{location.name} is a DWG file, which is not supported. Save it as DXF."
         )
     if suffix not in READERS:
         raise InvalidInput(
-            f"{location.name} cannot be read as a path: its extension must be one of "
+            f"{location.name} cannot be read as a path. Its extension must be one of "
             f"{', '.join(READERS)}."
         )
     return location, suffix

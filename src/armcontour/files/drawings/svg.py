@@ -133,7 +133,7 @@ def _page(
     """The map from user units to metres with y up, the viewport (None if unknown), and notes."""
     if root.get("transform"):
         root.refuse(
-            "a transform of the outermost svg element is not supported: move the transform to a "
+            "a transform of the outermost svg element is not supported. Move the transform to a "
             "group inside"
         )
     box = view_box(root)
@@ -147,7 +147,7 @@ def _page(
             span = width or (box.width if box else 100.0)
             notes.append(
                 f"{root.source} was written by {program}, whose px is 1/{INCH / unit:.0f} inch "
-                f"instead of the 1/{INCH / other_unit:.0f} inch of {other}: {span:g} px are "
+                f"instead of the 1/{INCH / other_unit:.0f} inch of {other}, so {span:g} px are "
                 f"{1e3 * span * unit:.5g} mm. If they are {1e3 * span * other_unit:.5g} mm, "
                 f"specify units: {other_unit:.9g}."
             )
@@ -224,8 +224,8 @@ class SvgWalk(Walk):
             self._repeated += bool(around.targets)
             if self._repeated > MAX_REPEATED:
                 element.refuse(
-                    f"the drawing has more than {MAX_REPEATED} elements drawn by use up to here: "
-                    "simplify the drawing"
+                    f"the drawing has more than {MAX_REPEATED} elements drawn by use up to here. "
+                    "Simplify the drawing"
                 )
             if element.tag in SHAPES:
                 counts[element.tag] += 1
@@ -247,7 +247,7 @@ class SvgWalk(Walk):
             self._segments += segments
             if self._segments > MAX_SEGMENTS:
                 element.refuse(
-                    f"the drawing has more than {MAX_SEGMENTS} segments up to here: split the "
+                    f"the drawing has more than {MAX_SEGMENTS} segments up to here. Split the "
                     "drawing"
                 )
 
@@ -357,7 +357,7 @@ class SvgWalk(Walk):
     def _refuse_or_ignore(self, element: Element, reason: str) -> None:
         """Refuse an unsupported property, or record that it is ignored if the options say so."""
         if not self.skip:
-            element.refuse(f"{reason}: change the element in the drawing, or {SKIP_ADVICE}")
+            element.refuse(f"{reason}. Change the element in the drawing, or {SKIP_ADVICE}")
         self.omit(f"{reason[0].upper()}{reason[1:]} and are ignored", element.name)
 
     def _content(

@@ -78,7 +78,7 @@ def parse_tree(data: bytes, source: str) -> Element:
     from xml.parsers import expat
 
     if data[:2] == b"\x1f\x8b":
-        raise InvalidInput(f"{source} is compressed (svgz): decompress the file first.")
+        raise InvalidInput(f"{source} is compressed (svgz). Decompress the file first.")
     builder = _Builder(source, data)
     try:
         parser = expat.ParserCreate(namespace_separator="\n")
@@ -102,7 +102,7 @@ def _svg_element(root: Element | None, source: str) -> Element:
     if root is None or root.tag != "svg":
         name = (root.tag[:40] or "an element of another namespace") if root else "missing"
         raise InvalidInput(
-            f"{source} is not an SVG file: its outermost element must be svg, but is {name}."
+            f"{source} is not an SVG file. Its outermost element must be svg, but is {name}."
         )
     return root
 
@@ -139,7 +139,7 @@ class _Builder:
         location = f"{self.source}, line {line}: the entity {name[:60]!r}"
         if value is None or "&" in value or "%" in value or "<" in value:
             raise InvalidInput(
-                f"{location} must be plain text within the file, but is not: save the drawing as "
+                f"{location} must be plain text within the file, but is not. Save the drawing as "
                 "plain SVG."
             )
         # The references are counted in the bytes of the file, before the parser expands them.
@@ -148,7 +148,7 @@ class _Builder:
         if self._expanded > MAX_EXPANDED or b"<!ENTITY" not in self._data:
             raise InvalidInput(
                 f"{location} expands the file by more than {MAX_EXPANDED} characters or by an "
-                "unknown number: save the drawing as plain SVG."
+                "unknown number. Save the drawing as plain SVG."
             )
 
     def _start(self, name: str, attributes: dict[str, str], line: int) -> None:
@@ -156,7 +156,7 @@ class _Builder:
         self._count += 1
         if self._count > MAX_ELEMENTS:
             raise InvalidInput(
-                f"{self.source} has more than {MAX_ELEMENTS} elements: split the drawing."
+                f"{self.source} has more than {MAX_ELEMENTS} elements. Split the drawing."
             )
         space, _, local = name.rpartition("\n")
         read = {}
@@ -264,7 +264,7 @@ def limit_matches(matches: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
 def check_numbers(element: Element, key: str, values: list[float]) -> list[float]:
     """Return a list of numbers; refuse too many or infinite numbers. `key` is for messages."""
     if len(values) > MAX_NUMBERS:
-        element.refuse(f"{key} has more than {MAX_NUMBERS} numbers: split the element")
+        element.refuse(f"{key} has more than {MAX_NUMBERS} numbers. Split the element")
     if not all(map(math.isfinite, values)):
         element.refuse(f"{key} has a number that is too large for a double")
     return values
@@ -284,7 +284,7 @@ def read_length(element: Element, key: str, *, default: float | None = 0.0) -> f
             else ""
         )
         element.refuse(
-            f"{key}={text[:40]!r} is not a supported length{reason}: write a number, or a number "
+            f"{key}={text[:40]!r} is not a supported length{reason}. Write a number, or a number "
             "with the unit px, mm, cm, in, pt or pc"
         )
     value = float(match[1]) * factor

@@ -226,6 +226,6 @@ def place_outline(outline: Outline, to: Affine) -> tuple[Outline, str]:
     if reach <= MAX_COORDINATE:
         return placed, ""
     return placed, (
-        f"has coordinates up to {reach:.3g} m, but at most {MAX_COORDINATE:g} m are allowed: move "
+        f"has coordinates up to {reach:.3g} m, but at most {MAX_COORDINATE:g} m are allowed. Move "
         "the drawing to the origin in the CAD program, or specify its unit, such as units: mm"
     )

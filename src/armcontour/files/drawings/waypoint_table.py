@@ -73,7 +73,7 @@ def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str]
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InvalidInput(
-            f"{source} must be text in UTF-8, but is not: save it as CSV in UTF-8."
+            f"{source} must be text in UTF-8, but is not. Save it as CSV in UTF-8."
         ) from None
     table = read_table(
         text,
@@ -115,7 +115,7 @@ def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatAr
         has, lacks = (next(k for k, v in has_unit.items() if v is x) for x in (True, False))
         raise InvalidInput(
             f"{table.source}: the column {table.columns[has].title!r} has a unit, but the column "
-            f"{table.columns[lacks].title!r} has none: add a unit to this column."
+            f"{table.columns[lacks].title!r} has none. Add a unit to this column."
         )
     keys, values = [x for x in table.columns if x not in TEXTS], {}
     for key, numbers in zip(keys, table.read(keys)[0].T, strict=True):
@@ -150,12 +150,12 @@ def _orientation(
     if len(kinds) > 1:
         raise InvalidInput(
             f"{table.source} defines the tool orientation twice, in the columns "
-            f"{', '.join(kinds[0])} and {', '.join(kinds[1])}: remove one of these groups."
+            f"{', '.join(kinds[0])} and {', '.join(kinds[1])}. Remove one of these groups."
         )
     keys = kinds[0]
     if "z" not in values:
         raise InvalidInput(
-            f"{table.source}: a tool orientation requires points in space: add the column z."
+            f"{table.source}: a tool orientation requires points in space. Add the column z."
         )
     numbers = np.stack([values[key] for key in keys], axis=1)
     # A quaternion must have length 1; a tool axis may have any length above 0.
@@ -201,7 +201,7 @@ def _path(table: CsvTable[str], values: Mapping[str, FloatArray], rows: slice) -
     if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
         raise InvalidInput(
             f"{table.source}: the contour that starts in line {first} has no two different "
-            "points: add a waypoint, or remove the contour."
+            "points. Add a waypoint, or remove the contour."
         )
     path = Path.polyline(points)
     ends = np.delete(np.arange(len(points)), path.merged)[1:]
@@ -230,7 +230,7 @@ def _orient(
         i = rows.start + int(np.argmax(empty))
         raise InvalidInput(
             f"{table.place(i, *keys)}: the tool orientation is empty, but other rows of the "
-            "contour have one: fill these columns in all rows of the contour or in none.",
+            "contour have one. Fill these columns in all rows of the contour or in none.",
             index=i,
         )
     from scipy.spatial.transform import Rotation
@@ -260,7 +260,7 @@ def _events(
             name, equals, value = (x.strip() for x in part.partition("="))
             if not name or (equals and not value):
                 raise InvalidInput(
-                    f"{table.place(i, 'event')}: {texts[i][:40]!r} is not a valid event: write "
+                    f"{table.place(i, 'event')}: {texts[i][:40]!r} is not a valid event. Write "
                     "name=value, such as laser=on, and separate events by semicolons.",
                     index=i,
                 )

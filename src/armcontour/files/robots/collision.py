@@ -131,7 +131,7 @@ def shape_of(tree: Tree, collision: CollisionElement) -> Shape:
     if file is None or not file.is_file():
         raise InvalidInput(
             f"{location} names the mesh {show(name)}, which does not exist"
-            f"{'' if file is None else f' ({file})'}. To fix this, {_advise_mesh(name)}."
+            f"{'' if file is None else f' ({file})'}. {_advise_mesh(name)}."
         )
     return read_mesh(file, scale=scale)
 
@@ -172,18 +172,18 @@ def missing_meshes(tree: Tree) -> str:
         return ""
     return (
         f"the clearance is unknown, because meshes are missing or have an unsupported format: "
-        f"{list_some([show(x) for x in lacking], MAX_FILES)}; to fix this, "
+        f"{list_some([show(x) for x in lacking], MAX_FILES)}. "
         f"{_advise_mesh(lacking[0])}"
     )
 
 
 def _advise_mesh(name: str) -> str:
-    """Advice, as an imperative clause, for a mesh that is missing or unsupported."""
+    """Advice, as a sentence without a period, for a mesh that is missing or unsupported."""
     if not name.lower().endswith(MESHES):
-        return f"convert it to {' or '.join(MESHES)}"
+        return f"Convert it to {' or '.join(MESHES)}"
     if name.startswith("package://"):
-        return f"copy the folder {name.split('/')[2]} of this ROS package next to the description"
-    return "copy it to this path, relative to the description"
+        return f"Copy the folder {name.split('/')[2]} of this ROS package next to the description"
+    return "Copy it to this path, relative to the description"
 
 
 def find_near(folder: FilePath, name: str) -> FilePath | None:

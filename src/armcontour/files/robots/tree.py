@@ -176,9 +176,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         )
     check_name(f"name of the robot of {file}", robot.get("name", ""), longest=MAX_CHARACTERS)
     if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
-        raise InvalidInput(
-            f"{file} has xacro elements that are not expanded. To fix this, {ENDINGS['.xacro']}."
-        )
+        raise InvalidInput(f"{file} has xacro elements that are not expanded. {ENDINGS['.xacro']}.")
     links: dict[str, ET.Element] = {}
     version = robot.get("version", "1.0")
     for element in (*robot.findall("link"), *robot.findall("joint")):

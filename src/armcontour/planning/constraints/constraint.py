@@ -244,8 +244,8 @@ def check_rest(
     unit = "".join(f" {LIMITS[x].unit}" for x in constraint.serves)
     raise NotRealizable(
         f"At {s:.6g} m along the path the {who} is {needed:.4g}{unit} {when}, but its limit in "
-        f"this plan, less any reserve, is {allowed:.4g}{unit}. The arm cannot {cannot} there: "
-        "raise the limit, reduce the payload or the reserve, or change the path.",
+        f"this plan, less any reserve, is {allowed:.4g}{unit}. The arm cannot {cannot} there. "
+        "Raise the limit, reduce the payload or the reserve, or change the path.",
         s=s,
         joint=joint,
         limit=constraint.name,

@@ -112,7 +112,7 @@ def _refuse_tool_limits(limits: Limits) -> None:
     tool = [x for x in TOOL_LIMITS if getattr(limits, x) is not None]
     if tool:
         raise InvalidInput(
-            "Limits of the tool need a tool path, but this joint path has none: plan a Path or a "
+            "Limits of the tool need a tool path, but this joint path has none. Plan a Path or a "
             "traced joint path, or lift the limits with "
             f"limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
         )

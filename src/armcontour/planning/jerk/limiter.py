@@ -264,7 +264,7 @@ def _find_start(
     s_blocked = float(inner[int(p.cell[int(np.argmin(p.high.min(axis=1)))])])
     raise NotRealizable(
         f"At {s_blocked:.6g} m along the path the limits allow no motion, even at the lowest "
-        "speed: raise the limits, or change the path.",
+        "speed. Raise the limits, or change the path.",
         s=s_blocked,
     )
 

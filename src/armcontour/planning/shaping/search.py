@@ -41,7 +41,7 @@ def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntAr
     """Index of the first of both fixed nodes between chunks, (m,); empty for a single chunk.
 
     - `group`: index of the corner or rest nearest to each node, ascending, (n,).
-    - `whole`: true for a single chunk on long paths, too.
+    - `whole`: true for a single chunk, also on long paths.
     """
     if whole or group[-1] < CHUNKED:
         return np.zeros(0, dtype=np.intp)

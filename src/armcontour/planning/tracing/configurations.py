@@ -375,7 +375,7 @@ def _refuse_first_pose(
     raise Unreachable(
         f"At 0 m along the path the arm {arm.name} cannot reach the position "
         f"{tuple(np.round(point, 6).tolist())} m with the required tool orientation. The tool "
-        f"stays {gap:.3g} m away{farthest}: {suggest_remedy(path)}{unit_hint(gap)}.",
+        f"stays {gap:.3g} m away{farthest}. {suggest_remedy(path)}{unit_hint(gap)}.",
         point=point.tolist(),
         s=0.0,
         limit="reach",
@@ -446,7 +446,7 @@ def _refuse(
         raise Unreachable(
             f"From {first:.6g} m of {path.length:.6g} m along the path, the path is out of reach "
             f"of the arm {arm.name}. At {tuple(np.round(worst, 6).tolist())} m, "
-            f"{s[i + farthest]:.6g} m along the path, the tool stays {gap:.3g} m away: "
+            f"{s[i + farthest]:.6g} m along the path, the tool stays {gap:.3g} m away. "
             f"{suggest_remedy(path)}{unit_hint(gap)}.",
             s=first,
             point=worst.tolist(),
@@ -467,7 +467,7 @@ def _refuse_singularity(
     raise Unreachable(
         f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches a "
         f"singularity, at which joint {joint + 1} would need an unlimited velocity (smallest "
-        f"singular value {sizes[task - 1]:.2g}): {suggest_remedy(path)}.",
+        f"singular value {sizes[task - 1]:.2g}). {suggest_remedy(path)}.",
         s=s,
         point=pose[:, 3].tolist(),
         joint=joint,

@@ -157,7 +157,7 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
         return 3
     task = 5 if orientation.axis_only else 6
     if task > arm.dof:
-        remedy = ": leave the rotation about the tool axis free with axis_only"
+        remedy = ". Leave the rotation about the tool axis free with axis_only"
         raise InvalidInput(
             f"The arm {arm.name} has {arm.dof} joints, but a tool "
             f"{'axis' if task == 5 else 'orientation'} in space needs {task}"
@@ -177,8 +177,8 @@ def _refuse_position_only(arm: SerialArm) -> None:
         )
     if arm.dof < 3:
         raise InvalidInput(
-            f"The arm {arm.name} has {arm.dof} joints, but a path in space needs at least 3: "
-            "describe an arm that moves in a plane by an arm file of the kind planar_two_link."
+            f"The arm {arm.name} has {arm.dof} joints, but a path in space needs at least 3. "
+            "Describe an arm that moves in a plane by an arm file of the kind planar_two_link."
         )
 
 
@@ -186,16 +186,16 @@ def _refuse_jump(path: Path, orientation: Orientation) -> None:
     jumps = orientation.jumps
     i = int(np.argmax(jumps > NO_JUMP))
     s = float(orientation.breaks[i + 1])
-    remedy = "at a sharp corner: round the corner, with an angular tolerance"
+    remedy = "at a sharp corner. Round the corner, with an angular tolerance"
     if _bends_out_of_plane(path, s):
         remedy = (
-            "at a corner that is not rounded, because its two segments do not lie in one plane: "
-            "put the segments into one plane, or join them by an arc that touches both"
+            "at a corner that is not rounded, because its two segments do not lie in one plane. "
+            "Put the segments into one plane, or join them by an arc that touches both"
         )
     cause = (
         f", because it follows the tangent {remedy}"
         if orientation.follows
-        else ": make the orientation continuous"
+        else ". Make the orientation continuous"
     )
     raise InvalidInput(
         f"At {s:.6g} m along the path the tool's orientation jumps by "
@@ -214,11 +214,11 @@ def _bends_out_of_plane(path: Path, s: float) -> bool:
 
 
 def suggest_remedy(path: Path | None) -> str:
-    """Advice for users whose arm cannot follow a path, as the end of a sentence."""
+    """Advice for users whose arm cannot follow a path, as a sentence without a period."""
     orientation = None if path is None else path.orientation
     if orientation is None or orientation.axis_only:
-        return "move the path or the arm"
-    return "move the path or the arm, or leave the rotation about the tool axis free"
+        return "Move the path or the arm"
+    return "Move the path or the arm, or leave the rotation about the tool axis free"
 
 
 def describe_fast_rotation(path: Path, s: float) -> str:
@@ -233,7 +233,7 @@ def describe_fast_rotation(path: Path, s: float) -> str:
         return ""
     return (
         f"At {s:.6g} m along the path the tool turns by {rate * 1e-6:.3g} rad per micrometre, "
-        "which no joint path can follow: increase the distance between the points of the path "
+        "which no joint path can follow. Increase the distance between the points of the path "
         "there, or allow larger corner errors."
     )
 

@@ -69,7 +69,7 @@ def out_of_range(
     name, unit = "upper" if q > edge else "lower", arm.chain.unit("rad", joint)
     return Unreachable(
         f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} {unit}, "
-        f"{abs(q - edge):.3g} {unit} beyond its {name} limit of {edge:.6g} {unit}{also}: "
+        f"{abs(q - edge):.3g} {unit} beyond its {name} limit of {edge:.6g} {unit}{also}. "
         f"{suggest_remedy(path)}.",
         s=s,
         point=None if path is None else path(s).tolist(),

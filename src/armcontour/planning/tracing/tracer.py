@@ -218,7 +218,7 @@ def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
     raise Unreachable(
         describe_fast_rotation(path, s)
         or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
-        f"{tuple(round(x, 6) for x in point)} m, the arm {solver.arm.name} {state}: "
+        f"{tuple(round(x, 6) for x in point)} m, the arm {solver.arm.name} {state}. "
         f"{suggest_remedy(path)}.",
         point=point,
         s=s,
@@ -372,7 +372,7 @@ def trace_all(
         )
     if not isinstance(arm, SerialArm):
         raise InvalidInput(
-            f"Inverse kinematics is not available for {type(arm).__name__}: use a SerialArm or "
+            f"Inverse kinematics is not available for {type(arm).__name__}. Use a SerialArm or "
             "a PlanarTwoLink."
         )
     if configuration is not None:
@@ -390,7 +390,7 @@ def _refuse_flat(arm: SerialArm) -> None:
     if arm.dof > 2 and arm.moves_in_a_plane:
         raise InvalidInput(
             f"The joints of the arm {arm.name} are parallel or slide in one plane, so its tool "
-            "stays in a plane. Arms in a plane have two links: describe them by an arm file of the "
+            "stays in a plane. Arms in a plane have two links. Describe them by an arm file of the "
             "kind planar_two_link."
         )
 

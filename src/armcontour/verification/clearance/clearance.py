@@ -254,7 +254,7 @@ def check_clearance(
 ) -> Clearance:
     """Prove the distances of an arm from itself and from its cell in a motion.
 
-    Distances are proven between samples, too: a distance at one time bounds the time in which the
+    Distances are also proven between samples. A distance at one time bounds the time in which the
     joints could bring two bodies together (conservative advancement; Mirtich, 1996). Violations are
     reported with their first time.
 

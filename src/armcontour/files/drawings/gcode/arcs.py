@@ -85,7 +85,7 @@ def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str)
             f"the centre of an arc must have equal distances to start and end, but is "
             f"{1e3 * radius:.6g} mm from the start and {1e3 * end_radius:.6g} mm from the end. The "
             f"difference is {1e3 * difference:.6g} mm, but at most {1e3 * allowed:.6g} mm are "
-            "allowed: correct I, J and K, or write G90.1 if they are absolute"
+            "allowed. Correct I, J and K, or write G90.1 if they are absolute"
         )
     if math.dist(start, end) <= REPEATED_POINT:
         return ProgrammedArc(center, start, start, turn, 2 * math.pi, radius, radius)
@@ -101,8 +101,8 @@ def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Progr
     chord = math.dist(start, end)
     if chord <= REPEATED_POINT:
         raise Fault(
-            "a full circle cannot be defined by its radius R, because its centre is undefined: "
-            "write the centre as I, J and K"
+            "a full circle cannot be defined by its radius R, because its centre is undefined. "
+            "Write the centre as I, J and K"
         )
     if chord / 2 > abs(radius) + RADIUS_TOLERANCE:
         raise Fault(
@@ -193,7 +193,7 @@ def _check_end(start: Point, piece: ArcPart) -> None:
     # The negated comparison is also true for NaN.
     if not math.dist((x, y), piece.end) <= END_TOLERANCE:
         raise Fault(
-            f"the radius of an arc is too large, {1 / piece.curvature:.6g} m: the end of the arc "
+            f"the radius of an arc is too large, {1 / piece.curvature:.6g} m. The end of the arc "
             "cannot be computed to within a nanometre. Write lines instead"
         )
 

@@ -83,8 +83,8 @@ class ProgramDraft:
         self.segments += segments
         if self.segments > MAX_SEGMENTS:
             raise Fault(
-                f"the helices of the program need more than {MAX_SEGMENTS} segments in total: "
-                "increase the chord tolerance"
+                f"the helices of the program need more than {MAX_SEGMENTS} segments in total. "
+                "Increase the chord tolerance"
             )
 
     def add_rapid(self, x: float, y: float, z: float) -> None:

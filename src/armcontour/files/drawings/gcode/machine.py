@@ -119,7 +119,7 @@ class Machine:
         g, words = block.g, block.words
         self._drop_words_without_motion(block)
         if "P" in words and codes.DWELL in g and codes.BLEND in g:
-            raise Fault("the word P can belong to several codes of the line: write separate lines")
+            raise Fault("the word P can belong to several codes of the line. Write separate lines")
         if "F" in words:
             self._set_feed(words.pop("F"), self._unit_of_feed(block))
         dwell = self._dwell(block) if codes.DWELL in g else None
@@ -134,7 +134,7 @@ class Machine:
         else:
             self._move(block)
         for letter in words:
-            raise Fault(f"no code on this line uses the word {letter}: remove the word")
+            raise Fault(f"no code on this line uses the word {letter}. Remove the word")
         return self._stop(block)
 
     def _drop_words_without_motion(self, block: Block) -> None:
@@ -143,8 +143,8 @@ class Machine:
         if "E" in words and not any(x in ANALOG for x in block.m):
             del words["E"]
             self.notes.add_once(
-                "The word E, first in line {}, is left out: the program has no output for the "
-                "extruder, and feed moves without E are also part of the contours."
+                "The word E, first in line {}, is ignored, because the program has no output for "
+                "the extruder. Feed moves without E are also part of the contours."
             )
         elif codes.SHIFT in block.g:
             raise unsupported("G92 without E")
@@ -172,7 +172,7 @@ class Machine:
             return unit or self.unit
         raise Fault(
             "the line changes the unit of length and has an F, which some controllers interpret "
-            "in the old unit and some in the new unit: write F on a separate line"
+            "in the old unit and some in the new unit. Write F on a separate line"
         )
 
     def _set_feed(self, value: float, unit: float) -> None:
@@ -188,7 +188,7 @@ class Machine:
         """Speed, tolerance and line of a feed move; notes a missing feed rate."""
         if self.feed == 0:
             raise Fault(
-                "there is no feed rate for G1, G2 or G3: write F above zero, in units per minute, "
+                "there is no feed rate for G1, G2 or G3. Write F above zero, in units per minute, "
                 "on this line or before it"
             )
         if self.feed != self.feed:
@@ -247,7 +247,7 @@ class Machine:
                 block.drop("H")
                 self.notes.add_once(
                     "With tool length compensation, first in line {}, the programmed point is the "
-                    "tip of the tool: calibrate the tool of the robot to its tip."
+                    "tip of the tool. Calibrate the tool of the robot to its tip."
                 )
 
     def _length(self, letter: str, value: float) -> float:
@@ -274,7 +274,7 @@ class Machine:
             return
         if self.motion is None:
             raise Fault(
-                "the line has coordinates, but no motion is active: write G0, G1, G2 or G3 before"
+                "the line has coordinates, but no motion is active. Write G0, G1, G2 or G3 before"
             )
         target = self._target(coordinates)
         if self.motion == codes.RAPID:
@@ -284,7 +284,7 @@ class Machine:
             names = ", ".join(AXES[i] for i in sorted(self.undefined_axes)) or "X, Y and Z"
             raise Fault(
                 "a feed move cannot start at a reference position (G28, G53), because the file "
-                f"does not define the position: write a G0 with absolute {names} before"
+                f"does not define the position. Write a G0 with absolute {names} before"
             )
         self.drawing_system = self.drawing_system or self.system
         if self.motion == codes.LINE:
@@ -302,7 +302,7 @@ class Machine:
                 raise Fault(
                     f"the program has a coordinate {AXES[min(coordinates)]} in {second} after "
                     f"coordinates in {first}, but must have one coordinate system only, because "
-                    "the offsets between systems are in the controller: post-process the program "
+                    "the offsets between systems are in the controller. Post-process the program "
                     "with one system"
                 )
             self.undefined_axes -= coordinates.keys()
@@ -337,7 +337,7 @@ class Machine:
         if self.motion != codes.RAPID:
             raise Fault(
                 "only a rapid move can have machine coordinates (G53), because their offset is in "
-                "the controller and not in the file: write the move in coordinates of the program"
+                "the controller and not in the file. Write the move in coordinates of the program"
             )
         self._lose_position("G53", set(self._coordinates(block)))
 
@@ -385,14 +385,14 @@ class Machine:
         if words.get(OFFSETS[c], 0.0) != 0:
             raise Fault(
                 f"the word {OFFSETS[c]} is not valid for an arc in the plane "
-                f"{g_name(self.plane)}: write the centre as {both}"
+                f"{g_name(self.plane)}. Write the centre as {both}"
             )
         block.drop(OFFSETS[c])
         letters = [x for x in OFFSETS if x in words]
         if "R" in words:
             if letters or not has_end:
                 raise Fault(
-                    "an arc with the radius R needs an end point and no centre: write "
+                    "an arc with the radius R needs an end point and no centre. Write "
                     f"{AXES[min(a, b)]} and {AXES[max(a, b)]}, and remove {both}"
                 )
             return arc_with_radius(start, end, self._length("R", words.pop("R")), turn)

@@ -108,7 +108,7 @@ class _Runner:
         machine = self.machine
         if len(line) > MAX_LINE_LENGTH:
             raise Fault(
-                f"the line has more than the permitted {MAX_LINE_LENGTH} characters: check that "
+                f"the line has more than the permitted {MAX_LINE_LENGTH} characters. Check that "
                 "the file is G-code"
             )
         text = line.strip(WHITE)

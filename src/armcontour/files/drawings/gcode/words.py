@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from armcontour.core.text import list_some
 
 MILLIMETRE, INCH = 1e-3, 0.0254
-LEFT_OUT_NOTE = "Left out because it causes no motion: {}."
+LEFT_OUT_NOTE = "Ignored because it causes no motion: {}."
 # Largest number of kinds that a note lists.
 MAX_KINDS = 12
-PLAIN_MOVES = "post-process the program in the CAM system to plain moves (G0 to G3)"
+PLAIN_MOVES = "Post-process the program in the CAM system to plain moves (G0 to G3)"
 
 
 class Fault(Exception):
@@ -156,7 +156,7 @@ def parse(line: str, notes: Notes) -> Block:
         position = match.end()
     if "E" in block.words and EXPONENT.search(COMMENTS.sub(" ", line)):
         raise Fault(
-            "numbers with an exponent are not valid in G-code: write the number without an "
+            "numbers with an exponent are not valid in G-code. Write the number without an "
             "exponent, or write a space before E if E is a word"
         )
     return block
@@ -166,7 +166,7 @@ def _add(block: Block, letter: str, number: str, position: int, notes: Notes) ->
     if len(number) > MAX_NUMBER_LENGTH:
         raise Fault(
             f"the number after {letter} must have at most {MAX_NUMBER_LENGTH} characters, but has "
-            f"{len(number)}: round the number"
+            f"{len(number)}. Round the number"
         )
     if letter == "N":
         if position or number[0] in "+-":
@@ -185,7 +185,7 @@ def _add(block: Block, letter: str, number: str, position: int, notes: Notes) ->
             return
         _add_code(block.m, round(value), M_GROUP, "M{:d}".format)
     elif letter in block.words:
-        raise Fault(f"the word {letter} occurs twice: remove one of the two words")
+        raise Fault(f"the word {letter} occurs twice. Remove one of the two words")
     else:
         block.words[letter] = value
 
@@ -221,7 +221,7 @@ def _add_code(
             group_name = f" from the group for {group}" if group else ""
             raise Fault(
                 f"a line may have only one code{group_name}, but has {name(other)} and "
-                f"{name(code)}: write two lines"
+                f"{name(code)}. Write two lines"
             )
     codes.append(code)
 
@@ -233,7 +233,7 @@ def g_name(code: int) -> str:
 
 def unsupported(text: str) -> Fault:
     """The error for a word or text that is not supported."""
-    return Fault(f"{text} is not supported: {PLAIN_MOVES}")
+    return Fault(f"{text} is not supported. {PLAIN_MOVES}")
 
 
 def whole_number(value: float, word: str) -> int:
@@ -248,8 +248,8 @@ def _explain_syntax_error(text: str, position: int) -> str:
     if text[position] == "(":
         close, inner = text.find(")", position), text.find("(", position + 1)
         if close < 0 or inner < 0:
-            return "a comment begins with ( but does not end: close it with )"
-        return "parentheses are not allowed within a comment ( ): remove the inner parentheses"
+            return "a comment begins with ( but does not end. Close it with )"
+        return "parentheses are not allowed within a comment ( ). Remove the inner parentheses"
     return str(unsupported(ascii(text[position : position + SHOWN_CHARACTERS])))
 
 
