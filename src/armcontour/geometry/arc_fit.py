@@ -157,7 +157,7 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
 def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) -> Orientation:
     """Transfer an orientation to the segments `table`.
 
-    - `matched_s`: arc lengths of the waypoints on the old and on the new path [m], (n, 2).
+    `matched_s` are the arc lengths of the waypoints on the old and on the new path [m], (n, 2).
     """
     if orientation.follows:
         return carry_frame(table, orientation.starts[0], axis_only=orientation.axis_only)
@@ -380,7 +380,7 @@ def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Inter
 
     The distance between curve and biarc decreases with the cube of the interval's length.
 
-    - `excess`: distance of each interval divided by the allowed distance, (n,).
+    `excess` is the distance of each interval divided by the allowed distance, (n,).
     """
     parts = np.where(np.isfinite(excess), np.ceil(np.cbrt(excess)), 2)
     parts = np.clip(parts, 2, MAX_PARTS).astype(np.intp)
@@ -443,7 +443,7 @@ def _make_segments(intervals: _Intervals) -> tuple[Segments, IntArray]:
 def _merge(arcs: Segments, vertices: IntArray, starts: IntArray) -> tuple[Segments, IntArray]:
     """Merge neighbours on one line or circle; returns the segments and the first row of each.
 
-    - `starts`: first rows of the curves that are merged separately, (n,).
+    `starts` are the first rows of the curves that are merged separately, (n,).
     """
     k, u = arcs.curvatures, arcs.lengths
     turn = k * u

@@ -42,7 +42,7 @@ def make_biarcs(
 
     The values are not finite where no biarc exists, such as for equal ends with equal tangents.
 
-    - `share`: tangent length of the first arc divided by that of the second, (n,) or a number.
+    `share` is the tangent length of the first arc divided by that of the second, (n,) or a number.
     """
     chord, w = p1 - p0, np.asarray(share)[..., None]
     # The tangent length d of the second arc solves |chord - d (w t0 + t1)| = (1 + w) d. The
@@ -81,7 +81,7 @@ def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> Flo
     Each point is compared with the circle of the arc that is on its side of the junction. The
     distance is infinite if the values of a biarc are not finite.
 
-    - `points`: the points of each biarc [m], (n, k, dimension).
+    `points` are the points of each biarc [m], (n, k, dimension).
     """
     after = dot(points - second.starts[:, None], second.tangents[:, None]) > 0
     distances = np.where(after, _from_circle(points, second), _from_circle(points, first))

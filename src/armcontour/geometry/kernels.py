@@ -256,8 +256,8 @@ def bound_excess(
 ) -> FloatArray:
     """Bounds of distance minus tolerance on parts of a path [m], (k,).
 
-    - `parts`: distance along the segment, arc length on the objective and reach at the start of
-      each part, then at its end [m], (k, 6).
+    `parts` are the distance along the segment, arc length on the objective and reach at the start
+    of each part, then at its end [m], (k, 6).
     """
     n = len(parts)
     bounds = np.full(n, -np.inf)

@@ -58,7 +58,7 @@ def orient_by_axes(
 ) -> Orientation:
     """A constant direction of the tool axis, or one per waypoint; rotation about it is free.
 
-    - `values`: directions of the tool axis: one, (3,), or one per input point, (n, 3).
+    `values` is one direction of the tool axis, (3,), or one per input point, (n, 3).
     """
     directions = checks.check_numbers("direction of the tool axis", values)
     if directions.shape[-1:] != (3,) or directions.ndim > 2:

@@ -87,8 +87,8 @@ class Segments:
     def lines(cls, points: FloatArray, **columns: Any) -> Segments:
         """The table of straight lines through points.
 
-        - `points`: ends of the lines [m], (n + 1, dimension), each different from the previous
-          point; `columns`: other columns of the table, such as speeds.
+        `points` are the ends of the lines [m], (n + 1, dimension), each different from the previous
+        point; `columns` are other columns of the table, such as speeds.
         """
         steps = np.diff(points, axis=0)
         lengths = np.linalg.norm(steps, axis=1)
@@ -143,7 +143,7 @@ class Segments:
     def split(self, bounds: IntArray) -> list[Segments]:
         """Split the table into tables of consecutive rows; each must be a continuous path.
 
-        - `bounds`: first row of every table, and the number of rows, (n + 1,).
+        `bounds` are the first row of every table, and the number of rows, (n + 1,).
         """
         self._check_values()
         self.check_gaps(apart=bounds[1:-1])

@@ -169,7 +169,7 @@ def _orient_smoothly(
 def _smooth_arc_lengths(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
     """Smooth function from arc length on the path to arc length on the objective.
 
-    - `near`: largest angular error [rad] compared with the corresponding points.
+    `near` is the largest angular error [rad] compared with the corresponding points.
     """
     from scipy.interpolate import PchipInterpolator
 

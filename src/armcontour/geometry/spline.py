@@ -39,7 +39,7 @@ def fit_spline(
 
     Returns the transitions, and the index of the vertex at each point, (n,).
 
-    - `ends`: end condition of an open spline, as in SciPy's `CubicSpline`.
+    `ends` is the end condition of an open spline, as in SciPy's `CubicSpline`.
     """
     from scipy.interpolate import CubicSpline
 

@@ -278,7 +278,7 @@ def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath 
 def _path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
     """Make a collision-free joint path through postures; None if no rounding is collision-free.
 
-    - `postures`: joint positions [rad], (n, dof).
+    `postures` are the joint positions [rad], (n, dof).
     """
     apart = np.append(True, np.abs(np.diff(postures, axis=0)).max(axis=1) > 1e-9)
     for share in ROUNDED if apart.sum() > 2 else ROUNDED[-1:]:
@@ -291,8 +291,8 @@ def _path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
 def round_postures(postures: FloatArray, share: float) -> JointPath:
     """Make a joint path of straight lines between postures, with parabolas at the corners.
 
-    - `share`: a parabola occupies this share of half of the shorter line at its corner; 0 stops at
-      every corner.
+    A parabola occupies the fraction `share` of half of the shorter line at its corner; 0 stops at
+    every corner.
     """
     steps = np.diff(postures, axis=0)
     lengths = np.linalg.norm(steps, axis=1)

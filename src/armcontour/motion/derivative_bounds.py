@@ -31,8 +31,8 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
     largest demand or sampled acceleration. Returns times from the start to the end, (n,), and the
     bounds, (n, dof).
 
-    - `motion`: a planned or an executed motion, or a joint path, for which arc length replaces
-      time.
+    `motion` is a planned or an executed motion, or a joint path, for which arc length replaces
+    time.
     """
     parts: Iterable[FloatArray]
     if isinstance(motion, Execution):
@@ -157,7 +157,7 @@ def _ratios(
     The bounds of a joint's velocity and acceleration and of the path speed are those of quadratics
     about the middle, plus the terms of third order.
 
-    - `t`: start, middle and end of each part [s].
+    `t` are the start, middle and end of each part [s].
     """
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)

@@ -295,7 +295,7 @@ def bound_joint_velocities(
     On each piece dq_ds is a polynomial of degree 4, which lies between its smallest and its largest
     Bernstein coefficient over an interval.
 
-    - `speeds`: bounds of the path speed on each interval [m/s], (n,).
+    `speeds` are the bounds of the path speed on each interval [m/s], (n,).
     """
     c, last = coefficients, len(breaks) - 2
     n, dof = len(s) - 1, c.shape[2]

@@ -226,7 +226,7 @@ def check_range_of_log(
 ) -> None:
     """Raise InvalidInput if positions are outside the joint ranges.
 
-    - `degrees_only`: true to raise only if all positions are within the ranges as degrees.
+    If `degrees_only`, the error is raised only if all positions are within the ranges as degrees.
     """
     low, high = arm.limits.joint_range(arm.dof)
     for name, values in positions.items():

@@ -154,13 +154,12 @@ def nearest_commands(
 def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
     """Least-squares nearest values within bounds on values and differences; None if impossible.
 
-    `values` (n,).
-
     The first and the last value do not change; before and after them the values are assumed
     constant. The method is a primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2,
     575-601, 1992) on banded equations, so the time is proportional to the number of values.
 
-    - `bounds`: of the values, then of their differences of orders 1, 2, ....
+    The values have shape (n,). `bounds` apply to the values, then to their differences of orders
+    1, 2, ....
     """
     from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 

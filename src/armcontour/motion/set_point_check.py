@@ -15,8 +15,8 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
     A compensated command leads the joint by approximately `dq / K_p`, so it can exceed the limits
     that the plan satisfies. A controller that checks its set-points would then stop.
 
-    - `limits`: limits that replace those of the plan; by default the command limits of the
-      set-points.
+    `limits` are the limits that replace those of the plan; by default the command limits of the
+    set-points.
     """
     specified = set_points.command_limits if limits is None else limits
     found = find_range_or_speed_excess(

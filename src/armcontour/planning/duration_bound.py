@@ -116,8 +116,8 @@ def least_duration(
     The result is a lower bound, because limits are evaluated at points only, and between two points
     ds² may change at the larger of the rates at both points.
 
-    - `bounds`: lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
-      joints, (4, dof).
+    `bounds` are lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
+    joints, (4, dof).
     """
     n, dof = len(coefficients), coefficients.shape[2]
     slow, fast, low, high = bounds[0], bounds[1], bounds[2], bounds[3]

@@ -448,7 +448,8 @@ def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tu
     An extreme is confirmed once the speed differs from it by the share `FLAT`. All points within
     `FLAT` belong to it.
 
-    - `points`: indices at which the sign of the slope changes, and the index of the last point.
+    `points` are the indices at which the sign of the slope changes, and the index of the last
+    point.
     """
     extremes: list[tuple[int, int, str]] = []
     rising: bool | None = None

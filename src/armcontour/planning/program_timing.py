@@ -154,7 +154,7 @@ class JoinedMoves:
     def add(self, step: TracedMove, trajectory: Trajectory | None) -> None:
         """Append the next step of the program.
 
-        - `trajectory`: the motion along its joint path; None for dwells and events.
+        `trajectory` is the motion along its joint path, or None for dwells and events.
         """
         move = None if step.move is None else self.traced.program.moves[step.move]
         if isinstance(move, Dwell):

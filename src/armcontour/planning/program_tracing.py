@@ -444,7 +444,7 @@ def _compare_on_parts(
     A configuration without a plan has its bound as its duration. A configuration that does not
     complete the parts has an infinite duration.
 
-    - `solutions`: joint positions at the arc lengths `s` [m] in each configuration, (n, dof).
+    `solutions` are the joint positions at the arc lengths `s` [m] in each configuration, (n, dof).
     """
     rough = limits.without_jerk
     parts = min(max(len(path) // PART_EVERY, 1), MAX_PARTS)

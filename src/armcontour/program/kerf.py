@@ -58,7 +58,7 @@ LEAD_BISECTIONS = 14
 def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, float, float]]:
     """Parts of the tool path that separate material: path, first and last arc length, kerf [m].
 
-    - `process`: the process for which the program was prepared.
+    `process` is the process for which the program was prepared.
     """
     parts = []
     for contour in program.contours:
@@ -515,8 +515,8 @@ def lead_path(
     If the contour turns towards the side of the arc at this vertex, the lead becomes a line along
     the bisector, because a tangent arc would cross the contour.
 
-    - `beyond`: unit tangent of a closed contour on the other side of the vertex that the lead
-      touches.
+    `beyond` is the unit tangent of a closed contour on the other side of the vertex that the lead
+    touches.
     """
     s = path.length if after else 0.0
     direction = "left" if after else "right"

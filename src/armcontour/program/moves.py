@@ -176,7 +176,7 @@ def put_on_path(
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
     """A sentence that lists layers that are not run, with their counts; empty without any.
 
-    - `layers`: number of contours, or of entities of a drawing, of each layer.
+    `layers` contains the number of contours, or of entities of a drawing, of each layer.
     """
     listed = list_some(
         [f"{name or 'no layer'} ({n})" for name, n in sorted(layers.items()) if n], 12
@@ -567,7 +567,7 @@ def has_intended_start(moves: Sequence[Move], i: int) -> bool:
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
     """Index of the first rapid in an order; None if it has no path or a contour comes first.
 
-    - `order`: indices of moves to search, in order.
+    `order` are the indices of moves to search, in order.
     """
     for k in order:
         move = moves[k]

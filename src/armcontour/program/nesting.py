@@ -47,7 +47,7 @@ class Nesting:
 def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
     """Determine which contours are inside which closed contours; contours must not cross.
 
-    - `up`: in space, the direction from which the contours are viewed, (3,).
+    In space, `up` is the direction from which the contours are viewed, (3,).
     """
     chords = [_close_chords(find_chords(x.path, up)) if x.closed else NO_CHORDS for x in contours]
     starts = np.array([project_along_up(x.path(0.0), up) for x in contours])

@@ -465,7 +465,7 @@ def _confine_output(
 ) -> list[Event]:
     """Events of one output along a contour, which is off before the start and after the end.
 
-    - `state`: event with the value at the start if no event at the start sets it, or None.
+    `state` is the event with the value at the start if no event at the start sets it, or None.
     """
     changes: list[Event] = []
     if state is not None and not (events and events[0].s <= REPEATED_POINT):

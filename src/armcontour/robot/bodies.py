@@ -64,7 +64,7 @@ def merge_bodies(
 
     The sum of the masses must be positive.
 
-    - `bodies`: mass, centre, (3,), and inertia, (3, 3), of each body, in one frame.
+    `bodies` are mass, centre, (3,), and inertia, (3, 3), of each body, in one frame.
     """
     masses, centers, inertias = (np.array(x) for x in zip(*bodies, strict=True))
     mass = float(masses.sum())

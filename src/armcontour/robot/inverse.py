@@ -104,7 +104,7 @@ def nearest_reached(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> Flo
 
     The search is that of `out_of_reach`.
 
-    - `pose`: (3, 4).
+    `pose` has shape (3, 4).
     """
     tried, distances = _approach(arm, pose, task, q)
     return np.asarray(tried[np.argmin(distances)])

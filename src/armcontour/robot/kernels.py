@@ -154,7 +154,7 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
 def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
     """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4).
 
-    - `q`: joint positions [rad or m], (n, dof).
+    `q` are the joint positions [rad or m], (n, dof).
     """
     frames = np.empty((len(q), len(links), 3, 4))
     for i in range(len(q)):

@@ -199,7 +199,7 @@ def count_parts(
     With a torque that is constant for a step h, joints are stable if the rate K_v J / M of each
     mode of the velocity loops times h is below 2.
 
-    - `loop`: J K_v [N m s/rad], (dof,).
+    `loop` is J K_v [N m s/rad], (dof,).
     """
     largest = 1
     looks = np.unique(np.linspace(0, len(set_points.q) - 1, MAX_CHECKS).astype(int))

@@ -394,7 +394,7 @@ class _Robot:
     def advance(self, commands: FloatArray, integrated: FloatArray) -> _Log:
         """Simulate one step per row of the commands [rad], (n, dof).
 
-        - `integrated`: commands of the integrators, without acceleration feed-forward.
+        `integrated` are the commands of the integrators, without acceleration feed-forward.
         """
         n, dof = commands.shape
         q, dq = (np.empty((n + 1, self.model.nv)) for _ in range(2))

@@ -352,7 +352,7 @@ class ContourExecution:
 def settling_time(executed: Execution, speed: FloatArray) -> float:
     """Time after which the tool is at rest [s], at least the duration of the plan.
 
-    - `speed`: tool speed [m/s], (n,).
+    `speed` is the tool speed [m/s], (n,).
     """
     moving = np.flatnonzero(speed > REST_SPEED)
     last = float(executed.t[moving[-1]]) if len(moving) else 0.0

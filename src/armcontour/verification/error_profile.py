@@ -306,7 +306,7 @@ def maximize_smooth(
 ) -> FloatArray:
     """Largest value of each of m smooth functions between its two times, (m,), by parabolas.
 
-    - `measure`: maps times, (m, n), to the values of each function at them, (m, n).
+    `measure` maps times, (m, n), to the values of each function at them, (m, n).
     """
     step, rows = (last - first) * FEW[1], np.arange(len(first))
     times, best = first[:, None] + (last - first)[:, None] * FEW, np.full(len(first), -np.inf)
@@ -377,7 +377,7 @@ def smallest_angles(
     all segments, and at segment ends, within `reach` [m]. To save time, angles that cannot be the
     largest are those at the nearest point.
 
-    - `turned`: rotation matrices of the tool, (n, 3, 3).
+    `turned` are the rotation matrices of the tool, (n, 3, 3).
     """
     from armcontour.verification.path_points import find_path_points
 
@@ -471,7 +471,7 @@ def follow_path(
     path; the first path point is at or before the first of these arc lengths. Points outside of
     `judged` count for the coverage error only.
 
-    - `points`: tool points in order [m], (n, dimension) with n > 1.
+    `points` are the tool points in order [m], (n, dimension) with n > 1.
     """
     from armcontour.verification.path_points import FollowedTool, follow, measure_coverage
 

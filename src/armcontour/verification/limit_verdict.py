@@ -307,7 +307,7 @@ def record_law(
 ) -> int:
     """Record a law at breaks and `points` random times per interval; return the number of times.
 
-    - `velocity_step`: permitted jump of a joint's velocity at a break [rad/s].
+    `velocity_step` is the permitted jump of a joint's velocity at a break [rad/s].
     """
     breaks = np.asarray(law.breaks, dtype=np.float64)
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():

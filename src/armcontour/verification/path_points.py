@@ -287,7 +287,7 @@ def measure_coverage(
     Returns distances [m], -1 if not measured, and arc lengths [m], (n,) each. The first row
     includes the path before the first tool point, the last row the path after the last tool point.
 
-    - `rows`: from `pack_segments`, (segments, 15).
+    `rows` are from `pack_segments`, (segments, 15).
     """
     reached = np.maximum.accumulate(motion.s)
     low = np.append(begin, np.maximum(reached[1:], begin))

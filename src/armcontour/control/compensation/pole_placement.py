@@ -124,7 +124,7 @@ def pole_placement(
 ) -> tuple[float, FloatArray]:
     """Time of the first set-point [s], and set-points by pole placement (26) [rad], (n, dof).
 
-    - `poles`: m1, m2 (real, or complex conjugates) and g [1/s], (3,) or (dof, 3).
+    `poles` are m1, m2 (real, or complex conjugates) and g [1/s], (3,) or (dof, 3).
     """
     servo.check_orders("Pole placement, (26),")
     placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)

@@ -328,7 +328,7 @@ def write_servo(
 ) -> JointIdentification:
     """The joint with its servo for the file, and with the errors of this servo on the logs.
 
-    - `unseen`: largest error on parts that were not fitted [rad].
+    `unseen` is the largest error on parts that were not fitted [rad].
     """
     rms, largest, offsets = math.nan, math.pi, {}
     if segments:

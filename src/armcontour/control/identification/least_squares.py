@@ -197,8 +197,8 @@ class Estimate(Result):
     ) -> Estimate:
         """Estimate with the interval `ends` relative to the value (logarithms for LOGARITHMIC).
 
-        - `also`: a parameter with at most this standard deviation is determined, however small its
-          value.
+        A parameter with a standard deviation of at most `also` is determined, however small its
+        value.
         """
         if name in LOGARITHMIC:
             low, high = (value * math.exp(x) for x in np.clip(ends, -700.0, 700.0))

@@ -304,7 +304,7 @@ def predict_parts(
 ) -> Selected:
     """Predict each moving part by a fit of the other parts (cross-validation).
 
-    - `judged`: segments that are predicted, by default those of the fit.
+    `judged` are the segments that are predicted, by default those of the fit.
     """
     p, segments = result.problem, judged or result.problem.segments
 

@@ -107,7 +107,7 @@ def choose_and_judge(
     Good models are written. For the other joints, the weak model, the delay or nothing is written,
     whichever has the smallest contour error. Without an arm, the contour is a curve in joint space.
 
-    - `longest`: longest dead time of the search [s].
+    `longest` is the longest dead time of the search [s].
     """
     delays = _joint_delays(logs, longest)
     motions = [_sample_log(logs, i, joints, longest) for i in range(len(logs))]
@@ -214,7 +214,7 @@ def find_delay(
 ) -> float:
     """Delay from `low` to `high` with the smallest tracking error, by Newton's method [s].
 
-    - `motions`: times (n,) [s], commands (n, k) and positions (n, k) of each log.
+    `motions` are times (n,) [s], commands (n, k) and positions (n, k) of each log.
     """
     delay = 0.0
     for _ in range(NEWTON_STEPS):

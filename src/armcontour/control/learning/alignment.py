@@ -58,10 +58,8 @@ def align(
 
     If the expected motion is used, dead time that the servo model lacks becomes part of the offset.
 
-    By default they are those of the model.
-
-    - `expected`: joint positions at the model's times that follow from an earlier run [rad], (n,
-      dof).
+    `expected` are joint positions at the model's times that follow from an earlier run [rad], (n,
+    dof), by default those of the model.
     """
     source, duration = recording.source, lifted.plan.duration
     servo = lifted.nominal.servo

@@ -45,7 +45,7 @@ def smooth_error(lifted: Lifted, error: FloatArray, noise: FloatArray) -> FloatA
     The error is the part that a disturbance of the drives explains, and the remainder where it
     exceeds the noise (a Wiener filter).
 
-    - `noise`: standard deviation of the white noise [rad], (dof,).
+    `noise` is the standard deviation of the white noise [rad], (dof,).
     """
     smooth = lifted.smooth(error, lifted.choose_penalty(error, float(np.mean(noise**2))))
     remainder = error - smooth
@@ -331,7 +331,7 @@ def _keep_limits(
 
     A joint without a solution keeps the set-points of the best run.
 
-    - `fastest`: limits of joint acceleration [rad/s²], (dof,).
+    `fastest` are the limits of joint acceleration [rad/s²], (dof,).
     """
     selected = Limits.only(
         joint_velocity=limits.joint_velocity,

@@ -205,7 +205,8 @@ class Lifted:
         The change du minimises `W |error + P du|² + penalty |L du|²`, where W weights the times,
         and L takes differences of consecutive set-points. error (n, dof), change (count, dof).
 
-        - `penalty`: variance of the noise divided by the variance of the differences of set-points.
+        `penalty` is the variance of the noise divided by the variance of the differences of
+        set-points.
         """
         factors, order, _ = self._factored(penalty)
         flat = error.ravel()
@@ -270,11 +271,8 @@ class Lifted:
     def choose_penalty(self, error: FloatArray, variance: float) -> float:
         """Penalty (a power of ten) with the largest marginal likelihood of an error, (n, dof).
 
-        error [rad].
-
-        The search starts at the last chosen penalty.
-
-        - `variance`: variance of the white noise [rad²].
+        The error is in rad. The search starts at the last chosen penalty. `variance` is the
+        variance of the white noise [rad²].
         """
         surprise = cache(
             lambda k: self.negative_log_likelihood(error, 10.0**k, max(variance, 1e-300))
@@ -310,7 +308,7 @@ class Lifted:
 
         In gaps of the log, deviations are estimated by expectation maximization with the model.
 
-        - `noise`: standard deviation of the white noise of the deviations [rad], (dof,).
+        `noise` is the standard deviation of the white noise of the deviations [rad], (dof,).
         """
         bridged = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))
         after = np.clip(np.searchsorted(t, self.t), 1, len(t) - 1)

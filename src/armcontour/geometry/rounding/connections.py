@@ -115,7 +115,7 @@ class Connections:
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
         """Positions relative to the starts, unit tangents and curvature vectors at parameters x.
 
-        - `i`: indices of the connections, or a slice; x is between 0 and 1.
+        `i` are indices of the connections, or a slice; x is between 0 and 1.
         """
         return self.evaluate(i, x), *tangent_and_curvature(
             self.evaluate(i, x, 1), self.evaluate(i, x, 2)
@@ -125,7 +125,7 @@ class Connections:
 def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
     """Connections that replace the length t of the segments on either side of vertices.
 
-    - `t`: lengths, no longer than the segments [m], (n,).
+    `t` are the lengths, no longer than the segments [m], (n,).
     """
     every = np.arange(len(t))
     back, ahead = around_vertices(before, after)

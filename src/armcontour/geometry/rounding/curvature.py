@@ -60,8 +60,8 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
     Returns the path, and corresponding arc lengths on both paths from start to end [m], (n, 2); the
     correspondence is linear between them.
 
-    - `tolerance`: largest distance of either path from the other [m]; tolerances of the path's own
-      segments cap it.
+    `tolerance` is the largest distance of either path from the other [m]; tolerances of the path's
+    own segments cap it.
     """
     allowed = tolerance
     if isinstance(path, ShapedPath):

@@ -55,7 +55,7 @@ def find_kinks(path: Path) -> IntArray:
 def middle_fraction(smooth: bool) -> float:
     """Factor c of `k = t / 2 - c l`, which determines a blend's middle; see `largest_blend`.
 
-    - `smooth`: true if the derivative of the angular rate must not jump.
+    If `smooth`, the derivative of the angular rate must not jump.
     """
     return SMOOTH_MIDDLE if smooth else MIDDLE
 

@@ -56,7 +56,7 @@ def repair_tangents(
     The original and the repaired path are at most the smaller of `tolerance` and `deviation_limit`
     [m] apart.
 
-    - `tolerance`: largest movement of points [m].
+    `tolerance` is the largest movement of points [m].
     """
     largest_deviation = min(tolerance, deviation_limit)
     allowed = np.minimum(path.vertex_tolerances, largest_deviation)

@@ -125,7 +125,7 @@ class Constraint:
     def discretize(self, path: OnGrid) -> Iterable[Form]:
         """Forms of the limit on a grid, see `topp.limit_forms`; none in this base class.
 
-        - `path`: the joint path on the grid.
+        `path` is the joint path on the grid.
         """
         return ()
 

@@ -589,7 +589,7 @@ def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
 def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int) -> int:
     """Improve a strictly feasible d in place until its gap is small; returns the iterations.
 
-    - `d`: control points of a [m²/s²], (n + 2,); the ends are fixed.
+    `d` are the control points of a [m²/s²], (n + 2,); the ends are fixed.
     """
     n = len(p.width)
     blocks, slack, dual, change = _new_blocks(p), _new_duals(p), _new_duals(p), _new_duals(p)

@@ -232,7 +232,7 @@ def _find_start(
     With uniform jerk from a rest, ds^1.5 is linear in s, so the allowed slope of ds^1.5 limits the
     rise of a start.
 
-    - `allowed_slopes`: allowed slopes of ds^1.5 and of ds² on every cell, (n,) each.
+    `allowed_slopes` are the allowed slopes of ds^1.5 and of ds² on every cell, (n,) each.
     """
     law, share = near
     inner = s[1:-1]

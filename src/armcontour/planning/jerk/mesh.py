@@ -212,7 +212,7 @@ def _sample_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray
 def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     """Number of cells from the first one to points at distances `away` from an end [m], (n,).
 
-    - `per_ramp`: number of cells per duration of the first cell.
+    `per_ramp` is the number of cells per duration of the first cell.
     """
     last = first * RAMPS / FIRST_CELL
     near = per_ramp * (np.cbrt(np.clip(away, first, last) / first) - 1)

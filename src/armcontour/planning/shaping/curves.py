@@ -146,7 +146,7 @@ def _count_parts(spline: JointSpline) -> IntArray:
 def _evaluate_spline(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
     """Points, unit tangents and their derivatives along the arc length, (m, dimension) each.
 
-    - `share`: time since the start of the span, divided by the span time, (m,).
+    `share` is the time since the start of the span, divided by the span time, (m,).
     """
     e, knots, h = spline.velocities, spline.knots, spline.h
     a = (np.diff(e, axis=0) / h[:, None])[span]

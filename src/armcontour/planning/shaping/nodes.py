@@ -163,7 +163,7 @@ class Nodes:
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
         """Largest offsets in each direction of `sides` [m], (n, m).
 
-        - `inside`: fraction of the tolerance that offsets must not use, (n,).
+        `inside` is the fraction of the tolerance that offsets must not use, (n,).
         """
         windows = self._windows(tube)
         spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)

@@ -260,7 +260,7 @@ class ShapeSearch:
         Next to a reverted corner, the change of the proposal increases with the distance from the
         corner.
 
-        - `corners`: mask, (groups,).
+        `corners` is a mask, (groups,).
         """
         group, state = self.nodes.group, self.state
         stays = 1.0 - corners

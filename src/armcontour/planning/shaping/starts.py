@@ -131,7 +131,7 @@ def make_starts(
 ) -> dict[str, tuple[Path, FloatArray]]:
     """Make the starts by name, all within the tube, each with its matching arc lengths.
 
-    - `share`: fraction of the tolerance to which corners are rounded.
+    `share` is the fraction of the tolerance to which corners are rounded.
     """
     matches = np.array([[0.0, 0.0], [objective.length, objective.length]])
     starts: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, matches)}

@@ -266,7 +266,7 @@ def friction_rise(
     The slope of the line adds to b, so its product with x curves as b x does. In addition, the
     friction deviates from its chord.
 
-    - `w`: length of the interval.
+    `w` is the length of the interval.
     """
     v0, v1, deviation = (
         friction.viscous[i, 0, j],
@@ -795,7 +795,7 @@ def _joint_acceleration_range(
 ) -> tuple[float, float, float, int, int]:
     """`acceleration_range` of a group of joint bounds.
 
-    - `location`: interval, end, group and first joint.
+    `location` is interval, end, group and first joint.
     """
     i, end, group, joint = location
     offset = ROWS * group

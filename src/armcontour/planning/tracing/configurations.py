@@ -182,7 +182,7 @@ def follow_branches(
     Returns joint positions at the reached poses [rad], (starts, n, dof), and the number of reached
     poses, including the first, (starts,).
 
-    - `max_correction`: a pose is reached if the correction of every joint is below this [rad].
+    A pose is reached if the correction of every joint is below `max_correction` [rad].
     """
     q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
     q[:, 0] = starts
@@ -309,8 +309,8 @@ def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntAr
 
     Returns the subintervals, and the index of each given knot among the knots of the subintervals.
 
-    - `poses`: tool poses at the starts of the intervals and at the end of the last one, (n + 1, 3,
-      4).
+    `poses` are the tool poses at the starts of the intervals and at the end of the last one, (n +
+    1, 3, 4).
     """
     width = knots.u1 - knots.u0
     turn = width * path.curvatures[knots.segment]

@@ -65,7 +65,8 @@ class Solver(ABC, Generic[A]):
     def first_ends(self, knots: Knots, guess: FloatArray | None) -> tuple[Ends, Ends]:
         """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals.
 
-        - `guess`: joint positions near the solutions at the starts, then at the ends, (2 n, dof).
+        `guess` are the joint positions near the solutions at the starts, then at the ends, (2 n,
+        dof).
         """
         n = len(knots)
         both = knots.part(np.tile(np.arange(n), 2))
@@ -403,7 +404,7 @@ def sketch_all(
     Returns arc lengths of the points from 0 to the path's end [m], (n,), and joint positions there
     [rad], (n, dof) each, the shortest joint path first.
 
-    - `arm`: the arm, which moves in space.
+    The arm moves in space.
     """
     from armcontour.planning.tracing.configurations import find_solutions
 

@@ -226,7 +226,7 @@ def apply_map(
 ) -> tuple[float, float, float]:
     """Position, velocity and integral after a step without saturation, by the map f[i].
 
-    - `end`: the command at the end.
+    `end` is the command at the end.
     """
     e = q - u.value
     p = f[i, 0, 0] * e + f[i, 0, 1] * w

@@ -55,10 +55,10 @@ class ServoSimulation:
     ) -> JointMotions:
         """Simulate all joints from the start of interval `begin` to the start of `end`.
 
-        q [rad] and dq [rad/s], (dof,): initial state.
+        `q` [rad] and `dq` [rad/s], (dof,), are the initial state.
 
-        - `held`: initial values that drives with a cycle hold, (dof,): accelerations [rad/s²], for
-          order "first" velocities, with an integrator demands.
+        `held` are the initial values that drives with a cycle hold, (dof,): accelerations [rad/s²],
+        for order "first" velocities, with an integrator demands.
         """
         results = np.arange(begin * self.steps, end * self.steps + 1, dtype=np.float64)
         held = np.zeros_like(q) if held is None else held
@@ -129,7 +129,7 @@ def _joints(
 def held_pieces(u: FloatArray, starts: FloatArray, servo: ServoModel | JointServo) -> FloatArray:
     """Pieces of held commands with feed-forward and friction; lines for pure delays, as `march`.
 
-    - `u`: command without them in each drive cycle, (rows, count + 2), two cycles earlier.
+    `u` are the commands without them in each drive cycle, (rows, count + 2), two cycles earlier.
     """
     width = starts[1] - starts[0]
     du, ddu = np.diff(u, axis=1)[:, 1:] / width, np.diff(u, 2, axis=1) / width**2
@@ -156,7 +156,8 @@ def respond_within(
     Returns `times` and the times at which a set-point reaches a joint, in order [s], (m,);
     positions [rad], and velocities just before and just after each time [rad/s], (m, dof) each.
 
-    - `state`: positions [rad], velocities [rad/s] and held values at the first time, (dof,) each.
+    `state` contains positions [rad], velocities [rad/s] and held values at the first time, (dof,)
+    each.
     """
     phase = servo.dead_time % cycle
     tolerance = SNAP * cycle

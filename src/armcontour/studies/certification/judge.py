@@ -247,7 +247,7 @@ def _search_corners(
     First the corner with the worse sign of each single parameter, then the corners of a search from
     there that changes one sign per step while the error increases, then random corners.
 
-    - `errors`: function from signs, (n, k), to errors [m] and demand, (n, contours + 1).
+    `errors` maps signs, (n, k), to errors [m] and demand, (n, contours + 1).
     """
     single = errors(np.concatenate([np.eye(k), -np.eye(k)]))[:, :-1].max(axis=1)
     best = np.where(single[:k] >= single[k:], 1.0, -1.0)

@@ -89,7 +89,7 @@ class Distances:
     def points(self, q: FloatArray) -> FloatArray:
         """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3).
 
-        - `q`: joint positions of each pair [rad], (pairs, dof).
+        `q` are the joint positions of each pair [rad], (pairs, dof).
         """
         every = np.arange(len(self._pairs))
         turned, moved = self._relative(q, every, every)
