@@ -41,6 +41,8 @@ WIDEST_FIGURE = 16
 WIDEST_TABLE = 118
 # Longest list in a JSON file.
 MAX_LISTED = 10_000
+# Shorter lengths are shown as "< 0.001 mm" on the page [m].
+SMALLEST_LENGTH = 1e-6
 
 
 def split(value: Any, unit: str = "") -> tuple[str, str]:
@@ -195,6 +197,8 @@ def frame(data: Data) -> list[dict[str, Any]]:
     for row in data.shown():
         mixed = ", " in row.unit
         digits_shown, unit = (figure(row), "") if mixed else split(row.figure, row.unit)
+        if row.unit == "m" and 0.0 < row.figure < SMALLEST_LENGTH:
+            digits_shown, unit = "< 0.001", "mm"
         figures.append(
             {
                 "name": row.name,

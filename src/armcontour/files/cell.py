@@ -128,7 +128,7 @@ def cell_data(
     """Job data of a cell with a drawing, the cell's name for messages, and the cell's folder."""
     text, source, folder = _read_cell_text(str(cell))
     data, location = read_data(text, source), FilePath(drawing)
-    drawn = _drawing_patch(location, str(location.absolute()))
+    drawn = drawing_patch(location, str(location.absolute()))
     with error_context(source):
         return apply_patch(data, {**drawn, **(patch or {})}), source, folder
 
@@ -138,11 +138,11 @@ def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) ->
     text, source, folder = _read_cell_text(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
-    return write_patch(move_files(text, folder, to), _drawing_patch(location, file), source)
+    return write_patch(move_files(text, folder, to), drawing_patch(location, file), source)
 
 
-def _drawing_patch(drawing: FilePath, file: str) -> Patch:
-    """Patch that sets path, name and title of a cell for a drawing with the file name `file`."""
+def drawing_patch(drawing: FilePath, file: str) -> Patch:
+    """Patch that sets path, name and title of a job for a drawing with the file name `file`."""
     return {
         **{("path", key): REMOVE for key in GEOMETRY_KEYS},
         ("path", "file"): file,

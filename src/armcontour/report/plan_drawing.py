@@ -480,7 +480,7 @@ def _extremes(result: RunResult, prefix: str) -> Iterator[tuple[str, str, Mark]]
         errors = result.judged.contours
         roundings = [getattr(x.path, "deviation", None) or 0.0 for x in result.path.contours]
         e = errors[int(np.argmax([x + y.max for x, y in zip(roundings, errors, strict=True)]))]
-        words = f"largest contour error of the worst contour: {number(e.max, 'm')}"
+        words = f"largest error without the rounding: {number(e.max, 'm')}"
         yield "error", "✕", Mark(_at(result, e.s_max), words, place=f"{prefix}-error")
     if result.clearance is not None and (pair := result.clearance.least) is not None:
         t = pair.t if pair.first_time is None else pair.first_time

@@ -12,10 +12,10 @@ from typing import Any
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
-from armcontour.files.cell import GEOMETRY_KEYS, cell_names, cell_text, drawing_text
+from armcontour.files.cell import cell_names, cell_text, drawing_patch, drawing_text
 from armcontour.files.drawings.read import READERS, YAML
 from armcontour.files.job_text_edits import Change
-from armcontour.files.patch import Patch, write_patch
+from armcontour.files.patch import Patch, key_of, write_patch
 from armcontour.studio.document import Document
 from armcontour.studio.recent import all_recent, make_private, state_folder
 
@@ -72,8 +72,8 @@ class Uploads:
             source = f"{there.stem}.yaml"
             text = write_patch(drawing_text(cell, there, folder), options, source)
             return Document(text, source=source, folder=folder)
-        gone = [Change(("path", x)) for x in GEOMETRY_KEYS]
-        return [*gone, Change(("path", "file"), file), *(Change(*x) for x in options.items())]
+        patch = {**drawing_patch(FilePath(name), file), **options}
+        return [Change(key_of(keys), value) for keys, value in patch.items()]
 
     def keep_log(self, name: str, content: bytes) -> str:
         """Store a log of the robot and return its name; deletes the oldest log above MAX_LOGS."""

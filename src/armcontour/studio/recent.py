@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -61,7 +62,8 @@ class Recent:
     def where(self) -> str:
         """Location of the document for the start page."""
         if self.text is not None:
-            return "not saved"
+            changed = time.localtime(_file(self.id).stat().st_mtime)
+            return f"not saved, changed {time.strftime('%d %b %H:%M', changed)}, in {self.folder}"
         return self.folder if self.cell is None else f"{self.folder}, on {self.cell}"
 
 

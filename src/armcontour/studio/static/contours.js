@@ -39,12 +39,21 @@ export function init(store) {
       <span class="dot" style=${`background: ${colour}`} /><span class="name">${contourLabel({ number, name })}</span>
       <small>${!name.startsWith(`${layer}-`) && layer}</small><span class="time">${t ? `${seconds(t[1] - t[0])} s` : ""}</span></button></li>`;
   };
+  /** Arrow keys go from row to row. @param {KeyboardEvent} event */
+  const walk = (event) => {
+    const { key, target } = event;
+    const row = /** @type {Element} */ (target).closest("li");
+    const next = { ArrowDown: row?.nextElementSibling, ArrowUp: row?.previousElementSibling }[key]?.firstElementChild;
+    if (!(next instanceof HTMLElement)) return;
+    event.preventDefault();
+    next.focus();
+  };
   const update = nowAndThen(READING, () => {
     const contours = /** @type {Contour[]} */ (store.latest("picture")?.head.contours ?? []);
     if (region.hidden) return;
     const more = contours.length - MOST;
     render(
-      html`<ol class="contours">${contours.slice(0, MOST).map(row)}</ol>
+      html`<ol class="contours" onKeyDown=${walk}>${contours.slice(0, MOST).map(row)}</ol>
         ${!contours.length && html`<p class="quiet">No contour yet: draw one, or open a drawing.</p>`}
         ${more > 0 && html`<p class="quiet">${more} more: click them in the drawing.</p>`}`,
       region,

@@ -2,7 +2,7 @@
 // sentence under the pointer.
 
 import { draw, make, mark, say } from "./dom.js";
-import { mm, seconds } from "./format.js";
+import { contourLabel, mm, seconds } from "./format.js";
 import { along, indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -76,8 +76,10 @@ class Marks {
     this.dot.toggleAttribute("hidden", !isPlanned);
     if (isPlanned) move(this.dot, this.view.view.toScreen(pointOf(picture, time, place)));
     const executed = refusal || !options.executed || !this.store.isCurrent(this.store.latest("executed")) ? null : this.store.latest("executed");
-    this.tool.toggleAttribute("hidden", !executed);
-    if (executed) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
+    // Between the contours there is no execution.
+    const isWorking = executed && !executed.arrays.breaks.includes(indexAt(executed.arrays.t, time) + 1);
+    this.tool.toggleAttribute("hidden", !isWorking);
+    if (isWorking) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
   }
 
   /** The executed tool with its error as it is drawn. @param {Frame} executed @param {number} t @returns {[number, number]} m */
@@ -162,7 +164,8 @@ function sentenceAt(picture, i) {
     : "";
   const isSlow = slowest(picture).some((x) => Math.abs(x.s - s[i]) < BESIDE);
   const slow = isSlow ? ", the slowest around here" : "";
-  return `s = ${mm(s[i], 1)} mm, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${slow}${why}.`;
+  const contour = contourLabel(picture.head.contours[indexAt(picture.arrays.path_breaks, i)]);
+  return `${contour}, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${slow}${why}.`;
 }
 
 /** @param {Store} store @param {View2d} view */

@@ -32,7 +32,7 @@ export function init(store, link) {
     for (const place of [drafts, opened]) place.replaceChildren();
     for (const { id, name, where } of head.recent) {
       const button = make("button", { type: "button", "data-recent": id }, [make("b", { text: name }), make("span", { class: "quiet", text: where })]);
-      (where === UNSAVED ? drafts : opened).append(button);
+      (where.startsWith(UNSAVED) ? drafts : opened).append(button);
     }
     find("#recent-title").hidden = !opened.hasChildNodes();
     const question = /** @type {HTMLDialogElement} */ (find("#question"));
