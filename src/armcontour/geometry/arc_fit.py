@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
@@ -75,27 +74,6 @@ SAME_CIRCLE = 1e-10
 SAME_POINT = 1e-11
 
 
-def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
-    """Lines and tangent arcs along a curve, within a tolerance of the curve.
-
-    Every interval becomes a biarc with the curve's end points and tangents; intervals are split
-    until the biarcs are within the tolerance. Straight parts become one line, and neighbours on one
-    circle become one arc. Corners remain where the tangents at a break differ, and at cusps; all
-    other neighbours are tangent.
-
-    - `curve`: `curve(t, order)` gives points [m] (order 0) or derivatives with respect to t (order
-      1), (n, 2) or (n, 3), for t of shape (n,). It is smooth between two breaks.
-    - `breaks`: increasing values of t, from the start to the end of the curve.
-    - `tolerance`: largest distance of the arcs from the curve and of the curve from the arcs [m].
-    """
-    knots = checks.check_numbers("breaks of a curve", breaks)
-    if knots.ndim != 1 or len(knots) < 2 or (np.diff(knots) <= 0).any():
-        raise InvalidInput("The breaks of a curve must be at least two increasing numbers.")
-    _check_tolerance(tolerance)
-    row = np.zeros(len(knots), dtype=np.intp)
-    return _fit_curves(_wrap_curve(curve), knots, row, tolerance, through=False)[0]
-
-
 def fit_many(
     curves: Curves,
     breaks: FloatArray,
@@ -104,14 +82,21 @@ def fit_many(
     *,
     separate: bool = False,
 ) -> list[Segments]:
-    """Lines and tangent arcs along many curves, each as by `fit_arcs`.
+    """Lines and tangent arcs along many curves, within a tolerance of the curves.
 
-    - `curves`: `curves(row, t, order)` gives points or derivatives of the curves `row` at `t`, as
-      in `fit_arcs`.
-    - `breaks`: breaks of all curves one after the other, (n,).
+    Every interval becomes a biarc with the curve's end points and tangents; intervals are split
+    until the biarcs are within the tolerance. Straight parts become one line, and neighbours on one
+    circle become one arc. Corners remain where the tangents at a break differ, and at cusps; all
+    other neighbours are tangent.
+
+    - `curves`: `curves(row, t, order)` gives points [m] (order 0) or derivatives with respect to t
+      (order 1) of the curves `row`, (n, 2) or (n, 3), for t of shape (n,). Curves are smooth
+      between two breaks.
+    - `breaks`: increasing values of t of all curves one after the other, (n,).
     - `rows`: curve of each break, ascending from 0, (n,).
-    - `separate`: each curve also has the rounding errors of `fit_arcs`, and its last arcs are
-      merged.
+    - `tolerance`: largest distance of the arcs from the curve and of the curve from the arcs [m].
+    - `separate`: each curve also has the rounding errors of a fit of it alone, and its last arcs
+      are merged.
     """
     _check_tolerance(tolerance)
     arcs, vertices = _fit_curves(curves, breaks, rows, tolerance, through=False, separate=separate)
@@ -120,7 +105,7 @@ def fit_many(
 
 
 def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Segments, IntArray]:
-    """Tangent arcs along a smooth curve as by `fit_arcs`, with a vertex at every break."""
+    """Tangent arcs along a smooth curve as by `fit_many`, with a vertex at every break."""
     # Returns the arcs, and the index of the vertex at each break, (n,).
     row = np.zeros(len(breaks), dtype=np.intp)
     return _fit_curves(_wrap_curve(curve), breaks, row, tolerance, through=True)

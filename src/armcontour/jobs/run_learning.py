@@ -17,7 +17,7 @@ from armcontour.jobs.job import Job, choose_run
 from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.jobs.study import run
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.set_point_check import describe_excess
+from armcontour.motion.execution import describe_excess
 from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import ContourExecution, pieces_of
 

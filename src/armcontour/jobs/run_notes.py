@@ -19,7 +19,7 @@ from armcontour.jobs.job import Run
 from armcontour.jobs.plan_quantities import JerkStop, stops_of_path
 from armcontour.jobs.rows import shaping_rows
 from armcontour.motion import Execution, SetPoints, Trajectory
-from armcontour.motion.set_point_check import describe_excess
+from armcontour.motion.execution import describe_excess
 from armcontour.planning import Conventional
 from armcontour.program import Program, contour_called
 from armcontour.robot import compare_limits

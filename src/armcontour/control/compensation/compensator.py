@@ -23,7 +23,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Options, checked, declared
 from armcontour.core.quantities import About, Items, Key, Pole
 from armcontour.motion import DEFAULT_CYCLE, LONGEST_CLOCK, SetPoints, Trajectory, check_cycle
-from armcontour.motion.set_point_check import check_set_points, describe_excess
+from armcontour.motion.execution import check_set_points, describe_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import without_integral

@@ -22,8 +22,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.sampled_data import differences, interpolate
 from armcontour.motion import Execution, Log, SetPoints
+from armcontour.motion.execution import check_set_points, describe_excess
 from armcontour.motion.nearest_commands import command_bounds, find_excess, nearest_commands
-from armcontour.motion.set_point_check import check_set_points, describe_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import LONGEST_DEAD_TIME
