@@ -45,7 +45,7 @@ def test_quantities_may_be_texts_with_units_as_in_files() -> None:
     assert limits.speed == 0.1
     assert limits.joint_velocity == pytest.approx([np.pi / 2, 1.0])
     assert ac.Limits(joint_velocity=[["-1 rad/s", "90 deg/s"]]).joint_velocity[0, 0] == -1.0  # type: ignore
-    assert LIMITS.replace(speed="inf").lifted >= {"speed"}
+    assert LIMITS.replace(speed="inf").removed >= {"speed"}
     assert ac.Optimal(reserve="5 %").reserve == 0.05  # type: ignore
     assert ac.ServoModel(25.0, 150.0, dead_time="4 ms").dead_time == 4e-3  # type: ignore
     assert ac.round_corners(CORNER, "1 mm").length == ROUNDED.length

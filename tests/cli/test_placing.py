@@ -1,4 +1,4 @@
-"""The command `place`, and command lines that once went wrong."""
+"""The command `place`, and command lines that once failed."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Drawings in job files and in cells: what becomes of the file, and what is refused."""
+"""Drawings in job files and in cells: the program from the file, and refusals."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Job files: what they give, and how a bad one is refused."""
+"""Job files: the job that they describe, and refusals."""
 
 import copy
 from pathlib import Path as FilePath

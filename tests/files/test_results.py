@@ -1,4 +1,4 @@
-"""Result folders: whole or not at all, never over foreign files, and what is read of them."""
+"""Result folders: complete or absent, never over other files, and reading."""
 
 import hashlib
 import json

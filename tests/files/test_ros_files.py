@@ -1,4 +1,4 @@
-"""Trajectories of ROS: those of our exports, messages, goals, and what is no trajectory."""
+"""Trajectories of ROS: our exports, messages, goals, and messages without a trajectory."""
 
 import numpy as np
 import pytest

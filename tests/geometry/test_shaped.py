@@ -1,4 +1,4 @@
-"""Shaped paths: the curve that the tool follows, places, and what makes no shaped path."""
+"""Shaped paths: the curve, corresponding arc lengths, and invalid shaped paths."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Tool orientation of shaped paths: near that at the place, without stops."""
+"""Tool orientation of shaped paths: within the tolerance of the objective's, without stops."""
 
 import numpy as np
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""Tool orientation along paths of continuous curvature: exact derivatives, and none that jumps."""
+"""Tool orientation along paths of continuous curvature: exact, continuous derivatives."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tubes around paths, nearest points, and vertices that printing has bent."""
+"""Tubes around paths, nearest points, and vertices displaced by printed digits."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The paper's misprints and gaps: the printed form fails, and what holds in its place holds.
+"""The paper's misprints and gaps: the printed form fails, and the corrected form is valid.
 
 Source of every printed form: Munasinghe, Nakamura, Goto, Kyura, "Optimum Contouring of Industrial
 Robot Arms Under Assigned Velocity and Torque Constraints", by its equation numbers. The table that

@@ -15,8 +15,8 @@ from pathlib import Path
 
 NAME = "path_acceleration"
 READ = "\ndef _read_records("
-LAST_FIELD = "    lifted: frozenset[str]"
-LAST_TEXT = "\n    Attributes:\n        lifted:"
+LAST_FIELD = "    removed: frozenset[str]"
+LAST_TEXT = "\n    Attributes:\n        removed:"
 TEXT = "        path_acceleration: Largest acceleration of the tool along the path [m/s²].\n"
 RECORD = """    path_acceleration: Annotated[
         AccelerationLimit | None,

@@ -33,7 +33,7 @@ GIVEN = {
 
 
 def values_of(limits):
-    """The values of all limits as lists, and the names of those that are lifted."""
+    """The values of all limits as lists, and the names of those that are removed."""
     values = {x: getattr(limits, x) for x in UNITS}
     return {x: None if y is None else np.asarray(y).tolist() for x, y in values.items()}
 
@@ -71,7 +71,7 @@ def test_a_job_and_python_have_the_same_limits_whichever_is_left_out(name):
         (of_job,) = (x.limits for x in job_of(name, some).runs)
         of_call = resolve_limits("a test", arm, ac.Limits(**some))
         assert values_of(of_job) == values_of(of_call)
-        assert of_job.lifted == of_call.lifted == frozenset()
+        assert of_job.removed == of_call.removed == frozenset()
         for x in UNITS:
             expected = some.get(x, getattr(arm.limits, x))
             if expected is None:
@@ -84,14 +84,14 @@ def test_a_job_and_python_have_the_same_limits_whichever_is_left_out(name):
         assert resolve_limits("a test", arm, of_call) is of_call
 
 
-@pytest.mark.parametrize("lift", ["inf", ".inf", "none"])
-def test_infinity_removes_a_limit_in_jobs_and_in_python(lift):
+@pytest.mark.parametrize("removal", ["inf", ".inf", "none"])
+def test_infinity_removes_a_limit_in_jobs_and_in_python(removal):
     arm = ac.load_arm("panda")
     for name in sorted({*JOINT_LIMITS, *JOINT_RANGE, *TOOL_LIMITS}):
-        (of_job,) = (x.limits for x in job_of("panda", {name: lift}).runs)
+        (of_job,) = (x.limits for x in job_of("panda", {name: removal}).runs)
         of_call = resolve_limits("a test", arm, ac.Limits(**{name: math.inf}))
         for limits in (of_job, of_call, resolve_limits("again", arm, of_call)):
-            assert getattr(limits, name) is None and limits.lifted == {name}
+            assert getattr(limits, name) is None and limits.removed == {name}
 
 
 def test_null_means_not_specified_and_a_run_replaces_limits_of_its_job():
@@ -100,20 +100,20 @@ def test_null_means_not_specified_and_a_run_replaces_limits_of_its_job():
     one, two = (x.limits for x in job_of("ur5e", specified, runs).runs)
     arm = ac.load_arm("ur5e")
     assert one.speed is two.speed is None and (one.joint_jerk == two.joint_jerk).all()
-    assert one.lifted == {"joint_velocity", "joint_torque"} and not two.lifted
+    assert one.removed == {"joint_velocity", "joint_torque"} and not two.removed
     np.testing.assert_array_equal(two.joint_velocity, np.full(6, 0.5))
     np.testing.assert_array_equal(two.joint_torque, arm.limits.joint_torque)
 
 
 def test_removed_limits_are_shown_and_specified_limits_are_not_removed():
     limits = ac.Limits(speed=math.inf, joint_velocity=[math.inf] * 6, joint_acceleration=2.0)
-    assert limits.lifted == {"speed", "joint_velocity"}
+    assert limits.removed == {"speed", "joint_velocity"}
     assert str(limits).count("none") == 2 and "speed" in repr(limits)
     copied = pickle.loads(pickle.dumps(limits))
-    assert copied.lifted == limits.lifted and values_of(copied) == values_of(limits)
+    assert copied.removed == limits.removed and values_of(copied) == values_of(limits)
     changed = limits.replace(speed=0.2, joint_torque=5.0)
-    assert changed.lifted == {"joint_velocity"} and changed.speed == 0.2
-    assert limits.replace(speed=None).lifted == {"joint_velocity"}
+    assert changed.removed == {"joint_velocity"} and changed.speed == 0.2
+    assert limits.replace(speed=None).removed == {"joint_velocity"}
     arm = ac.load_arm("ur5e")
     for part, names in (
         (limits.of_joints, TOOL_LIMITS),
@@ -122,10 +122,10 @@ def test_removed_limits_are_shown_and_specified_limits_are_not_removed():
     ):
         resolved = resolve_limits("a test", arm, part)
         assert all(getattr(resolved, x) is None for x in names)
-        assert resolved.lifted == limits.lifted | set(names)
+        assert resolved.removed == limits.removed | set(names)
     alone = resolve_limits("a test", arm, ac.Limits.only(speed=0.1, joint_jerk=math.inf))
-    assert alone.speed == 0.1 and alone.lifted == set(UNITS) - {"speed"}
-    assert all(getattr(alone, x) is None for x in alone.lifted)
+    assert alone.speed == 0.1 and alone.removed == set(UNITS) - {"speed"}
+    assert all(getattr(alone, x) is None for x in alone.removed)
     with pytest.raises(ac.InvalidInput, match="Unknown limit 'sped'"):
         ac.Limits.only(sped=0.1)
     with pytest.raises(ac.InvalidInput, match="range of joint 1"):

@@ -1,4 +1,4 @@
-"""A figure of a run is one row: all outputs print the rows, and name hardly any of them."""
+"""Each result value of a run is one row, which all outputs print."""
 
 import ast
 import json

@@ -1,4 +1,4 @@
-"""Runs whose corners have the shape free: what is shaped, shared, kept and said."""
+"""Runs whose corners have the shape free: paths, shared plans, verdicts and notes."""
 
 import numpy as np
 import pytest

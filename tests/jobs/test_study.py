@@ -1,4 +1,4 @@
-"""Studies as the arrows one after the other, the chosen run, and jobs out of reach."""
+"""A study equals its steps called one after the other; the chosen run; jobs out of reach."""
 
 import dataclasses
 import sys

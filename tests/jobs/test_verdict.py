@@ -1,4 +1,4 @@
-"""The verdict on a run: what is off the drawing, and whether that is within what is allowed."""
+"""The verdict on a run: deviation from the drawing, and the allowed deviation."""
 
 from pathlib import Path
 

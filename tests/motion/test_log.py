@@ -1,4 +1,4 @@
-"""What a log must be, and how a bad one is refused."""
+"""Valid logs and refused logs."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Bounds of how far joints move."""
+"""Bounds of the travel of joints."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Nearest points against the obvious: every segment in turn, in plain Python, and dense samples."""
+"""Nearest points against brute force in plain Python, and against dense samples."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The conventional method, limits of turning, given durations, and how far limits are used."""
+"""The conventional method, angular limits, given durations, and use of limits."""
 
 import functools
 

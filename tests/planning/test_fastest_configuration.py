@@ -1,4 +1,4 @@
-"""The fastest configuration, and the lower bound that leaves plans out."""
+"""The fastest configuration, and the lower bound that skips plans."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""The paper's method in the plane and in space, and where it says no."""
+"""The paper's method in the plane and in space, and its refusals."""
 
 import numpy as np
 import pytest

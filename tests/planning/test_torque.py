@@ -1,4 +1,4 @@
-"""Torque limits: friction, gravity, payload, and what the rows are made of."""
+"""Torque limits: friction, gravity, payload, and the constraint rows."""
 
 import itertools
 

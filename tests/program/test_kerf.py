@@ -1,4 +1,4 @@
-"""The tool's path beside contours: against formulas, and the judge of the soak."""
+"""Kerf: offset contours against formulas and the independent checker of the soak."""
 
 import ezdxf
 import numpy as np

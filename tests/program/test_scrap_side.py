@@ -1,4 +1,4 @@
-"""Leads on the side of the waste, whichever way contours are drawn and wherever they lie."""
+"""Leads on the waste side, for any direction and position of contours."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The report of an arm in space: what stands in its figures is the study's."""
+"""The report of an arm in space: its values equal those of the study."""
 
 import re
 

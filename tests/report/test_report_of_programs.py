@@ -1,4 +1,4 @@
-"""The report of a program: what stands in its figures is the study's, however long it is."""
+"""The report of a program: its values equal those of the study, also for long programs."""
 
 import dataclasses
 import re

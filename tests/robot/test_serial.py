@@ -200,7 +200,7 @@ def test_invalid_limits_chains_payloads_and_arms_are_refused():
 
 
 def test_limits_are_replaced_added_removed_and_broadcast_to_joints():
-    assert {*UNITS, "lifted"} == {x.name for x in dataclasses.fields(ac.Limits)}
+    assert {*UNITS, "removed"} == {x.name for x in dataclasses.fields(ac.Limits)}
     values = np.array([1.0, 2.0])
     limits = ac.Limits(joint_acceleration=values, speed=0.1)
     values[0] = 9.0
@@ -208,9 +208,9 @@ def test_limits_are_replaced_added_removed_and_broadcast_to_joints():
     assert (other.speed, other.centripetal_acceleration) == (0.2, 0.5)
     np.testing.assert_array_equal(other.joint_acceleration, [1.0, 2.0])
     assert limits.speed == 0.1 and limits.centripetal_acceleration is None
-    for none, lifted in ((None, set()), (np.inf, {"speed"})):
+    for none, removed in ((None, set()), (np.inf, {"speed"})):
         assert other.replace(speed=none).speed is None
-        assert other.replace(speed=none).lifted == lifted
+        assert other.replace(speed=none).removed == removed
     with pytest.raises(ValueError, match="read-only"):
         limits.joint_acceleration[0] = 9.0
     spread = ac.Limits(joint_acceleration=0.7, joint_velocity=[1.0, 2.0]).for_joints(2)
@@ -228,7 +228,7 @@ def test_limits_are_replaced_added_removed_and_broadcast_to_joints():
 def test_jerk_is_limited_where_it_is_finite():
     for endless in (np.inf, [np.inf, np.inf]):
         limits = ac.Limits(joint_jerk=endless)
-        assert not limits.limits_jerk and limits.lifted == {"joint_jerk"}
+        assert not limits.limits_jerk and limits.removed == {"joint_jerk"}
         assert limits.for_joints(2).joint_jerk is None
     some = ac.Limits(joint_jerk=[np.inf, 5.0])
     assert some.limits_jerk and some.of_joints.limits_jerk and not some.of_tool.limits_jerk

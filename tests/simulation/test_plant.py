@@ -1,4 +1,4 @@
-"""What holds of every plant of the package: once made, it does not change."""
+"""All plants of the package are immutable."""
 
 from dataclasses import FrozenInstanceError
 

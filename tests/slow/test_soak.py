@@ -1,4 +1,4 @@
-"""The first problem of every soak, so that `make soak` can be relied on."""
+"""The first problem of every soak."""
 
 import pytest
 from soak.__main__ import TOPICS, judge

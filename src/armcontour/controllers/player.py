@@ -193,8 +193,8 @@ def plan_kept(
     played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
     if planned.kept is False:
         raise ControllerRefused(
-            f"The simulation of run {planned.run.name} is not within its limits or accuracy. See "
-            "armcontour run."
+            f"In the simulation, run {planned.run.name} exceeds a limit or the allowed error. "
+            "`armcontour run` lists the excess."
         )
     return played_job, planned
 

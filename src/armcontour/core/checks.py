@@ -407,7 +407,7 @@ WORDS: dict[Any, str] = {
 
 
 def check_type(name: str, value: Any, *kinds: type) -> Any:
-    """Return a value if it is an object of one of some classes."""
+    """Return a value that is an instance of one of the classes; raise InvalidInput otherwise."""
     if isinstance(value, kinds):
         return value
     words = [

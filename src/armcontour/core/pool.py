@@ -61,7 +61,7 @@ class ProcessEnded(ExecutionError):
 
     @classmethod
     def because(cls, reason: str) -> ProcessEnded:
-        """The error with the signal or exit code of the process."""
+        """Make the error for a reason, such as a signal or an exit code."""
         return cls(
             f"A process ended before its work was done ({reason}), for example because memory ran "
             "out. Use fewer processes, or free some memory."

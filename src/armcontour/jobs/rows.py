@@ -114,7 +114,7 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
 
 
 def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
-    """Yield rows with the number of warnings and with the warnings."""
+    """Yield a row with the number of warnings, if there are any, and a row with the warnings."""
     if warnings:
         yield Row("warning_count", len(warnings), "", "warnings", level=VERDICT)
     yield Row("warnings", warnings)

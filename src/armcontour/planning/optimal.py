@@ -213,7 +213,7 @@ def plan_optimal(
     if any(ends) and np.isfinite(jerk).any():
         raise InvalidInput(
             "start_speed and end_speed are not supported with limits of jerk, with which a motion "
-            "starts and ends at rest. Remove them, or lift joint_jerk."
+            "starts and ends at rest. Remove them, or remove joint_jerk."
         )
     law = time_optimal(grid, active, arm, *ends, loss)
     if np.isfinite(jerk).any():

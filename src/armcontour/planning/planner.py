@@ -57,7 +57,7 @@ def plan(
         arm: The arm, or any object with the `dof` and `limits` of an arm, to time a joint path. A
             joint path without a tool path needs no arm if `limits` are given without torque.
         limits: Limits that replace those of the arm. Limits that are not given are those of the
-            arm; infinity lifts a limit.
+            arm; infinity removes a limit.
         options: The method and its options: `Optimal`, the fastest timing that satisfies every
             limit; `Shaped`, the fastest path within a tolerance of the given one, with that
             timing; `Paper`, the paper's method; or `Conventional`, uniform speed along the raw

@@ -260,8 +260,8 @@ def check_jerk_support(method: Method, limits: Limits) -> None:
     """Raise NotRealizable if the method does not support the given limit of jerk."""
     if not limits.limits_jerk or method == Method.OPTIMAL:
         return
-    lift = (
-        "lift joint_jerk with limits.replace(joint_jerk=math.inf) (in a job, "
+    remedy = (
+        "remove joint_jerk with limits.replace(joint_jerk=math.inf) (in a job, "
         "limits: {joint_jerk: inf})"
     )
     if method == Method.SHAPED:
@@ -269,12 +269,12 @@ def check_jerk_support(method: Method, limits: Limits) -> None:
             f"Accelerations jump along a shaped path, where joint_jerk would stop the tool. Round "
             'corners with continuity="curvature" and plan by the method optimal (in a job, '
             f"corners: {{shape: arc}}, whose curvature is continuous if jerk is limited), or "
-            f"{lift}.",
+            f"{remedy}.",
             limit="joint_jerk",
         )
     raise NotRealizable(
         f"The method {method} does not support limits of jerk, but joint_jerk is given. Plan by "
-        f"the method optimal (in a job, timing: {{method: optimal}}), or {lift}.",
+        f"the method optimal (in a job, timing: {{method: optimal}}), or {remedy}.",
         limit="joint_jerk",
     )
 

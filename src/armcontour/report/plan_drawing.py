@@ -251,7 +251,7 @@ class Sheet:
         )
 
     def svg(self, label: str, parts: Iterable[str]) -> str:
-        """SVG drawing of parts; if it is seen along an axis, it has the coordinates in mm."""
+        """SVG of drawn elements; a view from above also states the origin [mm] and the scale."""
         view = f'viewBox="0 0 {WIDTH:.0f} {self.height:.0f}"'
         x, y = self.origin * 1e3
         flat = np.array_equal(self.axes, np.eye(*self.axes.shape))

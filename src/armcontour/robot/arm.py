@@ -55,7 +55,7 @@ def resolve_limits(
         planned: The limits of the plan; None without a plan or limits.
 
     Returns:
-        The limits with one value per joint. A limit is None only if it is lifted or the arm has
+        The limits with one value per joint. A limit is None only if it is removed or the arm has
         none.
 
     Raises:

@@ -69,8 +69,8 @@ class Limit:
 class Limits(Checked):
     """Limits of the joints and of the tool.
 
-    Limits replace those of an arm value by value: None keeps the arm's limit, infinity lifts it,
-    also for single joints. A lifted limit has the value None, too, and its name is in `lifted`.
+    Limits replace those of an arm value by value: None keeps the arm's limit, infinity removes it,
+    also for single joints. A removed limit also has the value None, and its name is in `removed`.
     Values of prismatic joints are numbers in m, m/s, m/s², m/s³ and N.
 
     >>> limits.replace(speed=0.05).speed
@@ -93,7 +93,7 @@ class Limits(Checked):
         angular_acceleration: Largest norm of the angular acceleration of the tool [rad/s²].
 
     Attributes:
-        lifted: Names of the limits that are lifted.
+        removed: Names of the limits that are removed.
 
     Raises:
         InvalidInput: A limit is not positive, bounds do not include zero, or a range is empty.
@@ -123,15 +123,15 @@ class Limits(Checked):
     ] = None
     angular_speed: Annotated[AngularSpeedLimit | None, Limit(1)] = None
     angular_acceleration: Annotated[AngularAccelerationLimit | None, Limit(2)] = None
-    lifted: frozenset[str] = field(default=frozenset(), init=False)
+    removed: frozenset[str] = field(default=frozenset(), init=False)
 
     def _check_together(self) -> None:
         values = [(name, x) for name in UNITS if (x := getattr(self, name)) is not None]
-        lifted = [name for name, x in values if _is_unlimited(x)]
-        if lifted:
-            for name in lifted:
+        removed = [name for name, x in values if _is_unlimited(x)]
+        if removed:
+            for name in removed:
                 object.__setattr__(self, name, None)
-            object.__setattr__(self, "lifted", frozenset(lifted))
+            object.__setattr__(self, "removed", frozenset(removed))
         # Infinity of either sign means that the range has no end.
         for name, end in (("joint_lower", -np.inf), ("joint_upper", np.inf)):
             values = getattr(self, name)
@@ -141,12 +141,12 @@ class Limits(Checked):
         self._check_range()
 
     def __str__(self) -> str:
-        """The limits that are specified or lifted, with their units."""
+        """The limits that are specified or removed, with their units."""
         specified = {x: getattr(self, x) for x in UNITS}
         rows = [
             (x, "none" if values is None else f"{_list_values(values)} {UNITS[x]}")
             for x, values in specified.items()
-            if values is not None or x in self.lifted
+            if values is not None or x in self.removed
         ]
         return format_table("Limits" if rows else "Limits: none", rows)
 
@@ -174,7 +174,7 @@ class Limits(Checked):
         """Return the limits with some of them changed.
 
         Args:
-            changes: New values by the names of the limits. Infinity lifts a limit; None means the
+            changes: New values by the names of the limits. Infinity removes a limit; None means the
                 limit of the arm with which the limits are used.
 
         Raises:
@@ -183,11 +183,11 @@ class Limits(Checked):
         for name in changes:
             if name not in UNITS:
                 raise InvalidInput(f"Unknown limit {name!r}. The limits are {', '.join(UNITS)}.")
-        return dataclasses.replace(self, **(dict.fromkeys(self.lifted, math.inf) | changes))
+        return dataclasses.replace(self, **(dict.fromkeys(self.removed, math.inf) | changes))
 
     @classmethod
     def only(cls, **values: Any) -> Limits:
-        """Limits with the specified values and all others lifted.
+        """Limits with the specified values and all others removed.
 
         Args:
             values: Values by the names of the limits.
@@ -200,7 +200,7 @@ class Limits(Checked):
 
     @checked
     def over(self, others: Limits) -> Limits:
-        """Complete these limits: values that are missing and not lifted are taken from others.
+        """Complete these limits: values that are missing and not removed are taken from others.
 
         Args:
             others: The other limits, such as those of an arm.
@@ -208,29 +208,29 @@ class Limits(Checked):
         Raises:
             InvalidInput: A joint range is empty.
         """
-        missing = [x for x in UNITS if getattr(self, x) is None and x not in self.lifted]
+        missing = [x for x in UNITS if getattr(self, x) is None and x not in self.removed]
         added = {x: y for x in missing if (y := getattr(others, x)) is not None}
-        lifted = others.lifted.intersection(missing)
-        if not added and not lifted:
+        removed = others.removed.intersection(missing)
+        if not added and not removed:
             return self
-        merged = self._with(added, self.lifted | lifted)
+        merged = self._with(added, self.removed | removed)
         if not added.keys().isdisjoint(JOINT_RANGE):
             merged._check_range()
         return merged
 
-    def _with(self, changes: Mapping[str, Any], lifted: frozenset[str]) -> Limits:
-        """Copy of the limits with changed values, which are not checked, and lifted limits."""
-        return checks.copy_unchecked(self, **changes, lifted=lifted)
+    def _with(self, changes: Mapping[str, Any], removed: frozenset[str]) -> Limits:
+        """Copy of the limits with changed values, which are not checked, and removed limits."""
+        return checks.copy_unchecked(self, **changes, removed=removed)
 
     def _without(self, names: Iterable[str]) -> Limits:
-        """Copy of the limits with additional lifted limits."""
+        """Copy of the limits with additional removed limits."""
         names = tuple(names)
-        lifted = self.lifted.union(names)
-        return self if lifted == self.lifted else self._with(dict.fromkeys(names), lifted)
+        removed = self.removed.union(names)
+        return self if removed == self.removed else self._with(dict.fromkeys(names), removed)
 
     @property
     def of_joints(self) -> Limits:
-        """The limits and ranges of the joints; the limits of the tool are lifted."""
+        """The limits and ranges of the joints; the limits of the tool are removed."""
         return self._without(TOOL_LIMITS)
 
     @property
@@ -240,12 +240,12 @@ class Limits(Checked):
 
     @property
     def without_jerk(self) -> Limits:
-        """The limits with the jerk limit lifted."""
+        """The limits with the jerk limit removed."""
         return self._without(("joint_jerk",))
 
     @property
     def of_tool(self) -> Limits:
-        """The limits of the tool; the limits and ranges of the joints are lifted."""
+        """The limits of the tool; the limits and ranges of the joints are removed."""
         return self._without(JOINT_VALUES)
 
     def for_joints(self, dof: int) -> Limits:
@@ -276,7 +276,7 @@ class Limits(Checked):
                 checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof, unit)
             one_each = changes[name] = np.full(dof, values)
             one_each.setflags(write=False)
-        return self._with(changes, self.lifted) if changes else self
+        return self._with(changes, self.removed) if changes else self
 
     def acceleration_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bounds of the joint accelerations; infinite without a limit.

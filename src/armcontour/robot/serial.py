@@ -125,7 +125,7 @@ class SerialArm(Arm):
         """A copy of the arm on a rail, which is the first joint.
 
         Args:
-            rail: The rail.
+            rail: Direction, range and limits of the rail.
         """
         ends = {"joint_lower": rail.lower, "joint_upper": rail.upper}
         rates = {"joint_velocity": rail.velocity, "joint_acceleration": rail.acceleration}

@@ -377,7 +377,7 @@ class Session:
 
 
 def outline_frame(data: Mapping[str, Any], previewer: CoarsePlanner) -> PageFrame | None:
-    """Picture of a long drawing before its job is read; None for other paths."""
+    """Outline of a long drawing, shown until its job is read; None for other paths."""
     drawing = previewer.long_drawing(data)
     return None if drawing is None else drawing_frame(drawing[0], drawing_view(*drawing))
 

@@ -408,7 +408,7 @@ def pieces_of(
         )
     if objective is not None and len(objective.contours) != count:
         raise InvalidInput(
-            f"The objective must have {count} contours, as the planned program has, but it has "
+            f"The objective must have as many contours as the planned program, {count}, but has "
             f"{len(objective.contours)}."
         )
     if path.single_path is None:

@@ -1,4 +1,4 @@
-"""Set-points in closed form, the plain and the inverse compensation, and what is refused."""
+"""Set-points in closed form, plain and inverse compensation, and refusals."""
 
 from functools import partial
 

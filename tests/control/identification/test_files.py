@@ -1,4 +1,4 @@
-"""Logs from files, and what is written of an identification: servo file, JSON, report, table."""
+"""Log files, and the files of an identification: servo, JSON, report, table."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""The motion of the logs is a part of the servo."""
+"""A servo model contains the largest motion of its logs."""
 
 import numpy as np
 from tests.control.identification.test_judgement import T, program

@@ -1,4 +1,4 @@
-"""Learning from run to run: what lessons hold, and what they make plants do."""
+"""Learning from run to run: results of `learn`, and the errors of the next runs."""
 
 from dataclasses import replace
 from functools import partial

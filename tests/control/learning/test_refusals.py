@@ -1,4 +1,4 @@
-"""Logs that are not of the set-points are refused, with what they are instead."""
+"""Logs of other set-points are refused; the message names the likely cause."""
 
 from dataclasses import replace
 from functools import partial

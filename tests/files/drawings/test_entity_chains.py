@@ -1,4 +1,4 @@
-"""Pieces chained into contours: drawings cut up, shuffled and turned round, and put together."""
+"""Entities chained into contours, from divided, shuffled and reversed drawings."""
 
 import dataclasses
 

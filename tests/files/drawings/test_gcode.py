@@ -1,4 +1,4 @@
-"""G-code: the corpus, points worked out by hand, refusals, and what becomes of every word."""
+"""G-code: corpus, hand-computed points, refusals, and the effect of every word."""
 
 import math
 import random

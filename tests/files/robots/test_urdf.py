@@ -1,4 +1,4 @@
-"""Arms from robot descriptions: the chain in them, what hangs on it, and what is refused."""
+"""Arms from robot descriptions: chain, bodies on the chain, and refusals."""
 
 import re
 from pathlib import Path as FilePath

@@ -1,4 +1,4 @@
-"""Shaped motions before an independent judge, and the judge before motions that are wrong."""
+"""An independent checker accepts shaped motions and rejects wrong motions."""
 
 from dataclasses import replace
 

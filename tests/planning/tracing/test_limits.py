@@ -1,4 +1,4 @@
-"""Joints' ranges in tracing: those of the limits given rule, and refusals name what helps."""
+"""Joint ranges in tracing: the given limits apply, and refusals name a remedy."""
 
 from functools import partial
 

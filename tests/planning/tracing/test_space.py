@@ -1,4 +1,4 @@
-"""Tracing in space: exact knots, all configurations, joints to spare, and refusals."""
+"""Tracing in space: exact knots, all configurations, redundancy, and refusals."""
 
 import functools
 

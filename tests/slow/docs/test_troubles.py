@@ -1,4 +1,4 @@
-"""The page of troubles: each sentence on it is what the tool says when the trouble is provoked."""
+"""Troubleshooting page: each quoted message is printed in the described case."""
 
 import re
 import shlex

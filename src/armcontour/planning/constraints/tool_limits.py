@@ -113,7 +113,7 @@ def _refuse_tool_limits(limits: Limits) -> None:
     if tool:
         raise InvalidInput(
             "Limits of the tool need a tool path, but this joint path has none. Plan a Path or a "
-            "traced joint path, or lift the limits with "
+            "traced joint path, or remove the limits with "
             f"limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
         )
 

@@ -212,8 +212,10 @@ class ShapeSearch:
         self.nodes = replace(self.nodes, near=near, q=q)
 
     def _time_drawn(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
-        """Time the drawn path; returns it with its span times [s] and a mask of slower corners."""
-        # Returns None if the arm cannot follow the path.
+        """Time the drawn path; returns it with its span times [s] and a mask of slower corners.
+
+        Returns None if the arm cannot follow the path, or if its orientation deviates too much.
+        """
         path = self._path(drawn)
         candidate = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
         if path is None or candidate is None:
@@ -225,9 +227,10 @@ class ShapeSearch:
     def _draw_or_revert(
         self, offsets: FloatArray, h: FloatArray
     ) -> tuple[FloatArray, FloatArray, DrawnPath | None]:
-        """Draw a proposal; on a long path, corners outside the tube revert to the best shape."""
-        # Returns the offsets, the span times and their path, or None for a path that leaves the
-        # tube.
+        """Draw a proposal; on a long path, corners outside the tube revert to the best shape.
+
+        Returns the offsets, the span times and their path, or None for a path that leaves the tube.
+        """
         for _ in range(MAX_REVERSIONS if is_long(self.nodes.group) else 1):
             before = self.state.inside
             drawn = self._draw(offsets, h)
