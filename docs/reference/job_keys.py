@@ -20,7 +20,7 @@ This page lists all keys of a [job file](../guides/job.md), from the outermost m
 innermost. Editors read them from the [JSON Schema](job.schema.json). A quantity is a plain number
 in the unit of the table, or text with a unit, such as the example. The unit 1 is that of a ratio,
 which may be in percent. "keys" means a mapping, whose keys have their own table. A key that is not
-required and has no default is optional. `NAME` stands for a name that you choose.
+required and has no default is optional. `NAME` is a name that you choose.
 """
 # The unit of SI for each example of a quantity. Quantities with one example have one unit.
 KINDS = (

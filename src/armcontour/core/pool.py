@@ -60,7 +60,7 @@ class ProcessEnded(ExecutionError):
     """A process ended before its work was done."""
 
     @classmethod
-    def because(cls, reason: str) -> ProcessEnded:
+    def from_reason(cls, reason: str) -> ProcessEnded:
         """Make the error for a reason, such as a signal or an exit code."""
         return cls(
             f"A process ended before its work was done ({reason}), for example because memory ran "
@@ -249,7 +249,7 @@ def run_all(
                         continue
                     # loky names the signals or exit codes at the end of a long text.
                     found = re.search(r"exit codes of the workers are \{(.*)\}", str(error))
-                    ended = ProcessEnded.because(found[1] if found else type(error).__name__)
+                    ended = ProcessEnded.from_reason(found[1] if found else type(error).__name__)
                     if lost is None:
                         raise ended from None
                     result = lost(str(ended))

@@ -94,7 +94,7 @@ class TaskProcess:
                 listener(frame)
         except (EOFError, OSError):
             self._process.join()
-            raise ProcessEnded.because(f"exit code {self._process.exitcode}") from None
+            raise ProcessEnded.from_reason(f"exit code {self._process.exitcode}") from None
         return frame
 
     def kill(self) -> None:

@@ -216,7 +216,7 @@ class ShapeSearch:
 
         Returns None if the arm cannot follow the path, or if its orientation deviates too much.
         """
-        path = self._path(drawn)
+        path = self._make_path(drawn)
         candidate = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
         if path is None or candidate is None:
             return None
@@ -414,7 +414,7 @@ class ShapeSearch:
         self.state.trust[there] = np.maximum(SHRINK * self.state.trust[there], LEAST_TRUST)
         return True
 
-    def _path(self, drawn: DrawnPath) -> ShapedPath | None:
+    def _make_path(self, drawn: DrawnPath) -> ShapedPath | None:
         """Make the shaped path of a drawing; None if its tool orientation deviates too much."""
         options, objective = self.options, self.tube.objective
         path = ShapedPath(
