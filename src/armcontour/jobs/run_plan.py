@@ -47,7 +47,7 @@ from armcontour.program import (
 SHORTEST_LEAD = 1e-3
 # Ratio of a lead to the length on which the tool accelerates along the contour, because the arm
 # accelerates less in other positions.
-LONGER = 1.1
+LONGER = 1.25
 # Number of points along a contour with known speed.
 PLACES = 401
 # Keys of the process that are ignored while automatic leads are determined.
