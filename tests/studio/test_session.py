@@ -161,13 +161,11 @@ def test_remedies_lead_to_a_plan_or_to_the_next_refusal(tmp_path, old, new, step
         session.begin()
         for edit in taken:
             tab.edit(edit)
-        if "preview" == tab.last("picture")["tier"]:
-            assert tab.frames[-1].kind == "executed"
-        else:
-            remedies = tab.last("refusal")["remedies"]
-            assert len(remedies) == counts[0]
-            for edit in remedies:
-                try_all([*taken, edit], counts[1:])
+        planned = tab.last("picture")["tier"] == "preview" and tab.frames[-1].kind == "executed"
+        remedies = [] if planned else tab.last("refusal")["remedies"]
+        assert planned or len(remedies) == counts[0]
+        for edit in remedies:
+            try_all([*taken, edit], counts[1:])
         session.close()
 
     try_all([], steps)
