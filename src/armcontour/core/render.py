@@ -45,6 +45,11 @@ MAX_LISTED = 10_000
 SMALLEST_LENGTH = 1e-6
 
 
+def limit_style(kind: str) -> dict[str, Any]:
+    """Colours, dashes and word of a kind of limit."""
+    return LIMITS.get(kind, LIMITS["other"])
+
+
 def split(value: Any, unit: str = "") -> tuple[str, str]:
     """Digits and unit of a value for display."""
     if value is None or isinstance(value, float) and math.isnan(value):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.render import LIMITS
+from armcontour.core.render import limit_style
 from armcontour.jobs import Job, RunResult
 from armcontour.motion import Trajectory
 from armcontour.planning.explanation import RAPIDS
@@ -44,18 +44,13 @@ class MovingArm(Picture):
 
     def to_html(self, key: str) -> str:
         """Render title and controls; the page draws the arm by the frames with its key."""
-        views = "".join(
-            f'<button type="button" data-view="{x}" aria-pressed="false">{x}</button>'
-            for x in ("Part", "Arm", "Top", "Side")
-        )
         return (
             f'<figure class="moving" style="--span: {self.span}" id="{key}">'
             f'<figcaption id="{key}-title">{escape(self.title)}</figcaption>'
             f'<div class="space" aria-labelledby="{key}-title"></div><div class="player" hidden>'
             '<button type="button" class="play">Play</button>'
             '<input type="range" min="0" step="any" value="0" aria-label="Time">'
-            '<span class="clock"></span>'
-            f'<span role="group" aria-label="View of the arm">{views}</span></div>'
+            '<span class="clock"></span></div>'
             '<noscript><p class="trouble">The arm needs JavaScript.</p></noscript></figure>'
         )
 
@@ -67,7 +62,7 @@ def draw_arm(result: RunResult, job: Job) -> MovingArm:
         pieces.append((RAPIDS, rapids))
     arrays, lines = _postures(result.trajectory), []
     for k, (kind, curves) in enumerate(pieces):
-        look = LIMITS.get(kind, LIMITS["other"])
+        look = limit_style(kind)
         points, breaks = _joined(curves)
         arrays |= {f"points{k}": to_float32(in_space(points)), f"breaks{k}": breaks}
         lines.append({"points": f"points{k}", "breaks": f"breaks{k}"})

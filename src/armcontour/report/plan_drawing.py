@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.render import LIMITS, LINES, number, number_range
+from armcontour.core.render import LINES, limit_style, number, number_range
 from armcontour.core.text import count_noun
 from armcontour.jobs import Job, RunResult
 from armcontour.planning.explanation import BETWEEN, RAPIDS, Binding, LimitShare
@@ -180,17 +180,17 @@ def slug(text: str) -> str:
 
 def word_of(kind: str) -> str:
     """Displayed name of a kind of limit."""
-    return str(LIMITS.get(kind, LIMITS["other"]).get("word", kind))
+    return str(limit_style(kind).get("word", kind))
 
 
 def colour_of(kind: str) -> str:
     """Colour of a kind of limit on a light page."""
-    return str(LIMITS.get(kind, LIMITS["other"])["light"])
+    return str(limit_style(kind)["light"])
 
 
 def look_of(kind: str) -> str:
     """SVG attribute with the colours (light and dark theme) and the dashes of a kind of limit."""
-    entry = LIMITS.get(kind, LIMITS["other"])
+    entry = limit_style(kind)
     dash = " ".join(map(str, entry["dash"]))
     return (
         f'style="--light:{entry["light"]};--dark:{entry["dark"]};stroke-dasharray:{dash or "none"}"'

@@ -1,19 +1,19 @@
 // Arm, cell and tool path in space (three.js), for the Studio and for reports. Drawn only on request.
 
-import { Chain, place, poseOf } from "./kinematics.js";
+import { Chain, poseOf } from "./kinematics.js";
 import {
   BufferAttribute, BufferGeometry, Color, CylinderGeometry, DirectionalLight, EdgesGeometry, Fog, GridHelper, Group, HemisphereLight,
   LineBasicMaterial, LineMaterial, LineSegments, LineSegments2, LineSegmentsGeometry, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial,
   OrbitControls, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Scene, ShadowMaterial, SphereGeometry, toCreasedNormals, Vector3, WebGLRenderer,
 } from "./vendor/three.js";
 
-/** @typedef {import("./kinematics.js").Pose} Pose */
 /** @typedef {{head: any, arrays: Record<string, any>}} Frame one of the frames `arm` and `picture` */
 /** @typedef {{points: ArrayLike<number>, breaks?: ArrayLike<number>, colours: (piece: number) => string}} Lines in the work frame [m] */
-/** @typedef {{theme: "light" | "dark", changed?: () => void}} Options */
+/** @typedef {"light" | "dark"} Theme */
 
 /** Directions from which the views look: azimuth and elevation [rad]. */
 const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Arm: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Side: [0, 0.05] });
+const LABEL = "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.";
 /** Programs that compute WebGL on the processor. */
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 /** Resolution while something moves in software rendering, whose time goes into the shadow of each pixel. */
@@ -45,19 +45,23 @@ export function rendererName() {
 /**
  * A viewer in a host, with a canvas of its own.
  * @param {HTMLElement} host
- * @param {{arm: Frame}} frames
- * @param {Options} options
+ * @param {Frame} arm
+ * @param {Theme} theme
  */
-export const createViewer = (host, { arm }, options) => new Viewer(host, arm, options);
+export const createViewer = (host, arm, theme) => new Viewer(host, arm, theme);
 
 export class Viewer {
-  /** @param {HTMLElement} host @param {Frame} arm @param {Options} options */
-  constructor(host, arm, { theme, changed = () => {} }) {
+  /** @param {HTMLElement} host @param {Frame} arm @param {Theme} theme */
+  constructor(host, arm, theme) {
     this.host = host;
     this.software = SOFTWARE.test(rendererName() ?? "");
     this.renderer = new WebGLRenderer({ antialias: !this.software, powerPreference: "low-power" });
     this.canvas = this.renderer.domElement;
+    Object.assign(this.canvas, { tabIndex: 0, role: "img", ariaLabel: LABEL });
     host.prepend(this.canvas);
+    /** Buttons of the views, which the host puts into its place. */
+    this.bar = Object.assign(document.createElement("span"), { role: "group", ariaLabel: "View of the arm" });
+    this.bar.append(...Object.keys(VIEWS).map((name) => this.button(name)));
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
     // Shadows are drawn again only where the arm has moved, not where the eye has.
@@ -79,7 +83,6 @@ export class Viewer {
       this.renderer.shadowMap.needsUpdate = true;
       this.draw();
     });
-    this.changed = changed;
     this.sun = new DirectionalLight("#fff6e8", 2.2);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.setScalar(this.software ? 512 : 2048);
@@ -113,7 +116,15 @@ export class Viewer {
   /** @param {string} view a name in `VIEWS`, "" for none of them */
   name(view) {
     this.view = view;
-    this.changed();
+    for (const x of this.bar.children) x.ariaPressed = String(x.textContent === view);
+  }
+
+  /** @param {string} view */
+  button(view) {
+    const found = Object.assign(document.createElement("button"), { type: "button", textContent: view, ariaPressed: "false" });
+    found.dataset.view = view;
+    found.addEventListener("click", () => this.look(view));
+    return found;
   }
 
   /** Show an arm and its cell. @param {Frame} frame */
@@ -174,7 +185,7 @@ export class Viewer {
     for (const { link, pose } of ends) this.addCone(link, new Vector3(), originOf(pose), 0.018 * this.reach, 0.018 * this.reach, "link");
   }
 
-  /** A slim cone to the tool point, where the arm has a tool frame. @param {Pose} tip */
+  /** A slim cone to the tool point, where the arm has a tool frame. @param {Matrix4} tip */
   addTool(tip) {
     const radius = 0.018 * this.reach;
     this.addCone(this.chain.joints.length, originOf(tip), originOf(this.chain.tool), radius, radius / 6, "tool");
@@ -243,7 +254,7 @@ export class Viewer {
     this.gap.visible = nearest !== null;
     if (nearest) this.gap.geometry.setPositions(nearest.flat());
     this.alarm.visible = refused !== null;
-    if (refused) this.alarm.position.set(...place(this.work, refused));
+    if (refused) this.alarm.position.fromArray(refused).applyMatrix4(this.work);
     this.draw();
   }
 
@@ -264,7 +275,7 @@ export class Viewer {
     const { clientWidth: width, clientHeight: height } = this.host;
     const found = new Float32Array((2 * points.length) / 3);
     for (let k = 0; 3 * k < points.length; k += 1) {
-      const { x, y } = new Vector3(...place(this.work, [points[3 * k], points[3 * k + 1], points[3 * k + 2]])).project(this.eye);
+      const { x, y } = new Vector3().fromArray(points, 3 * k).applyMatrix4(this.work).project(this.eye);
       found.set([((1 + x) / 2) * width, ((1 - y) / 2) * height], 2 * k);
     }
     return found;
@@ -356,19 +367,19 @@ function dot() {
   return found;
 }
 
-/** @param {Pose} pose */
-const originOf = (pose) => new Vector3(pose[3], pose[7], pose[11]);
+/** @param {Matrix4} pose */
+const originOf = (pose) => new Vector3().setFromMatrixPosition(pose);
 
-/** Some points of a frame, in that of the base. @param {ArrayLike<number>} points (n, 3) @param {Pose} frame @returns {Vector3[]} */
+/** Some points of a frame, in that of the base. @param {ArrayLike<number>} points (n, 3) @param {Matrix4} frame @returns {Vector3[]} */
 function sampled(points, frame) {
   const step = 3 * Math.max(1, Math.floor(points.length / 450));
   const found = [];
-  for (let k = 0; k + 2 < points.length; k += step) found.push(new Vector3(...place(frame, [points[k], points[k + 1], points[k + 2]])));
+  for (let k = 0; k + 2 < points.length; k += step) found.push(new Vector3().fromArray(points, k).applyMatrix4(frame));
   return found;
 }
 
-/** @param {import("./vendor/three.js").Object3D} object @param {Pose} p */
+/** @param {import("./vendor/three.js").Object3D} object @param {Matrix4} p */
 function setMatrix(object, p) {
-  object.matrix.copy(new Matrix4().set(p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], 0, 0, 0, 1));
+  object.matrix.copy(p);
   object.matrixWorldNeedsUpdate = true;
 }

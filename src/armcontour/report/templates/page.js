@@ -26,9 +26,9 @@ async function load() {
 }
 
 async function loadViewer() {
-  const [three, kinematics, frames] = await Promise.all([addressOf("three"), addressOf("kinematics"), addressOf("page_frame")]);
-  const viewer = await addressOf("viewer", { "./vendor/three.js": three, "./kinematics.js": kinematics });
-  return { ...(await import(viewer)), ...(await import(frames)) };
+  const three = { "./vendor/three.js": await addressOf("three") };
+  const viewer = await addressOf("viewer", { ...three, "./kinematics.js": await addressOf("kinematics", three) });
+  return { ...(await import(viewer)), ...(await import(await addressOf("page_frame"))) };
 }
 
 // Draws the figures of what is open, and states when all are drawn.
@@ -58,12 +58,8 @@ async function showArm(figure) {
     if (rendererName() === null) throw new Error("no WebGL");
     const [arm, motion] = await Promise.all(["arm", "motion"].map(async (x) => frameOf(await unpack(`${figure.id}-${x}`).arrayBuffer())));
     player.hidden = false;
-    const views = [...player.querySelectorAll("[data-view]")];
-    const changed = () => views.forEach((x) => { x.ariaPressed = String(x.dataset.view === viewer.view); });
-    const viewer = createViewer(space, { arm }, { theme: "light", changed });
-    viewer.canvas.tabIndex = 0;
-    viewer.canvas.role = "img";
-    viewer.canvas.ariaLabel = "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.";
+    const viewer = createViewer(space, arm, "light");
+    player.append(viewer.bar);
     const paint = () => {
       const theme = DARK.matches ? "dark" : "light";
       viewer.setTheme(theme);
@@ -74,7 +70,6 @@ async function showArm(figure) {
     viewer.mark(motion.head.nearest?.points ?? null, null);
     enablePlayer(player, motion.arrays, viewer);
     viewer.look("Arm");
-    for (const x of views) x.addEventListener("click", () => viewer.look(x.dataset.view));
   } catch (error) {
     console.error(error);
     space.textContent = "This browser cannot draw the arm in space: it needs WebGL.";

@@ -15,7 +15,6 @@ import { CLICKED } from "./view2d.js";
 
 const NO_WEBGL = "The arm in space needs WebGL, which this browser does not provide.";
 const NOT_LOADED = "The arm could not be loaded: load the page again.";
-const VIEW_NAMES = ["Part", "Arm", "Top", "Side"];
 /** An interval of time in which the path is one piece, as a share of the duration, at least. */
 const FINEST = 1 / 4000;
 /** Within this distance a click selects a contour. */
@@ -44,10 +43,8 @@ class ArmView {
     /** @type {Motion | null} */
     this.motion = null;
     this.draw = oncePerFrame(() => this.drawNow());
-    const buttons = VIEW_NAMES.map((name) => make("button", { type: "button", text: name, "data-view": name, "aria-pressed": "false", onclick: () => this.viewer?.look(name) }));
-    this.bar = make("div", { class: "arm-bar", role: "toolbar", "aria-label": "View of the arm" }, buttons);
     this.note = make("p", { class: "arm-note", role: "status" });
-    this.box = make("div", { class: "arm-box" }, [this.bar, this.note]);
+    this.box = make("div", { class: "arm-box" }, [this.note]);
     this.region.append(this.box);
     new ResizeObserver(this.draw).observe(this.box);
   }
@@ -60,11 +57,10 @@ class ArmView {
       const { createViewer, rendererName } = await import("./viewer.js");
       if (rendererName() === null) this.problem = NO_WEBGL;
       else {
-        this.viewer = createViewer(this.box, { arm }, { theme: this.store.theme, changed: () => this.tellView() });
-        for (const [name, value] of Object.entries({
-          tabindex: "0", role: "img", class: "arm-canvas",
-          "aria-label": "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.",
-        })) this.viewer.canvas.setAttribute(name, value);
+        this.viewer = createViewer(this.box, arm, this.store.theme);
+        this.viewer.canvas.className = "arm-canvas";
+        this.viewer.bar.className = "arm-bar";
+        this.note.before(this.viewer.bar);
         this.listen(this.viewer.canvas);
       }
     } catch (error) {
@@ -83,10 +79,6 @@ class ArmView {
       if (!picture || !motion || !this.viewer || Math.hypot(offsetX - x, offsetY - y) > CLICKED) return;
       this.store.selectAt(new PieceGrid(this.viewer.project(motion.trail), startsOf(picture)).nearest(offsetX, offsetY, NEAR));
     });
-  }
-
-  tellView() {
-    for (const x of this.bar.children) x.setAttribute("aria-pressed", String(x.getAttribute("data-view") === this.viewer?.view));
   }
 
   /** Something that was read from a frame is to be read anew. @param {string} what */

@@ -55,10 +55,7 @@ class Files {
   /** @param {File} file @param {boolean} [log] whether it is a log of the robot; by its name and first line otherwise */
   async open(file, log) {
     if (file.size > LARGEST)
-      return notify(
-        `${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most 64 MB can be opened here.`,
-        "alarm",
-      );
+      return notify(`${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most 64 MB can be opened here.`, "alarm");
     if (!this.store.document) return notify("The Studio is starting: open the file in a moment.", "alarm");
     const { drawings, cells } = await known;
     const isDrawing = drawings.some((/** @type {string} */ ending) => file.name.toLowerCase().endsWith(ending));

@@ -1,7 +1,5 @@
 // Projection of obstacles onto the plane of the drawing: the hull of their corners.
 
-import { place, poseOf } from "./kinematics.js";
-
 /** @typedef {[number, number]} Point */
 /** @typedef {[number, number, number]} Vector */
 /**
@@ -20,10 +18,8 @@ export function planeOf(store) {
   const plane = store.latest("picture")?.head.plane;
   const work = store.latest("arm")?.head.work;
   if (!plane || !work) return plane;
-  const pose = poseOf(work);
-  const zero = place(pose, [0, 0, 0]);
-  const turned = (/** @type {number[]} */ axis) => place(pose, axis).map((c, k) => c - zero[k]);
-  return { origin: place(pose, plane.origin), x: turned(plane.x), y: turned(plane.y) };
+  const turned = (/** @type {number[]} */ axis) => [0, 1, 2].map((k) => dot(work[k], axis));
+  return { origin: turned(plane.origin).map((x, k) => x + work[k][3]), x: turned(plane.x), y: turned(plane.y) };
 }
 
 /** Obstacles of the job that stand on the base. @param {Store} store @returns {Obstacle[]} */

@@ -11,10 +11,6 @@ import { html, render } from "./vendor/preact.js";
 const MAX_ROWS = 500;
 const AXES = ["x", "y", "z"];
 
-/** A table with a sentence above it. @param {{title: string, note: string, columns: string[], rows: any[]}} props */
-const Rows = ({ title, note, columns, rows }) => html`<p class="quiet">${note}</p>
-  ${rows.length > 0 && html`<table><caption class="unseen">${title}</caption><${Heads} names=${columns} /><tbody>${rows.slice(0, MAX_ROWS)}</tbody></table>`}`;
-
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   const region = find("#tab-waypoints");
@@ -47,8 +43,8 @@ export function init(store, link) {
     };
     const columns = ["(number)", ...AXES.slice(0, points[0]?.written.length), "(actions)"];
     render(
-      html`
-        <${Rows} title="Waypoints" note=${note} columns=${columns} rows=${points.slice(0, MAX_ROWS).map(row)} />`,
+      html`<p class="quiet">${note}</p>
+        ${points.length > 0 && html`<table><caption class="unseen">Waypoints</caption><${Heads} names=${columns} /><tbody>${points.slice(0, MAX_ROWS).map(row)}</tbody></table>`}`,
       region,
     );
     if (points.length <= inserted.count) return;
