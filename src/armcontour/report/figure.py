@@ -33,10 +33,13 @@ HINT = (
 )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Picture:
     """A figure or a drawing of a report, which can also be a page of its own."""
 
     title: str
+    # Width in sixths of the section
+    span: int = WHOLE
     # Data of the picture that are no figures
     frames: tuple[PageFrame, ...] = ()
 
@@ -114,12 +117,9 @@ class Plot:
 class Figure(Picture):
     """Plots in rows and columns, which share the pointer, the zoom and the legend."""
 
-    title: str
     plots: tuple[Plot, ...]
     # Titles of the columns
     columns: tuple[str, ...] = ("",)
-    # Width in sixths of the section
-    span: int = WHOLE
 
     def to_html(self, key: str) -> str:
         """Render title and place of the figure; the page has its data by its key."""

@@ -15,7 +15,7 @@ from armcontour.jobs import Job, RunResult
 from armcontour.motion import Trajectory
 from armcontour.planning.explanation import RAPIDS
 from armcontour.report.arm_picture import arm_frame, nearest_pair
-from armcontour.report.figure import WHOLE, Picture
+from armcontour.report.figure import Picture
 from armcontour.report.outline import simplify
 from armcontour.report.page_frame import PageFrame
 from armcontour.report.plan_drawing import pieces_of, rapid_paths
@@ -34,13 +34,7 @@ VISIBLE = 1 / 4000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MovingArm(Picture):
-    """The arm and its cell in space, with a slider of the time."""
-
-    title: str
-    # Frames of the arm and of its motion
-    frames: tuple[PageFrame, PageFrame]
-    # Width in sixths of the section
-    span: int = WHOLE
+    """The arm and its cell in space, with a slider of the time; `frames`: arm and motion."""
 
     def to_html(self, key: str) -> str:
         """Render title and controls; the page draws the arm by the frames with its key."""

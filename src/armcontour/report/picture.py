@@ -30,6 +30,7 @@ from armcontour.report.view import (
     drawn_points,
     essential_points,
     in_space,
+    points_at,
     sample_times,
     select_points,
     to_float32,
@@ -355,24 +356,13 @@ def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
     chosen = sorted(worst, key=lambda x: x.s)
     s = np.array([x.s for x in chosen])
     times = planned.trajectory.time_at(s).tolist()
-    uv_points = view.uv(_points_at(planned.path, s)).tolist()
+    uv_points = view.uv(points_at(planned.path, s)).tolist()
     contours = np.searchsorted(planned.path.breaks[1:-1], s, side="right").tolist()
     return [
         {"s": x.s, "t": t, "uv": uv, "contour": contour, "kind": x.kind}
         | {"sentence": f"{x.reason}: {number(x.speed, 'm/s')} of {number(x.assigned, 'm/s')}"}
         for x, t, uv, contour in zip(chosen, times, uv_points, contours, strict=True)
     ]
-
-
-def _points_at(program: Program, s: FloatArray) -> FloatArray:
-    """Points at arc lengths that are cumulated over all contours [m], (n, dimension)."""
-    breaks = program.breaks
-    contour_indices = np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2)
-    points = np.empty((len(s), program.dimension))
-    for k in np.unique(contour_indices).tolist():
-        path, mask = program.contours[k].path, contour_indices == k
-        points[mask] = path(np.clip(s[mask] - breaks[k], 0.0, path.length))
-    return points
 
 
 def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:

@@ -17,8 +17,9 @@ from armcontour.core.text import count_noun
 from armcontour.jobs import Job, RunResult
 from armcontour.planning.explanation import BETWEEN, RAPIDS, Binding, LimitShare
 from armcontour.program import Contour, Process, cut_parts, idle_parts
-from armcontour.report.figure import WHOLE, Picture
+from armcontour.report.figure import Picture
 from armcontour.report.outline import fine_places, simplify
+from armcontour.report.view import points_at
 
 # Width, maximum and minimum height, and margin of the drawing [px].
 WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 440.0, 190.0, 34.0
@@ -93,15 +94,12 @@ Tab = tuple[Contour, float, float, float]
 class Drawing(Picture):
     """A drawing with its legends."""
 
-    title: str
     svg: str
     keys: tuple[Key, ...]
     # Kinds of limits, in order of decreasing time
     legend: tuple[LegendEntry, ...] = ()
     # Ids of marks, by names of the values that they show
     places: Mapping[str, str] = field(default_factory=dict)
-    # Width in sixths of the section
-    span: int = WHOLE
 
     def to_html(self, key: str) -> str:
         """Render title, drawing and legend."""
@@ -491,10 +489,7 @@ def _extremes(result: RunResult, prefix: str) -> Iterator[tuple[str, str, Mark]]
 
 def _at(result: RunResult, s: float) -> FloatArray:
     """Point at an arc length over all contours [m], (dimension,)."""
-    breaks = result.path.breaks
-    k = int(np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2))
-    contour = result.path.contours[k]
-    return np.asarray(contour.path(min(s - breaks[k], contour.path.length)))
+    return np.asarray(points_at(result.path, np.array([s]))[0])
 
 
 def _limit_marks(result: RunResult, prefix: str) -> dict[str, Mark]:

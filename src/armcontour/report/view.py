@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path, Segments
+from armcontour.program import Program
 
 # Spacing [s] and maximum number of evenly spaced times of a motion. With this spacing, linear
 # interpolation has an error of 0.3 mrad at 20 rad/s².
@@ -64,8 +65,7 @@ class View:
 
     def uv(self, points: FloatArray) -> FloatArray:
         """Project points [m], (n, 2 or 3), to coordinates in the plane [m], (n, 2)."""
-        axes = np.stack([self.plane.x, self.plane.y], axis=1)
-        return np.asarray((in_space(points) - self.plane.origin) @ axes)
+        return self.plane.uv(in_space(points))
 
     def screen_points(self, points: FloatArray) -> FloatArray:
         """Project points to coordinates relative to the centre [m], float32, (n, 2)."""
@@ -80,7 +80,7 @@ class View:
         """Return whether all points are within 0.1 µm of the plane."""
         if points.shape[-1] == 2:
             return True
-        away = (in_space(points) - self.plane.origin) @ np.cross(self.plane.x, self.plane.y)
+        away = (in_space(points) - self.plane.origin) @ self.plane.normal
         return bool(np.abs(away).max(initial=0.0) < 1e-7)
 
     @property
@@ -98,6 +98,17 @@ def in_space(points: FloatArray) -> FloatArray:
     if points.shape[-1] == 3:
         return points
     return np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
+
+
+def points_at(program: Program, s: FloatArray) -> FloatArray:
+    """Points at arc lengths that are cumulated over all contours [m], (n, dimension)."""
+    breaks = program.breaks
+    contour_indices = np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2)
+    points = np.empty((len(s), program.dimension))
+    for k in np.unique(contour_indices).tolist():
+        path, mask = program.contours[k].path, contour_indices == k
+        points[mask] = path(np.clip(s[mask] - breaks[k], 0.0, path.length))
+    return points
 
 
 def to_float32(values: FloatArray) -> Any:
