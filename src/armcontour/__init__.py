@@ -47,7 +47,7 @@ _HOME = {
     "planning.tracing": "trace",
     "program": "Contour Dwell Event Process Program Rapid prepare round_corners",
     "report": "write_report",
-    "robot": "Arm Limits Payload PlanarTwoLink Rail SerialArm",
+    "robot": "Arm Limits Payload PlanarTwoLink Positioner PositionerAxis Rail SerialArm",
     "robot.scene": "Obstacle Scene",
     "robot.servo": "ServoModel",
     "simulation": "RigidBodyPlant ServoPlant simulate",

@@ -62,6 +62,8 @@ from armcontour.robot import Arm as Arm
 from armcontour.robot import Limits as Limits
 from armcontour.robot import Payload as Payload
 from armcontour.robot import PlanarTwoLink as PlanarTwoLink
+from armcontour.robot import Positioner as Positioner
+from armcontour.robot import PositionerAxis as PositionerAxis
 from armcontour.robot import Rail as Rail
 from armcontour.robot import SerialArm as SerialArm
 from armcontour.robot.scene import Obstacle as Obstacle

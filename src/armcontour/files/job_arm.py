@@ -62,11 +62,16 @@ def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
     key, name = ("name", str(model.name)) if model.file is None else ("file", folder / model.file)
     with error_context("", "arm", key):
         arm = load_arm(name, options, tool=tool, work=work, payload=model.payload)
-    if model.rail is None:
+    if model.rail is None and model.positioner is None:
         return arm
     if not isinstance(arm, SerialArm):
-        raise InvalidInput(f"The planar arm {arm.name} does not support a rail. Remove arm.rail.")
-    return arm.with_rail(model.rail)
+        raise InvalidInput(
+            f"The planar arm {arm.name} does not support external axes. Remove arm.rail and "
+            "arm.positioner."
+        )
+    if model.rail is not None:
+        arm = arm.with_rail(model.rail)
+    return arm if model.positioner is None else arm.with_positioner(model.positioner)
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:

@@ -41,7 +41,7 @@ from armcontour.planning.options import FASTEST
 from armcontour.program import ContourProcess, Process
 from armcontour.robot import Limits
 from armcontour.robot.bodies import Payload
-from armcontour.robot.external_axes import Rail
+from armcontour.robot.external_axes import Positioner, Rail
 from armcontour.robot.servo import ServoModel
 
 # Topic of options in the help of commands.
@@ -120,6 +120,7 @@ class ArmModel(ArmOptions):
         payload: Payload at the tip.
         shapes: Additional shapes of links, such as hoses and cameras, in the frames of the links.
         rail: A linear axis that carries the arm.
+        positioner: Axes between the floor and the part.
     """
 
     name: str | None = None
@@ -129,6 +130,7 @@ class ArmModel(ArmOptions):
     payload: Payload | None = None
     shapes: list[LinkShapeModel] | None = None
     rail: Rail | None = None
+    positioner: Positioner | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

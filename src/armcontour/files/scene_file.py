@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Annotated, Literal
 
@@ -103,7 +103,14 @@ def more_link_shapes(
 ) -> tuple[LinkShape, ...]:
     """Shapes that a job adds to links of its arm; the models specify them in the link frames."""
     links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
-    links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
+    links |= {BASE: arm.chain.floor_link}
+    links |= {name: k for k, name in enumerate(arm.joint_names, start=1)}
+    # The body after an axis of a positioner, from the floor, is before its joint, from the part.
+    # Its frame is that of the floor with the positioner at 0.
+    frames = {k: Frame() for k in range(arm.dof + 1)}
+    for k, name in enumerate(arm.joint_names[: arm.chain.floor_link]):
+        links[name] = k
+        frames[k] = Frame(position=-arm.chain.positions[:k].sum(axis=0))
     shapes = []
     for model in models:
         key = f"arm.shapes: {model.name}"
@@ -112,7 +119,8 @@ def more_link_shapes(
                 f"{key}: link must be one of {list_some(list(links), MAX_NAMED)}, but is "
                 f"{model.link!r}."
             )
-        shapes.append(_link_shape(key, model, folder, links[model.link]))
+        shape = _link_shape(key, model, folder, links[model.link])
+        shapes.append(replace(shape, place=frames[shape.link] @ shape.place))
     return tuple(shapes)
 
 
@@ -265,7 +273,7 @@ class LinkShapeModel(BodyModel):
 
     Args:
         link: The link: the name of a joint for the link after this joint, the name of another shape
-            of the link, or `base`.
+            of the link, or `base`. The frame of the links of a positioner is that of its origins.
     """
 
     link: str

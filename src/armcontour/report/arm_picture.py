@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 from itertools import product
 from typing import Any
@@ -27,9 +28,10 @@ from armcontour.robot.scene import (
     Sphere,
 )
 
-# The page computes the link poses: the pose of link i in the frame of link i - 1 is the `origin` of
-# its joint, followed by a rotation by q[i] about `axis`, or by a translation by q[i] along it.
-# Link 0 is the base. The tool is fixed to the last link.
+# The page computes the link poses: the pose of link i in the frame of link `parent` is the `origin`
+# of its joint, followed by a rotation by q[column] about `axis`, or by a translation along it.
+# Link 0 is the base, or the floor, so that a positioner moves the part. The tool is fixed to the
+# last link.
 
 # Number of sides of the polygons that approximate circles.
 SIDES = 24
@@ -44,31 +46,54 @@ def arm_frame(job: Job) -> PageFrame:
     arm, chain = job.arm, job.arm.chain
     base = chain.base
     bodies, arrays = _bodies(arm, chain, job.scene or Scene())
-    lower, upper = arm.limits.joint_range(arm.dof)
-    slides = chain.slides
+    part, at = _on_floor(chain, 0, base.inverse)
     header = {
         "name": arm.name,
         "planar": arm.dimension == 2,
-        "joints": [
-            {
-                "name": name,
-                "type": "prismatic" if slides[k] else "revolute",
-                "parent": k,
-                "axis": chain.axes[k],
-                "origin": matrix(Frame(position=chain.positions[k], rotation=chain.rotations[k])),
-                "limits": [lower[k], upper[k]],
-            }
-            for k, name in enumerate(arm.joint_names)
-        ],
+        "joints": list(_joints(arm)),
         "tool": matrix(chain.tip @ chain.tool),
         "tip": matrix(chain.tip),
         "base": matrix(base),
         "work": matrix(base.inverse),
+        "part": {"link": part, "at": matrix(at)},
         "reach": _reach(arm),
         "bodies": bodies,
         "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are unknown."],
     }
     return PageFrame("arm", header, arrays)
+
+
+def _joints(arm: Arm) -> Iterator[dict[str, Any]]:
+    """Joints from the floor: those of a positioner from the floor to the part, then the arm's."""
+    chain = arm.chain
+    lower, upper = arm.limits.joint_range(arm.dof)
+    first, part = chain.floor_link, chain.part_branch
+    branches = [(chain.arm_branch, np.arange(first, arm.dof), first)]
+    if part is not None:
+        branches.insert(0, (part, np.arange(first)[::-1], 0))
+    for branch, columns, carried in branches:
+        for k, column in enumerate(columns.tolist()):
+            yield {
+                "name": branch.joints[k],
+                "type": "prismatic" if branch.slides[k] else "revolute",
+                "parent": k + carried if k else 0,
+                "column": column,
+                "axis": branch.axes[k],
+                "origin": matrix(Frame(position=branch.positions[k], rotation=branch.rotations[k])),
+                "limits": [lower[column], upper[column]],
+            }
+
+
+def _on_floor(chain: Chain, link: int, pose: Frame) -> tuple[int, Frame]:
+    """Index of a link among those from the floor, and a pose in its frame."""
+    first, positioner = chain.floor_link, chain.positioner
+    if positioner is None or link > first:
+        return link, pose
+    if link == first:
+        return 0, chain.floor.inverse @ pose
+    # The links of a positioner have parallel frames with all joints at 0.
+    here, there = chain.positions[:link].sum(axis=0), positioner.axes[first - 1 - link].origin
+    return first - link, Frame(position=here - there) @ pose
 
 
 def nearest_pair(result: RunResult) -> dict[str, Any] | None:
@@ -100,6 +125,7 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
 
     def add(name: str, link: int, colour: str, pose: Frame, corners: FloatArray) -> None:
         array = f"body{len(bodies)}"
+        link, pose = _on_floor(chain, link, pose)
         arrays[array] = np.asarray(corners, dtype=np.float32)
         look = {"name": name, "link": link, "colour": colour}
         bodies.append({**look, "triangles": array, "at": matrix(pose)})
@@ -114,21 +140,20 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
             triangles_of(link_shape.exact or link_shape.shape),
         )
     for obstacle in scene.obstacles:
-        # Obstacles are drawn in the base frame (link 0); `chain.base` is the pose of this frame in
-        # the work frame.
-        pose = obstacle.place
-        if obstacle.fixed_to != BASE:
-            pose = chain.base.inverse @ pose
+        # `chain.base` is the pose of the base or table (link 0) in the work frame.
+        on_floor = obstacle.fixed_to == BASE
+        link = chain.floor_link if on_floor else 0
+        pose = (chain.floor if on_floor else chain.base.inverse) @ obstacle.place
         if isinstance(obstacle.shape, HalfSpace):
             # The table is centred below the base, regardless of the origin of its half-space.
             foot = -(pose.rotation.T @ pose.position) * [1, 1, 0]
             pose = pose @ Frame(position=foot + [0, 0, -TABLE_THICKNESS / 2])
             side = 2 * TABLE_SIZE * max(_reach(arm), 0.5)
             corners = triangles_of(Box(size=np.array([side, side, TABLE_THICKNESS])))
-            add(obstacle.name, 0, "table", pose, corners)
+            add(obstacle.name, link, "table", pose, corners)
         else:
             colour = "part" if obstacle.fixed_to == PART else "obstacle"
-            add(obstacle.name, 0, colour, pose, triangles_of(obstacle.shape))
+            add(obstacle.name, link, colour, pose, triangles_of(obstacle.shape))
     return bodies, arrays
 
 

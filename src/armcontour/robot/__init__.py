@@ -7,7 +7,7 @@ _HOME = {
     "bodies": "Payload",
     "chain": "Chain",
     "dynamics": "Dynamics",
-    "external_axes": "Rail",
+    "external_axes": "Positioner PositionerAxis Rail",
     "limits": "Limits",
     "planar": "PlanarTwoLink",
     "serial": "SerialArm",

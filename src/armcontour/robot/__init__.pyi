@@ -4,6 +4,8 @@ from armcontour.robot.arm import resolve_limits as resolve_limits
 from armcontour.robot.bodies import Payload as Payload
 from armcontour.robot.chain import Chain as Chain
 from armcontour.robot.dynamics import Dynamics as Dynamics
+from armcontour.robot.external_axes import Positioner as Positioner
+from armcontour.robot.external_axes import PositionerAxis as PositionerAxis
 from armcontour.robot.external_axes import Rail as Rail
 from armcontour.robot.limits import Limits as Limits
 from armcontour.robot.planar import PlanarTwoLink as PlanarTwoLink

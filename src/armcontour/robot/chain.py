@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import field
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
-from armcontour.core.frames import Frame, rotations
+from armcontour.core.frames import Frame, exp, rotations
 from armcontour.core.quantities import (
     Axes,
     CoulombFrictions,
@@ -25,8 +26,13 @@ from armcontour.core.quantities import (
     linear_unit,
 )
 from armcontour.robot.bodies import INERTIA, Payload, check_inertia
-from armcontour.robot.external_axes import Rail
+from armcontour.robot.external_axes import Positioner, PositionerAxis, Rail
 
+# Fields with one row per joint
+PER_JOINT = (
+    *("rotations", "positions", "axes", "masses", "centers", "inertias"),
+    *("armature", "viscous", "coulomb", "weights"),
+)
 # Fields that change often and have their own checks, so that `replace` need not check the links.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = checks.frozen_array([0.0, 0.0, -9.81])
@@ -56,11 +62,17 @@ class Chain(Checked):
         coulomb: Coulomb friction of the joints [N m], (n,).
         prismatic: Whether each joint is prismatic (sliding), (n,); by default all are revolute.
         weights: Weights of the motion of the joints, if the arm is redundant, (n,); 1 by default.
+        held: Positions at which some joints stay [rad], by index.
+        positioner: The positioner whose axes are the first joints, from the part to the floor. The
+            base is then the table, and its frame is that of the floor with these joints at 0.
+        floor_link: Index of the link that stands on the floor; 0 is the base.
+        floor: Frame of the floor, which is that of the arm's base or rail, in the frame of this
+            link.
         base: Frame of the base in the work frame, in which tool points are given.
         tip: Frame of the end of the chain (the flange) in the frame of the last link.
         tool: Tool frame in the frame of the tip. Its origin follows paths; its z axis is the tool
             axis.
-        gravity: Acceleration of gravity in the frame of the base [m/s²], (3,).
+        gravity: Acceleration of gravity in the frame of the floor [m/s²], (3,).
         payload: Load at the tip.
         assumed: Assumed data and the rule by which they are assumed; empty if none are assumed.
 
@@ -81,6 +93,10 @@ class Chain(Checked):
     coulomb: Annotated[CoulombFrictions, Axes("joints")] | None = None
     prismatic: Annotated[tuple[bool, ...], Axes("joints")] | None = None
     weights: Annotated[FloatArray, Quantity("", sign="positive"), Axes("joints")] | None = None
+    held: Mapping[int, float] = field(default_factory=dict)
+    positioner: Positioner | None = None
+    floor_link: int = 0
+    floor: Frame = field(default_factory=Frame)
     base: Frame = field(default_factory=Frame)
     tip: Frame = field(default_factory=Frame)
     tool: Frame = field(default_factory=Frame)
@@ -135,21 +151,133 @@ class Chain(Checked):
             return units[joint]
         return units[0] if len(set(units)) == 1 else ", ".join(units)
 
-    @checked
+    @property
+    def arm_branch(self) -> Chain:
+        """The chain from the floor to the tool, without the positioner."""
+        if self.positioner is None:
+            return self
+        rows = self._rows(np.arange(self.floor_link, len(self)))
+        first = Frame(position=rows["positions"][0], rotation=rows["rotations"][0])
+        first = self.floor.inverse @ first
+        rows["positions"][0], rows["rotations"][0] = first.position, first.rotation
+        return self.replace(**rows, **FROM_FLOOR)
+
+    @property
+    def part_branch(self) -> Chain | None:
+        """The chain from the floor to the part, its payload; its joints have the opposite order."""
+        if self.positioner is None:
+            return None
+        axes, count = self.positioner.axes, self.floor_link
+        origins = np.array([x.origin for x in axes])
+        # Centres of bodies are in the frames of the axes.
+        centers = [x.origin if x.center is None else x.center for x in axes] - origins
+        return Chain(
+            joints=self.joints[:count][::-1],
+            rotations=np.tile(np.eye(3), (count, 1, 1)),
+            positions=np.diff(origins, axis=0, prepend=0.0),
+            axes=_directions(axes),
+            masses=np.array([x.mass for x in axes]),
+            centers=centers,
+            inertias=np.array([x.inertia for x in axes]),
+            **{x: getattr(self, x)[:count][::-1] for x in ("armature", "viscous", "coulomb")},
+            tip=Frame(position=-origins[-1]) @ self.base.inverse,
+            gravity=self.gravity,
+            payload=self.positioner.part,
+        )
+
     def on_rail(self, rail: Rail) -> Chain:
         """The chain with a rail as the first joint."""
-        along = rail.axis / np.linalg.norm(rail.axis)
-        first: dict[str, npt.ArrayLike] = {
-            "rotations": np.eye(3), "positions": np.zeros(3), "axes": along, "masses": rail.mass,
-            "centers": np.zeros(3), "inertias": np.zeros((3, 3)), "weights": rail.weight,
-            **dict.fromkeys(("armature", "viscous", "coulomb"), 0.0),
-        }  # fmt: skip
-        values = {x: getattr(self, x) for x in first}
-        # The arm's base is the link of the rail.
-        values["positions"] = self.positions + np.eye(len(self))[:, :1] * rail.origin
-        joined = {x: np.concatenate([[first[x]], y]) for x, y in values.items() if y is not None}
-        kinds = (True, *(self.prismatic or ()))
-        return self.replace(joints=("rail", *self.joints), prismatic=kinds, **joined)
+        if self.positioner is not None:
+            raise InvalidInput("The arm already has a positioner: add its rail first.")
+        return self._with_first(
+            ("rail",), [rail], rail.origin, prismatic=True, positions=np.zeros((1, 3))
+        )
+
+    def on_positioner(self, positioner: Positioner) -> Chain:
+        """The chain from the part over the axes of a positioner and the floor to the tool."""
+        if self.positioner is not None:
+            raise InvalidInput("The arm already has a positioner.")
+        # The transform from the floor to the part is the product of the motions of the axes. Its
+        # inverse is the product of the opposite motions in the opposite order.
+        axes = positioner.axes[::-1]
+        origins = np.array([x.origin for x in axes])
+        chain = self._with_first(
+            tuple(x.name for x in axes),
+            axes,
+            -origins[-1],
+            prismatic=False,
+            axes=-_directions(axes),
+            positions=np.diff(origins, axis=0, prepend=0.0),
+            # The bodies are in the first branch.
+            masses=np.zeros(len(axes)),
+        )
+        floor = Frame(position=-origins[-1])
+        return chain.replace(positioner=positioner, floor_link=len(axes), floor=floor)
+
+    def _with_first(
+        self,
+        names: tuple[str, ...],
+        added: Sequence[Rail | PositionerAxis],
+        offset: FloatArray,
+        *,
+        prismatic: bool,
+        **changes: FloatArray,
+    ) -> Chain:
+        """The chain with joints before its own, which are moved by an offset [m], (3,)."""
+        n = len(names)
+        if clash := set(names) & set(self.joints):
+            raise InvalidInput(f"The arm already has a joint of the name {min(clash)}.")
+        first: dict[str, FloatArray] = {
+            "rotations": np.tile(np.eye(3), (n, 1, 1)), "axes": _directions(added),
+            "masses": np.array([x.mass for x in added]), "centers": np.zeros((n, 3)),
+            "inertias": np.zeros((n, 3, 3)), "weights": np.array([x.weight for x in added]),
+            **dict.fromkeys(("armature", "viscous", "coulomb"), np.zeros(n)),
+        } | changes  # fmt: skip
+        own = self._rows(np.arange(len(self)))
+        own["positions"][0] += offset
+        held = {k: x.hold for k, x in enumerate(added) if x.hold is not None}
+        return self.replace(
+            **{x: np.concatenate([first[x], rows]) for x, rows in own.items() if x in PER_JOINT},
+            joints=(*names, *self.joints),
+            prismatic=(*[prismatic] * n, *own["prismatic"]),
+            held=held | {k + n: x for k, x in self.held.items()},
+        )
+
+    def without_held(self) -> Chain:
+        """The chain for kinematics in which the held joints are rigid."""
+        frames, before, floor = [], Frame(), self.floor
+        for k in range(len(self)):
+            before = before @ Frame(position=self.positions[k], rotation=self.rotations[k])
+            if k in self.held:
+                moved = self.held[k] * self.axes[k]
+                rigid = Frame(position=moved) if self.slides[k] else Frame(rotation=exp(moved))
+                before = before @ rigid
+            else:
+                frames.append(before)
+                before = Frame()
+            if k + 1 == self.floor_link:
+                floor = before @ floor
+        moving = np.setdiff1d(np.arange(len(self)), list(self.held))
+        return self.replace(
+            **self._rows(moving)
+            | {
+                "positions": np.array([x.position for x in frames]),
+                "rotations": np.array([x.rotation for x in frames]),
+                **dict.fromkeys(("masses", "centers", "inertias")),
+            },
+            held={},
+            floor_link=int(np.sum(moving < self.floor_link)),
+            floor=floor,
+            tip=before @ self.tip,
+        )
+
+    def _rows(self, joints: IntArray) -> dict[str, Any]:
+        """Fields with one value per joint, for some of the joints."""
+        rows = {x: getattr(self, x) for x in PER_JOINT}
+        chosen: dict[str, Any] = {x: y[joints] for x, y in rows.items() if y is not None}
+        for name in ("joints", "prismatic"):
+            chosen[name] = tuple(getattr(self, name)[k] for k in joints)
+        return chosen
 
     def replace(self, **changes: object) -> Chain:
         """A copy of the chain with some of its data changed."""
@@ -161,6 +289,22 @@ class Chain(Checked):
         for name, value in changes.items():
             object.__setattr__(chain, name, value)
         return chain
+
+
+# Fields of the branch of the arm
+FROM_FLOOR: dict[str, Any] = {
+    "held": {},
+    "positioner": None,
+    "floor_link": 0,
+    "floor": Frame(),
+    "base": Frame(),
+}
+
+
+def _directions(axes: Sequence[Rail | PositionerAxis]) -> FloatArray:
+    """Unit vectors of the axes, (n, 3)."""
+    along = np.array([x.axis for x in axes], dtype=np.float64)
+    return np.asarray(along / np.linalg.norm(along, axis=1, keepdims=True))
 
 
 def state_rows(dof: int, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:

@@ -30,8 +30,14 @@ class Dynamics:
         if chain.masses is None:
             raise InvalidInput("Dynamics require the masses of the links, but the chain has none.")
         self.chain = chain
-        self._links = _link_data(chain)
-        self._gravity = np.array(chain.gravity)
+        # Bodies of different branches do not act on each other. Columns of the joints of each
+        # branch, its links, and gravity
+        arm, part, first = chain.arm_branch, chain.part_branch, chain.floor_link
+        rest = np.arange(first, len(chain))
+        self._branches = [(rest, _link_data(arm), np.array(arm.gravity))]
+        if part is not None:
+            reversed_columns = np.arange(first)[::-1]
+            self._branches.append((reversed_columns, _link_data(part), np.array(part.gravity)))
         self._friction = np.asarray(chain.viscous), np.asarray(chain.coulomb)
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
@@ -51,10 +57,18 @@ class Dynamics:
         """Coefficients a, b, c of the torque `a dds + b ds² + c` along a path, without friction."""
         from armcontour.robot import kernels
 
-        leading, rows = state_rows(len(self.chain), q, dq_ds, d2q_ds2)
-        a, b, c = kernels.path_terms(self._links, self._gravity, *rows)
+        leading, states = state_rows(len(self.chain), q, dq_ds, d2q_ds2)
         shape = (*leading, len(self.chain))
-        return a.reshape(shape), b.reshape(shape), c.reshape(shape)
+        if len(self._branches) == 1:
+            _, links, gravity = self._branches[0]
+            a, b, c = kernels.path_terms(links, gravity, *states)
+            return a.reshape(shape), b.reshape(shape), c.reshape(shape)
+        terms = np.empty((3, *states[0].shape))
+        for columns, links, gravity in self._branches:
+            rows = [np.ascontiguousarray(x[:, columns]) for x in states]
+            terms[:, :, columns] = kernels.path_terms(links, gravity, *rows)
+        a, b, c = terms.reshape(3, *shape)
+        return a, b, c
 
     def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
         """Mass matrix: torque per joint acceleration [kg m²], (n, dof, dof)."""

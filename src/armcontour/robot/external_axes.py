@@ -1,4 +1,4 @@
-"""External axes of an arm's cell: a rail that carries the arm."""
+"""External axes of an arm's cell: a rail that carries the arm, a positioner that turns the part."""
 
 from __future__ import annotations
 
@@ -12,17 +12,28 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import (
     Acceleration,
+    Angle,
+    AngularAcceleration,
+    AngularJerk,
+    AngularRate,
     Axes,
     Direction,
     Force,
+    Items,
     Jerk,
     Length,
     Mass,
+    Name,
     Quantity,
     Speed,
+    Torque,
 )
+from armcontour.robot.bodies import TENSOR, Payload, check_inertia
 
 Weight = Annotated[float, Quantity("", sign="positive")]
+Point = Annotated[FloatArray, Quantity("m", "5 mm"), Axes(3)]
+# Angle between the tool axis and gravity [rad].
+Tilt = Annotated[float, Quantity("rad", "10 deg", within=(1e-3, np.pi))]
 
 
 @declared(eq=False)
@@ -46,9 +57,10 @@ class Rail(Checked):
         mass: Mass of the carriage and of the arm's base, which the force accelerates [kg].
         weight: Weight of the motion of the rail, relative to that of the other joints. With a
             larger weight the rail moves less, and the arm reaches farther.
+        hold: Position at which the rail stays [m]; by default it moves.
 
     Raises:
-        InvalidInput: The axis is zero, or the range is empty.
+        InvalidInput: The axis is zero, the range is empty, or `hold` is outside.
     """
 
     axis: Direction
@@ -58,17 +70,107 @@ class Rail(Checked):
     lower: Length = 0.0
     jerk: Jerk | None = None
     force: Force | None = None
-    origin: Annotated[FloatArray, Quantity("m", "5 mm"), Axes(3)] = field(
-        default_factory=lambda: np.zeros(3)
-    )
+    origin: Point = field(default_factory=lambda: np.zeros(3))
     mass: Mass = 0.0
     weight: Weight = 1.0
+    hold: Length | None = None
 
     def _check_together(self) -> None:
-        if not np.linalg.norm(self.axis) > 0:
-            raise InvalidInput("The axis of a rail must be a direction, but is zero.")
-        if self.lower >= self.upper:
-            raise InvalidInput(
-                f"The range of a rail is empty. lower ({self.lower:g} m) must be less than upper "
-                f"({self.upper:g} m)."
-            )
+        _check_axis("a rail", "m", self)
+
+
+@declared(eq=False)
+class PositionerAxis(Checked):
+    """An axis that turns the part, or the next axis, with all axes of the positioner at 0.
+
+    Args:
+        name: Name of the joint.
+        axis: Direction of the axis, along the axes of the arm's base (of the rail, if there is
+            one), as all positions here.
+        origin: A point of the axis [m], (3,).
+        lower, upper: Ends of its range [rad].
+        velocity: Largest velocity [rad/s].
+        acceleration: Largest acceleration [rad/s²].
+        jerk: Largest jerk [rad/s³]; by default unlimited.
+        torque: Largest torque of its drive [N m]; by default unlimited.
+        mass: Mass of the body between this axis and the next one, or of the table [kg].
+        center: Its centre of mass [m], (3,); by default the origin.
+        inertia: Its inertia about the centre of mass [kg m²], (3, 3); that of a point by default.
+        weight: Weight of its motion, as that of a rail.
+        hold: Position at which the axis stays [rad]; by default it moves.
+
+    Raises:
+        InvalidInput: The axis is zero, the range is empty, `hold` is outside, or no body can have
+            the inertia.
+    """
+
+    name: Name
+    axis: Direction
+    origin: Point
+    lower: Angle
+    upper: Angle
+    velocity: AngularRate
+    acceleration: AngularAcceleration
+    jerk: AngularJerk | None = None
+    torque: Torque | None = None
+    mass: Mass = 0.0
+    center: Point | None = None
+    inertia: Annotated[FloatArray, Quantity("kg m^2"), Axes(3, 3), TENSOR] = field(
+        default_factory=lambda: np.zeros((3, 3))
+    )
+    weight: Weight = 1.0
+    hold: Angle | None = None
+
+    def _check_together(self) -> None:
+        _check_axis(f"the axis {self.name} of a positioner", "rad", self)
+        check_inertia(f"the body after {self.name}", self.inertia)
+
+
+@declared(eq=False)
+class Positioner(Checked):
+    """Axes between the floor and the part, which turn the part while the arm works on it.
+
+    Paths, tool speeds and tool limits are relative to the part. The axes are the first joints of
+    the arm, in the order from the part to the floor.
+
+    >>> turntable = ac.PositionerAxis(
+    ...     name="turn", axis=(0.0, 0.0, 1.0), origin=(0.8, 0.0, 0.0), lower=-6.0, upper=6.0,
+    ...     velocity=1.0, acceleration=2.0,
+    ... )
+    >>> ac.load_arm("ur10e").with_positioner(ac.Positioner(axes=(turntable,))).dof
+    7
+
+    Args:
+        axes: The axes, from the floor to the part.
+        part: Load of the part, in the frame of the part.
+        tilt: Largest angle between the tool axis and gravity [rad]: the positioner turns the part
+            so that the tool points downwards. By default any angle is allowed.
+
+    Raises:
+        InvalidInput: There is no axis, or two axes have one name.
+    """
+
+    axes: Annotated[tuple[PositionerAxis, ...], Items(1, 6)]
+    part: Payload | None = None
+    tilt: Tilt | None = None
+
+    def _check_together(self) -> None:
+        names = [x.name for x in self.axes]
+        if len(set(names)) < len(names):
+            raise InvalidInput(f"Axes of the positioner have the same name: {', '.join(names)}.")
+
+
+def _check_axis(called: str, unit: str, axis: Rail | PositionerAxis) -> None:
+    if not np.linalg.norm(axis.axis) > 0:
+        raise InvalidInput(f"The axis of {called} must be a direction, but is zero.")
+    lower, upper = axis.lower, axis.upper
+    if lower >= upper:
+        raise InvalidInput(
+            f"The range of {called} is empty: lower ({lower:g} {unit}) must be less than upper "
+            f"({upper:g} {unit})."
+        )
+    if axis.hold is not None and not lower <= axis.hold <= upper:
+        raise InvalidInput(
+            f"hold of {called} is {axis.hold:g} {unit}, but its range is from {lower:g} to "
+            f"{upper:g} {unit}."
+        )

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared, parts_of
 from armcontour.core.quantities import (
@@ -247,6 +247,15 @@ class Limits(Checked):
     def of_tool(self) -> Limits:
         """The limits of the tool; the limits and ranges of the joints are removed."""
         return self._without(JOINT_VALUES)
+
+    def select_joints(self, joints: IntArray) -> Limits:
+        """Return the limits of some of the joints, from limits with one value per joint.
+
+        Args:
+            joints: Indices of the joints.
+        """
+        rows = {name: getattr(self, name) for name in JOINT_VALUES}
+        return self.replace(**{name: x[joints] for name, x in rows.items() if x is not None})
 
     def for_joints(self, dof: int) -> Limits:
         """Return the limits with one value per joint.

@@ -150,16 +150,18 @@ class LinkShape(Checked):
 
     # Name of the link, or of the body that a job adds to it; for messages and exclusions
     name: Name
-    link: int  # 0 for the base, i for the link after the i-th joint
+    # 0 for the base (with a positioner for the table), i for the link after the i-th joint
+    link: int
     shape: Shape
     place: Frame = field(default_factory=Frame)  # Frame of the shape in the frame of the link
     tool: bool = False  # True if the shape belongs to the tool, or to a part that the tool holds
     # Exact shape if `shape` is its convex hull; it is used where the hull violates the margin.
     exact: Shape | None = None
     assumed: bool = False  # True if the shape is an assumption
+    on_floor: bool = False  # True if the shape stands on the floor, even with a positioner
 
     def _check_together(self) -> None:
-        if isinstance(self.shape, HalfSpace) and (self.link or self.tool):
+        if isinstance(self.shape, HalfSpace) and (self.link or self.tool) and not self.on_floor:
             raise InvalidInput(
                 f"The shape of {self.name} must not be a half-space, which cannot move with a link."
             )
@@ -252,7 +254,8 @@ class Obstacle(Checked):
         place: Frame of the shape in the frame of `fixed_to`.
         fixed_to: "base", or "part" for an obstacle that moves with the part.
         margin: Smallest allowed distance of links and tool [m]; None is the margin of the scene.
-        allow: Names of links that may touch the obstacle; "tool" is the tool.
+        allow: Names of links, and of obstacles that move with the part, that may touch the
+            obstacle; "tool" is the tool.
 
     Raises:
         InvalidInput: The name, the margin or `fixed_to` is invalid.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -16,12 +17,22 @@ from armcontour.core.frames import IDENTITY, Frame, Pose
 from armcontour.robot.arm import Arm
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain
-from armcontour.robot.external_axes import Rail
+from armcontour.robot.external_axes import Positioner, PositionerAxis, Rail
 from armcontour.robot.limits import JOINT_VALUES, Limits
 
 if TYPE_CHECKING:
     from armcontour.robot.scene import ArmShapes
 
+# Limits of joints, and the fields of external axes that limit them
+AXIS_LIMITS = {
+    "joint_lower": "lower",
+    "joint_upper": "upper",
+    "joint_velocity": "velocity",
+    "joint_acceleration": "acceleration",
+    "joint_jerk": "jerk",
+    "joint_torque": "torque",
+}
+RAIL_NAMES = {"torque": "force"}
 # Joint axes are parallel if the sine of their angle is below this, which allows for rounding
 # errors.
 PARALLEL = 1e-9
@@ -127,31 +138,54 @@ class SerialArm(Arm):
         Args:
             rail: Direction, range and limits of the rail.
         """
-        ends = {"joint_lower": rail.lower, "joint_upper": rail.upper}
-        rates = {"joint_velocity": rail.velocity, "joint_acceleration": rail.acceleration}
-        others = {"joint_jerk": rail.jerk, "joint_torque": rail.force}
-        limits = self.limits.replace(
-            **{
-                name: values
-                for name, first in (ends | rates | others).items()
-                if (values := _prepend(name, first, getattr(self.limits, name), self.dof))
-                is not None
-            }
-        )
+        return self._with_first(self.chain.on_rail(rail), [rail])
+
+    @checked
+    def with_positioner(self, positioner: Positioner) -> SerialArm:
+        """A copy of the arm with a positioner, whose axes are the first joints.
+
+        The work frame is fixed to the table; the arm's work frame is that with the axes at 0.
+
+        Args:
+            positioner: The positioner.
+        """
+        return self._with_first(self.chain.on_positioner(positioner), positioner.axes[::-1])
+
+    def _with_first(self, chain: Chain, axes: Sequence[Rail | PositionerAxis]) -> SerialArm:
+        """The arm with the chain that has external axes before its own joints."""
+        changes = {}
+        for limit, name in AXIS_LIMITS.items():
+            others = getattr(self.limits, limit)
+            unlimited = -np.inf if name == "lower" else np.inf
+            first = [
+                getattr(x, RAIL_NAMES.get(name, name) if isinstance(x, Rail) else name)
+                for x in axes
+            ]
+            if others is None and first.count(None) == len(first):
+                continue
+            rest = np.full(self.dof, unlimited) if others is None else others
+            values = np.array([unlimited if x is None else x for x in first], dtype=np.float64)
+            values = np.column_stack([-values, values]) if rest.ndim == 2 else values
+            changes[limit] = np.concatenate([values, rest])
+        limits = self.limits.replace(**changes)
         assumed = self.assumed_limits
         if assumed is not None:
             names = [x for x in JOINT_VALUES if getattr(assumed, x) is not None]
             assumed = Limits(**{x: getattr(limits, x) for x in names})
-        arm = SerialArm(
-            name=self.name,
-            chain=self.chain.on_rail(rail),
-            limits=limits,
-            source=self.source,
-            limits_hint=self.limits_hint,
-            notes=self.notes,
-            assumed_limits=assumed,
-        )
-        return arm.with_shapes(partial(_on_next_link, self)) if self.knows_shapes else arm
+        arm = self._of(chain, limits, assumed)
+        return arm.with_shapes(partial(_on_later_links, self, chain)) if self.knows_shapes else arm
+
+    def without_held(self) -> SerialArm:
+        """The arm for kinematics in which the held joints are rigid."""
+        moving = np.setdiff1d(np.arange(self.dof), list(self.chain.held))
+        limits = self.limits.select_joints(moving)
+        return self._of(self.chain.without_held(), limits, None)
+
+    @cached_property
+    def from_floor(self) -> SerialArm:
+        """The arm without the positioner, with its work frame on the floor, for kinematics."""
+        rest = np.arange(self.chain.floor_link, self.dof)
+        return self._of(self.chain.arm_branch, self.limits.select_joints(rest), None)
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).
@@ -195,37 +229,35 @@ class SerialArm(Arm):
         """
         return self._motion(q, dq, ddq)[..., 6:]
 
-    def _with(self, chain: Chain, *cached: str) -> SerialArm:
-        """Copy of the arm with another chain, with the cached values of some attributes."""
-        arm = SerialArm(
+    def _of(self, chain: Chain, limits: Limits, assumed: Limits | None) -> SerialArm:
+        """The arm with another chain and other limits, without shapes."""
+        return SerialArm(
             name=self.name,
             chain=chain,
-            limits=self.limits,
+            limits=limits,
             source=self.source,
             limits_hint=self.limits_hint,
             notes=self.notes,
-            assumed_limits=self.assumed_limits,
+            assumed_limits=assumed,
         )
+
+    def _with(self, chain: Chain, *cached: str) -> SerialArm:
+        """Copy of the arm with another chain, with the cached values of some attributes."""
+        arm = self._of(chain, self.limits, self.assumed_limits)
         # The copy shares the shapes, even if they have not been read yet.
         cached = ("shapes", "_read_shapes", *cached)
         vars(arm).update({key: x for key, x in vars(self).items() if key in cached})
         return arm
 
 
-def _prepend(
-    name: str, first: float | None, others: FloatArray | None, count: int
-) -> FloatArray | None:
-    """Values of a limit with that of another joint before them; None without any limit."""
-    if first is None and others is None:
-        return None
-    unlimited = -np.inf if name == "joint_lower" else np.inf
-    first = unlimited if first is None else first
-    rest = np.full(count, unlimited) if others is None else others
-    return np.concatenate([[[-first, first] if rest.ndim == 2 else first], rest])
-
-
-def _on_next_link(arm: SerialArm) -> ArmShapes:
-    """Shapes of an arm for a chain with another joint before its joints."""
-    shapes = arm.shapes
+def _on_later_links(arm: SerialArm, chain: Chain) -> ArmShapes:
+    """Shapes of an arm for the chain with external axes before its joints."""
+    shapes, first = arm.shapes, len(chain) - arm.dof
     assert shapes is not None
-    return replace(shapes, shapes=tuple(replace(x, link=x.link + 1) for x in shapes.shapes))
+    # The base of an arm on a rail is the link of the rail, otherwise it is fixed to the floor.
+    floor = chain.floor if chain.floor_link == first else Frame()
+    moved = [
+        replace(x, link=x.link + first, place=x.place if x.link else floor @ x.place)
+        for x in shapes.shapes
+    ]
+    return replace(shapes, shapes=tuple(moved))

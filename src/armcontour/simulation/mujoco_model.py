@@ -55,6 +55,11 @@ def function_addresses() -> Functions:
 
 def build_model(chain: Chain, step: float, *, friction: bool) -> Any:
     """Build the MuJoCo model of a chain; its payload becomes part of the last link."""
+    if chain.positioner is not None:
+        raise InvalidInput(
+            "A rigid-body plant cannot simulate a positioner. Remove arm.positioner, or the "
+            "simulation of rigid bodies."
+        )
     mujoco = import_mujoco()
     spec = mujoco.MjSpec()
     spec.option.timestep = step

@@ -22,6 +22,12 @@ from armcontour.planning.tracing.knots import (
 )
 from armcontour.planning.tracing.ranges import out_of_range
 from armcontour.planning.tracing.redundancy import null_space, smooth
+from armcontour.planning.tracing.tilt import (
+    follow_level,
+    level_positions,
+    poses_from_floor,
+    tilt_of,
+)
 from armcontour.robot import SerialArm, newton
 from armcontour.robot.arm import shift_by_turns, unit_hint
 from armcontour.robot.inverse import (
@@ -112,11 +118,14 @@ def find_solutions(
     """
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
-    starts = configurations(arm, poses[0], task, seed)
-    if len(starts) == 0:
-        _refuse_first_pose(path, arm, poses, task, seed)
     max_correction = EXACTLY if seed is None else NEARLY
-    followed, failures = _follow(arm, poses, task, starts[:MAX_STARTS], max_correction)
+    if tilt_of(arm.chain) is None or not arm.chain.floor_link:
+        starts = configurations(arm, poses[0], task, seed)
+        if len(starts) == 0:
+            _refuse_first_pose(path, arm, poses, task, seed)
+        followed, failures = _follow(arm, poses, task, starts[:MAX_STARTS], max_correction)
+    else:
+        followed, failures = _follow_level(path, arm, poses, task, seed, max_correction)
     followed = [q[knot_index] for q in followed]
     s = np.append(fine.s0, path.length)[knot_index]
     redundant = task < arm.dof
@@ -168,6 +177,33 @@ def _follow(
         for way, k in zip(q[~whole], reached[~whole], strict=True)
     ]
     return [q[k] for k in np.flatnonzero(whole)], failures
+
+
+def _follow_level(
+    path: Path,
+    arm: SerialArm,
+    poses: FloatArray,
+    task: int,
+    seed: FloatArray | None,
+    max_correction: float,
+) -> tuple[list[FloatArray], list[_Failure]]:
+    """`_follow` for a positioner that turns the tool downwards; the arm follows from the floor."""
+    axes, count, robot = poses[:, :, 2], arm.chain.floor_link, arm.from_floor
+    starts = None if seed is None else configurations(arm, poses[0], task, seed)
+    positions = level_positions(arm, axes[0]) if starts is None else starts[:, :count]
+    profile = follow_level(arm, axes, positions)
+    followed: list[FloatArray] = []
+    failures: list[_Failure] = []
+    for k in range(len(positions)):
+        seen = poses_from_floor(arm, poses, profile[:, k])
+        own = configurations(robot, seen[0], task) if starts is None else starts[k : k + 1, count:]
+        most = MAX_STARTS // len(positions)
+        q, short = _follow(robot, seen, task, own[:most], max_correction)
+        followed += [np.hstack([profile[:, k], x]) for x in q]
+        failures += [replace(x, q=np.concatenate([profile[x.reached - 1, k], x.q])) for x in short]
+    if not followed and not failures:
+        _refuse_first_pose(path, arm, poses, task, seed)
+    return followed, failures
 
 
 def follow_branches(

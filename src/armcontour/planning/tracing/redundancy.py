@@ -16,6 +16,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import quintic
+from armcontour.planning.tracing.tilt import INNER_TILT, chord_of, tilt_of, turn_down
 from armcontour.robot import SerialArm, newton
 
 # Largest deviation of a spline from a chord, as a fraction of the largest neighbouring step, plus
@@ -34,6 +35,8 @@ SETTLED = 1e-4
 # Regularization of the diagonal of an iteration's matrix, relative to its largest entry; the matrix
 # is singular if no cost depends on a null-space motion.
 DAMPING = 1e-6
+# Shares of a step that are tried with a tilt.
+TILT_SHARES = (1.0, 0.3, 0.1, 0.03)
 # Largest number of iterations of smoothing.
 MAX_ROUNDS = 25
 
@@ -170,9 +173,9 @@ def smooth(
     """Shorten joint paths by null-space motion, with unchanged tool poses."""
     # Gauss-Newton iterations reduce the sum of squares of the joint steps, weighted by the largest
     # joint velocities, and of the distances of joint positions outside the inner part of their
-    # ranges.
+    # ranges, and of the angle between tool axis and gravity outside that of its range.
     # Returns the joint positions, (paths, n, dof), and their costs, (paths,).
-    cost, n, free = _Cost(arm, s, q), len(s), arm.dof - task
+    cost, n, free = _Cost(arm, s, q, poses[:, :, 2]), len(s), arm.dof - task
     smoothed, values, active = q.copy(), cost.values(q), np.arange(len(q))
     for _ in range(rounds):
         q, count = smoothed[active], len(active)
@@ -184,15 +187,19 @@ def smooth(
         solve_banded(bands.reshape(-1, 2 * free), right.reshape(-1, 1))
         change = (right.reshape(count, n, 1, free) @ w)[:, :, 0]
         size = np.abs(change).max(axis=(1, 2))
-        trial = (
-            q + np.minimum(1.0, LARGEST_CHANGE / np.maximum(size, 1e-12))[:, None, None] * change
-        )
-        rows, goals = w.reshape(-1, 1, free, arm.dof), trial.reshape(-1, 1, arm.dof).copy()
-        moved = trial.reshape(-1, arm.dof)
-        met = newton.newton(arm.link_table, task, moved, targets, rows, goals).reshape(count, n)
-        fresh = cost.values(trial)
-        better = met.all(axis=1) & (fresh < values[active])
-        smoothed[active[better]], values[active[better]] = trial[better], fresh[better]
+        change *= np.minimum(1.0, LARGEST_CHANGE / np.maximum(size, 1e-12))[:, None, None]
+        better = np.zeros(count, dtype=np.bool_)
+        for share in cost.shares:
+            trial = q + share * change
+            rows, goals = w.reshape(-1, 1, free, arm.dof), trial.reshape(-1, 1, arm.dof).copy()
+            moved = trial.reshape(-1, arm.dof)
+            met = newton.newton(arm.link_table, task, moved, targets, rows, goals)
+            fresh = cost.values(trial)
+            gained = met.reshape(count, n).all(axis=1) & (fresh < values[active]) & ~better
+            smoothed[active[gained]], values[active[gained]] = trial[gained], fresh[gained]
+            better |= gained
+            if better.all():
+                break
         better &= size >= SETTLED
         active = active[better]
         if not len(active):
@@ -202,20 +209,25 @@ def smooth(
 
 
 class _Cost:
-    """Sum of squares of the weighted joint steps and of the excess over the inner ranges."""
+    """Sum of squares of the weighted joint steps and of the excess over inner ranges."""
 
     # The weight of a step decreases with its share of the tool path and of the initial joint path,
     # because at a tight corner the joints move far on a short path, which must not outweigh all
     # other steps.
 
-    def __init__(self, arm: SerialArm, s: FloatArray, q: FloatArray) -> None:
+    def __init__(self, arm: SerialArm, s: FloatArray, q: FloatArray, axes: FloatArray) -> None:
         # `s`: arc lengths [m], (n,); `q`: joint positions in several configurations [rad], (paths,
-        # n, dof).
+        # n, dof); `axes`: tool axes, (n, 3).
         lower, upper = arm.limits.joint_range(arm.dof)
         both = np.isfinite(lower) & np.isfinite(upper)
         low, high = np.where(both, lower, 0.0), np.where(both, upper, 0.0)
         self.middle, self.half = (high + low) / 2, np.where(both, (high - low) / 2, np.inf)
         self.outside = RANGE_WEIGHT / np.sqrt(len(s))
+        self.chain, self.axes, tilt = arm.chain, axes, tilt_of(arm.chain)
+        self.chord = None if tilt is None else chord_of(tilt)
+        # Shares of a step that are tried. A step may leave the inner range of the tilt, whose cost
+        # the linearized cost does not include.
+        self.shares = (1.0,) if tilt is None else TILT_SHARES
         pace = np.ones(arm.dof)
         if arm.limits.joint_velocity is not None:
             slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
@@ -239,7 +251,22 @@ class _Cost:
         excess = self.outside * np.maximum(np.abs((q - self.middle) / self.half) - INNER_RANGE, 0.0)
         # NumPy sums pairwise, so rounding errors are small. Joint positions that differ by a free
         # rotation of the tool have equal cost, and rounding errors decide between them.
-        return np.asarray((steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2)))
+        total = (steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2))
+        if self.chord is not None:
+            total += (self._tilt(q)[0] ** 2).sum(axis=1)
+        return np.asarray(total)
+
+    def _tilt(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Excess of the tilt, (paths, n), and its derivatives by the joints, (paths, n, dof)."""
+        assert self.chord is not None
+        down, by_joint = turn_down(self.chain, q.reshape(-1, q.shape[2]))
+        axes = np.tile(self.axes, (len(q), 1))
+        chord = np.linalg.norm(axes - down, axis=1)
+        excess = np.maximum(chord / self.chord - INNER_TILT, 0.0) * self.outside
+        scale = np.where(excess > 0.0, self.outside / self.chord / np.maximum(chord, 1e-9), 0.0)
+        slopes = np.zeros((len(axes), q.shape[2]))
+        slopes[:, : by_joint.shape[1]] = -scale[:, None] * (by_joint @ axes[..., None])[..., 0]
+        return excess.reshape(q.shape[:2]), slopes.reshape(q.shape)
 
     def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Equations of the null-space motion that minimizes the linearized cost."""
@@ -259,6 +286,11 @@ class _Cost:
         turned = np.swapaxes(w, 2, 3)
         same = (w * weight[:, :, None]) @ turned
         following = (w[:, :-1] * ahead[:, :, None]) @ turned[:, 1:]
+        if self.chord is not None:
+            beyond, slopes = self._tilt(q)
+            gradient += beyond[..., None] * slopes
+            along = w @ slopes[..., None]
+            same += along @ np.swapaxes(along, 2, 3)
         bands = np.zeros((count, n, free, 2 * free))
         for a in range(free):
             bands[:, :, a, : free - a] = same[:, :, a, a:]

@@ -6,6 +6,7 @@ Knots are added until the tool follows its path between them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,8 @@ from armcontour.planning.tracing.knots import (
     task_dimension,
 )
 from armcontour.planning.tracing.ranges import check_joint_range, turn_into_range
-from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm
+from armcontour.planning.tracing.tilt import check_tilt
+from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.configurations import Solution
@@ -411,11 +413,21 @@ def sketch_all(
     if limits is not None:
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
-    task = task_dimension(path, arm)
+    moving, joints = _moving(arm)
+    task = task_dimension(path, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
-    solutions = find_solutions(path, arm, few, row_of_poses(path, few), task, None)
-    return np.append(few.s0, path.length), [x.q for x in solutions]
+    solutions = find_solutions(path, moving, few, row_of_poses(path, few), task, None)
+    positions = np.zeros((len(solutions), len(few) + 1, arm.dof))
+    positions[:, :, joints] = [x.q for x in solutions]
+    positions[:, :, list(arm.chain.held)] = list(arm.chain.held.values())
+    return np.append(few.s0, path.length), list(positions)
+
+
+def _moving(arm: SerialArm) -> tuple[SerialArm, IntArray]:
+    """The arm without its held joints, and the indices of the other joints."""
+    held = list(arm.chain.held)
+    return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
@@ -447,22 +459,36 @@ def _trace_serial(
     from armcontour.planning.tracing.configurations import find_solutions
     from armcontour.planning.tracing.redundancy import Guide, null_space
 
-    task = task_dimension(path, arm)
-    knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
+    moving, joints = _moving(arm)
+    task = task_dimension(path, moving)
+    knots = first_knots(path, arm.span, FINER if task < moving.dof else 1)
     poses = row_of_poses(path, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
         q, guide = solution.q, None
-        if task < arm.dof:
-            w, s = null_space(arm, poses, task, q), np.append(knots.s0, path.length)
+        if task < moving.dof:
+            w, s = null_space(moving, poses, task, q), np.append(knots.s0, path.length)
             guide = Guide.through(s, q, w, path.stops)
-        numeric = NumericSolver(path, arm, task, tolerance, guide)
+        numeric = NumericSolver(path, moving, task, tolerance, guide)
         joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
+        if moving is not arm:
+            joint_path = _with_held(joint_path, arm.chain, joints)
         check_joint_range(joint_path, arm.limits, arm)
+        check_tilt(joint_path, arm)
         return joint_path
 
-    solutions = find_solutions(path, arm, knots, poses, task, seed)
+    near = None if seed is None else seed[joints]
+    solutions = find_solutions(path, moving, knots, poses, task, near)
     return _complete((partial(refine_solution, x) for x in solutions), max_count)
+
+
+def _with_held(joint_path: JointPath, chain: Chain, joints: IntArray) -> JointPath:
+    """The joint path of all joints, from that of the joints that are not held."""
+    coefficients = np.zeros((len(joint_path.coefficients), 6, len(chain)))
+    coefficients[:, :, joints] = joint_path.coefficients
+    for k, position in chain.held.items():
+        coefficients[:, 0, k] = position
+    return replace(joint_path, coefficients=coefficients)
 
 
 def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -> list[JointPath]:

@@ -3,11 +3,12 @@
 import { Matrix4, Vector3 } from "./vendor/three.js";
 
 /**
- * A joint, which turns or slides. Link 0 is the base, link k comes after the k-th joint.
+ * A joint, which turns or slides. Link 0 is the base, or the floor; link k comes after the k-th joint.
  * @typedef {object} Joint
  * @property {string} name
  * @property {"revolute" | "prismatic"} type
  * @property {number} parent the link that carries the joint
+ * @property {number} column index of its position in a posture
  * @property {number[]} axis unit vector, in the joint's frame
  * @property {number[][]} origin the joint's frame at zero in the frame of `parent`, 4x4
  * @property {[number | null, number | null]} [limits] [rad or m], null where there is none
@@ -35,7 +36,7 @@ export class Chain {
   links(q) {
     const found = [new Matrix4()];
     this.joints.forEach((joint, k) => {
-      found.push(found[joint.parent].clone().multiply(this.origins[k]).multiply(jointMotion(joint, q[k])));
+      found.push(found[joint.parent].clone().multiply(this.origins[k]).multiply(jointMotion(joint, q[joint.column])));
     });
     return found;
   }

@@ -103,7 +103,10 @@ export class Viewer {
     /** @type {Map<string, MeshLambertMaterial | LineBasicMaterial>} */
     this.materials = new Map();
     this.chain = new Chain(arm.head.joints, arm.head.tool);
-    this.work = poseOf(arm.head.work);
+    // The frame of the path; a positioner moves it.
+    this.work = this.onPart = poseOf(arm.head.part.at);
+    this.part = 0;
+    this.refused = /** @type {number[] | null} */ (null);
     this.reach = 1;
     this.joints = this.points = /** @type {Vector3[]} */ ([]);
     this.pieces = this.frames = this.waits = this.resting = 0;
@@ -132,7 +135,8 @@ export class Viewer {
     for (const x of this.groups) x.traverse((y) => /** @type {Mesh} */ (y).geometry?.dispose());
     this.scene.remove(...this.groups);
     this.chain = new Chain(head.joints, head.tool);
-    this.work = poseOf(head.work);
+    this.onPart = poseOf(head.part.at);
+    this.part = head.part.link;
     this.reach = Math.max(0.05, head.reach);
     this.groups = [new Group(), ...head.joints.map(() => new Group())];
     for (const x of this.groups) x.matrixAutoUpdate = false;
@@ -147,8 +151,7 @@ export class Viewer {
     this.floor.scale.setScalar(wide);
     this.scene.add(...this.groups);
     this.placeSun();
-    setMatrix(this.path, this.work);
-    setMatrix(this.gap, this.work);
+    this.setJoints(head.joints.map(() => 0));
     this.tip.scale.setScalar(0.004 * this.reach);
     this.alarm.scale.setScalar(0.008 * this.reach);
     this.controls.maxDistance = 8 * this.reach;
@@ -241,7 +244,7 @@ export class Viewer {
           colours.push(r, g, b, r, g, b);
         }
     this.pieces = ends.length / 6;
-    this.points = lines.flatMap(({ points }) => sampled(points, this.work));
+    this.points = lines.flatMap(({ points }) => sampled(points));
     this.path.geometry.dispose();
     this.path.geometry = new LineSegmentsGeometry();
     this.path.visible = this.pieces > 0;
@@ -254,7 +257,8 @@ export class Viewer {
     this.gap.visible = nearest !== null;
     if (nearest) this.gap.geometry.setPositions(nearest.flat());
     this.alarm.visible = refused !== null;
-    if (refused) this.alarm.position.fromArray(refused).applyMatrix4(this.work);
+    this.refused = refused;
+    this.placeAlarm();
     this.draw();
   }
 
@@ -263,11 +267,18 @@ export class Viewer {
     const links = this.chain.links(q);
     const tool = this.chain.toolOf(links);
     links.forEach((x, k) => setMatrix(this.groups[k], x));
+    this.work = links[this.part].clone().multiply(this.onPart);
+    for (const x of [this.path, this.gap]) setMatrix(x, this.work);
+    this.placeAlarm();
     this.joints = links.map(originOf);
     this.tip.position.copy(originOf(tool));
     this.renderer.shadowMap.needsUpdate = true;
     this.draw();
     return this.tip.position.toArray();
+  }
+
+  placeAlarm() {
+    if (this.refused) this.alarm.position.fromArray(this.refused).applyMatrix4(this.work);
   }
 
   /** Points of the path on the canvas [px], pairs. @param {ArrayLike<number>} points (n, 3) */
@@ -284,7 +295,7 @@ export class Viewer {
   /** Look from a side, at the part or at all of the arm. @param {string} view "" for the side from which it is */
   look(view) {
     const { controls, eye } = this;
-    const path = this.points;
+    const path = this.points.map((x) => x.clone().applyMatrix4(this.work));
     const all = view === "Part" && path.length ? path : [...path, ...this.joints, this.tip.position];
     const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
     for (const x of all) {
@@ -370,11 +381,11 @@ function dot() {
 /** @param {Matrix4} pose */
 const originOf = (pose) => new Vector3().setFromMatrixPosition(pose);
 
-/** Some points of a frame, in that of the base. @param {ArrayLike<number>} points (n, 3) @param {Matrix4} frame @returns {Vector3[]} */
-function sampled(points, frame) {
+/** Some of the points. @param {ArrayLike<number>} points (n, 3) @returns {Vector3[]} */
+function sampled(points) {
   const step = 3 * Math.max(1, Math.floor(points.length / 450));
   const found = [];
-  for (let k = 0; k + 2 < points.length; k += step) found.push(new Vector3().fromArray(points, k).applyMatrix4(frame));
+  for (let k = 0; k + 2 < points.length; k += step) found.push(new Vector3().fromArray(points, k));
   return found;
 }
 

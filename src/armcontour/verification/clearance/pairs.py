@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -11,7 +11,16 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.robot import Arm, Chain
-from armcontour.robot.scene import BASE, TOOL, ArmShapes, HalfSpace, LeftOut, LinkShape, Scene
+from armcontour.robot.scene import (
+    BASE,
+    PART,
+    TOOL,
+    ArmShapes,
+    HalfSpace,
+    LeftOut,
+    LinkShape,
+    Scene,
+)
 
 ENVIRONMENT, OWN = "environment", "own"
 # Kind of the pairs of links with the mounting plane of the base.
@@ -47,26 +56,24 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
     chain, shapes = _parts(arm)
     bodies = shapes.shapes
     _check_obstacles(bodies, scene)
-    radii = {id(x): _radii(chain, x) for x in bodies}
     pairs: list[Pair] = []
     left_out = _links_without_shape(chain, bodies)
-    for obstacle, body, margin, allowed in _obstacle_pairs(chain, bodies, scene):
-        if body.link == 0:
+    for first, second, kind, margin, allowed in _obstacle_pairs(chain, bodies, scene):
+        if first.link == second.link:
             reason = "both are fixed"
         elif allowed:
-            reason = f"{obstacle.name} allows it to touch"
+            reason = f"{first.name} allows it to touch"
         else:
-            kind = TOOL if body.tool else ENVIRONMENT
-            pairs.append(_make_pair(radii, obstacle, body, kind, margin))
+            pairs.append(_make_pair(chain, first, second, kind, margin))
             continue
-        left_out.append(LeftOut(first=obstacle.name, second=body.name, reason=reason))
+        left_out.append(LeftOut(first=first.name, second=second.name, reason=reason))
     reasons = {frozenset((x.first, x.second)): x.reason for x in shapes.left_out}
     for first, second in combinations(sorted(bodies, key=lambda x: x.link), 2):
         why = _exclusion_reason(first, second, reasons)
         if why is None:
             kind = TOOL if second.tool or first.tool else OWN
             margin = scene.margins.tool if kind == TOOL else scene.margins.own
-            pairs.append(_make_pair(radii, first, second, kind, margin))
+            pairs.append(_make_pair(chain, first, second, kind, margin))
         elif first.name != second.name:
             left_out.append(LeftOut(first=first.name, second=second.name, reason=why))
     return tuple(pairs), tuple(dict.fromkeys(left_out))
@@ -77,11 +84,16 @@ def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
     if arm.dimension != 3 or not scene.has_mounting_plane:
         return ()
     chain, shapes = _parts(arm)
-    plane = LinkShape(name="mounting plane", link=0, shape=HalfSpace())
+    floor = chain.floor_link
+    plane = LinkShape(
+        name="mounting plane", link=floor, shape=HalfSpace(), place=chain.floor, on_floor=True
+    )
+    # The base of an arm on a rail is a link, too.
+    raised = floor + FIRST_RAISED + int(chain.slides[floor])
     return tuple(
-        Pair(first=plane, second=x, kind=MOUNTING, margin=-BELOW, radii=_radii(chain, x))
+        _make_pair(chain, plane, x, MOUNTING, -BELOW)
         for x in shapes.shapes
-        if not x.tool and x.link >= FIRST_RAISED
+        if not x.tool and x.link >= raised
     )
 
 
@@ -99,13 +111,14 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
 def _links_without_shape(chain: Chain, bodies: Sequence[LinkShape]) -> list[LeftOut]:
     """Exclusions of the links whose shape is unknown."""
     links = {x.link for x in bodies}
+    first = chain.floor_link + 1
     return [
         LeftOut(
             first=f"the link after {joint}",
             second="everything",
             reason="no shape of it is known",
         )
-        for k, joint in enumerate(chain.joints, start=1)
+        for k, joint in enumerate(chain.joints[first - 1 :], start=first)
         if k not in links
     ]
 
@@ -113,6 +126,8 @@ def _links_without_shape(chain: Chain, bodies: Sequence[LinkShape]) -> list[Left
 def _check_obstacles(bodies: Sequence[LinkShape], scene: Scene) -> None:
     """Check that obstacles are no moving links, and that `allow` names known bodies only."""
     names, moving = {x.name for x in bodies} | {TOOL}, {x.name for x in bodies if x.link}
+    if any(x.fixed_to == PART for x in scene.obstacles):
+        names |= {x.name for x in scene.obstacles}
     end = max((x for x in bodies if not x.tool), key=lambda x: x.link, default=None)
     repair = "Remove the name" if end is None else f"Write {end.name}, the end of the arm,"
     for obstacle in scene.obstacles:
@@ -132,16 +147,29 @@ def _check_obstacles(bodies: Sequence[LinkShape], scene: Scene) -> None:
 
 def _obstacle_pairs(
     chain: Chain, bodies: Sequence[LinkShape], scene: Scene
-) -> Iterable[tuple[LinkShape, LinkShape, float, bool]]:
-    """Yield all pairs of obstacle and body of the arm, with margin and True if they may touch."""
+) -> Iterable[tuple[LinkShape, LinkShape, str, float, bool]]:
+    """Yield all pairs with an obstacle, with kind and margin, and True if they may touch."""
+    # `chain.base` is the frame of the base or table (link 0) in the work frame.
+    floor, part = (chain.floor_link, chain.floor), (0, chain.base.inverse)
+    placed = []
     for x in scene.obstacles:
-        # Link 0 is the base; `chain.base` is its frame in the work frame.
-        frame = x.place if x.fixed_to == BASE else chain.base.inverse @ x.place
-        obstacle = LinkShape(name=x.name, link=0, shape=x.shape, place=frame).with_hull()
+        on_floor = x.fixed_to == BASE
+        link, frame = floor if on_floor else part
+        place = frame @ x.place
+        body = LinkShape(name=x.name, link=link, shape=x.shape, place=place, on_floor=on_floor)
+        placed.append((x, body.with_hull()))
+    margins = scene.margins
+    for x, obstacle in placed:
         for body in bodies:
-            of_kind = scene.margins.tool if body.tool else scene.margins.environment
-            margin = of_kind if x.margin is None else x.margin
-            yield obstacle, body, margin, body.name in x.allow or (body.tool and TOOL in x.allow)
+            kind, usual = (TOOL, margins.tool) if body.tool else (ENVIRONMENT, margins.environment)
+            allowed = body.name in x.allow or (body.tool and TOOL in x.allow)
+            yield obstacle, body, kind, usual if x.margin is None else x.margin, allowed
+    # A positioner moves the part towards obstacles.
+    for (x, first), (y, second) in combinations(placed, 2):
+        if first.link != second.link:
+            own = [z.margin for z in (x, y) if z.margin is not None]
+            allowed = y.name in x.allow or x.name in y.allow
+            yield first, second, ENVIRONMENT, max(own, default=margins.environment), allowed
 
 
 def _exclusion_reason(
@@ -157,22 +185,24 @@ def _exclusion_reason(
     return "neighbours" if second.link == first.link + 1 and not second.tool else None
 
 
-def _make_pair(
-    radii: Mapping[int, FloatArray], first: LinkShape, second: LinkShape, kind: str, margin: float
-) -> Pair:
+def _make_pair(chain: Chain, one: LinkShape, other: LinkShape, kind: str, margin: float) -> Pair:
     """Make a pair with the bounds on its approach speed."""
-    # Only joints between the links of both bodies cause relative motion.
-    between = np.arange(len(radii[id(second)])) >= first.link
-    return Pair(
-        first=first, second=second, kind=kind, margin=margin, radii=radii[id(second)] * between
-    )
+    first, second = sorted((one, other), key=lambda x: x.link)
+    # Only joints between the links of both bodies cause relative motion. The points of a half-space
+    # are at any distance from their axes.
+    moving = first if isinstance(second.shape, HalfSpace) else second
+    joints = np.arange(len(chain))
+    between = (joints >= first.link) & (joints < second.link)
+    radii = np.where(between, _radii(chain, moving), 0.0)
+    return Pair(first=first, second=second, kind=kind, margin=margin, radii=radii)
 
 
 def _radii(chain: Chain, body: LinkShape) -> FloatArray:
     """`Pair.radii` of a body: largest distances of its points from the joint axes [m], (dof,)."""
     radii, slides = np.zeros(len(chain)), chain.slides
-    middle, radius = body.shape.ball
-    middle = body.place.position + body.place.rotation @ middle
+    middle, size = body.shape.ball
+    start = middle = body.place.position + body.place.rotation @ middle
+    radius = size
     for k in range(body.link - 1, -1, -1):
         # A ball about a point on the axis contains the body at any joint position.
         if slides[k]:
@@ -182,4 +212,10 @@ def _radii(chain: Chain, body: LinkShape) -> FloatArray:
         along = chain.axes[k] * float(chain.axes[k] @ middle)
         radii[k] = radius = radius + float(np.linalg.norm(middle - along))
         middle = chain.positions[k] + chain.rotations[k] @ along
+    middle, radius = start, size
+    for k in range(body.link, chain.floor_link):
+        middle = chain.rotations[k].T @ (middle - chain.positions[k])
+        along = chain.axes[k] * float(chain.axes[k] @ middle)
+        radii[k] = radius = radius + float(np.linalg.norm(middle - along))
+        middle = along
     return radii

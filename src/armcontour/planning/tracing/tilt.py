@@ -1,0 +1,156 @@
+"""Angle between the tool axis and gravity, which a positioner keeps small by turning the part."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import Unreachable
+from armcontour.core.frames import exp
+from armcontour.motion import JointPath
+from armcontour.motion.derivative_bounds import joint_travel
+from armcontour.robot import Chain, SerialArm
+from armcontour.robot.chain import link_poses
+
+# Fraction of the largest angle from which the angle has a cost.
+INNER_TILT = 0.7
+# Positions of the positioner at the start of a path: number of samples and largest number of
+# results, smallest distance of two results [rad].
+SAMPLES, MAX_POSITIONS, APART = 400, 6, 0.5
+# Iterations at the start and at every other pose; damping of the steps [rad^-2].
+START_ROUNDS, ROUNDS, DAMPING = 50, 3, 1e-3
+# Travel of the joints between angles from which the bound on the angle counts as the angle [rad]
+FINEST = 1e-6
+
+
+def tilt_of(chain: Chain) -> float | None:
+    """Largest allowed angle between the tool axis and gravity [rad]."""
+    return None if chain.positioner is None else chain.positioner.tilt
+
+
+def chord_of(tilt: float) -> float:
+    """Distance of two unit vectors at an angle [rad]."""
+    return float(2 * np.sin(tilt / 2))
+
+
+def turn_down(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Direction of gravity in the frame of the part, and its derivatives by the joints.
+
+    Returns unit vectors, (n, 3), and derivatives, (n, floor_link, 3).
+
+    - `q`: joint positions [rad], (n, floor_link) or more columns, which are ignored.
+    """
+    turned, axes = np.tile(chain.base.rotation, (len(q), 1, 1)), np.empty((len(q), 0, 3))
+    for k in range(chain.floor_link):
+        turned = turned @ chain.rotations[k]
+        axes = np.concatenate([axes, (turned @ chain.axes[k])[:, None]], axis=1)
+        turned = turned @ exp(q[:, k, None] * chain.axes[k])
+    down = turned @ chain.floor.rotation @ (chain.gravity / np.linalg.norm(chain.gravity))
+    return down, np.cross(axes, down[:, None])
+
+
+def level_positions(arm: SerialArm, axis: FloatArray) -> FloatArray:
+    """Positions of a positioner with the smallest angle of the tool axis, (k, floor_link) [rad].
+
+    - `axis`: tool axis in the frame of the part, (3,).
+    """
+    count = arm.chain.floor_link
+    lower, upper = (x[:count] for x in arm.limits.joint_range(arm.dof))
+    low, high = np.maximum(lower, -np.pi), np.minimum(upper, np.pi)
+    samples = low + np.random.default_rng(0).uniform(size=(SAMPLES, count)) * (high - low)
+    tried = _level(arm, samples, np.tile(axis, (SAMPLES, 1)), START_ROUNDS)
+    chords = np.linalg.norm(turn_down(arm.chain, tried)[0] - axis, axis=1)
+    tilt = tilt_of(arm.chain)
+    order = np.argsort(chords, kind="stable")
+    found: list[FloatArray] = []
+    for k in order[chords[order] <= max(chord_of(tilt or np.pi), chords.min() + 1e-9)]:
+        if all(np.abs(tried[k] - x).max() > APART for x in found):
+            found.append(tried[k])
+        if len(found) == MAX_POSITIONS:
+            break
+    return np.array(found)
+
+
+def follow_level(arm: SerialArm, axes: FloatArray, start: FloatArray) -> FloatArray:
+    """Positions of a positioner along a path from start positions, (n, k, floor_link) [rad].
+
+    - `axes`: tool axes along the path in the frame of the part, (n, 3).
+    - `start`: positions at the start, (k, floor_link).
+    """
+    profile = np.empty((len(axes), *start.shape))
+    profile[0] = start
+    for i in range(1, len(axes)):
+        profile[i] = _level(arm, profile[i - 1], np.tile(axes[i], (len(start), 1)), ROUNDS)
+    return profile
+
+
+def _level(arm: SerialArm, positions: FloatArray, axes: FloatArray, rounds: int) -> FloatArray:
+    """Turn tool axes downwards by damped steps of the positioner within its range, (k, count)."""
+    count, q = arm.chain.floor_link, positions.copy()
+    lower, upper = (x[:count] for x in arm.limits.joint_range(arm.dof))
+    for _ in range(rounds):
+        down, by_joint = turn_down(arm.chain, q)
+        square = by_joint @ np.swapaxes(by_joint, 1, 2) + DAMPING * np.eye(count)
+        q += np.linalg.solve(square, by_joint @ (axes - down)[..., None])[..., 0]
+        np.clip(q, lower, upper, out=q)
+    return q
+
+
+def poses_from_floor(arm: SerialArm, poses: FloatArray, positions: FloatArray) -> FloatArray:
+    """Tool poses in the frame of the floor, (n, 3, 4), at positions of a positioner.
+
+    - `poses`: tool poses in the frame of the part, (n, 3, 4).
+    - `positions`: (n, floor_link) [rad].
+    """
+    chain = arm.chain
+    q = np.pad(positions, ((0, 0), (0, arm.dof - positions.shape[1])))
+    links = link_poses(chain, q)[:, chain.floor_link]
+    turned = links[..., :3] @ chain.floor.rotation
+    origin = links[..., :3] @ chain.floor.position + links[..., 3]
+    moved = np.swapaxes(turned, 1, 2) @ poses
+    moved[..., 3] -= (np.swapaxes(turned, 1, 2) @ origin[..., None])[..., 0]
+    return np.ascontiguousarray(moved)
+
+
+def check_tilt(joint_path: JointPath, arm: SerialArm) -> None:
+    """Raise Unreachable where the tool axis is too far from gravity, at any point of the path."""
+    tilt = tilt_of(arm.chain)
+    if tilt is None:
+        return
+
+    def angles(s: FloatArray) -> FloatArray:
+        q = joint_path(s)
+        chord = arm.poses(q)[..., 2] - turn_down(arm.chain, q)[0]
+        return np.asarray(2 * np.arcsin(np.minimum(np.linalg.norm(chord, axis=1) / 2, 1.0)))
+
+    # The angle changes at most by the travel of the joints that turn the tool against the floor.
+    s, travel = joint_travel(joint_path)
+    turned = (travel * ~arm.chain.slides)[:, arm.chain.floor_link :].sum(axis=1)
+    at = angles(s)
+    intervals = np.stack([s[:-1], s[1:], at[:-1], at[1:], np.diff(turned)])
+    while True:
+        begin, end, first, last, width = intervals
+        largest = np.where(width > FINEST, np.maximum(first, last), (first + last + width) / 2)
+        if (largest > tilt).any():
+            k = int(np.argmax(largest))
+            place = begin[k] if first[k] > last[k] else end[k]
+            _refuse_tilt(float(place), float(largest[k]), tilt)
+        begin, end, first, last, width = intervals[:, (first + last + width) / 2 > tilt]
+        if not len(begin):
+            return
+        middle = (begin + end) / 2
+        at = angles(middle)
+        halves = [begin, middle, first, at, width / 2], [middle, end, at, last, width / 2]
+        intervals = np.concatenate([np.stack(x) for x in halves], axis=1)
+
+
+def _refuse_tilt(s: float, angle: float, tilt: float) -> None:
+    raise Unreachable(
+        f"At {s:.6g} m along the path the tool axis is {np.degrees(angle):.4g} deg from gravity, "
+        f"but the tilt of the positioner allows at most {np.degrees(tilt):.4g} deg. Allow larger "
+        "ranges of its axes, do not hold them, or specify a larger tilt.",
+        s=s,
+        limit="tilt",
+        needed=angle,
+        allowed=tilt,
+    )
