@@ -5,46 +5,39 @@ Knots are added until the tool follows its path between them.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
-from armcontour.motion import JointPath
-from armcontour.planning.tracing.knots import (
-    Knots,
-    first_knots,
-    row_of_poses,
-    task_dimension,
-)
-from armcontour.planning.tracing.ranges import check_joint_range, turn_into_range
-from armcontour.planning.tracing.tilt import check_tilt
-from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm
-
-if TYPE_CHECKING:
-    from armcontour.planning.tracing.configurations import Solution
-from abc import ABC, abstractmethod
-from typing import Any, Generic, NoReturn, TypeVar
-
-from armcontour.core.checks import BoolArray
-from armcontour.motion import quintic
+from armcontour.motion import JointPath, quintic
 from armcontour.planning.tracing.knots import (
     MIDDLE,
     PLACES,
+    Knots,
     describe_fast_rotation,
+    first_knots,
     motion_at,
     poses_at,
+    row_of_poses,
     suggest_remedy,
+    task_dimension,
 )
+from armcontour.planning.tracing.ranges import check_joint_range, turn_into_range
 from armcontour.planning.tracing.redundancy import Guide
-from armcontour.robot import newton
+from armcontour.planning.tracing.tilt import check_tilt
+from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, newton
+
+if TYPE_CHECKING:
+    from armcontour.planning.tracing.configurations import Solution
 
 # Length below which an interval outside the tolerance indicates a singularity [m].
 SMALLEST_INTERVAL = 1e-9
