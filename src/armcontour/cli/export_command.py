@@ -73,7 +73,7 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
                 motion,
                 name=f"{job.name} {what}",
                 cycle=step,
-                joint_names=job.arm.joint_names,
+                arm=job.arm,
                 derivatives=options.derivatives,
                 analog=analog,
             )

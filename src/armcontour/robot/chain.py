@@ -152,6 +152,11 @@ class Chain(Checked):
         return units[0] if len(set(units)) == 1 else ", ".join(units)
 
     @property
+    def external(self) -> tuple[int, ...]:
+        """Indices of the external axes: prismatic joints, and a positioner's from the floor."""
+        return (*np.flatnonzero(self.slides).tolist(), *range(self.floor_link - 1, -1, -1))
+
+    @property
     def arm_branch(self) -> Chain:
         """The chain from the floor to the tool, without the positioner."""
         if self.positioner is None:

@@ -83,6 +83,13 @@ class Rail(Checked):
 class PositionerAxis(Checked):
     """An axis that turns the part, or the next axis, with all axes of the positioner at 0.
 
+    >>> turn = ac.PositionerAxis(
+    ...     name="turn", axis=(0.0, 0.0, 1.0), origin=(0.8, 0.0, 0.0), lower=-6.0, upper=6.0,
+    ...     velocity=1.0, acceleration=2.0,
+    ... )
+    >>> turn.hold is None
+    True
+
     Args:
         name: Name of the joint.
         axis: Direction of the axis, along the axes of the arm's base (of the rail, if there is

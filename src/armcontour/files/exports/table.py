@@ -63,6 +63,7 @@ class SetPointTable(Checked):
         name: Name of the program, one line of text.
         joint_names: Names of the joints.
         prismatic: Whether each joint is prismatic, with m instead of rad; by default none is.
+        external: Indices of external axes; by default of the prismatic joints.
         cycle: Time between points [s]; the last interval may be shorter.
         t: Times of the points [s], (n,); the first one is 0.
         q: Joint positions [rad], (n, dof).
@@ -91,9 +92,12 @@ class SetPointTable(Checked):
     contours: tuple[tuple[float, str], ...] = ()
     command_limits: Limits | None = None
     prismatic: tuple[bool, ...] = ()
+    external: tuple[int, ...] = ()
 
     def _check_together(self) -> None:
         object.__setattr__(self, "prismatic", self.prismatic or (False,) * self.dof)
+        sliding = tuple(np.flatnonzero(self.prismatic).tolist())
+        object.__setattr__(self, "external", self.external or sliding)
         analog = {
             key: checks.freeze(checks.check_numbers(f"analog output {key} of {self.name!r}", x))
             for key, x in self.analog.items()
@@ -193,7 +197,7 @@ def make_table(
     Args:
         data: The set-points or the trajectory.
         name: Name of the program.
-        arm: The arm, which gives the joint names.
+        arm: The arm, which gives the joint names; by default that of the plan.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
         cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only; by default 2,
@@ -211,6 +215,8 @@ def make_table(
     else:
         step = _sampling_cycle(data, name, cycle)
         samples, start, plan = data.sample(step), 0.0, data
+    if arm is None and plan.arm is not None and plan.arm.dof == samples.q.shape[1]:
+        arm = plan.arm
     functions = analog or {}
     checks.check_sequence("analog", functions.values(), Callable, "functions")
     return tabulate(
@@ -249,7 +255,7 @@ def tabulate(
     if joint_names is None:
         joint_names = arm.joint_names if arm else [f"joint {i}" for i in range(1, dof + 1)]
     if arm is not None:
-        about["prismatic"] = arm.chain.prismatic
+        about |= {"prismatic": arm.chain.prismatic, "external": arm.chain.external}
     return SetPointTable(
         joint_names=joint_names,  # type: ignore[arg-type]  # converted by the field
         t=samples.t,

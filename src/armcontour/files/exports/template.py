@@ -48,8 +48,8 @@ class Point:
     number: int  # Number of the point, from 1
     t: float  # Time from the first point [s]
     q: tuple[float, ...]  # Joint positions [rad or m]
-    q_deg: tuple[float, ...]  # Positions of the revolute joints [deg]
-    q_mm: tuple[float, ...]  # Positions of the prismatic joints [mm]
+    q_deg: tuple[float, ...]  # Positions of the joints that are no external axes [deg]
+    external: tuple[float, ...]  # Positions of the external axes [deg], prismatic ones in [mm]
     dq: tuple[float, ...] | None  # Joint velocities [rad/s]; None unless exported
     ddq: tuple[float, ...] | None  # Joint accelerations [rad/s²]; None unless exported
     analog: Mapping[str, float]  # Values of analog outputs by their names
@@ -197,6 +197,10 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
         "duration": table.duration,
         "start_time": table.start_time,
         "points": points,
+        "external": tuple(
+            f"{table.joint_names[k]} ({'mm' if table.prismatic[k] else 'deg'})"
+            for k in table.external
+        ),
         "events": tuple(x for point in points for x in point.events),
         "outputs": {x: int(n) if isinstance(n, np.integer) else n for x, n in outputs.items()},
     }
@@ -212,9 +216,10 @@ def _template_points(table: SetPointTable) -> tuple[Point, ...]:
     for contour, i in zip(named, table.points_at([t for t, _ in named]), strict=True):
         contours.setdefault(i, []).append(contour)
     count = len(table.t)
-    slides = np.array(table.prismatic)
-    turned, slid = np.degrees(table.q[:, ~slides]), table.q[:, slides] * 1e3
-    arrays = (table.q, turned, slid, table.dq, table.ddq)
+    external = list(table.external)
+    shown = np.where(table.prismatic, table.q * 1e3, np.degrees(table.q))
+    own = np.delete(shown, external, axis=1)
+    arrays = (table.q, own, shown[:, external], table.dq, table.ddq)
     analog = {key: values.tolist() for key, values in table.analog.items()}
     none: list[tuple[float, ...] | None] = [None] * count
     rows = zip(
@@ -226,14 +231,14 @@ def _template_points(table: SetPointTable) -> tuple[Point, ...]:
             t=t,
             q=q or (),
             q_deg=degrees or (),
-            q_mm=lengths or (),
+            external=others or (),
             dq=dq,
             ddq=ddq,
             analog={key: values[i] for key, values in analog.items()},
             events=tuple(events.get(i, ())),
             contours=tuple(contours.get(i, ())),
         )
-        for i, (t, (q, degrees, lengths, dq, ddq)) in enumerate(
+        for i, (t, (q, degrees, others, dq, ddq)) in enumerate(
             zip(table.t.tolist(), rows, strict=True)
         )
     )

@@ -108,7 +108,7 @@ def export(request: Request) -> PageFrame:
         table = make_table(
             plan.set_points if set_points else plan.trajectory,
             name=f"{job.name} {'set-points' if set_points else 'reference'}",
-            joint_names=job.arm.joint_names,
+            arm=job.arm,
             cycle=None if set_points else request.option("cycle", plan.run.cycle),
             derivatives=job.export.derivatives,
             analog=analog if isinstance(format, WITH_ANALOG) else None,
