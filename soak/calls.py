@@ -197,9 +197,13 @@ def instances() -> Iterator[Any]:
     yield from (Analog(name="gas"), ac.Dwell(duration=1.0), ac.Event(name="gas"))
     yield from (Lead(length=1e-3), Pierce(time=0.1), ac.Rapid(), Switch(), ac.Process())
     yield from (Tabs(width=1e-3, count=2), Weave(width=1e-3, pitch=1e-3))
+    line = {"axis": [0.0, 0.0, 1.0], "origin": [0.5, 0.0, 0.0], "lower": -3.0, "upper": 3.0}
+    axis = ac.PositionerAxis(name="turn", velocity=1.0, acceleration=2.0, **line)
     yield from (
         ac.Payload(mass=1.0),
         ac.Rail(axis=[1.0, 0.0, 0.0], upper=2.0, velocity=1.0, acceleration=2.0),
+        axis,
+        ac.Positioner(axes=(axis,)),
         ac.CertificateGoal(servo_error=1e-4),
         ac.Scene(),
         scene.Margins(),

@@ -133,6 +133,18 @@ _RAIL: dict[str, Any] = {
     **{"velocity": 1.0, "acceleration": 2.0, "jerk": 50.0, "force": 5e3, "mass": 50.0},
     "weight": 5.0,
 }
+_TABLE: dict[str, Any] = {
+    "part": {"mass": 1.0, "center": [0.0, 0.0, 0.0], "inertia": [0.01, 0, 0, 0.01, 0, 0.01]},
+    "tilt": 1.5,
+    "axes": [
+        {
+            **{"name": "turn", "axis": [0.0, 0.0, 1.0], "origin": [0.4, 0.0, 0.1]},
+            **{"lower": -3.0, "upper": 3.0, "velocity": 1.0, "acceleration": 2.0, "jerk": 50.0},
+            **{"torque": 500.0, "mass": 20.0, "center": [0.4, 0.0, 0.1], "weight": 2.0},
+            **{"inertia": [0.1, 0, 0, 0.1, 0, 0.1], "hold": 0.0},
+        }
+    ],
+}
 _CLOSED = {"points": [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23], [0.30, 0.20]]}
 _LINE: dict[str, Any] = {"to": [0.34, 0.20], "speed": 0.05, "tolerance": 1e-3}
 _DRAWN: dict[str, Any] = {
@@ -269,6 +281,8 @@ BASES: list[dict[str, Any]] = [
     ),
     _with(PLANE, servo={**_REAL, **_IDENTIFIED}, plant={**SERVO, **_REAL}),
     _with(SPACE, arm={"rail": _RAIL}, seed=[0.5, *SPACE["seed"]]),
+    _with(SPACE, arm={"rail": {**_RAIL, "hold": 0.5}}, seed=[0.5, *SPACE["seed"]]),
+    _with(SPACE, arm={"positioner": _TABLE}, seed=[0.0, *SPACE["seed"]]),
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED),
     _with(PLANE, limits={"joint_torque": 50.0}, runs=_INVERSE),
     _with(PLANE, command_limits=_COMMANDS),

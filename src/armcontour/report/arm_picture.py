@@ -15,6 +15,7 @@ from armcontour.core.frames import Frame
 from armcontour.jobs import Job, RunResult
 from armcontour.report.page_frame import PageFrame
 from armcontour.robot import Arm, Chain
+from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import (
     BASE,
     PART,
@@ -97,12 +98,17 @@ def _on_floor(chain: Chain, link: int, pose: Frame) -> tuple[int, Frame]:
 
 
 def nearest_pair(result: RunResult) -> dict[str, Any] | None:
-    """Nearest points of two bodies [m], and their time [s]; None if the clearance is unknown."""
+    """Nearest points of two bodies in the frame of the floor [m], and their time [s], if known."""
     pair = None if result.clearance is None else result.clearance.least
     if pair is None:
         return None
     t = pair.t if pair.first_time is None else pair.first_time
-    return {"points": pair.points, "t": t}
+    chain = result.arm.chain
+    q = result.trajectory(np.clip([t], 0.0, result.trajectory.duration))
+    floor = link_poses(chain, q)[0, chain.floor_link]
+    rotation = floor[:, :3] @ chain.floor.rotation
+    points = pair.points - (floor[:, 3] + floor[:, :3] @ chain.floor.position)
+    return {"points": points @ rotation, "t": t}
 
 
 def matrix(frame: Frame) -> FloatArray:

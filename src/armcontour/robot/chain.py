@@ -190,6 +190,7 @@ class Chain(Checked):
             payload=self.positioner.part,
         )
 
+    @checked
     def on_rail(self, rail: Rail) -> Chain:
         """The chain with a rail as the first joint."""
         if self.positioner is not None:
@@ -198,6 +199,7 @@ class Chain(Checked):
             ("rail",), [rail], rail.origin, prismatic=True, positions=np.zeros((1, 3))
         )
 
+    @checked
     def on_positioner(self, positioner: Positioner) -> Chain:
         """The chain from the part over the axes of a positioner and the floor to the tool."""
         if self.positioner is not None:

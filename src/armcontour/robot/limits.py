@@ -248,15 +248,6 @@ class Limits(Checked):
         """The limits of the tool; the limits and ranges of the joints are removed."""
         return self._without(JOINT_VALUES)
 
-    def select_joints(self, joints: IntArray) -> Limits:
-        """Return the limits of some of the joints, from limits with one value per joint.
-
-        Args:
-            joints: Indices of the joints.
-        """
-        rows = {name: getattr(self, name) for name in JOINT_VALUES}
-        return self.replace(**{name: x[joints] for name, x in rows.items() if x is not None})
-
     def for_joints(self, dof: int) -> Limits:
         """Return the limits with one value per joint.
 
@@ -420,3 +411,9 @@ def reduce_limits(limits: Limits, reserve: float) -> Limits:
         if limit.reserved and (value := getattr(limits, name)) is not None
     }
     return limits.replace(**reduced) if reduced else limits
+
+
+def select_joints(limits: Limits, joints: IntArray) -> Limits:
+    """Limits of some of the joints, by their indices, from limits with one value per joint."""
+    rows = {name: getattr(limits, name) for name in JOINT_VALUES}
+    return limits.replace(**{name: x[joints] for name, x in rows.items() if x is not None})

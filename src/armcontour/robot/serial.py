@@ -18,7 +18,7 @@ from armcontour.robot.arm import Arm
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain
 from armcontour.robot.external_axes import Positioner, PositionerAxis, Rail
-from armcontour.robot.limits import JOINT_VALUES, Limits
+from armcontour.robot.limits import JOINT_VALUES, Limits, select_joints
 
 if TYPE_CHECKING:
     from armcontour.robot.scene import ArmShapes
@@ -178,14 +178,14 @@ class SerialArm(Arm):
     def without_held(self) -> SerialArm:
         """The arm for kinematics in which the held joints are rigid."""
         moving = np.setdiff1d(np.arange(self.dof), list(self.chain.held))
-        limits = self.limits.select_joints(moving)
+        limits = select_joints(self.limits, moving)
         return self._of(self.chain.without_held(), limits, None)
 
     @cached_property
     def from_floor(self) -> SerialArm:
         """The arm without the positioner, with its work frame on the floor, for kinematics."""
         rest = np.arange(self.chain.floor_link, self.dof)
-        return self._of(self.chain.arm_branch, self.limits.select_joints(rest), None)
+        return self._of(self.chain.arm_branch, select_joints(self.limits, rest), None)
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).

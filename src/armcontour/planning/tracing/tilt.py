@@ -134,7 +134,8 @@ def check_tilt(joint_path: JointPath, arm: SerialArm) -> None:
         if (largest > tilt).any():
             k = int(np.argmax(largest))
             place = begin[k] if first[k] > last[k] else end[k]
-            _refuse_tilt(float(place), float(largest[k]), tilt)
+            point = arm.poses(joint_path(place))[:, 3]
+            _refuse_tilt(float(place), point, float(largest[k]), tilt)
         begin, end, first, last, width = intervals[:, (first + last + width) / 2 > tilt]
         if not len(begin):
             return
@@ -144,11 +145,12 @@ def check_tilt(joint_path: JointPath, arm: SerialArm) -> None:
         intervals = np.concatenate([np.stack(x) for x in halves], axis=1)
 
 
-def _refuse_tilt(s: float, angle: float, tilt: float) -> None:
+def _refuse_tilt(s: float, point: FloatArray, angle: float, tilt: float) -> None:
     raise Unreachable(
         f"At {s:.6g} m along the path the tool axis is {np.degrees(angle):.4g} deg from gravity, "
         f"but the tilt of the positioner allows at most {np.degrees(tilt):.4g} deg. Allow larger "
         "ranges of its axes, do not hold them, or specify a larger tilt.",
+        point=point.tolist(),
         s=s,
         limit="tilt",
         needed=angle,

@@ -252,7 +252,7 @@ export class Viewer {
     this.draw();
   }
 
-  /** Show the nearest points of two bodies [m], and where something is refused. @param {number[][] | null} nearest @param {number[] | null} refused */
+  /** Show the nearest points of two bodies in the frame of the base [m], and where something is refused. @param {number[][] | null} nearest @param {number[] | null} refused */
   mark(nearest, refused) {
     this.gap.visible = nearest !== null;
     if (nearest) this.gap.geometry.setPositions(nearest.flat());
@@ -268,7 +268,7 @@ export class Viewer {
     const tool = this.chain.toolOf(links);
     links.forEach((x, k) => setMatrix(this.groups[k], x));
     this.work = links[this.part].clone().multiply(this.onPart);
-    for (const x of [this.path, this.gap]) setMatrix(x, this.work);
+    setMatrix(this.path, this.work);
     this.placeAlarm();
     this.joints = links.map(originOf);
     this.tip.position.copy(originOf(tool));
