@@ -182,6 +182,10 @@ def place(
         ExecutionError: A process ended before its work was done.
     """
     checks.check_choice("move", move, (PART, BASE))
+    checks.raise_if(
+        move == BASE and job.arm.chain.positioner is not None,
+        "The base of an arm with a positioner cannot be placed. Place the part.",
+    )
     axes = _read_grid(grid, job.arm.dimension)
     optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
     chosen, report = choose_run(job, run, "placed", optimal), subprogress(progress, "placing")
