@@ -72,7 +72,7 @@ MISTAKES = {
     "a:\n   b: 1\n  c: 2\n": "not indented like the lines around it ... (line 3, column 3)",
     "a: {b: 1}}\n": "a bracket too many (line 1, column 10)",
     "x: 1\na: {b: 1\nc: 2\n": "the bracket of line 2 needs ... (line 3, column 2)",
-    "a:\n  b: 1\n   c: 2\n": "this colon is wrong: the line is indented too far ... (line 3,",
+    "a:\n  b: 1\n   c: 2\n": "this colon is wrong ... the line is indented too far ... (line 3,",
     "a: 5\nb 6\n": "line 2 has no colon after its key (line 3, column 1)",
     "limits: {a: 1, a: 2}": "the key 'a' is repeated (line 1, column 16)",
 }
@@ -155,7 +155,7 @@ def test_large_numbers_of_samples_are_refused(tmp_path):
         with pytest.raises(ac.InvalidInput, match="longer cycle") as caught:
             call()
         assert caught.value.needed > caught.value.allowed == 5e7
-    with pytest.raises(ac.InvalidInput, match=r"Run one: At its assigned velocities.*raise speed"):
+    with pytest.raises(ac.InvalidInput, match=r"Run one: At its assigned velocities.*Raise speed"):
         job(limits__speed=1e-12)
 
 

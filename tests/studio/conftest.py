@@ -12,7 +12,7 @@ from tests.studio.session_pages import JOB, SessionPage, session_of
 from tools.studio_page import SQUARE
 
 from armcontour.core.yaml_loader import load
-from armcontour.report.view import View
+from armcontour.report.view import Plane, View
 from armcontour.studio import scheduler
 from armcontour.studio.preview import CoarsePlanner
 
@@ -23,12 +23,8 @@ PAPER = load(files("armcontour.jobs.library").joinpath("paper.yaml").read_text()
 SQUARE_DATA = load(SQUARE, "square")
 
 
-class Flat:
-    """The plane of x and y."""
-
-    origin = np.array([0.01, 0.02, 0.0])
-    x = np.array([1.0, 0.0, 0.0])
-    y = np.array([0.0, 1.0, 0.0])
+# The plane of x and y
+FLAT = Plane(origin=np.array([0.01, 0.02, 0.0]), x=np.eye(3)[0], y=np.eye(3)[1])
 
 
 @pytest.fixture(autouse=True)
@@ -58,7 +54,7 @@ def square():
 
 @pytest.fixture(scope="session")
 def view():
-    return View(Flat(), np.array([0.3, 0.2]))
+    return View(FLAT, np.array([0.3, 0.2]))
 
 
 @pytest.fixture

@@ -158,8 +158,8 @@ def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
     for call, words in (
         (partial(ac.evaluate, execution, one), "2 contours"),
         (partial(ac.evaluate, execution, BEND, objective=one), "2 contours"),
-        (partial(ac.evaluate, execution, program, objective=one), "2 contours"),
-        (partial(ac.evaluate, execution, program, objective=BEND), "2 contours"),
+        (partial(ac.evaluate, execution, program, objective=one), "program, 2,"),
+        (partial(ac.evaluate, execution, program, objective=BEND), "program, 2,"),
         (partial(ac.evaluate, execution, BEND), "2 contours"),
         (partial(ac.evaluate, plain, program), "1 contour,"),
         (partial(ac.trace, one, ARM), "trace takes a Path, not a Program"),

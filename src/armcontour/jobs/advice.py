@@ -20,6 +20,7 @@ from armcontour.jobs.rows import (
     Errors,
     judge,
     judging_executions,
+    weave_speed,
     worst_contour,
 )
 from armcontour.jobs.run_plan import plan_one
@@ -163,7 +164,8 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         )
     assigned = kinds.get(ASSIGNED, 0.0)
     cornering = 1 - assigned - sum(kinds.get(x, 0.0) for x in (RAPIDS, DWELLS))
-    yield from ([x] for x in _wider_corners(job, result, cornering))
+    changes = (_faster_weave(job, result, assigned), _wider_corners(job, result, cornering))
+    yield from ([x] for change in changes for x in change)
     if run.timing.reserve > LEAST_RESERVE:
         # The smallest reserve is tried first, because it saves most if the servo can follow.
         reserves = sorted({LEAST_RESERVE, max(_rounded(run.timing.reserve / 2), LEAST_RESERVE)})
@@ -180,6 +182,23 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
                 expected_saving=kinds.get(RAPIDS, 0.0) / 3,
             )
         ]
+
+
+def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
+    """Yield a candidate with a higher travel speed of the weave, if `limits.speed` permits."""
+    weave = job.process.weave
+    if weave is None or weave.speed is None or weave_speed(result) is None:
+        return
+    new = _rounded(weave.speed * LIMIT_FACTOR)
+    process = replace(job.process, weave=replace(weave, speed=new))
+    yield _Candidate(
+        label=f"Raise the travel speed of the weave {_describe_change(weave.speed, new, 'm/s')}",
+        edits=(("process.weave.speed", new),),
+        job=replace(job, process=process),
+        run=result.run,
+        expected_saving=share * (1 - 1 / LIMIT_FACTOR),
+        condition=IF_PROCESS,
+    )
 
 
 def _raised_limit(

@@ -281,6 +281,10 @@ class Process(Checked, LayerProcess):
         InvalidInput: A value is not valid.
     """
 
+    # The values of layers are compared by value, a whole process is the same only as itself.
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
+
     begin: Annotated[str | float | Sequence[float], BEGIN] = AUTO
     approach: Distance = 0.0
     retract: Distance = 0.0
