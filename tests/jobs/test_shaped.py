@@ -65,7 +65,7 @@ def test_contours_have_rapids_leads_and_events_on_their_shapes():
     assert np.linalg.norm(plan.path.contours[0].path(switch_s) - BEND(0.02)) < 1e-3
 
 
-def test_values_that_exclude_each_other_are_refused():
+def test_invalid_rounding_values_and_free_corners_with_paper_timing_are_refused():
     def made(**values):
         return lambda: a_run(rounding=Rounding(**values))
 

@@ -243,12 +243,15 @@ class JointPath(Checked):
         pieces = np.require(np.ravel(checks.indices("intervals", i)), np.intp, ["W"])
         last = len(self.breaks) - 2
         # Without this check, compiled code could read beyond the end of the arrays.
-        if pieces.shape != arc_lengths.shape or (
-            len(pieces) and not 0 <= pieces.min() <= pieces.max() <= last
-        ):
+        if pieces.shape != arc_lengths.shape:
             raise InvalidInput(
-                f"A joint path needs one interval for each arc length, from 0 to {last}, but got "
-                f"{len(pieces)} for {len(arc_lengths)}."
+                f"A joint path needs one interval for each arc length, but got {len(pieces)} for "
+                f"{len(arc_lengths)}."
+            )
+        if len(pieces) and not 0 <= pieces.min() <= pieces.max() <= last:
+            raise InvalidInput(
+                f"Intervals must be from 0 to {last}, but are from {pieces.min()} to "
+                f"{pieces.max()}."
             )
         q, first, second = np.empty((3, len(arc_lengths), self.dof))
         # The chain rule is applied with s as the time, and with each piece as a separate path.
