@@ -1,6 +1,7 @@
 """Positioners: kinematics by products of exponentials, torques by pinocchio, tracing, clearance."""
 
 import dataclasses
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
@@ -8,7 +9,11 @@ from tests.dynamics_extra import needs_dynamics, pinocchio
 
 import armcontour as ac
 from armcontour.core.frames import Frame, exp
+from armcontour.files.job_arm import arm_of
+from armcontour.files.job_model import ArmModel
+from armcontour.files.keys import read_keys
 from armcontour.robot import Payload
+from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import Box, Obstacle, Scene, Sphere
 from armcontour.verification.clearance import check_clearance
 
@@ -206,3 +211,21 @@ def test_wrong_positioners_are_refused(on_floor):
         on_floor.with_positioner(skew()).with_positioner(skew())
     with pytest.raises(ac.InvalidInput, match="rail first"):
         ac.load_arm("ur10e").with_positioner(skew()).with_rail(RAIL)
+
+
+def test_shapes_of_a_job_are_in_the_frame_of_the_base_with_the_axes_at_zero():
+    shapes = [
+        {"link": link, "name": f"on {link}", "type": "sphere", "radius": 0.01, "at": [0.5, 0, 0.2]}
+        for link in ("base", "tilt", "turn")
+    ]
+    lines = [dict(zip(("axis", "origin"), map(list, x), strict=True)) for x in AXES]
+    usual = {"lower": -1, "upper": 1, "velocity": 1, "acceleration": 1}
+    axes = [{"name": n, **x, **usual} for n, x in zip(("tilt", "turn"), lines, strict=True)]
+    model = read_keys(ArmModel, {"name": "ur10e", "positioner": {"axes": axes}, "shapes": shapes})
+    arm = arm_of(model, FilePath())
+    poses = link_poses(arm.chain, np.zeros((1, arm.dof)))[0]
+    added = [x for x in arm.shapes.shapes if x.name.startswith("on ")]
+    assert [x.link for x in added] == [2, 1, 0]
+    for x in added:
+        point = poses[x.link, :, :3] @ x.place.position + poses[x.link, :, 3]
+        np.testing.assert_allclose(point, [0.5, 0.0, 0.2], atol=1e-12)

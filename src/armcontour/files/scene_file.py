@@ -106,11 +106,7 @@ def more_link_shapes(
     links |= {BASE: arm.chain.floor_link}
     links |= {name: k for k, name in enumerate(arm.joint_names, start=1)}
     # The body after an axis of a positioner, from the floor, is before its joint, from the part.
-    # Its frame is that of the floor with the positioner at 0.
-    frames = {k: Frame() for k in range(arm.dof + 1)}
-    for k, name in enumerate(arm.joint_names[: arm.chain.floor_link]):
-        links[name] = k
-        frames[k] = Frame(position=-arm.chain.positions[:k].sum(axis=0))
+    links |= {name: k for k, name in enumerate(arm.joint_names[: arm.chain.floor_link])}
     shapes = []
     for model in models:
         key = f"arm.shapes: {model.name}"
@@ -120,7 +116,11 @@ def more_link_shapes(
                 f"{model.link!r}."
             )
         shape = _link_shape(key, model, folder, links[model.link])
-        shapes.append(replace(shape, place=frames[shape.link] @ shape.place))
+        if shape.link <= arm.chain.floor_link:
+            # The frame of the floor with the positioner at 0 is that of its shapes.
+            floor = Frame(position=-arm.chain.positions[: shape.link].sum(axis=0))
+            shape = replace(shape, place=floor @ shape.place)
+        shapes.append(shape)
     return tuple(shapes)
 
 
