@@ -177,7 +177,7 @@ class Tabs(Checked):
             )
 
 
-@declared()
+@declared(eq=False)
 class LayerProcess:
     """Values for the contours of one layer, instead of those of the process.
 
@@ -280,10 +280,6 @@ class Process(Checked, LayerProcess):
     Raises:
         InvalidInput: A value is not valid.
     """
-
-    # The values of layers are compared by value, a whole process is the same only as itself.
-    __eq__ = object.__eq__
-    __hash__ = object.__hash__
 
     begin: Annotated[str | float | Sequence[float], BEGIN] = AUTO
     approach: Distance = 0.0
