@@ -93,20 +93,19 @@ export class Viewer {
     this.alarm = dot();
     this.path = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ vertexColors: true, linewidth: 3 }));
     this.gap = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ linewidth: 2, depthTest: false, transparent: true }));
-    for (const x of [this.path, this.gap]) {
-      x.frustumCulled = x.matrixAutoUpdate = false;
-    }
+    this.path.frustumCulled = this.gap.frustumCulled = false;
+    // The frame of the path; a positioner moves it.
+    this.onWork = new Group().add(this.path, this.alarm);
+    this.onWork.matrixAutoUpdate = false;
     this.gap.visible = this.alarm.visible = false;
-    this.scene.add(new HemisphereLight("#ffffff", "#b9bfc6", 1.5), this.sun, this.sun.target, this.floor, this.tip, this.alarm, this.path, this.gap);
+    this.scene.add(new HemisphereLight("#ffffff", "#b9bfc6", 1.5), this.sun, this.sun.target, this.floor, this.tip, this.onWork, this.gap);
     /** @type {(Group | GridHelper)[]} one group per link, the base first, and the grid */
     this.groups = [];
     /** @type {Map<string, MeshLambertMaterial | LineBasicMaterial>} */
     this.materials = new Map();
     this.chain = new Chain(arm.head.joints, arm.head.tool);
-    // The frame of the path; a positioner moves it.
     this.work = this.onPart = poseOf(arm.head.part.at);
     this.part = 0;
-    this.refused = /** @type {number[] | null} */ (null);
     this.reach = 1;
     this.joints = this.points = /** @type {Vector3[]} */ ([]);
     this.pieces = this.frames = this.waits = this.resting = 0;
@@ -257,8 +256,7 @@ export class Viewer {
     this.gap.visible = nearest !== null;
     if (nearest) this.gap.geometry.setPositions(nearest.flat());
     this.alarm.visible = refused !== null;
-    this.refused = refused;
-    this.placeAlarm();
+    if (refused) this.alarm.position.fromArray(refused);
     this.draw();
   }
 
@@ -268,17 +266,12 @@ export class Viewer {
     const tool = this.chain.toolOf(links);
     links.forEach((x, k) => setMatrix(this.groups[k], x));
     this.work = links[this.part].clone().multiply(this.onPart);
-    setMatrix(this.path, this.work);
-    this.placeAlarm();
+    setMatrix(this.onWork, this.work);
     this.joints = links.map(originOf);
     this.tip.position.copy(originOf(tool));
     this.renderer.shadowMap.needsUpdate = true;
     this.draw();
     return this.tip.position.toArray();
-  }
-
-  placeAlarm() {
-    if (this.refused) this.alarm.position.fromArray(this.refused).applyMatrix4(this.work);
   }
 
   /** Points of the path on the canvas [px], pairs. @param {ArrayLike<number>} points (n, 3) */
