@@ -15,7 +15,7 @@ from armcontour.core.frames import Frame
 from armcontour.jobs import Job, RunResult
 from armcontour.report.page_frame import PageFrame
 from armcontour.robot import Arm, Chain
-from armcontour.robot.chain import link_poses
+from armcontour.robot.chain import floor_poses
 from armcontour.robot.scene import (
     BASE,
     PART,
@@ -105,10 +105,8 @@ def nearest_pair(result: RunResult) -> dict[str, Any] | None:
     t = pair.t if pair.first_time is None else pair.first_time
     chain = result.arm.chain
     q = result.trajectory(np.clip([t], 0.0, result.trajectory.duration))
-    floor = link_poses(chain, q)[0, chain.floor_link]
-    rotation = floor[:, :3] @ chain.floor.rotation
-    points = pair.points - (floor[:, 3] + floor[:, :3] @ chain.floor.position)
-    return {"points": points @ rotation, "t": t}
+    (floor,) = floor_poses(chain, q)
+    return {"points": (pair.points - floor[:, 3]) @ floor[:, :3], "t": t}
 
 
 def matrix(frame: Frame) -> FloatArray:

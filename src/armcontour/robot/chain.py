@@ -33,6 +33,14 @@ PER_JOINT = (
     *("rotations", "positions", "axes", "masses", "centers", "inertias"),
     *("armature", "viscous", "coulomb", "weights"),
 )
+# Fields of the branch of the arm
+FROM_FLOOR: dict[str, Any] = {
+    "held": {},
+    "positioner": None,
+    "floor_link": 0,
+    "floor": Frame(),
+    "base": Frame(),
+}
 # Fields that change often and have their own checks, so that `replace` need not check the links.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = checks.frozen_array([0.0, 0.0, -9.81])
@@ -298,16 +306,6 @@ class Chain(Checked):
         return chain
 
 
-# Fields of the branch of the arm
-FROM_FLOOR: dict[str, Any] = {
-    "held": {},
-    "positioner": None,
-    "floor_link": 0,
-    "floor": Frame(),
-    "base": Frame(),
-}
-
-
 def _directions(axes: Sequence[Rail | PositionerAxis]) -> FloatArray:
     """Unit vectors of the axes, (n, 3)."""
     along = np.array([x.axis for x in axes], dtype=np.float64)
@@ -345,6 +343,13 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     poses[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
     poses[:, 1:, :, 3] = joints[:, :-1, :, 3]
     return poses
+
+
+def floor_poses(chain: Chain, q: FloatArray) -> FloatArray:
+    """Frames of the floor in the work frame, (n, 3, 4), at q, (n, dof)."""
+    link, floor = link_poses(chain, q)[:, chain.floor_link], chain.floor
+    origin = link[..., :3] @ floor.position + link[..., 3]
+    return np.concatenate([link[..., :3] @ floor.rotation, origin[..., None]], axis=2)
 
 
 def link_table(chain: Chain) -> FloatArray:

@@ -60,6 +60,7 @@ class Dynamics:
         leading, states = state_rows(len(self.chain), q, dq_ds, d2q_ds2)
         shape = (*leading, len(self.chain))
         if len(self._branches) == 1:
+            # Without a positioner no columns are copied.
             _, links, gravity = self._branches[0]
             a, b, c = kernels.path_terms(links, gravity, *states)
             return a.reshape(shape), b.reshape(shape), c.reshape(shape)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -30,6 +30,15 @@ from armcontour.core.quantities import (
 )
 from armcontour.robot.bodies import TENSOR, Payload, check_inertia
 
+# Limits of joints, and the fields of an external axis that specify them
+FIELDS = {
+    "joint_lower": "lower",
+    "joint_upper": "upper",
+    "joint_velocity": "velocity",
+    "joint_acceleration": "acceleration",
+    "joint_jerk": "jerk",
+    "joint_torque": "torque",
+}
 Weight = Annotated[float, Quantity("", sign="positive")]
 Point = Annotated[FloatArray, Quantity("m", "5 mm"), Axes(3)]
 # Angle between the tool axis and gravity [rad].
@@ -63,6 +72,7 @@ class Rail(Checked):
         InvalidInput: The axis is zero, the range is empty, or `hold` is outside.
     """
 
+    fields: ClassVar = {**FIELDS, "joint_torque": "force"}
     axis: Direction
     upper: Length
     velocity: Speed
@@ -111,6 +121,7 @@ class PositionerAxis(Checked):
             the inertia.
     """
 
+    fields: ClassVar = FIELDS
     name: Name
     axis: Direction
     origin: Point

@@ -17,22 +17,12 @@ from armcontour.core.frames import IDENTITY, Frame, Pose
 from armcontour.robot.arm import Arm
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain
-from armcontour.robot.external_axes import Positioner, PositionerAxis, Rail
+from armcontour.robot.external_axes import FIELDS, Positioner, PositionerAxis, Rail
 from armcontour.robot.limits import JOINT_VALUES, Limits, select_joints
 
 if TYPE_CHECKING:
     from armcontour.robot.scene import ArmShapes
 
-# Limits of joints, and the fields of external axes that limit them
-AXIS_LIMITS = {
-    "joint_lower": "lower",
-    "joint_upper": "upper",
-    "joint_velocity": "velocity",
-    "joint_acceleration": "acceleration",
-    "joint_jerk": "jerk",
-    "joint_torque": "torque",
-}
-RAIL_NAMES = {"torque": "force"}
 # Joint axes are parallel if the sine of their angle is below this, which allows for rounding
 # errors.
 PARALLEL = 1e-9
@@ -154,13 +144,10 @@ class SerialArm(Arm):
     def _with_first(self, chain: Chain, axes: Sequence[Rail | PositionerAxis]) -> SerialArm:
         """The arm with the chain that has external axes before its own joints."""
         changes = {}
-        for limit, name in AXIS_LIMITS.items():
+        for limit in FIELDS:
             others = getattr(self.limits, limit)
-            unlimited = -np.inf if name == "lower" else np.inf
-            first = [
-                getattr(x, RAIL_NAMES.get(name, name) if isinstance(x, Rail) else name)
-                for x in axes
-            ]
+            unlimited = -np.inf if limit == "joint_lower" else np.inf
+            first = [getattr(x, x.fields[limit]) for x in axes]
             if others is None and first.count(None) == len(first):
                 continue
             rest = np.full(self.dof, unlimited) if others is None else others

@@ -10,7 +10,7 @@ from armcontour.core.frames import exp
 from armcontour.motion import JointPath
 from armcontour.motion.derivative_bounds import joint_travel
 from armcontour.robot import Chain, SerialArm
-from armcontour.robot.chain import link_poses
+from armcontour.robot.chain import floor_poses
 
 # Fraction of the largest angle from which the angle has a cost.
 INNER_TILT = 0.7
@@ -40,6 +40,7 @@ def turn_down(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     - `q`: joint positions [rad], (n, floor_link) or more columns, which are ignored.
     """
+    # `link_poses` computes all joints and takes four times as long.
     turned, axes = np.tile(chain.base.rotation, (len(q), 1, 1)), np.empty((len(q), 0, 3))
     for k in range(chain.floor_link):
         turned = turned @ chain.rotations[k]
@@ -58,12 +59,12 @@ def level_positions(arm: SerialArm, axis: FloatArray) -> FloatArray:
     lower, upper = (x[:count] for x in arm.limits.joint_range(arm.dof))
     low, high = np.maximum(lower, -np.pi), np.minimum(upper, np.pi)
     samples = low + np.random.default_rng(0).uniform(size=(SAMPLES, count)) * (high - low)
-    tried = _level(arm, samples, np.tile(axis, (SAMPLES, 1)), START_ROUNDS)
+    tried = _level(arm, samples, axis, START_ROUNDS)
     chords = np.linalg.norm(turn_down(arm.chain, tried)[0] - axis, axis=1)
-    tilt = tilt_of(arm.chain)
+    allowed = chord_of(tilt_of(arm.chain) or np.pi)
     order = np.argsort(chords, kind="stable")
     found: list[FloatArray] = []
-    for k in order[chords[order] <= max(chord_of(tilt or np.pi), chords.min() + 1e-9)]:
+    for k in order[chords[order] <= max(allowed, chords.min() + 1e-9)]:
         if all(np.abs(tried[k] - x).max() > APART for x in found):
             found.append(tried[k])
         if len(found) == MAX_POSITIONS:
@@ -80,18 +81,18 @@ def follow_level(arm: SerialArm, axes: FloatArray, start: FloatArray) -> FloatAr
     profile = np.empty((len(axes), *start.shape))
     profile[0] = start
     for i in range(1, len(axes)):
-        profile[i] = _level(arm, profile[i - 1], np.tile(axes[i], (len(start), 1)), ROUNDS)
+        profile[i] = _level(arm, profile[i - 1], axes[i], ROUNDS)
     return profile
 
 
-def _level(arm: SerialArm, positions: FloatArray, axes: FloatArray, rounds: int) -> FloatArray:
-    """Turn tool axes downwards by damped steps of the positioner within its range, (k, count)."""
+def _level(arm: SerialArm, positions: FloatArray, axis: FloatArray, rounds: int) -> FloatArray:
+    """Turn a tool axis downwards by damped steps of the positioner within its range, (k, count)."""
     count, q = arm.chain.floor_link, positions.copy()
     lower, upper = (x[:count] for x in arm.limits.joint_range(arm.dof))
     for _ in range(rounds):
         down, by_joint = turn_down(arm.chain, q)
         square = by_joint @ np.swapaxes(by_joint, 1, 2) + DAMPING * np.eye(count)
-        q += np.linalg.solve(square, by_joint @ (axes - down)[..., None])[..., 0]
+        q += np.linalg.solve(square, by_joint @ (axis - down)[..., None])[..., 0]
         np.clip(q, lower, upper, out=q)
     return q
 
@@ -104,12 +105,9 @@ def poses_from_floor(arm: SerialArm, poses: FloatArray, positions: FloatArray) -
     """
     chain = arm.chain
     q = np.pad(positions, ((0, 0), (0, arm.dof - positions.shape[1])))
-    links = link_poses(chain, q)[:, chain.floor_link]
-    turned = links[..., :3] @ chain.floor.rotation
-    origin = links[..., :3] @ chain.floor.position + links[..., 3]
-    moved = np.swapaxes(turned, 1, 2) @ poses
-    moved[..., 3] -= (np.swapaxes(turned, 1, 2) @ origin[..., None])[..., 0]
-    return np.ascontiguousarray(moved)
+    floor, moved = floor_poses(chain, q), poses.copy()
+    moved[..., 3] -= floor[..., 3]
+    return np.ascontiguousarray(np.swapaxes(floor[..., :3], 1, 2) @ moved)
 
 
 def check_tilt(joint_path: JointPath, arm: SerialArm) -> None:

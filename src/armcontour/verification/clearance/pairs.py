@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import combinations
 
 import numpy as np
@@ -57,6 +58,7 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
     bodies = shapes.shapes
     _check_obstacles(bodies, scene)
     pairs: list[Pair] = []
+    radii_of = cache(partial(_radii, chain))
     left_out = _links_without_shape(chain, bodies)
     for first, second, kind, margin, allowed in _obstacle_pairs(chain, bodies, scene):
         if first.link == second.link:
@@ -64,7 +66,7 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
         elif allowed:
             reason = f"{first.name} allows it to touch"
         else:
-            pairs.append(_make_pair(chain, first, second, kind, margin))
+            pairs.append(_make_pair(radii_of, first, second, kind, margin))
             continue
         left_out.append(LeftOut(first=first.name, second=second.name, reason=reason))
     reasons = {frozenset((x.first, x.second)): x.reason for x in shapes.left_out}
@@ -73,7 +75,7 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
         if why is None:
             kind = TOOL if second.tool or first.tool else OWN
             margin = scene.margins.tool if kind == TOOL else scene.margins.own
-            pairs.append(_make_pair(chain, first, second, kind, margin))
+            pairs.append(_make_pair(radii_of, first, second, kind, margin))
         elif first.name != second.name:
             left_out.append(LeftOut(first=first.name, second=second.name, reason=why))
     return tuple(pairs), tuple(dict.fromkeys(left_out))
@@ -88,10 +90,10 @@ def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
     plane = LinkShape(
         name="mounting plane", link=floor, shape=HalfSpace(), place=chain.floor, on_floor=True
     )
-    # The base of an arm on a rail is a link, too.
+    # The base of an arm on a rail is also a link.
     raised = floor + FIRST_RAISED + int(chain.slides[floor])
     return tuple(
-        _make_pair(chain, plane, x, MOUNTING, -BELOW)
+        _make_pair(partial(_radii, chain), plane, x, MOUNTING, -BELOW)
         for x in shapes.shapes
         if not x.tool and x.link >= raised
     )
@@ -111,15 +113,14 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
 def _links_without_shape(chain: Chain, bodies: Sequence[LinkShape]) -> list[LeftOut]:
     """Exclusions of the links whose shape is unknown."""
     links = {x.link for x in bodies}
-    first = chain.floor_link + 1
     return [
         LeftOut(
             first=f"the link after {joint}",
             second="everything",
             reason="no shape of it is known",
         )
-        for k, joint in enumerate(chain.joints[first - 1 :], start=first)
-        if k not in links
+        for k, joint in enumerate(chain.joints, start=1)
+        if k > chain.floor_link and k not in links
     ]
 
 
@@ -185,15 +186,20 @@ def _exclusion_reason(
     return "neighbours" if second.link == first.link + 1 and not second.tool else None
 
 
-def _make_pair(chain: Chain, one: LinkShape, other: LinkShape, kind: str, margin: float) -> Pair:
+def _make_pair(
+    radii_of: Callable[[LinkShape], FloatArray],
+    one: LinkShape,
+    other: LinkShape,
+    kind: str,
+    margin: float,
+) -> Pair:
     """Make a pair with the bounds on its approach speed."""
     first, second = sorted((one, other), key=lambda x: x.link)
     # Only joints between the links of both bodies cause relative motion. The points of a half-space
     # are at any distance from their axes.
     moving = first if isinstance(second.shape, HalfSpace) else second
-    joints = np.arange(len(chain))
-    between = (joints >= first.link) & (joints < second.link)
-    radii = np.where(between, _radii(chain, moving), 0.0)
+    radii = radii_of(moving).copy()
+    radii[: first.link] = radii[second.link :] = 0.0
     return Pair(first=first, second=second, kind=kind, margin=margin, radii=radii)
 
 
