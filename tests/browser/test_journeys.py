@@ -12,7 +12,7 @@ from playwright.sync_api import expect
 
 import armcontour as ac
 from armcontour.core.render import cells
-from armcontour.report.page_frame import without_options
+from armcontour.report.message_frame import without_options
 
 pytestmark = pytest.mark.browser
 EXACT = 1e-9

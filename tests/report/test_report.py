@@ -19,7 +19,7 @@ from armcontour.jobs import run
 from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
 from armcontour.report import render_report, render_table, sections, write_report
 from armcontour.report.figure import Curve, Figure, Plot, to_json
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.report.sections.learning import learned, learning
 from armcontour.report.sections.placement_section import placed
 from armcontour.report.style import thin
@@ -121,7 +121,9 @@ def test_a_page_contains_its_figures_and_their_script(page, study):
 
 
 def test_an_arm_moves_as_planned_along_the_path(page, study):
-    arm, motion = (PageFrame.unpack(unpacked(page, f"figure-arm-1-{x}")) for x in ("arm", "motion"))
+    arm, motion = (
+        MessageFrame.unpack(unpacked(page, f"figure-arm-1-{x}")) for x in ("arm", "motion")
+    )
     (name,) = re.findall(r"Arm, moving as planned in run (\w+)", page)
     result = study.runs[name]
     t, q = (motion.arrays[x].astype(float) for x in "tq")

@@ -9,7 +9,7 @@ from threading import Thread
 from tests.studio.session_pages import RecordingTaskWorker
 from websockets.sync.client import connect
 
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio import connection as module
 from armcontour.studio.server import serve
 
@@ -93,7 +93,7 @@ class Page:
     def hear(self, *kinds, seq=None):
         """The next frame of some kinds that answers a message, or a later one."""
         while True:
-            frame = PageFrame.unpack(self.socket.recv())
+            frame = MessageFrame.unpack(self.socket.recv())
             number = frame.header.get("seq")
             if frame.kind in kinds and (seq is None or (number is not None and number >= seq)):
                 return frame

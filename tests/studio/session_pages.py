@@ -1,6 +1,6 @@
 """Pages that talk with a session in this process, without a server."""
 
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.document import Document
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.scheduler import SchedulerOptions
@@ -84,7 +84,7 @@ class SessionPage:
         session.join(self)
 
     def send(self, data, replaces=None):
-        self.frames.append(PageFrame.unpack(data))
+        self.frames.append(MessageFrame.unpack(data))
 
     def say(self, op, **more):
         """Send a message; returns what is heard then."""

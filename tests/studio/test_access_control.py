@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armcontour.files import parse_job
-from armcontour.report.arm_picture import arm_frame
+from armcontour.report.arm_frame import arm_frame
 from armcontour.studio.access_control import (
     MAX_UPLOAD,
     AccessControl,

@@ -16,7 +16,7 @@ import pytest
 import armcontour as ac
 from armcontour.core.frames import Frame
 from armcontour.core.render import PALETTE_FILE, jsonable
-from armcontour.report.arm_picture import arm_frame
+from armcontour.report.arm_frame import arm_frame
 from armcontour.robot.chain import link_poses
 from armcontour.studio.server import page_files
 

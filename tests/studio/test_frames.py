@@ -18,21 +18,21 @@ from armcontour.core.errors import Collision, ExecutionError, Unreachable
 from armcontour.core.render import LIMITS
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.report.page_frame import TYPES, PageFrame
-from armcontour.report.picture import (
+from armcontour.report.message_frame import TYPES, MessageFrame
+from armcontour.report.plan_frames import (
     NO_LIMIT,
     drawing_frame,
     picture_frame,
     refusal_header,
 )
-from armcontour.studio.execution_picture import execution_frame
+from armcontour.studio.execution_frame import execution_frame
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.verification import check, evaluate
 
 
 def packed(frame):
     """What the page gets."""
-    return PageFrame.unpack(frame.pack())
+    return MessageFrame.unpack(frame.pack())
 
 
 def uv(view, points):
@@ -246,7 +246,7 @@ def test_refusals_have_their_position(paper, plans, view):
     assert header["sentence"] == str(error) and header["exit"] == 3
     assert (header["error"], header["tier"], header["run"]) == ("Unreachable", 1, "optimal")
     np.testing.assert_allclose(header["at"]["uv"], uv(view, np.array(error.point)))
-    packed(PageFrame("refusal", header))
+    packed(MessageFrame("refusal", header))
     # At a waypoint, it is named.
     error = Unreachable("Too far.", point=(0.4, 0.2), s=0.3, joint=2)
     waypoints = uv(view, np.array([[0.1, 0.1], [0.4, 0.2]]))
@@ -273,8 +273,8 @@ arrays = st.dictionaries(
 
 @given(arrays=arrays)
 def test_unpacked_frames_equal_packed_frames(arrays):
-    frame = PageFrame("picture", {"text": "0,5 µm", "n": [1, None, True, 0.1]}, arrays)
-    unpacked = PageFrame.unpack(frame.pack())
+    frame = MessageFrame("picture", {"text": "0,5 µm", "n": [1, None, True, 0.1]}, arrays)
+    unpacked = MessageFrame.unpack(frame.pack())
     assert (unpacked.kind, unpacked.header) == (frame.kind, frame.header)
     assert unpacked.arrays.keys() == arrays.keys()
     for name, values in arrays.items():

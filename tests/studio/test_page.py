@@ -5,7 +5,7 @@ import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
 from armcontour.core.frames import Frame as Pose
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
 
@@ -20,10 +20,10 @@ def test_the_page_reads_the_frames_that_the_server_writes():
         "none": np.empty((0, 2), dtype=np.float32),
     }
     head = {"seq": 7, "rev": 2, "sentence": "a μ of 1° — „done“"}
-    data = PageFrame("picture", head, arrays).pack()
+    data = MessageFrame("picture", head, arrays).pack()
     computed = compute(
         """
-        const { unpack } = await import("./page_frame.js");
+        const { unpack } = await import("./message_frame.js");
         const frame = unpack(new Uint8Array(given).buffer);
         const arrays = Object.entries(frame.arrays).map(([name, x]) => [name, [...x]]);
         tell({ ...frame, arrays: Object.fromEntries(arrays) });

@@ -27,7 +27,7 @@ from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_text_edits import Change
 from armcontour.jobs.run_plan import plan_one
-from armcontour.report.page_frame import PageFrame, bytes_array
+from armcontour.report.message_frame import MessageFrame, bytes_array
 from armcontour.studio import scheduler
 from armcontour.studio.preview import CoarsePlanner
 
@@ -65,7 +65,9 @@ def tiers(frames):
 def answer(lane, plan=None, **header):
     """The task process sends the figures that were requested last."""
     arrays = {} if plan is None else {"plan": bytes_array(pickle.dumps(plan))}
-    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}, arrays))
+    lane.deliver(
+        MessageFrame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}, arrays)
+    )
 
 
 def figures_asked(lane):
@@ -118,7 +120,7 @@ def test_exact_figures_are_sent_after_the_last_edit(opened):
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     assert len(figures_asked(lane)) == 2, "one at a time"
     before = kinds(tab.frames).count("figures")
-    lane.deliver(PageFrame("figures", {"id": last_id}))
+    lane.deliver(MessageFrame("figures", {"id": last_id}))
     assert kinds(tab.frames).count("figures") == before, "out of date"
     requests = figures_asked(lane)
     assert len(requests) == 3 and requests[2][2]["text"] == session.editor.document.text
@@ -212,7 +214,7 @@ def test_a_slow_plan_has_an_outline_and_progress(opened, during, monkeypatch):
 def test_a_killed_process_is_reported_and_the_next_edit_has_figures(opened):
     _, tab, lane = opened(preview_worker=Nested)
     failure = {"id": lane.given[-1][0], "sentence": "It has ended before it gave an answer."}
-    lane.deliver(PageFrame("failed", failure))
+    lane.deliver(MessageFrame("failed", failure))
     assert "has ended" in tab.last("notice")["sentence"]
     tab.edit(moved(1), gesture=1)
     answer(lane, duration=12.5)

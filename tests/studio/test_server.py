@@ -9,7 +9,7 @@ from tests.studio.running_studio import running
 from tests.studio.session_pages import MOVE
 
 from armcontour.core.errors import InvalidInput
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio import server
 from armcontour.studio.connection import OpenPage, SessionHost, open_session
 from armcontour.studio.server import listen, require_server, serve
@@ -100,7 +100,7 @@ def test_pages_that_open_before_the_session_join_it(session):
         session_host.receive(tab, {"op": "nonsense", "id": 1})
         session_host.leave(tab)
         assert session_host.pages == [] and session_host.failure is None
-        frames = [PageFrame.unpack(x) for x in tab._waiting.values()]
+        frames = [MessageFrame.unpack(x) for x in tab._waiting.values()]
         assert "document" in [x.kind for x in frames]
         return [x.header["id"] for x in frames if x.kind == "failed"]
 

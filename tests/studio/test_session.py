@@ -15,7 +15,7 @@ from tests.studio.session_pages import (
 from tools.studio_page import write_shapes
 
 import armcontour as ac
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.connection import open_session
 from armcontour.studio.document import Document
 from armcontour.studio.pages import without_options
@@ -325,9 +325,9 @@ def test_tasks_can_be_cancelled_and_return_files(session, tab):
     assert "already in use" in sentence(tab.say("task", id="t1", task="report"))
     tab.say("cancel", id="t1")
     assert lane.cancelled == ["t1"] and tab.say("cancel", id="t2") == []
-    lane.deliver(PageFrame("progress", {"id": "t1", "share": 0.5}))
+    lane.deliver(MessageFrame("progress", {"id": "t1", "share": 0.5}))
     header = {"id": "t1", "name": "a.html"}
-    lane.deliver(PageFrame("result", header, {"content": np.frombuffer(b"<html>", np.uint8)}))
+    lane.deliver(MessageFrame("result", header, {"content": np.frombuffer(b"<html>", np.uint8)}))
     assert session.pages.files[tab.last("result")["file"]].data == b"<html>"
     assert tab.last("progress")["share"] == 0.5
     tab.say("task", id="t1", task="report")

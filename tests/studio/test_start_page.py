@@ -13,7 +13,7 @@ from tests.studio.session_pages import JOB, ImmediateWorker, RecordingTaskWorker
 import armcontour as ac
 from armcontour.files.cell import cell_names, drawing_text
 from armcontour.files.job_text_edits import Change, change_data
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.connection import open_session
 from armcontour.studio.opening import DRAWINGS as CARDS
 from armcontour.studio.opening import Uploads, new_document
@@ -73,7 +73,7 @@ def test_a_long_drawing_is_shown_before_its_job_is_read(tmp_path):
     )
 
     def send(data, key="start"):
-        sent.append(PageFrame.unpack(data))
+        sent.append(MessageFrame.unpack(data))
 
     session = open_session(job, send=send, task_worker=RecordingTaskWorker)
     tab, early = SessionPage(session), sent[-1]

@@ -6,7 +6,7 @@ import pytest
 from tests.studio.session_pages import figure
 
 from armcontour.core.pool import ProcessEnded
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio import workers
 from armcontour.studio.tasks.dispatch import WARMUP_JOB
 from armcontour.studio.workers import PreviewWorker, TaskWorker
@@ -40,12 +40,12 @@ def test_only_the_newest_waiting_task_is_done():
         begun.set()
         go.wait()
         assert stale() and stale(within=1e6)
-        heard(PageFrame("picture", {"id": 1}))
+        heard(MessageFrame("picture", {"id": 1}))
 
     def other(n):
         def work(stale):
             assert not stale()
-            heard(PageFrame("picture", {"id": n}))
+            heard(MessageFrame("picture", {"id": n}))
 
         return work
 
@@ -72,11 +72,11 @@ class Process:
 
     def run(self, task_input, listener):
         if task_input.task == "long":
-            listener(PageFrame("progress", {"id": task_input.id}))
+            listener(MessageFrame("progress", {"id": task_input.id}))
             self.killed.wait()
         if task_input.task in ("long", "die"):
             raise ProcessEnded("It has ended.")
-        return PageFrame("result", {})
+        return MessageFrame("result", {})
 
     def kill(self):
         self.killed.set()

@@ -19,7 +19,7 @@ from armcontour._version import __version__
 from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import VERDICTS, number
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 
 # Significant digits of drawn values, which are finer than a pixel, and of their abscissae.
 DIGITS, X_DIGITS = 5, 7
@@ -41,7 +41,7 @@ class Picture:
     # Width in sixths of the section
     span: int = WHOLE
     # Data of the picture that are no figures
-    frames: tuple[PageFrame, ...] = ()
+    frames: tuple[MessageFrame, ...] = ()
 
     def to_html(self, key: str) -> str:
         """Render the picture for a page with the data of its figures; `key`: id of its element."""
@@ -178,7 +178,7 @@ def _packed(pictures: Mapping[str, Picture]) -> dict[str, str]:
 
 # Modules that draw figures, and those that draw arms.
 UPLOT = ("vendor/uplot.js",)
-VIEWER = ("vendor/three.js", "kinematics.js", "page_frame.js", "viewer.js")
+VIEWER = ("vendor/three.js", "kinematics.js", "message_frame.js", "viewer.js")
 
 
 @cache

@@ -14,10 +14,10 @@ from armcontour.core.render import limit_style
 from armcontour.jobs import Job, RunResult
 from armcontour.motion import Trajectory
 from armcontour.planning.explanation import RAPIDS
-from armcontour.report.arm_picture import arm_frame, nearest_pair
+from armcontour.report.arm_frame import arm_frame, nearest_pair
 from armcontour.report.figure import Picture
+from armcontour.report.message_frame import MessageFrame
 from armcontour.report.outline import simplify
-from armcontour.report.page_frame import PageFrame
 from armcontour.report.plan_drawing import pieces_of, rapid_paths
 from armcontour.report.view import essential_points, in_space, to_float32
 
@@ -63,7 +63,7 @@ def draw_arm(result: RunResult, job: Job) -> MovingArm:
         lines[-1] |= {theme: str(look[theme]) for theme in ("light", "dark")}
     header = {"lines": lines, "nearest": nearest_pair(result)}
     title = f"Arm, moving as planned in run {result.run.name}"
-    return MovingArm(title=title, frames=(arm_frame(job), PageFrame("motion", header, arrays)))
+    return MovingArm(title=title, frames=(arm_frame(job), MessageFrame("motion", header, arrays)))
 
 
 def _postures(trajectory: Trajectory) -> dict[str, Any]:

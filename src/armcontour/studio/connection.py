@@ -129,9 +129,9 @@ def open_session(
 
     def report(step: Step) -> None:
         header = {"id": START, "task": START, "steps": list(step.names), "share": step.done}
-        send(PageFrame("progress", {"seq": None, "rev": 0, **header, "eta": None}).pack())
+        send(MessageFrame("progress", {"seq": None, "rev": 0, **header, "eta": None}).pack())
 
-    from armcontour.report.page_frame import PageFrame
+    from armcontour.report.message_frame import MessageFrame
 
     report(Step(("loading armcontour",)))
     from armcontour.studio.opening import blank_document, open_file

@@ -21,7 +21,7 @@ from armcontour.files.keys import key_fields, kinds_of_keys, leaves, quantity_of
 from armcontour.files.patch import full_key, locate_key
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.document import Document
 from armcontour.studio.edits.keys import run_of, value_of
 from armcontour.studio.edits.layout import tilt_of
@@ -122,7 +122,7 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
     return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"
 
 
-def document_frame(document: Document, state: JobState, run: str) -> PageFrame:
+def document_frame(document: Document, state: JobState, run: str) -> MessageFrame:
     """Message frame `document`, which describes the whole document."""
     data, handles = state.data, state.handles
     header: dict[str, Any] = {
@@ -150,7 +150,7 @@ def document_frame(document: Document, state: JobState, run: str) -> PageFrame:
         "sentence": None if state.error is None else str(state.error),
         "line": None if state.error is None else line_of(document.text, state.error.key),
     }
-    return PageFrame("document", header)
+    return MessageFrame("document", header)
 
 
 def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from threading import RLock
 from typing import Any, Protocol, TypeAlias
 
-from armcontour.report.page_frame import PageFrame, without_options
+from armcontour.report.message_frame import MessageFrame, without_options
 
 # A message of a page.
 PageMessage: TypeAlias = Mapping[str, Any]
@@ -71,7 +71,11 @@ class Pages:
         return is_open
 
     def send(
-        self, frame: PageFrame, *, to: Page | None = None, answers: Mapping[int, int] | None = None
+        self,
+        frame: MessageFrame,
+        *,
+        to: Page | None = None,
+        answers: Mapping[int, int] | None = None,
     ) -> None:
         """Send a frame to one page or to all, with the number of the message that it answers."""
         key, sentence = _replacement_key(frame), frame.header.get("sentence")
@@ -99,7 +103,7 @@ class Pages:
         return number
 
 
-def _replacement_key(frame: PageFrame) -> str | None:
+def _replacement_key(frame: MessageFrame) -> str | None:
     """Key of the frames that a frame replaces: its kind; for progress, also the task identifier.
 
     None if pages need every frame of the kind.

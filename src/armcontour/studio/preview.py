@@ -47,7 +47,7 @@ from armcontour.jobs.study import compute_set_points, simulate_experiment
 from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
-from armcontour.report.picture import Preview, Tier
+from armcontour.report.plan_frames import Preview, Tier
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
 from armcontour.studio.step_cache import LARGE_RESULTS, StepCache

@@ -17,18 +17,24 @@ from armcontour.core.progress import Step
 from armcontour.jobs import Job
 from armcontour.jobs.run_result import RunResult
 from armcontour.program import Program
-from armcontour.report.arm_picture import arm_frame
-from armcontour.report.page_frame import PageFrame
-from armcontour.report.picture import Preview, Tier, drawing_frame, picture_frame, refusal_header
+from armcontour.report.arm_frame import arm_frame
+from armcontour.report.message_frame import MessageFrame
+from armcontour.report.plan_frames import (
+    Preview,
+    Tier,
+    drawing_frame,
+    picture_frame,
+    refusal_header,
+)
 from armcontour.report.view import View
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
-from armcontour.studio.execution_picture import execution_frame
+from armcontour.studio.execution_frame import execution_frame
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.tasks import dispatch
 from armcontour.studio.workers import PreviewWorker, StaleCheck, TaskWorker
 
-TaskWorkerFactory: TypeAlias = Callable[[Callable[[PageFrame], None]], TaskWorker]
+TaskWorkerFactory: TypeAlias = Callable[[Callable[[MessageFrame], None]], TaskWorker]
 # Time without changes before exact figures are computed [s].
 REST = 0.15
 # If the plan took longer than this [s], it is simulated only after the rest time without edits.
@@ -93,7 +99,7 @@ class DocumentState:
     # Results of the document.
     results: ShownResults = field(default_factory=ShownResults, init=False)
     # Picture without a plan, and its path.
-    outline: tuple[PageFrame, Program] | None = field(default=None, init=False)
+    outline: tuple[MessageFrame, Program] | None = field(default=None, init=False)
     start_time: float = field(default_factory=time.monotonic, init=False)
     # True if a plan or a refusal was computed.
     answered: bool = field(default=False, init=False)
@@ -109,7 +115,7 @@ FiguresRequest: TypeAlias = tuple[DocumentState, Mapping[str, Any]]
 class SchedulerOptions:
     """Factories of the workers, and the time without changes before exact figures [s]."""
 
-    preview_worker: Callable[[Callable[[PageFrame], None]], PreviewWorker] = PreviewWorker
+    preview_worker: Callable[[Callable[[MessageFrame], None]], PreviewWorker] = PreviewWorker
     task_worker: TaskWorkerFactory = TaskWorker
     rest_time: float = REST
 
@@ -120,7 +126,7 @@ class Scheduler:
     def __init__(
         self,
         previewer: CoarsePlanner,
-        deliver: Callable[[PageFrame, DocumentState | None], bool],
+        deliver: Callable[[MessageFrame, DocumentState | None], bool],
         options: SchedulerOptions,
     ) -> None:
         self.previewer, self._rest = previewer, options.rest_time
@@ -137,7 +143,7 @@ class Scheduler:
         self._current: FiguresRequest | None = None
         self._queued: FiguresRequest | None = None
         # Last request that resulted in figures, and these figures.
-        self._known: tuple[Mapping[str, Any], PageFrame] | None = None
+        self._known: tuple[Mapping[str, Any], MessageFrame] | None = None
         self._count, self._since = 0, 0.0
         self._task_worker: TaskWorker | None = None
         self._running: set[str] = set()
@@ -209,7 +215,7 @@ class Scheduler:
 
     # The methods below run in the thread of the preview worker.
 
-    def _fail(self, frame: PageFrame) -> None:
+    def _fail(self, frame: MessageFrame) -> None:
         """Send the error of a worker thread as the answer to the newest state."""
         self._deliver(frame, self._newest)
 
@@ -299,7 +305,7 @@ class Scheduler:
         if self._deliver(frame, state):
             state.results.drawn = program
 
-    def _outline(self, state: DocumentState) -> tuple[PageFrame, Program]:
+    def _outline(self, state: DocumentState) -> tuple[MessageFrame, Program]:
         """Picture of the path of a state without a plan, and the path."""
         if state.outline is None:
             program = self.previewer.path_program(state.data)
@@ -326,12 +332,14 @@ class Scheduler:
             planned=planned,
             waypoints=state.waypoints,
         )
-        frame = PageFrame("refusal", header)
+        frame = MessageFrame("refusal", header)
         if planned is None:
             # The path is shown without a plan, so that the user can move it into reach.
             with contextlib.suppress(ArmContourError):
                 outline, program = self._outline(state)
-                frame = PageFrame("refusal", {**header, "outline": outline.header}, outline.arrays)
+                frame = MessageFrame(
+                    "refusal", {**header, "outline": outline.header}, outline.arrays
+                )
                 if results.planned is None and results.drawn is not program:
                     self._send_outline(state)
         self._deliver(frame, state)
@@ -360,7 +368,7 @@ class Scheduler:
         self._since = time.monotonic()
         self._figures_worker.submit(f"{STATE_ID}{self._count}", "figures", dict(request))
 
-    def _receive(self, frame: PageFrame) -> None:
+    def _receive(self, frame: MessageFrame) -> None:
         """Process a frame that a task process has sent."""
         with self._lock:
             id = str(frame.header.get("id", ""))
@@ -385,14 +393,14 @@ class Scheduler:
                 self._end_progress(state)
             elif frame.kind == "failed":
                 # The process has failed, for example because it was killed.
-                self._deliver(PageFrame("notice", {"sentence": frame.header["sentence"]}), state)
+                self._deliver(MessageFrame("notice", {"sentence": frame.header["sentence"]}), state)
                 self._end_progress(state)
             if self._queued is not None:
                 self._submit_figures(*self._queued)
 
-    def _send_figures(self, state: DocumentState, frame: PageFrame) -> None:
+    def _send_figures(self, state: DocumentState, frame: MessageFrame) -> None:
         """Send exact figures, then show the plan and the execution to which they belong."""
-        taken = self._deliver(PageFrame("figures", frame.header), state)
+        taken = self._deliver(MessageFrame("figures", frame.header), state)
         self._end_progress(state)
         if taken and state is self._newest and "plan" in frame.arrays:
             plan = pickle.loads(frame.arrays["plan"].tobytes())
@@ -417,7 +425,7 @@ class Scheduler:
                 tier = Tier.EXACT if state.answered else Tier.PREVIEW
                 header = {"id": STATE_ID, "task": STATE_ID, "tier": tier, "state": WORKING}
                 self._deliver(
-                    PageFrame("progress", {**header, "steps": steps, "share": share}), state
+                    MessageFrame("progress", {**header, "steps": steps, "share": share}), state
                 )
 
     def _end_progress(self, state: DocumentState) -> None:
@@ -425,5 +433,5 @@ class Scheduler:
         if state.reported is not None:
             state.reported = None
             self._deliver(
-                PageFrame("progress", {"id": STATE_ID, "task": STATE_ID, "state": DONE}), None
+                MessageFrame("progress", {"id": STATE_ID, "task": STATE_ID, "state": DONE}), None
             )

@@ -118,7 +118,7 @@ class Server:
         try:
             answer = {"name": await asyncio.to_thread(session.open_upload, *upload)}
         except ArmContourError as error:
-            from armcontour.report.page_frame import without_options
+            from armcontour.report.message_frame import without_options
 
             sentence = without_options(str(error))
             status, answer = 422, {"sentence": sentence, "error": type(error).__name__}

@@ -21,8 +21,8 @@ from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.files.cell import cell_names
-from armcontour.report.page_frame import PageFrame
-from armcontour.report.picture import drawing_frame, error_place
+from armcontour.report.message_frame import MessageFrame
+from armcontour.report.plan_frames import drawing_frame, error_place
 from armcontour.report.view import View
 from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import Document
@@ -160,7 +160,7 @@ class Session:
             if final:
                 self._show_document(page)
                 sentence = "The job was changed elsewhere during the edit, so it was discarded."
-                self.send(PageFrame("notice", {"sentence": sentence}), to=page)
+                self.send(MessageFrame("notice", {"sentence": sentence}), to=page)
             return
         edits = _read_edits(message)
         revision = self.editor.revise(edits)
@@ -190,16 +190,16 @@ class Session:
         if document.file is None:
             name = f"{document.data.get('name') or 'job'}.yaml"
             number = self.pages.keep_file(name, document.text.encode())
-            self.send(PageFrame("download", {"file": number, "name": name}), to=page)
+            self.send(MessageFrame("download", {"file": number, "name": name}), to=page)
         elif document.changed_on_disk() and not force:
             sentence = (
                 f"Another program has changed {document.file.name} since it was opened. Overwrite "
                 "or reload the file."
             )
-            self.send(PageFrame("conflict", {"sentence": sentence}), to=page)
+            self.send(MessageFrame("conflict", {"sentence": sentence}), to=page)
         else:
             document.save(force=force)
-            self.send(PageFrame("saved", {"file": str(document.file)}))
+            self.send(MessageFrame("saved", {"file": str(document.file)}))
             self._show_document()
 
     def do_reload(self, page: Page, message: PageMessage) -> None:
@@ -226,7 +226,7 @@ class Session:
             for x in listed_recent()
             if x.id != self.editor.document.id
         ]
-        self.send(PageFrame("start", {"arms": cell_names(), "recent": recent}), to=page)
+        self.send(MessageFrame("start", {"arms": cell_names(), "recent": recent}), to=page)
 
     def do_new(self, page: Page, message: PageMessage) -> None:
         """Open the job of a card of the start page."""
@@ -294,7 +294,7 @@ class Session:
         self._show_all()
         sentence = before.unsaved()
         if sentence is not None:
-            self.send(PageFrame("notice", {"sentence": sentence}))
+            self.send(MessageFrame("notice", {"sentence": sentence}))
 
     def _show_all(self) -> None:
         """Send the frame `document`, then plan and show the run."""
@@ -334,7 +334,7 @@ class Session:
             )
         )
 
-    def send(self, frame: PageFrame, to: Page | None = None) -> None:
+    def send(self, frame: MessageFrame, to: Page | None = None) -> None:
         """Send a frame of the current document to one page or to all."""
         self.pages.send(frame.stamped(rev=self.editor.rev, document=self.editor.id), to=to)
 
@@ -344,11 +344,11 @@ class Session:
             self._show_document()
         facts = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
         about = {"error": type(error).__name__, "exit": error.exit_code, "dropped": dropped}
-        self.send(PageFrame("refusal", {**facts, **about, **error_place(error)}))
+        self.send(MessageFrame("refusal", {**facts, **about, **error_place(error)}))
         if dropped:
             self._show()
 
-    def _send_state_frame(self, frame: PageFrame, state: DocumentState | None) -> bool:
+    def _send_state_frame(self, frame: MessageFrame, state: DocumentState | None) -> bool:
         """Send a frame of the scheduler; False if the document has changed since its request."""
         if state is None:
             self.send(self._with_file(frame))
@@ -359,13 +359,13 @@ class Session:
         self.pages.send(frame.stamped(**about), answers=state.answers)
         return True
 
-    def _with_file(self, frame: PageFrame) -> PageFrame:
+    def _with_file(self, frame: MessageFrame) -> MessageFrame:
         """Store the file of a frame for download, and replace its content by its identifier."""
         if frame.kind != "result" or "content" not in frame.arrays:
             return frame
         header, content = frame.header, frame.arrays["content"].tobytes()
         number = self.pages.keep_file(str(header["name"]), content)
-        return PageFrame("result", {**header, "file": number})
+        return MessageFrame("result", {**header, "file": number})
 
     def _fail(self, page: Page, message: PageMessage, error: ArmContourError) -> None:
         """Report the error of a message; errors of edits are sent to all pages as a refusal."""
@@ -373,10 +373,10 @@ class Session:
             self._send_refusal(error, dropped=bool(message.get("final")))
             return
         header = {"id": message.get("id"), "op": message.get("op"), "sentence": str(error)}
-        self.send(PageFrame("failed", header), to=page)
+        self.send(MessageFrame("failed", header), to=page)
 
 
-def outline_frame(data: Mapping[str, Any], previewer: CoarsePlanner) -> PageFrame | None:
+def outline_frame(data: Mapping[str, Any], previewer: CoarsePlanner) -> MessageFrame | None:
     """Outline of a long drawing, shown until its job is read; None for other paths."""
     drawing = previewer.long_drawing(data)
     return None if drawing is None else drawing_frame(drawing[0], drawing_view(*drawing))

@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeAlias
 
 from armcontour.core.errors import ArmContourError
 from armcontour.core.pool import ENVIRONMENT, ProcessEnded, starting_processes
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.tasks.dispatch import TaskInput, serve
 
 
@@ -28,7 +28,7 @@ Work: TypeAlias = Callable[[StaleCheck], None]
 class PreviewWorker:
     """A thread for previews that executes only the newest submitted function."""
 
-    def __init__(self, deliver: Callable[[PageFrame], None]) -> None:
+    def __init__(self, deliver: Callable[[MessageFrame], None]) -> None:
         self._deliver = deliver
         self._news = Condition()
         self._waiting: Work | None = None
@@ -59,11 +59,11 @@ class PreviewWorker:
             try:
                 work(partial(self._is_stale, number))
             except ArmContourError as error:
-                self._deliver(PageFrame("notice", {"sentence": str(error)}))
+                self._deliver(MessageFrame("notice", {"sentence": str(error)}))
             except Exception as error:
                 # The worker continues, because the preview of the next edit may succeed.
                 sentence = f"Internal error of the preview ({type(error).__name__}): {error}"
-                self._deliver(PageFrame("notice", {"sentence": sentence}))
+                self._deliver(MessageFrame("notice", {"sentence": sentence}))
 
     def _is_stale(self, number: int, within: float = 0.0) -> bool:
         with self._news:
@@ -86,11 +86,11 @@ class TaskProcess:
         self.is_killed = False
         other_end.close()
 
-    def run(self, task_input: TaskInput, listener: Callable[[PageFrame], None]) -> PageFrame:
+    def run(self, task_input: TaskInput, listener: Callable[[MessageFrame], None]) -> MessageFrame:
         """Run a task and return its final frame; `listener` receives its progress."""
         try:
             self._tasks.send(task_input)
-            while (frame := PageFrame.unpack(self._tasks.recv_bytes())).kind == "progress":
+            while (frame := MessageFrame.unpack(self._tasks.recv_bytes())).kind == "progress":
                 listener(frame)
         except (EOFError, OSError):
             self._process.join()
@@ -107,7 +107,7 @@ class TaskProcess:
 class TaskWorker:
     """A process that runs tasks in order; started by the first task and after a cancellation."""
 
-    def __init__(self, deliver: Callable[[PageFrame], None]) -> None:
+    def __init__(self, deliver: Callable[[MessageFrame], None]) -> None:
         self._deliver = deliver
         self._news = Condition()
         self._waiting: deque[TaskInput] = deque()
@@ -132,7 +132,7 @@ class TaskWorker:
                 self._is_cancelled = True
                 self._process.kill()
         if is_waiting:
-            self._deliver(PageFrame("cancelled", {"id": id}))
+            self._deliver(MessageFrame("cancelled", {"id": id}))
 
     def close(self) -> None:
         """End the process, including a running task."""
@@ -156,12 +156,12 @@ class TaskWorker:
             try:
                 frame = self._process.run(task_input, self._deliver)
             except ProcessEnded as error:
-                frame = PageFrame("failed", {"sentence": str(error)})
+                frame = MessageFrame("failed", {"sentence": str(error)})
                 self._process.kill()
             with self._news:
                 self._running = None
                 if self._is_cancelled:
-                    frame = PageFrame("cancelled", {})
+                    frame = MessageFrame("cancelled", {})
                 if not self._is_open:
                     return
                 if self._process.is_killed:

@@ -28,7 +28,7 @@ async function load() {
 async function loadViewer() {
   const three = { "./vendor/three.js": await addressOf("three") };
   const viewer = await addressOf("viewer", { ...three, "./kinematics.js": await addressOf("kinematics", three) });
-  return { ...(await import(viewer)), ...(await import(await addressOf("page_frame"))) };
+  return { ...(await import(viewer)), ...(await import(await addressOf("message_frame"))) };
 }
 
 // Draws the figures of what is open, and states when all are drawn.

@@ -2,7 +2,7 @@
 // Edits are kept to a few in flight and one pending, so that no queue grows while a handle is dragged. The server leaves
 // out all but the newest: it always goes on with where the pointer is now, and never waits for the page to draw.
 
-import { unpack } from "./page_frame.js";
+import { unpack } from "./message_frame.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /**

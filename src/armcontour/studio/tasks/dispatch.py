@@ -13,7 +13,7 @@ from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.pool import begin_process
 from armcontour.core.progress import Progress, Step
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, identify, learn, report
 from armcontour.studio.tasks.request import Request
@@ -35,7 +35,7 @@ corners: {tolerance: 1 mm}
 servo: {kp: 25, kv: 150}
 runs: {one: {}}
 """
-TASKS: dict[str, Callable[[Request], PageFrame]] = {
+TASKS: dict[str, Callable[[Request], MessageFrame]] = {
     "figures": figures,
     "changes": changes,
     "certify": certify,
@@ -71,10 +71,10 @@ def work(task_input: TaskInput, listener: Listener) -> bytes:
     try:
         frame = do(task, request, _progress_frames(id, task, listener))
     except ArmContourError as error:
-        frame = PageFrame("failed", {"sentence": str(error)})
+        frame = MessageFrame("failed", {"sentence": str(error)})
     except Exception as error:
         sentence = f"Internal error of the task {task} ({type(error).__name__}): {error}"
-        frame = PageFrame("failed", {"sentence": sentence})
+        frame = MessageFrame("failed", {"sentence": sentence})
     return frame.stamped(id=id, task=task).pack()
 
 
@@ -90,12 +90,12 @@ def _progress_frames(id: str, task: str, listener: Listener) -> Progress:
         last = now
         remaining = (now - begin) * (1 - share) / share if share else None
         facts = {"id": id, "task": task, "steps": step.names, "share": share, "eta": remaining}
-        listener(PageFrame("progress", facts).pack())
+        listener(MessageFrame("progress", facts).pack())
 
     return report
 
 
-def do(task: str, request: Mapping[str, Any], progress: Progress) -> PageFrame:
+def do(task: str, request: Mapping[str, Any], progress: Progress) -> MessageFrame:
     """Run a task and return its frame.
 
     The task `figures` returns an error of the job as a frame `refusal`; other tasks raise it.

@@ -7,19 +7,19 @@ from dataclasses import replace
 from typing import Any
 
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.report.page_frame import PageFrame, bytes_array
+from armcontour.report.message_frame import MessageFrame, bytes_array
 from armcontour.studio.tasks.request import Request
 
 # Maximum size of a plan that the Studio shows [bytes]; for a larger one, it shows the preview.
 MAX_PLAN = 200_000_000
 
 
-def figures(request: Request) -> PageFrame:
+def figures(request: Request) -> MessageFrame:
     """Frame with the exact figures and the plan of a run, or a refusal with its position."""
     from armcontour.core.render import frame
     from armcontour.jobs.rows import judging_rows
-    from armcontour.report.arm_picture import nearest_pair
-    from armcontour.report.picture import Tier, refusal_header, time_header
+    from armcontour.report.arm_frame import nearest_pair
+    from armcontour.report.plan_frames import Tier, refusal_header, time_header
 
     try:
         result = request.result
@@ -29,7 +29,7 @@ def figures(request: Request) -> PageFrame:
         except InvalidInput:
             # The data are not a valid job, so there is no picture in which to mark a position.
             refusal = {"tier": 3, "run": request.run, "sentence": str(error), "at": {}}
-        return PageFrame("refusal", refusal)
+        return MessageFrame("refusal", refusal)
     data = result.to_data()
     header = {
         "run": result.run.name,
@@ -41,10 +41,12 @@ def figures(request: Request) -> PageFrame:
         "notes": [*data.notes, *request.job.arm.notes],
     }
     plan = pickle.dumps(result)
-    return PageFrame("figures", header, {"plan": bytes_array(plan)} if len(plan) < MAX_PLAN else {})
+    return MessageFrame(
+        "figures", header, {"plan": bytes_array(plan)} if len(plan) < MAX_PLAN else {}
+    )
 
 
-def changes(request: Request) -> PageFrame:
+def changes(request: Request) -> MessageFrame:
     """Propose changes of the run that save time, or that repair it."""
     from armcontour.jobs.advice import advise
 
@@ -57,7 +59,7 @@ def changes(request: Request) -> PageFrame:
         }
         for x in advice.improvements
     ]
-    return PageFrame("result", {"sentence": advice.note, "changes": proposals})
+    return MessageFrame("result", {"sentence": advice.note, "changes": proposals})
 
 
 def _set(key: str, value: Any) -> dict[str, Any]:

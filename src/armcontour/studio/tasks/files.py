@@ -17,7 +17,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Step
 from armcontour.core.render import cells, frame
 from armcontour.core.result import TABLE, Data
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 KUKA, MAX_LETTERS = "kuka", 24
 
 
-def report(request: Request) -> PageFrame:
+def report(request: Request) -> MessageFrame:
     """Create an HTML report of the run; with the option `all`, of all runs."""
     from armcontour.jobs import run
     from armcontour.report import render_report
@@ -38,14 +38,14 @@ def report(request: Request) -> PageFrame:
         job = replace(job, runs=chosen)
     study = run(job, progress=request.progress)
     request.progress(Step(("writing",)))
-    return PageFrame.of_file(
+    return MessageFrame.of_file(
         f"{job.name}-report.html",
         render_report(study).encode(),
         {"sentence": "The report is ready."},
     )
 
 
-def certify(request: Request) -> PageFrame:
+def certify(request: Request) -> MessageFrame:
     """Certify the run and create a report; the options are fields of `CertificateGoal`."""
     from armcontour.core.render import plain
     from armcontour.report import render_report
@@ -71,10 +71,10 @@ def certify(request: Request) -> PageFrame:
         "certificate": plain(data),
     }
     page = render_report(certificate.study, certificate=certificate)
-    return PageFrame.of_file(f"{certificate.job.name}-certificate.html", page.encode(), header)
+    return MessageFrame.of_file(f"{certificate.job.name}-certificate.html", page.encode(), header)
 
 
-def export(request: Request) -> PageFrame:
+def export(request: Request) -> MessageFrame:
     """Export set-points or the plan.
 
     Options: `format`, `of` (set_points, planned or learned), `cycle` [s].
@@ -120,10 +120,10 @@ def export(request: Request) -> PageFrame:
         "sentence": f"{len(plan.set_points.q)} set-points.",
         "warnings": (*plan.warnings, *(f"Format {format.label}: {said}" for said in notes)),
     }
-    return PageFrame.of_file(file.name, content, header)
+    return MessageFrame.of_file(file.name, content, header)
 
 
-def identify(request: Request) -> PageFrame:
+def identify(request: Request) -> MessageFrame:
     """Identify the servo of each joint; the frame has the edit that writes servos into the job."""
     from armcontour.control.identification import ServoFit, identify
     from armcontour.files.robot_file import servo_values
@@ -135,17 +135,17 @@ def identify(request: Request) -> PageFrame:
         edit = {"do": "set", "key": "servo", "value": servo_values(identification)}
         changes = [{"label": "Use this servo", "edits": [edit]}]
     facts = {"kept": identification.trusted, "changes": changes}
-    return PageFrame("result", {**facts, **_shown(data, logs)})
+    return MessageFrame("result", {**facts, **_shown(data, logs)})
 
 
-def learn(request: Request) -> PageFrame:
+def learn(request: Request) -> MessageFrame:
     """Learn the set-points of the next run; creates the same file as `armcontour learn`."""
     from armcontour.files.exports.table import set_point_pieces
 
     study = learn_from_logs(request)
     content = "".join(set_point_pieces(study.lesson, study.job.arm.joint_names)).encode()
     name = f"{study.job.name}-{study.plan.run.name}-set_points.csv"
-    return PageFrame.of_file(
+    return MessageFrame.of_file(
         name, content, {"label": "Download next set-points", **_shown(study.result)}
     )
 
@@ -182,7 +182,7 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
 
 def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
     """Values, tables and notes of a result, the same as the terminal prints."""
-    from armcontour.report.page_frame import without_options
+    from armcontour.report.message_frame import without_options
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]
     notes = [without_options(y) for z in (data, *logs) for y in z.notes]

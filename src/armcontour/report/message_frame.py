@@ -30,7 +30,7 @@ _OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTIO
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PageFrame:
+class MessageFrame:
     """A message to the page: kind, JSON header and numeric arrays."""
 
     # Kind of the frame, such as "picture".
@@ -39,12 +39,12 @@ class PageFrame:
     arrays: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
-    def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> PageFrame:
+    def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> MessageFrame:
         """Create a frame `result` with the bytes of a file as array `content`."""
         facts = {**header, "name": name, "bytes": len(content)}
         return cls("result", facts, {"content": bytes_array(content)})
 
-    def stamped(self, **facts: Any) -> PageFrame:
+    def stamped(self, **facts: Any) -> MessageFrame:
         """Copy of the frame with additional values in the header."""
         return replace(self, header={**self.header, **facts})
 
@@ -70,7 +70,7 @@ class PageFrame:
         return b"".join([LENGTH.pack(len(text)), text, gap, *parts])
 
     @classmethod
-    def unpack(cls, data: bytes) -> PageFrame:
+    def unpack(cls, data: bytes) -> MessageFrame:
         """Decode a frame from bytes; its arrays are read-only."""
         (count,) = LENGTH.unpack_from(data)
         header = json.loads(data[LENGTH.size : LENGTH.size + count])

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray
 from armcontour.core.frames import Frame
 from armcontour.jobs import Job, RunResult
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.message_frame import MessageFrame
 from armcontour.robot import Arm, Chain
 from armcontour.robot.chain import floor_poses
 from armcontour.robot.scene import (
@@ -42,7 +42,7 @@ MAX_TRIANGLES = 4_000
 TABLE_SIZE, TABLE_THICKNESS = 1.1, 0.02
 
 
-def arm_frame(job: Job) -> PageFrame:
+def arm_frame(job: Job) -> MessageFrame:
     """Message frame with the joints of a job's arm, and the bodies of arm and cell."""
     arm, chain = job.arm, job.arm.chain
     base = chain.base
@@ -61,7 +61,7 @@ def arm_frame(job: Job) -> PageFrame:
         "bodies": bodies,
         "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are unknown."],
     }
-    return PageFrame("arm", header, arrays)
+    return MessageFrame("arm", header, arrays)
 
 
 def _joints(arm: Arm) -> Iterator[dict[str, Any]]:

@@ -21,8 +21,8 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.motion import LawAlongPath, Trajectory
 from armcontour.planning import Explanation
 from armcontour.program import Program, cut_parts, idle_parts
-from armcontour.report.arm_picture import nearest_pair
-from armcontour.report.page_frame import PageFrame
+from armcontour.report.arm_frame import nearest_pair
+from armcontour.report.message_frame import MessageFrame
 from armcontour.report.view import (
     View,
     drawing_error,
@@ -202,7 +202,7 @@ def error_place(error: ArmContourError) -> dict[str, Any]:
     return {"key": ".".join(map(str, error.key)), "remedies": edits}
 
 
-def picture_frame(planned: Preview, view: View) -> PageFrame:
+def picture_frame(planned: Preview, view: View) -> MessageFrame:
     """Message frame with the picture and the values of a plan."""
     header, arrays, flat = _line_arrays(planned, planned.path, view)
     header |= {
@@ -219,10 +219,10 @@ def picture_frame(planned: Preview, view: View) -> PageFrame:
     }
     header["plane"]["flat"] = flat
     usage = joint_usage(planned.trajectory, planned.job.arm, planned.run.limits)
-    return PageFrame("picture", header, {**arrays, **_rapids(planned, view), **usage})
+    return MessageFrame("picture", header, {**arrays, **_rapids(planned, view), **usage})
 
 
-def drawing_frame(program: Program | None, view: View, *, run: str = "") -> PageFrame:
+def drawing_frame(program: Program | None, view: View, *, run: str = "") -> MessageFrame:
     """Message frame with the picture of a program without a plan; `program` None: empty path."""
     header: dict[str, Any] = {"limits": [], "kerfs": [], "contours": []}
     arrays: dict[str, Any] = {
@@ -237,7 +237,7 @@ def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Page
     notes = () if program is None else program.notes
     header |= {"run": run, "notes": notes, "tier": Tier.OUTLINE}
     header["plane"]["flat"] = flat
-    return PageFrame("picture", header, arrays)
+    return MessageFrame("picture", header, arrays)
 
 
 def _line_arrays(

@@ -11,8 +11,8 @@ from armcontour.core.render import frame
 from armcontour.core.result import FIRST, Data
 from armcontour.jobs.rows import allowed_error, verdict_rows
 from armcontour.motion import Execution
-from armcontour.report.page_frame import PageFrame
-from armcontour.report.picture import signed_shares
+from armcontour.report.message_frame import MessageFrame
+from armcontour.report.plan_frames import signed_shares
 from armcontour.report.view import (
     View,
     drawing_error,
@@ -36,7 +36,7 @@ from armcontour.verification.evaluation import (
 MAX_SAMPLES = 4_000
 
 
-def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
+def execution_frame(executed: PreviewExecution, view: View) -> MessageFrame:
     """Message frame with values, tool deviation, joint demand and poses of an execution."""
     planned = executed.planned
     header = {
@@ -47,7 +47,7 @@ def execution_frame(executed: PreviewExecution, view: View) -> PageFrame:
         "tier": planned.tier,
     }
     arrays = {**_execution_lines(executed, view), **_poses(executed.execution)}
-    return PageFrame("executed", header, arrays)
+    return MessageFrame("executed", header, arrays)
 
 
 def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
