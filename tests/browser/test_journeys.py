@@ -33,7 +33,7 @@ def agree(studio, judgement):
 def shares(studio):
     """What takes the time, as the notes say it."""
     studio.tab("notes")
-    rows = studio.find("#tab-notes section:has-text('What takes the time') tr")
+    rows = studio.find("#tab-notes section:has(table) tr")
     expect(rows.first).to_be_visible()
     return [tuple(x.locator("th, td").all_inner_texts()) for x in rows.all()]
 

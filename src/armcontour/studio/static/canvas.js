@@ -1,7 +1,6 @@
 // Drawing of the layers on a canvas, from back to front.
 
 import { themed } from "./colours.js";
-import { besideHandles, beyond, handledOf } from "./corner.js";
 import { bandOf, idleOf, marksOf } from "./polylines.js";
 import { roundUp } from "./viewport.js";
 
@@ -11,7 +10,6 @@ import { roundUp } from "./viewport.js";
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 /** @typedef {CanvasRenderingContext2D} Context */
 
-const SHORTEST_LABELLED = 46; // px
 // Least distance of grid lines.
 const GRID = 60; // px
 // Marks of contours have at least about this distance.
@@ -46,7 +44,6 @@ export class Painter {
     context.textBaseline = "middle";
     context.fillStyle = themed("--ink");
     this.contours(context, view, picture);
-    this.names(context, view, picture);
     context.globalAlpha = 1;
     if (refusal?.head.outline) this.inMetres(context, view, () => this.refused(context, view, refusal, picture));
   }
@@ -87,7 +84,7 @@ export class Painter {
     stroke(context, layers.lines(picture, "rapid"), themed("--faint"), 1 * px, [1.5 * px, 4 * px]);
     if (store.options.contour >= 0) stroke(context, layers.contour(picture, store.options.contour), themed("--selected"), 11 * px);
     // Below the colours of the limits: it is seen where it leaves them.
-    if (executed && store.options.executed) this.executed(context, view, executed);
+    if (executed && store.options.colour === "error") this.executed(context, view, executed);
     for (const { path, colour, dash } of layers.strokes(picture, executed)) {
       stroke(context, path, colour, 3.2 * px, dash.map((d) => d * px));
     }
@@ -132,18 +129,6 @@ export class Painter {
     stroke(context, errors, colour, 0.8 * px);
     context.globalAlpha = alpha;
     stroke(context, tool, colour, 1.3 * px);
-  }
-
-  /** @param {Context} context @param {Viewport} view @param {Frame} picture */
-  names(context, view, picture) {
-    if (this.store.options.colour !== "limit") return;
-    const [u, v] = picture.head.centre;
-    const screen = (/** @type {[number, number]} */ at) => view.toScreen([at[0] - u, at[1] - v]);
-    const taken = handledOf(picture).flatMap((x) => [beyond(x, screen(x.apex)), screen(x.corner)]);
-    for (const { at, normal, text, length } of this.layers.labels(picture)) {
-      if (length * view.scale < SHORTEST_LABELLED) continue;
-      context.fillText(text, ...besideHandles(view.toScreen(at), normal, taken));
-    }
   }
 
   /** Lines at round distances. @param {Context} context @param {Viewport} view */

@@ -13,10 +13,6 @@ import { mm } from "./format.js";
 export const LEAST_TOLERANCE = 1e-5; // m
 // The handle is beyond the apex by this, so that it does not lie on the waypoint.
 const BEYOND = 20; // px
-/** How far names may be from the path, to its left, the nearest first [px]. */
-const ASIDE = [13, -13, 34, -34];
-/** A name and a handle that are as far from each other do not touch [px]. */
-const CLEAR = 15;
 
 /** From a corner to its apex. @param {Corner} corner @returns {Point} of length 1 */
 function bisectorOf({ apex, corner }) {
@@ -54,16 +50,6 @@ export function beyond(corner, [x, y]) {
 /** Corners of a picture that have a handle. @param {{head: any} | null} picture @returns {Corner[]} */
 export function handledOf(picture) {
   return (picture?.head.corners ?? []).filter((/** @type {any} */ x) => x.apex && x.corner && x.allowed !== null);
-}
-
-/**
- * Where a name next to the path is drawn: to its left, or where no handle is.
- * @param {Point} at px of the path @param {Point} normal to the left, m @param {Point[]} taken px of handles @returns {Point} px
- */
-export function besideHandles([x, y], [nx, ny], taken) {
-  const places = ASIDE.map((d) => /** @type {Point} */ ([x + d * nx, y - d * ny]));
-  const isFree = (/** @type {Point} */ [u, v]) => taken.every((z) => Math.hypot(u - z[0], v - z[1]) > CLEAR);
-  return places.find(isFree) ?? places[0];
 }
 
 /** @param {Corner} corner @returns {string} */

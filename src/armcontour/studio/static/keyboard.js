@@ -47,18 +47,21 @@ function actions(store, view) {
     "shift+arrowup": pan(0, 60),
     "shift+arrowdown": pan(0, -60),
     m: () => store.setView({ place: !store.options.place }),
-    e: () => store.setView({ executed: !store.options.executed }),
     v: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
     d: () => store.setView({ dock: !store.options.dock }),
     "?": click("help-open"),
   };
 }
 
-/** @param {Store} store @param {Link} link @param {View2d} view */
-export function init(store, link, view) {
+/** @param {Store} store @param {Link} link @param {import("./pointer.js").Pointer} pointer */
+export function init(store, link, { view }) {
   const act = actions(store, view);
   const help = /** @type {HTMLDialogElement} */ (find("#help"));
   find("#help-open").addEventListener("click", () => help.showModal());
+  find(".skip").addEventListener("click", (event) => {
+    event.preventDefault();
+    find(store.options.stage === "3d" ? "#view3d canvas" : "#view2d").focus();
+  });
   window.addEventListener("keydown", (event) => {
     if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
     const name = nameOf(event);

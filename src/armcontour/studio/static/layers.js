@@ -1,6 +1,6 @@
 // Cached drawing layers of the newest frames, until the frame, the theme or an option changes.
 
-import { labelsOf, largest, magnified, nearestLine, PieceGrid, polyline, scaleOf, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
+import { largest, magnified, nearestLine, PieceGrid, polyline, scaleOf, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -114,11 +114,6 @@ export class Layers {
   contour(picture, k) {
     const { path, path_breaks: breaks } = picture.arrays;
     return this.keep("contour", [picture, k], () => polyline(path.subarray(2 * breaks[k], 2 * breaks[k + 1]), []));
-  }
-
-  /** @param {Frame} picture */
-  labels(picture) {
-    return this.keep("labels", [picture], () => labelsOf(picture));
   }
 
   /** The tool of an executed motion. @param {Frame} moved @param {number} factor */

@@ -23,12 +23,12 @@ const SHADES = 24;
 /** @param {string} colour @param {number[]} dash @param {number} width @param {string} text @param {number} [length] @returns {Sample} */
 const sample = (colour, dash, width, text, length = LENGTH) => ({ colour, dash, width, length, text });
 
-/** Shares of the limits in the duration. @param {Store} store @returns {Sample[]} */
+/** Limits that take the time; their shares are above the drawing. @param {Store} store @returns {Sample[]} */
 function kindsOf(store) {
   const { kinds } = headOf(store);
-  return (kinds?.length ? kinds : [{ kind: "unknown", share: "" }]).map((/** @type {any} */ { kind, share }) => {
+  return (kinds?.length ? kinds : [{ kind: "unknown" }]).map((/** @type {any} */ { kind }) => {
     const { colour, dash, label } = styleOf(kind, store.theme);
-    return sample(colour, dash, 3, `${label} ${share}`);
+    return sample(colour, dash, 3, label);
   });
 }
 

@@ -75,7 +75,7 @@ class Marks {
     const isPlanned = picture.arrays.path_t.length > 0;
     this.dot.toggleAttribute("hidden", !isPlanned);
     if (isPlanned) move(this.dot, this.view.view.toScreen(pointOf(picture, time, place)));
-    const executed = refusal || !options.executed || !this.store.isCurrent(this.store.latest("executed")) ? null : this.store.latest("executed");
+    const executed = refusal || options.colour !== "error" || !this.store.isCurrent(this.store.latest("executed")) ? null : this.store.latest("executed");
     // Between the contours there is no execution.
     const isWorking = executed && !executed.arrays.breaks.includes(indexAt(executed.arrays.t, time) + 1);
     this.tool.toggleAttribute("hidden", !isWorking);
@@ -168,7 +168,7 @@ function sentenceAt(picture, i) {
   return `${contour}, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${slow}${why}.`;
 }
 
-/** @param {Store} store @param {View2d} view */
-export function init(store, view) {
+/** @param {Store} store @param {import("./connection.js").Link} _link @param {import("./pointer.js").Pointer} pointer */
+export function init(store, _link, { view }) {
   new Marks(store, view);
 }

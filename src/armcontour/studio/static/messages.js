@@ -90,7 +90,7 @@ export function init(store, link) {
     if (gone) find("#messages").append(banner);
     else banner.remove();
     say(banner, `Not connected, so nothing can be changed. ${link.sentence}`);
-    for (const region of document.querySelectorAll("main, #dock, #bar .group, #bar .field")) region.toggleAttribute("inert", gone);
+    for (const region of document.querySelectorAll("main, #dock, #bar .group, #bar .field, #bar .usual")) region.toggleAttribute("inert", gone);
     if (!gone && document.activeElement === document.body) focused?.focus({ preventScroll: true });
     document.body.dataset.link = link.state;
     document.body.dataset.busy = String(link.busy);

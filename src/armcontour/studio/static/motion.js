@@ -36,22 +36,3 @@ export function motionOf(store, of) {
 
 /** The motion that is played; where the executed one is not there, the planned one. @param {Store} store @returns {Motion | null} */
 export const shownMotion = (store) => motionOf(store, store.options.time) ?? motionOf(store, "planned");
-
-/**
- * Contour errors over time [m]; between contours there is none, so that no line is drawn there.
- * @param {import("./state.js").Frame} executed
- * @returns {{t: Float64Array, error: Float64Array}} error: NaN between contours
- */
-export function errorsOf({ arrays: { t, error, breaks } }) {
-  const starts = new Set(breaks);
-  const [times, errors] = /** @type {number[][]} */ ([[], []]);
-  t.forEach((/** @type {number} */ at, /** @type {number} */ k) => {
-    if (k > 0 && starts.has(k)) {
-      times.push((t[k - 1] + at) / 2);
-      errors.push(NaN);
-    }
-    times.push(at);
-    errors.push(error[k]);
-  });
-  return { t: Float64Array.from(times), error: Float64Array.from(errors) };
-}

@@ -9,18 +9,10 @@ import { boxOf } from "./viewport.js";
 /** @typedef {"light" | "dark"} Theme */
 /** @typedef {{path: Path2D, colour: string, dash: number[]}} Stroke */
 /** What can be seen of a large picture: a box, without details that are not larger than `least` [m]. @typedef {import("./viewport.js").Box & {least: number}} Part */
-/** @typedef {{at: [number, number], normal: [number, number], text: string, length: number}} Label */
 
 const SHADES = 16;
 // Dashes cost more than the line itself: long paths are drawn without.
 const MAX_DASHED = 6000;
-const SIGNS = /** @type {Record<string, string>} */ ({
-  velocity: "v",
-  acceleration: "a",
-  torque: "τ",
-  jerk: "j",
-});
-
 /**
  * Lines through points; a new one starts at every break.
  * @param {Numbers} points pairs @param {Iterable<number>} [breaks] indices of first points @param {Part | null} [part] @returns {Path2D}
@@ -204,39 +196,6 @@ export function strokesByHeat(points, values, most, theme, starts, part) {
   };
   const found = buckets(points, bucketOf, starts, part);
   return [...found].map(([k, path]) => ({ path, colour: shadeOf(k / (SHADES - 1), theme), dash: [] }));
-}
-
-/**
- * Short names of limits next to the parts on which they are active, such as a2 for the acceleration of joint 2.
- * @param {Frame} picture @returns {Label[]}
- */
-export function labelsOf(picture) {
-  const { path, path_s: s, binding } = picture.arrays;
-  /** @type {Label[]} */
-  const labels = [];
-  for (let from = 0; from < binding.length;) {
-    let to = from;
-    while (to + 1 < binding.length && binding[to + 1] === binding[from]) to++;
-    const text = shortName(picture.head.limits[binding[from]]);
-    const middle = (from + to) >> 1;
-    if (text && to > from) labels.push({ ...besides(path, middle), text, length: s[to] - s[from] });
-    from = to + 1;
-  }
-  return labels.sort((a, b) => b.length - a.length).slice(0, 60);
-}
-
-/** @param {{name: string, kind: string} | undefined} limit @returns {string} */
-function shortName(limit) {
-  const joint = limit?.name.match(/joint (\d+)/)?.[1];
-  return limit && joint && SIGNS[limit.kind] ? SIGNS[limit.kind] + joint : "";
-}
-
-/** @param {Numbers} points @param {number} i @returns {{at: [number, number], normal: [number, number]}} */
-function besides(points, i) {
-  const a = 2 * Math.max(0, i - 1);
-  const b = Math.min(points.length - 2, 2 * i + 2);
-  const [u, v] = unit(points[b] - points[a], points[b + 1] - points[a + 1]);
-  return { at: [points[2 * i], points[2 * i + 1]], normal: [-v, u] };
 }
 
 /**

@@ -28,7 +28,6 @@
 /**
  * @typedef {Object} ViewOptions
  * @property {"limit" | "speed" | "error"} colour   what colours the path
- * @property {boolean} executed     whether the executed tool is drawn
  * @property {string} pen          the shape that is drawn; "" for none
  * @property {boolean} place        whether the part is moved as a whole
  * @property {"planned" | "executed"} time   which motion is played
@@ -46,7 +45,6 @@ const OF_A_RUN = new Set(["picture", "executed", "figures"]);
 const PLANNED_ARRAYS = ["path", "path_breaks", "path_s", "path_t", "speed", "assigned", "binding", "xyz", "t"];
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   colour: "limit",
-  executed: true,
   pen: "",
   place: false,
   time: "planned",
@@ -54,7 +52,7 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   stage: globalThis.innerWidth >= 1000 ? "both" : "2d",
   tab: "charts",
   dock: false,
-  side: "process",
+  side: "contours",
   contour: -1,
 });
 
@@ -87,22 +85,6 @@ export class Store {
     const all = this.listeners.get(event) ?? new Set();
     this.listeners.set(event, all.add(listener));
     return () => all.delete(listener);
-  }
-
-  /**
-   * Make what comes later than the rest: its listeners are told what is there.
-   * @param {() => void} make
-   */
-  catchUp(make) {
-    const before = new Map([...this.listeners].map(([event, all]) => [event, new Set(all)]));
-    make();
-    const tell = (/** @type {string} */ event, /** @type {any} */ detail) => {
-      for (const listener of this.listeners.get(event) ?? []) if (!before.get(event)?.has(listener)) listener(detail);
-    };
-    for (const [kind, frame] of this.frames) tell(kind, frame);
-    if (this.refusal) tell("refusal", this.refusal);
-    tell("time", undefined);
-    tell("view", this.options);
   }
 
   /** Tell an event. @param {string} event @param {any} [detail] */

@@ -1,4 +1,4 @@
-// Toolbar of the drawing: colour of the path, pen, fit, zoom and legend.
+// Tools of the drawing: colour of the path, pen, fit, zoom and legend.
 
 import { find, make } from "./dom.js";
 import { legendOf, scalesOf } from "./legend.js";
@@ -7,7 +7,6 @@ import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
-/** @typedef {import("./view2d.js").View2d} View2d */
 /** @typedef {import("./legend.js").Sample} Sample */
 /** @typedef {import("./legend.js").Shades} Shades */
 
@@ -15,6 +14,8 @@ const COLOURINGS = { limit: "Limit", speed: "Speed", error: "Error" };
 const STAGES = { "2d": "2D", both: "Both", "3d": "3D" };
 /** Shapes of the pen, each with its picture. */
 const PEN = { Line: "M3 13L13 3", Arc: "M2 12A6.3 6.3 0 0 1 14 12", Circle: "M8 2a6 6 0 1 0 .1 0z", Rectangle: "M2 4h12v8H2z" };
+const MOVE = "M8 1v14M1 8h14M6 3l2-2 2 2M6 13l2 2 2-2M3 6 1 8l2 2M13 6l2 2-2 2";
+const BLOCK = "M8 1l6 3v8l-6 3-6-3V4zM2 4l6 3 6-3M8 7v8";
 const LEGEND_EVERY = 250; // ms
 
 /**
@@ -24,12 +25,9 @@ const LEGEND_EVERY = 250; // ms
 const Choice = ({ label, names, now, choose }) => html`<span class="group choice" role="group" aria-label=${label}>
   ${Object.entries(names).map(([name, text]) => html`<button type="button" data-name=${name} title=${`${label}: ${text.toLowerCase()}`} aria-pressed=${String(now === name)} onClick=${() => choose(name)}>${text}</button>`)}</span>`;
 
-/** @param {{text: string, title: string, is: boolean, act: () => void}} props */
-const Toggle = ({ text, title, is, act }) => html`<button type="button" title=${title} aria-pressed=${String(is)} onClick=${act}>${text}</button>`;
-
-/** Shapes that can be drawn, of which one may be chosen. @param {{now: string, can: boolean, choose: (name: string) => void}} props */
-const Pen = ({ now, can, choose }) => html`<span class="group choice" role="group" aria-label="Pen">
-  ${Object.entries(PEN).map(([name, d]) => html`<button type="button" aria-label=${name} title=${`${name}: drag in the drawing, or type values; Escape puts the pen away`} disabled=${!can} aria-pressed=${String(now === name)} onClick=${() => choose(name)}><svg viewBox="0 0 16 16" aria-hidden="true"><path d=${d} /></svg></button>`)}</span>`;
+/** A tool with its picture. @param {{name: string, d: string, title: string, act?: () => void, is?: boolean, id?: string}} props */
+const Tool = ({ name, d, title, act, is, id }) => html`<button type="button" id=${id} title=${title} aria-label=${name} aria-pressed=${is === undefined ? undefined : String(is)} onClick=${act}>
+  <svg viewBox="0 0 16 16" aria-hidden="true"><path d=${d} /></svg>${name.split(" ").at(-1)}</button>`;
 
 /** A sample with its text, or shades between theirs. @param {{entry: Sample | Shades}} props */
 function Entry({ entry }) {
@@ -52,8 +50,8 @@ function Entry({ entry }) {
   return html`<svg width=${Math.round(length)} height=${corners ? 12 : 8} aria-hidden="true">${shape}</svg> ${text}`;
 }
 
-/** @param {Store} store @param {View2d} view */
-export function init(store, view) {
+/** @param {Store} store @param {import("./connection.js").Link} _link @param {import("./pointer.js").Pointer} pointer */
+export function init(store, _link, { view }) {
   const bar = find("#viewbar");
   const legend = find("#legend");
   const scales = make("div", { class: "scales", "aria-hidden": "true" });
@@ -64,7 +62,7 @@ export function init(store, view) {
   const updateLegend = nowAndThen(LEGEND_EVERY, () => {
     const picture = store.latest("picture");
     if (!picture) return;
-    const magnify = store.options.executed ? Number(view.region.dataset.magnify) : 0;
+    const magnify = store.options.colour === "error" ? Number(view.region.dataset.magnify) : 0;
     const [entries, lengths] = [legendOf(store, view.layers, picture, magnify), scalesOf(view.view.scale, magnify)];
     const now = JSON.stringify([entries, lengths]);
     if (now === shown) return;
@@ -81,17 +79,19 @@ export function init(store, view) {
     const set = (/** @type {string} */ name) => (/** @type {any} */ value) => store.setView({ [name]: value });
     const button = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ act) =>
       html`<button type="button" title=${title} aria-label=${`${text}: ${title}`} onClick=${act}>${text}</button>`;
+    const pen = ([name, d] = ["", ""]) =>
+      html`<${Tool} name=${name} d=${d} title=${`${name}: drag in the drawing, or type values; Escape puts the pen away`} is=${options.pen === name} act=${() => set("pen")(store.options.pen === name ? "" : name)} />`;
     render(
-      html`<${Choice} label="Colour by" names=${COLOURINGS} now=${options.colour} choose=${set("colour")} />
-        <${Toggle} text="Executed" title="Show the executed tool, its error magnified (E)" is=${options.executed} act=${() => set("executed")(!store.options.executed)} />
-        <${Toggle} text="Place part" title="Move and turn the part as a whole (M)" is=${options.place} act=${() => set("place")(!store.options.place)} />
-        <${Pen} now=${options.pen} can=${canDraw(store)} choose=${(/** @type {string} */ name) => set("pen")(store.options.pen === name ? "" : name)} />
-        <button type="button" id="add-obstacle" data-later title="A box beside the part, with a name and a height; drag it or its corner, press F2 to change them">Add obstacle</button>
-        <span class="spring" />
-        <span class="group">${button("−", "Zoom out (−)", () => view.zoomBy(1 / 1.4))}${button("+", "Zoom in (+)", () => view.zoomBy(1.4))}${button("Fit", "Show all (F)", () => view.fit())}</span>
+      html`<span class="tools" role="group" aria-label="Tools">
+          ${canDraw(store) && Object.entries(PEN).map(pen)}
+          <${Tool} name="Place part" d=${MOVE} title="Move and turn the part as a whole (M)" is=${options.place} act=${() => set("place")(!store.options.place)} />
+          <${Tool} name="Add obstacle" d=${BLOCK} id="add-obstacle" title="A box beside the part, with a name and a height; drag it or its corner, press F2 to change them" /></span>
+        <span class="looks"><${Choice} label="Colour by" names=${COLOURINGS} now=${options.colour} choose=${set("colour")} />
+          <span class="group zoom">${button("−", "Zoom out (−)", () => view.zoomBy(1 / 1.4))}${button("+", "Zoom in (+)", () => view.zoomBy(1.4))}${button("Fit", "Show all (F)", () => view.fit())}</span></span>
         <${Choice} label="View" names=${STAGES} now=${options.stage} choose=${set("stage")} />`,
       bar,
     );
+    bar.dataset.stage = options.stage;
     updateLegend();
   };
   const soon = oncePerFrame(update);
