@@ -59,7 +59,7 @@ def test_invalid_numbers_are_refused(refuses):
     assert checks.check_numbers("x", values, "m").tolist() == [0.1, 0.2]
 
 
-def test_a_name_has_printable_characters_only():
+def test_names_with_control_characters_are_refused():
     assert check_name("name", "Kreis 1 – Ω") == "Kreis 1 – Ω" and check_name("name", "") == ""
     with pytest.raises(InvalidInput, match=r"U\+0007"):
         check_name("name", "a\x07b")
@@ -91,7 +91,7 @@ def pickled(x):
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, pickled])
-def test_copies_equal_what_was_copied(copied, objective, arm, limits, servo, conventional):
+def test_copies_equal_their_originals(copied, objective, arm, limits, servo, conventional):
     rounded = ac.round_corners(objective, tolerance=5e-3)
     planned = ac.plan(rounded, arm, limits)
     set_points = ac.compensate(conventional, servo, ac.NoCompensation())
@@ -129,7 +129,7 @@ def test_errors_have_exit_codes_and_one_base_class():
     ) | set(controllers.__all__)
 
 
-def test_errors_carry_data():
+def test_errors_contain_their_message_and_data():
     data = {"index": 3, "s": 0.5, "t": 2.0, "joint": 1, "limit": "speed", "needed": 2.0}
     for kind in KINDS:
         error = kind("It is so.", point=[1, 2], allowed=1.0, **data)
@@ -151,7 +151,7 @@ def test_messages_escape_control_sequences_and_do_not_repeat_a_file():
 
 
 @given(st.integers(0, 30), st.integers(1, 4), st.integers(1, 3), st.integers(0, 10**6))
-def test_solutions_are_those_of_scipy(m, width, sides, seed):
+def test_banded_systems_have_the_solutions_of_scipy(m, width, sides, seed):
     drawn = np.random.default_rng(seed)
     bands = drawn.uniform(-1.0, 1.0, (m, width))
     # Diagonally dominant, with either sign of the neighbours.
@@ -178,7 +178,7 @@ def unit(v):
     return np.asarray(v) / np.linalg.norm(v)
 
 
-def test_exp_and_log_at_every_angle():
+def test_exp_and_log_are_inverse_at_every_angle():
     for angle in (*SMALL, *LARGE):
         vectors = angle * np.array([unit(a) for a in AXES])
         matrices = exp(vectors)
@@ -233,7 +233,7 @@ def test_the_shortest_rotation_turns_one_direction_into_the_other():
         assert (np.abs(np.sum(rotation * first, axis=1)) < 1e-12).all(), turn
 
 
-def test_rotations_accept_every_form():
+def test_rotations_are_read_from_every_form():
     matrix, quaternion = TURNED.as_matrix(), TURNED.as_quat()
     for form in (
         *(TURNED, matrix, matrix.tolist(), quaternion, -quaternion),
@@ -255,7 +255,7 @@ def test_rotations_accept_every_form():
     np.testing.assert_allclose(matrices, from_rpy([np.pi / 6, 0.0, 0.0]), atol=1e-4)
 
 
-def test_other_arrays_are_refused(refuses):
+def test_arrays_that_are_no_rotations_are_refused(refuses):
     for wrong, words in (
         (np.diag([1.0, 1.0, -1.0]), ("it has a matrix that is not a rotation", "right-handed")),
         (np.eye(3) * 1.1, ("not a rotation",)),
@@ -295,7 +295,7 @@ def test_roll_pitch_and_yaw_are_about_fixed_axes():
     np.testing.assert_array_equal(frame.position, [1, 2, 3])
 
 
-def test_frames_are_chained_like_matrices_and_stay_rotations():
+def test_chained_frames_equal_products_of_matrices_and_stay_rotations():
     random = np.random.default_rng(7)
 
     def homogeneous(frame):
@@ -369,7 +369,7 @@ class Gear(Checked):
     state: bool | Name = True
 
 
-def test_annotations_declare_type_range_shape_and_choices():
+def test_values_are_checked_by_the_annotation_of_their_field():
     refused(
         (lambda: Gear(name=" "), "name of a gear", "empty"),
         (lambda: Gear(name="a\n"), "not printable"),

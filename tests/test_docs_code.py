@@ -138,13 +138,13 @@ def do_page(page):
 
 
 @pytest.mark.parametrize("page", QUICK)
-def test_a_page_is_done(page, tmp_path, monkeypatch):
+def test_the_steps_of_a_page_give_the_printed_output(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     do_page(page)
 
 
 @pytest.mark.parametrize("page", mark_all_but(PYTHON, {*PYTHON} - NEEDING))
-def test_python_blocks_run(page, folder):
+def test_python_blocks_of_pages_run(page, folder):
     folder(page)
     names = {"__name__": page}
     printed = run_page(page, names)
@@ -167,7 +167,7 @@ def command_lines():
             yield from ((x.page, y) for y in COMMAND.findall(x.text.replace("\\\n", " ")))
 
 
-def test_command_lines_parse():
+def test_command_lines_of_pages_parse():
     wrong = []
     for page, line in command_lines():
         _, name, *arguments = shlex.split(line)
@@ -193,7 +193,7 @@ def options_of(command):
     return {x for parameter in command.params for x in [*parameter.opts, *parameter.secondary_opts]}
 
 
-def test_commands_and_options_that_are_mentioned_exist():
+def test_commands_and_options_in_texts_exist():
     all_options = set().union(*map(options_of, GROUP.commands.values()))
     wrong = []
     for page, file in PAGES.items():
@@ -239,7 +239,7 @@ def test_yaml_blocks_and_drawings_are_accepted_by_their_readers(folder):
             assert ac.read_path(drawing).contours, str(block)
 
 
-def test_every_block_is_run_or_read_or_states_a_reason():
+def test_every_code_block_is_tested_or_states_a_reason():
     """Languages that nothing here runs or reads would be code that nobody has tried."""
     ways = {"python", "yaml", "text", "", "{toctree}"}
     for block in BLOCKS:

@@ -75,7 +75,7 @@ def test_the_table_of_contour_errors_is_computed_again(plans):
     is_printed([OTHER.kp, OTHER.kv], numbers(servo))
 
 
-def test_the_figures_of_learning_are_those_of_the_example():
+def test_the_numbers_of_learning_equal_those_of_the_example():
     printed = yaml.safe_load(page("docs/gallery/printed.yaml"))["07_learning"]
     runs = [x for x in printed.splitlines() if x.startswith("run ")]
     (line,) = (x for x in page("README.md").splitlines() if "in the first run" in x)
@@ -94,7 +94,7 @@ def test_the_readme_states_the_error_of_its_example_without_compensation():
     is_printed([error.rms * 1e3], printed.groups())
 
 
-def test_figures_without_a_reserve_are_computed_again(plans):
+def test_the_numbers_without_a_reserve_are_computed_again(plans):
     words = " ".join(page("docs/guides/compensations.md").split())
     at_full = re.search(r"error is ([\d.]+) mm RMS at the full limit", words)
     reserved = re.search(r"and ([\d.]+) mm with a reserve of 0\.5 %", words)

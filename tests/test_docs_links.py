@@ -68,7 +68,7 @@ def faults(page):
             yield token.content
 
 
-def test_links_lead_somewhere_and_tables_are_tables():
+def test_links_have_targets_and_tables_have_equal_columns():
     wrong = [f"{page.relative_to(ROOT)}: {x}" for page in PAGES for x in faults(page)]
     assert not wrong, "\n".join(wrong)
 

@@ -68,6 +68,6 @@ def folder(tmp_path_factory, names):
 
 
 @pytest.mark.parametrize("name", [pytest.param(x, marks=MARKS.get(x, ())) for x in NAMES])
-def test_the_example_of_a_public_name_runs(name, names, folder, monkeypatch):
+def test_the_docstring_example_of_a_public_name_runs(name, names, folder, monkeypatch):
     monkeypatch.chdir(folder)
     run(name, inspect.getdoc(PUBLIC[name]), names)

@@ -120,7 +120,7 @@ def faults(name):
                 yield f"{section}: {key}: {text}"
 
 
-def test_public_docstrings_have_a_summary_and_all_parameters():
+def test_public_docstrings_have_a_summary_and_every_parameter():
     assert [f"{name}: {x}" for name in DOCUMENTED for x in faults(name)] == []
 
 
@@ -168,7 +168,7 @@ def results():
     yield dataclasses.replace(ac.load_arm("ur5e").limits, speed=0.25)
 
 
-def test_results_print_few_lines_and_their_repr_is_one():
+def test_printed_results_have_few_lines_and_their_repr_has_one():
     for result in results():
         name, text = type(result).__name__, " ".join(str(result).split())
         lines = str(result).splitlines()
@@ -192,6 +192,6 @@ def test_the_repr_of_values_is_one_line():
         assert_one_line(value)
 
 
-def test_texts_from_files_do_not_control_the_terminal():
+def test_texts_from_files_are_escaped_on_the_terminal():
     text = format_table("a\x1b[2J", [("b\nc", "d\x07")])
     assert text.splitlines() == ["a\\x1b[2J", "  b\\nc  d\\x07"]

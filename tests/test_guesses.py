@@ -32,14 +32,14 @@ def test_paths_consist_of_lines_and_all_forms_of_arcs() -> None:
         ac.Path.circle((0.1, 0.2), -0.05)
 
 
-def test_a_path_of_segments_and_a_closed_polyline() -> None:
+def test_paths_are_made_from_segments_and_closed_polylines() -> None:
     lines = [ac.Line((0.0, 0.0), (0.3, 0.0)), ac.Line((0.3, 0.0), (0.3, 0.4))]
 
     assert ac.Path(lines).length == pytest.approx(0.7)
     assert ac.Path.polyline([x.start for x in lines] + [lines[1].end], closed=True).length == 1.2
 
 
-def test_quantities_may_be_texts_with_units_as_in_files() -> None:
+def test_arguments_accept_texts_with_units() -> None:
     limits = ac.Limits(speed="100 mm/s", joint_velocity=["90 deg/s", 1.0])  # type: ignore
 
     assert limits.speed == 0.1
@@ -72,7 +72,7 @@ def test_a_two_link_arm_has_its_first_joint_at_the_origin() -> None:
     assert arm.forward([0.0, 0.0])[:2, 3] == pytest.approx([0.0, 0.5])
 
 
-def test_a_trajectory_has_samples_and_its_explanation() -> None:
+def test_a_trajectory_can_be_sampled_and_explained() -> None:
     sampled = PLANNED.sample(4e-3)
 
     for name in ("t", "q", "dq", "ddq"):
@@ -80,7 +80,7 @@ def test_a_trajectory_has_samples_and_its_explanation() -> None:
     assert PLANNED.explain().kinds == ac.explain(PLANNED, ARM, LIMITS).kinds
 
 
-def test_the_arm_of_a_motion_is_the_default() -> None:
+def test_functions_use_the_arm_of_the_motion_by_default() -> None:
     joints = ac.JointPath.spline([[0.0, 0.0], [0.3, 0.2], [0.5, 0.1]])
     bare = ac.plan(joints, limits=ac.Limits(joint_velocity=1.0, joint_acceleration=3.0))
 
@@ -98,7 +98,7 @@ def test_servos_execute_set_points_of_a_planned_arm() -> None:
     assert np.array_equal(ac.simulate(set_points, SERVO).q, ac.simulate(set_points, plant).q)
 
 
-def test_a_format_is_given_by_name(tmp_path: Path) -> None:
+def test_an_export_format_can_be_named(tmp_path: Path) -> None:
     set_points = ac.compensate(PLANNED, SERVO)
     ac.export(set_points, tmp_path / "named.txt", "csv")
     ac.export(set_points, tmp_path / "ending.csv")
@@ -106,7 +106,7 @@ def test_a_format_is_given_by_name(tmp_path: Path) -> None:
     assert (tmp_path / "named.txt").read_text() == (tmp_path / "ending.csv").read_text()
 
 
-def test_guessed_attributes_are_refused_with_their_form() -> None:
+def test_guessed_attributes_are_refused_with_the_right_name() -> None:
     for value, name, form in (
         (PLANNED, "positions", "use q"),
         (PLANNED, "at", r"use trajectory\(t\)"),
@@ -158,6 +158,6 @@ def test_a_path_is_certified_with_an_arm_a_servo_and_a_goal() -> None:
         ),
     ],
 )
-def test_a_wrong_argument_is_refused_with_its_form(call: object, form: str) -> None:
+def test_wrong_arguments_are_refused_with_the_accepted_form(call: object, form: str) -> None:
     with pytest.raises(ac.InvalidInput, match=re.escape(form)):
         call()  # type: ignore[operator]

@@ -54,7 +54,7 @@ MAKES_ARRAYS = re.compile(
 )
 
 
-def test_inner_functions_that_make_or_return_arrays_count_references():
+def test_compiled_inner_functions_with_arrays_count_references():
     # Without references counted, arrays that they make would never be freed, and those that they
     # return freed too early.
     for file in Path(ac.__file__).parent.rglob("*.py"):
@@ -98,7 +98,7 @@ def kernels():
     return {key: x for key, x in KERNELS.items() if key[0].startswith("armcontour.")}
 
 
-def test_calls_of_the_list_fit_their_functions_and_all_that_python_calls_are_listed(kernels):
+def test_listed_calls_are_valid_and_all_functions_called_by_python_listed(kernels):
     listed = read_list("all")
     for key, arguments in listed.items():
         for text in arguments:

@@ -9,7 +9,7 @@ ENGINE = "core geometry robot motion program planning verification control simul
 UPPER = tuple(f"armcontour.{x}" for x in ("files", "report", "cli", "studio", "controllers"))
 
 
-def test_the_engine_names_no_upper_package_in_strings():
+def test_no_string_of_the_engine_names_an_upper_package():
     root = Path(ac.__file__).parent
     files = [x for package in ENGINE.split() for x in (root / package).rglob("*.py")]
     assert len(files) > 150

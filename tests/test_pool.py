@@ -33,7 +33,7 @@ PID = "__import__('os').getpid()"
 
 
 @pytest.mark.parametrize("processes", [1, 2])
-def test_results_come_in_order(processes):
+def test_results_of_processes_are_in_the_order_of_their_items(processes):
     progress_log = []
     items = list(range(1, 31))
     results = map_in_processes(halve, items, processes=processes, done=progress_log.append)
@@ -52,7 +52,7 @@ def test_threads_give_results_in_order_and_their_errors(monkeypatch):
 
 
 @given(st.integers(0, 100), st.integers(1, 20))
-def test_equal_parts_cover_all_items(count, parts):
+def test_parts_of_equal_size_cover_all_items(count, parts):
     parts_of_range = [list(range(count))[x] for x in split_evenly(count, parts)]
     assert sum(parts_of_range, []) == list(range(count))
     assert max(map(len, parts_of_range)) - min(map(len, parts_of_range)) <= 1
@@ -120,7 +120,7 @@ class Elsewhere(Executor):
         return future
 
 
-def test_an_executor_does_work_on_many_items():
+def test_work_on_many_items_is_done_by_the_executor():
     progress_log, items = [], list(range(1, 101))
     results = map_in_processes(halve, items, executor=Elsewhere(), done=progress_log.append)
     assert results == [1 / x for x in items]
@@ -153,7 +153,7 @@ def test_the_error_of_an_executor_is_raised():
         map_in_processes(halve, [1], executor=Failing(BrokenExecutor()))
 
 
-def test_a_lost_item_may_have_a_result():
+def test_the_result_of_a_lost_item_can_be_its_error():
     lost = run_all(halve, taken([2]), Failing(BrokenExecutor()), lambda error: error)
     [(item, error)] = lost
     assert item == 2 and error.startswith("A process ended before its work was done")

@@ -32,7 +32,7 @@ def test_every_public_name_exists():
         ac.does_not_exist  # noqa: B018
 
 
-def test_names_that_a_package_owns_are_not_in_armcontour_itself():
+def test_names_of_a_package_are_not_repeated_in_armcontour():
     assert len(ac.__all__) <= 80
     for package, names in OWNED.items():
         names = names.split()
@@ -40,7 +40,7 @@ def test_names_that_a_package_owns_are_not_in_armcontour_itself():
         assert not set(names) & set(ac.__all__)
 
 
-def test_stubs_have_the_names_of_the_packages():
+def test_type_stubs_have_the_names_of_their_packages():
     written = stubs()
     assert len(written) > 10
     for file, text in written.items():
@@ -67,7 +67,7 @@ def test_a_plan_without_jerk_limits_does_not_load_their_modules():
 ROOT = Path(__file__).parents[1]
 
 
-def test_the_version_is_the_newest_of_the_changelog_and_that_to_cite():
+def test_the_version_is_that_of_changelog_and_citation_file():
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     newest = re.findall(r"^## (\S+)", changelog, re.MULTILINE)[0]
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))

@@ -54,7 +54,7 @@ def test_importing_the_package_loads_its_names_only(tmp_path):
     assert not packages
 
 
-def test_help_loads_the_commands_and_typer(tmp_path):
+def test_help_loads_only_the_commands_and_typer(tmp_path):
     package_modules, standard, packages = loaded(COMMAND.format(arguments=["--help"]), tmp_path)
     assert "armcontour.cli.commands" in package_modules
     assert len(package_modules) <= OWN_OF_HELP, package_modules
@@ -62,7 +62,7 @@ def test_help_loads_the_commands_and_typer(tmp_path):
     assert packages <= TYPER
 
 
-def test_texts_of_options_are_read_without_pydantic(tmp_path):
+def test_help_texts_of_options_are_read_without_pydantic(tmp_path):
     arguments = ["check", "none.csv", "--arm", "ur5e", "--noise", "1 mrad"]
     assert "pydantic" not in loaded(COMMAND.format(arguments=arguments), tmp_path)[2]
 

@@ -125,7 +125,7 @@ def test_keys_override_those_that_they_merge_at_every_depth():
     assert data["e"] == {"x": 1, "y": 2, "z": 3, "=": 5}
 
 
-def test_only_mappings_are_merged(refuses):
+def test_yaml_merge_keys_require_mappings(refuses):
     for text in ("a: {<<: 1}", "a: {<<: [{b: 1}, [c]]}"):
         words = "takes a mapping or a list of mappings"
         refuses(lambda text=text: load(text, "x"), InvalidInput, words)

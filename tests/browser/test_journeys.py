@@ -65,7 +65,7 @@ def test_j2_a_dragged_corner_has_another_tolerance(studio, judge):
     assert studio.figure("duration") == before
 
 
-def test_j3_a_waypoint_out_of_reach_is_refused_at_its_place(studio, judge):
+def test_j3_a_refusal_is_shown_at_the_waypoint_out_of_reach(studio, judge):
     original = studio.text
     handle = studio.handle("waypoint", 1)
     with studio.grabbing(handle) as (x, y):
@@ -95,7 +95,7 @@ def test_j3_a_waypoint_out_of_reach_is_refused_at_its_place(studio, judge):
     assert studio.text == original
 
 
-def test_j7_undo_and_redo_go_all_the_way_and_survive_a_reload(studio):
+def test_j7_undo_and_redo_reach_every_state_and_survive_a_reload(studio):
     texts = [studio.text]
     studio.tab("process")
     for change in ("speed", "waypoint", "corner"):
@@ -146,7 +146,7 @@ def press(studio, within, name):
     studio.find(within).get_by_role("button", name=name).click()
 
 
-def test_j27_drawing_arm_slider_and_charts_show_one_time(studio):
+def test_j27_drawing_and_arm_and_slider_and_charts_show_the_same_time(studio):
     press(studio, "#viewbar", "Both")
     studio.wait("#view3d", time="0")
     dot = studio.find("circle.cursor:not(.tool)")
@@ -243,7 +243,7 @@ def test_j40_a_dragged_waypoint_snaps_and_shows_its_gain(studio, judge):
     expect(studio.find("#undo")).to_be_disabled()
 
 
-def test_j42_typed_digits_are_exact_and_escape_reverts(studio, judge):
+def test_j46_a_typed_value_keeps_its_digits_and_escape_reverts_it(studio, judge):
     original = studio.text
     handle = studio.handle("waypoint", 1)
     with studio.changing():

@@ -198,7 +198,7 @@ def test_a_refusal_offers_what_is_missing(studio):
     assert planned(studio) > 0
 
 
-def test_a_change_applies_to_the_job_or_to_the_run(studio):
+def test_a_changed_setting_applies_to_the_job_or_the_selected_run(studio):
     planned(studio)
     studio.tab("process")
     data, slow = change(studio, limits__speed="40 mm/s")
@@ -216,7 +216,7 @@ def test_a_change_applies_to_the_job_or_to_the_run(studio):
     studio.find("#panel .seek").get_by_role("button", name="For job").click()
 
 
-def test_settings_are_found_by_names_and_descriptions(studio):
+def test_settings_can_be_searched_by_names_and_descriptions(studio):
     planned(studio)
     studio.tab("process")
     seek = studio.find("#panel .seek input")

@@ -15,7 +15,7 @@ def file(tmp_path):
     return file
 
 
-def test_the_command_prints_and_writes_the_rows(command_in, file):
+def test_batch_prints_and_writes_its_rows(command_in, file):
     call = ("batch", "job.yaml", *OPTIONS, "--set", "cycle=20 ms", "--out", "out", "--workers", "0")
     ended = command_in(file.parent, *call)
     assert ended.code == 0, ended.errors
@@ -27,7 +27,7 @@ def test_the_command_prints_and_writes_the_rows(command_in, file):
     assert again.code == 2 and "is not empty" in again.errors
 
 
-def test_jobs_that_fail_have_an_exit_code(command_in, file, monkeypatch):
+def test_a_failed_job_of_a_batch_gives_exit_code_1_and_is_named(command_in, file, monkeypatch):
     def fail(job):
         raise MemoryError
 

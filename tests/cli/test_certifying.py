@@ -18,7 +18,7 @@ def job(tmp_path_factory):
     return file
 
 
-def test_certify_writes_everything_that_repeats_it(command, job, tmp_path, done):
+def test_certify_writes_all_files_that_reproduce_its_result(command, job, tmp_path, done):
     out = tmp_path / "certified"
     shown = done("certify", job, "--out", out)
     data = summary(out)
@@ -37,14 +37,14 @@ def test_certify_writes_everything_that_repeats_it(command, job, tmp_path, done)
     assert code == 2 and "--force" in errors
 
 
-def test_a_refusal_has_its_exit_code_and_writes_nothing(job, refused, tmp_path):
+def test_a_refused_certificate_has_an_exit_code_and_writes_nothing(job, refused, tmp_path):
     text = CORNER_JOB.replace("pole_placement", "none").replace("0.1 mm", "0.01 um")
     (tmp_path / "slow.yaml").write_text(text, encoding="utf-8")
     rows = [("certify slow.yaml --out certified", ["largest contour error must be"])]
     assert refused(tmp_path, rows, codes=(4,)) == []
 
 
-def test_the_joints_of_a_program_can_be_checked(command, tmp_path, done):
+def test_the_written_joint_positions_of_a_certificate_can_be_checked(command, tmp_path, done):
     points = "contour,x [mm],y [mm]\na,0,0\na,30,0\nb,30,30\nb,0,30\n"
     (tmp_path / "parts.csv").write_text(points, encoding="utf-8")
     text = CORNER_JOB.replace(

@@ -181,7 +181,7 @@ def test_an_arm_from_a_description_is_checked_with_its_limits(tmp_path, check):
     assert (velocity["joint"], velocity["limit"]) == (1, pytest.approx(np.pi / 2))
 
 
-def test_undeclared_noise_of_a_log_is_motion(folder, mac, check):
+def test_undeclared_noise_of_a_log_counts_as_motion(folder, mac, check):
     """Noise is motion unless it is declared; unknown columns are skipped."""
     samples = mac.sample(4e-3)
     noise = 2e-5 * np.random.default_rng(0).uniform(-1, 1, samples.q.shape)

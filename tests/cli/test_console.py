@@ -14,14 +14,14 @@ CLIPBOARD = "x\x1b]52;c;cHduZWQ=\x1b\\y"
 
 
 @given(st.text())
-def test_every_line_is_printable(text):
+def test_every_printed_line_has_printable_characters(text):
     assert to_line(text).isprintable()
     if text.isprintable() and len(text) < 1000:
         assert to_line(text) == text
     assert len(to_line("x" * 100_000)) < 5000
 
 
-def test_tables_lines_and_errors_escape_control_sequences(capsys, tmp_path, command_in):
+def test_printed_tables_and_lines_and_errors_escape_control_sequences(capsys, tmp_path, command_in):
     print_lines(*table_lines([["a"], [CLIPBOARD], ["[bold]plain[/bold]"]], CLIPBOARD), CLIPBOARD)
     shown = capsys.readouterr().out
     assert "\x1b" not in shown and shown.count(r"\x1b]52") == 3

@@ -41,7 +41,7 @@ def table(file):
     return np.loadtxt(file, delimiter=",", skiprows=1)
 
 
-def test_runs_g_code_in_a_cell_with_exports(folder, call):
+def test_g_code_is_run_in_a_cell_and_exported(folder, call):
     (folder / "list.txt.j2").write_text(
         "{% for e in events %}{{ e.text }} {{ outputs.get(e.name) }}\n{% endfor %}"
     )
@@ -79,7 +79,7 @@ REFUSED = [
 ]
 
 
-def test_refuses_in_one_sentence_and_writes_nothing(folder, refused):
+def test_invalid_commands_for_drawings_are_refused_and_write_nothing(folder, refused):
     rows = [(f"run {line} --out out", words) for line, words in REFUSED]
     assert refused(folder, rows) == []
 

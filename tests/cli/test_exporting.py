@@ -49,9 +49,7 @@ def result(call, folder):
 
 
 @needs_dynamics
-def test_export_samples_the_plan_at_the_period_and_uses_the_outputs_of_the_job(
-    result, call, folder
-):
+def test_export_uses_the_period_and_the_outputs_of_the_job(result, call, folder):
     exports = result / "compensated" / "export"
     reference = pd.read_csv(exports / "reference.csv")
     np.testing.assert_allclose(np.diff(reference["t [s]"])[:-1], 0.048, atol=1e-12)
@@ -96,7 +94,7 @@ def test_a_warning_of_accelerations_names_command_limits(call, folder):
 
 @pytest.mark.parametrize("name", ["set_points", "reference"])
 @needs_dynamics
-def test_an_earlier_result_gives_what_the_run_exported(name, result, call, folder):
+def test_exporting_an_earlier_result_gives_the_files_of_its_run(name, result, call, folder):
     options = REFERENCE if name == "reference" else ()
     printed = call("export", "out", f"{name}.csv", *options)
     assert f"Exported {name} of run compensated" in printed
@@ -112,9 +110,7 @@ def test_an_earlier_result_gives_what_the_run_exported(name, result, call, folde
 
 
 @needs_dynamics
-def test_few_points_stay_within_the_tolerance_and_the_goal_has_tolerances(
-    result, call, folder, refused
-):
+def test_an_exported_goal_has_tolerances_and_reduced_points(result, call, folder, refused):
     options = ("--points", "60", "--point-tolerance", "0.2 mrad")
     call(
         *("run", "part.ngc", "--cell", "ur5e", "--out", "few", "--export", "ros-yaml"),
@@ -138,7 +134,7 @@ def test_few_points_stay_within_the_tolerance_and_the_goal_has_tolerances(
 
 
 @needs_dynamics
-def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, call, tmp_path):
+def test_invalid_exports_are_refused_and_write_nothing(result, folder, refused, call, tmp_path):
     rows = [
         ("a.csv --run none", ["'none'", "'compensated'"]),
         ("a.csv --cycle 48ms", ["--cycle requires --reference"]),

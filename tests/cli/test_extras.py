@@ -52,7 +52,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_every_extra_of_users_is_tested():
+def test_a_test_covers_every_optional_dependency_of_users():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     # Tests of franka's adapter are in tests/controllers.
     users = set(project["optional-dependencies"]) - FOR_DEVELOPERS - {"franka"}
@@ -98,7 +98,7 @@ def test_the_demo_needs_no_extra(done, command, tmp_path, monkeypatch):
     assert (tmp_path / "out" / "report.html").read_text() == "mine"
 
 
-def test_the_address_is_printed_and_opened(tmp_path, monkeypatch, capsys):
+def test_the_studio_prints_and_opens_its_address(tmp_path, monkeypatch, capsys):
     from armcontour.studio import server
 
     (tmp_path / "job.yaml").write_text("[")

@@ -55,7 +55,7 @@ def run(tmp_path, command, monkeypatch):
     return call
 
 
-def test_runs_a_job(tmp_path, run, refused):
+def test_run_writes_a_report_and_the_listed_files(tmp_path, run, refused):
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
     # The only run of a file in a process of its own.
     command = [sys.executable, "-m", "armcontour", "run", "job.yaml", "--out", "out"]
@@ -78,7 +78,7 @@ def test_runs_a_job(tmp_path, run, refused):
     run(JOB, "--no-simulation", "--force")
 
 
-def test_any_key_of_the_job_is_set(tmp_path, run, refused):
+def test_an_option_sets_any_key_of_the_job(tmp_path, run, refused):
     sets = ("corners.tolerance=1 mm", "runs.compensated.timing={method: optimal}", "title=A, B")
     _, result = run(JOB, "--no-simulation", *(x for text in sets for x in ("--set", text)))
     assert result["title"] == "A, B"
@@ -105,7 +105,7 @@ def test_any_key_of_the_job_is_set(tmp_path, run, refused):
         assert refused(tmp_path, [(options, words)], codes=(2,), begin=begin) == []
 
 
-def test_an_error_has_its_exit_code_and_leaves_nothing(tmp_path, refused):
+def test_an_error_has_its_exit_code_and_writes_nothing(tmp_path, refused):
     far = {"path": {"points": [[-0.065, 0.3], [0.335, 0.3]]}, "limits": {"speed": 0.3}}
     for change, code, words in (
         ({"path": {"points": [[0.30, 0.20], [0.80, 0.20]]}}, 3, "out of reach"),
@@ -123,7 +123,7 @@ def test_an_error_has_its_exit_code_and_leaves_nothing(tmp_path, refused):
     assert refused(tmp_path, rows, codes=(2,)) == []
 
 
-def test_an_experiment_has_its_columns_and_files(tmp_path, run):
+def test_an_experiment_adds_columns_and_files(tmp_path, run):
     runs = {"one": {}, "two": {"compensation": {"method": "none"}}}
     shown, result = run({**JOB, "runs": runs, "experiment": {}})
     assert "experiment" in shown and "Masses: Both links are assumed" in shown
@@ -150,7 +150,7 @@ def test_the_exit_code_is_1_if_no_run_is_kept(tmp_path, run):
     assert "rigid bodies" in shown and "servo" in shown
 
 
-def test_an_option_with_one_value_is_specified_once(tmp_path, refused):
+def test_an_option_with_one_value_can_be_given_only_once(tmp_path, refused):
     rows = [
         (
             "learn job.yaml --set-points out --log a.csv --log b.csv",
@@ -165,7 +165,7 @@ def test_an_option_with_one_value_is_specified_once(tmp_path, refused):
     assert refused(tmp_path, rows, codes=(2,)) == []
 
 
-def test_lists_arms_version_and_schema(done):
+def test_commands_list_arms_version_and_schema(done):
     lines = done("arms").splitlines()
     for words in ("pmk3s: PMK-3s, 2 joints", "ur5e: UR5e, 6 joints", "panda: Panda, 7 joints"):
         assert any(x.startswith(words) for x in lines), words
@@ -215,7 +215,7 @@ def call(*arguments):
 
 
 @pytest.mark.parametrize("cell", mark_all_but(cell_names(), ["pmk3s"]))
-def test_a_written_cell_runs_a_drawing(cell, tmp_path, monkeypatch):
+def test_a_cell_written_by_the_command_runs_a_drawing(cell, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, message = call("init", cell)
     assert code == 0 and f"--cell {cell}.yaml" in message

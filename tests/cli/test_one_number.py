@@ -135,7 +135,7 @@ def studio(text, folder, run):
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_a_figure_has_one_value_wherever_it_is_shown(name, done, tmp_path):
+def test_a_result_value_is_the_same_in_all_outputs(name, done, tmp_path):
     check(JOBS[name], done, tmp_path)
 
 

@@ -15,7 +15,7 @@ from armcontour.cli import program
 FILE = FilePath(program.__file__).with_name("job_options.json")
 
 
-def test_the_file_has_the_options_of_the_keys():
+def test_the_stored_file_of_options_is_up_to_date():
     assert FILE.read_text("utf-8") == options_text()
 
 

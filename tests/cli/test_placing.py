@@ -45,7 +45,7 @@ def placed(done, tmp_path):
     return call
 
 
-def test_place_writes_a_map_a_table_and_a_job_that_runs(job, tmp_path, placed):
+def test_place_writes_a_map_and_a_table_and_a_valid_job(job, tmp_path, placed):
     shown, data, page, text = placed(job, *GRID)
     assert data["places"] == 6 and number(data["best"]["duration"], "s") in shown
     assert number(data["own_place"]["duration"], "s") in shown
@@ -61,7 +61,7 @@ def test_place_writes_a_map_a_table_and_a_job_that_runs(job, tmp_path, placed):
     assert "name: part" in text and "speed: 0.1" in text
 
 
-def test_a_grid_out_of_reach_has_a_map_and_an_exit_code(job, tmp_path, command):
+def test_a_placement_grid_out_of_reach_has_a_map_and_an_exit_code(job, tmp_path, command):
     ended = command("place", job, "--x", "1 m .. 2 m, 2", "--out", tmp_path / "far")
     assert ended.code == 1 and "No place of the grid is feasible." in ended.out
     data = summary(tmp_path / "far")
@@ -70,7 +70,7 @@ def test_a_grid_out_of_reach_has_a_map_and_an_exit_code(job, tmp_path, command):
     assert "out of reach" in page and "No place is feasible" in page
 
 
-def test_wrong_options_write_nothing(job, tmp_path, refused):
+def test_wrong_options_of_place_write_nothing(job, tmp_path, refused):
     rows = [
         ((), ["place requires an axis of the grid"]),
         (("--x", "x"), ["--x requires a range", "such as '-300 mm"]),

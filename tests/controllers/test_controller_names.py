@@ -21,7 +21,7 @@ def job(arm):
     return parse_job(JOB.format(arm=arm))
 
 
-def test_a_robot_is_named_by_its_address():
+def test_a_controller_gets_the_address_of_its_robot():
     franka = controller_of(job("fr3"), ControllerOptions(on="franka", address="192.0.2.7"))
     assert isinstance(franka, Franka) and franka.address == "192.0.2.7"
     ur = controller_of(job("ur5e"), ControllerOptions(on="ur", address="192.0.2.7"))
@@ -38,6 +38,6 @@ def test_a_robot_is_named_by_its_address():
         ("kuka", "192.0.2.7", None, "--on must be one of linuxcnc, franka, ur"),
     ],
 )
-def test_no_address_is_assumed(name, address, hal, reason):
+def test_controllers_without_an_address_are_refused(name, address, hal, reason):
     with pytest.raises(ac.InvalidInput, match=reason):
         controller_of(job("ur5e"), ControllerOptions(on=name, address=address, hal=hal))

@@ -72,7 +72,7 @@ def rows(*values):
 MOTION = ["M", *rows(*range(10)), "E"]
 
 
-def test_a_motion_is_played_and_recorded(bench, tmp_path):
+def test_a_motion_is_played_after_its_start_command_and_recorded(bench, tmp_path):
     bench.send(*MOTION)
     bench.loop(3)
     assert not bench.device.written, "nothing moves before G"
@@ -112,7 +112,7 @@ def test_without_a_stop_the_motion_is_played_to_its_end(bench):
 
 
 @pytest.mark.parametrize("how", ["sender", "reader", "quit"])
-def test_a_lost_end_of_the_motion_causes_the_next_stop(bench, how):
+def test_a_lost_connection_or_a_quit_plays_the_next_stop(bench, how):
     bench.send(*MOTION, "T 6", *rows(60), "E", "G")
     bench.loop()
     if how == "quit":
@@ -127,7 +127,7 @@ def test_a_lost_end_of_the_motion_causes_the_next_stop(bench, how):
         bench.feeder.out.close()
 
 
-def test_rows_after_the_last_stop_in_hand_are_not_sent(bench):
+def test_a_motion_without_its_end_is_ended_by_its_last_stop(bench):
     bench.send(*MOTION, "T 4", *rows(40), "E", "T 6", *rows(60, 61, 62), "E", "G")
     bench.loop(5)
     assert bench.commands == [0, 1, 2, 3, 4, 5, 60, 61, 62]

@@ -166,7 +166,7 @@ def feed(device, rows, cycles):
     return samples + list(device.samples())
 
 
-def test_the_robots_clock_determines_the_row(library):
+def test_the_clock_of_the_robot_determines_the_set_point(library):
     # Two states are lost before 7 ms, at rest no state is.
     library.control = Control([0, 1, 2, 3, 4, 7, *range(8, 40)])
     device = library.device("127.0.0.1")
@@ -182,7 +182,7 @@ def test_the_robots_clock_determines_the_row(library):
     assert not any(finished for _, finished in library.control.sent[:-1])
 
 
-def test_it_moves_gently_to_the_first_row_and_holds_between_motions(library):
+def test_the_arm_moves_smoothly_to_the_start_and_holds_between_motions(library):
     library.control = Control(range(2000))
     device = library.device("127.0.0.1")
     device.connect()
@@ -200,7 +200,7 @@ def test_it_moves_gently_to_the_first_row_and_holds_between_motions(library):
         feed(device, [(1e-2,) * 7], 10)
 
 
-def test_a_reflex_is_a_failure_and_a_robot_in_one_is_refused(library):
+def test_a_reflex_is_an_error_and_a_robot_in_reflex_mode_is_refused(library):
     library.control = Control([0, 1, 2, None])
     device = library.device("127.0.0.1")
     device.connect()

@@ -114,7 +114,7 @@ def test_the_drives_move_as_in_the_simulation(job, planned):
 
 
 @needs_linuxcnc
-def test_a_stop_and_a_following_error_end_at_rest_on_the_path(job):
+def test_a_stop_and_a_following_error_both_end_at_rest_on_the_path(job):
     def play_once(on, **options):
         return play(job, on, execute=True, speed_factor=1.0, **options).record
 
@@ -171,7 +171,7 @@ def test_a_wrong_start_and_swapped_joints_are_refused(job, planned, refuses):
         ("addf sampler.0 servo", "addf sampler.0 slow", ["sampler.0", "addf sampler.0 servo"]),
     ],
 )
-def test_a_hal_file_that_does_not_fit_is_refused(job, tmp_path, refuses, old, new, words):
+def test_a_hal_file_of_another_robot_is_refused(job, tmp_path, refuses, old, new, words):
     """Before LinuxCNC is looked for."""
     file = tmp_path / "machine.hal"
     assert old in HAL

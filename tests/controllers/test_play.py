@@ -57,7 +57,7 @@ def run_at(job, robot, speed=1.0, **options):
     return play(job, robot, execute=True, speed_factor=speed, **options)
 
 
-def test_a_robot_as_simulated_is_kept(job):
+def test_a_robot_that_moves_as_simulated_is_kept(job):
     played = run_at(job, simulated())
     data = played.to_data()
     assert played.kept and data["kept"].value and data["completed"].value
@@ -69,7 +69,7 @@ def test_a_robot_as_simulated_is_kept(job):
     assert slower.kept and max(slower.to_data()["difference.joints"].value) > 3e-3
 
 
-def test_figures_are_those_of_the_log(job):
+def test_reported_differences_are_computed_from_the_log(job):
     """Differences by the record, and the contour error by the path."""
     played = run_at(job, simulated(kp=20.0, friction=3e-3))
     execution, record, begin = played.plan.execution, played.record, played.plan.set_points
@@ -105,7 +105,7 @@ def test_a_robot_that_differs_from_the_simulation_is_not_kept(job, robot, stops)
     assert played.to_data()["kept"].note
 
 
-def test_the_band_follows_the_speed(job, plain):
+def test_the_allowed_difference_grows_with_the_speed(job, plain):
     for speed in (1.0, 0.1):
         motion = play(job, simulated(), speed_factor=speed).motion
         fastest = np.abs(np.diff(motion.predicted, axis=0)).max(axis=0) / 1e-3
@@ -178,7 +178,7 @@ def test_compensated_set_points_above_the_limits_need_an_identified_servo(job, p
         (lambda: simulated(trip=0), 10, ""),
     ],
 )
-def test_play_asks_for_the_name_and_writes_a_log(tmp_path, monkeypatch, robot, code, word):
+def test_play_asks_for_the_robot_name_and_writes_a_log(tmp_path, monkeypatch, robot, code, word):
     asked = []
 
     def answer(prompt, **_):

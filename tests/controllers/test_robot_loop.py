@@ -47,7 +47,7 @@ def errors(result) -> list[float]:
     return [x.rms for x in result.lesson.runs]
 
 
-def test_identified_servo_reaches_predicted_error(job):
+def test_the_identified_servo_reaches_the_predicted_error(job):
     robot = Simulated()
     found = identify_on(job, robot, execute=True, options=SECOND)
     servo = found.fit.servo_model()
@@ -81,21 +81,21 @@ def test_excitation_is_within_limits_from_rest_to_rest(job):
     assert abs(np.corrcoef(motion.q[:12000].T)[0, 1]) < 0.5
 
 
-def test_joint_at_the_end_of_its_range_is_not_excited(job):
+def test_a_joint_at_the_end_of_its_range_is_not_excited(job):
     played_job, plan = plan_played(job, None)
     limits = plan.run.limits.replace(joint_lower=plan.trajectory(0.0))
     with pytest.raises(ControllerRefused, match="end of its range"):
         excite(played_job, limits, plan.trajectory, 1e-3)
 
 
-def test_error_falls_in_every_run(learned):
+def test_learning_reduces_the_error_in_every_run(learned):
     _, result = learned
     assert (np.diff(errors(result)) < 0).all() and errors(result)[-1] < 1e-6
     assert result.ended == "" and isinstance(result.best, LearningResult)
     np.testing.assert_array_equal(result.best.q, result.lesson.runs[-1].q)
 
 
-def test_log_of_other_set_points_is_refused(job, learned):
+def test_a_log_of_other_set_points_is_refused(job, learned):
     _, result = learned
     robot = Simulated()
     with pytest.raises(ac.InvalidInput, match="set-points of run 2"):
@@ -135,7 +135,7 @@ def test_a_stop_on_request_keeps_the_learned_set_points(job, learned):
     np.testing.assert_array_equal(stopped.lesson.q, again.lesson.q)
 
 
-def test_identification_stopped_on_request_is_not_repeated(job):
+def test_an_identification_that_is_stopped_on_request_is_not_repeated(job):
     robot = Simulated(cycle=4e-3)
     requested = identify_on(job, robot, execute=True, stop_requested=lambda: bool(robot.motions))
     assert requested.stopped and requested.fit is None and len(robot.motions) == 1

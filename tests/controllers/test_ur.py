@@ -74,7 +74,7 @@ def motion(arm, begin, end, stops=True):
     return Motion(q=stopper.q, next_stop=stopper if stops else None)
 
 
-def test_every_row_is_used_in_its_cycle_and_recorded(arm, double):
+def test_every_set_point_is_sent_in_its_cycle_and_recorded(arm, double):
     address, _ = double()
     # The double does not wait for the time of a cycle, so no stop would be ready.
     there = motion(arm, START, START + 0.1, stops=False)
@@ -96,7 +96,7 @@ def test_every_row_is_used_in_its_cycle_and_recorded(arm, double):
             assert np.abs(moved - record.measured[1:]).max() < 1e-12
 
 
-def test_a_dry_run_compares_and_sends_no_program(double):
+def test_a_dry_run_compares_positions_and_sends_no_program(double):
     address, process = double()
     job = parse_job(JOB)
     with pytest.raises(ControllerRefused, match="a servo that was not identified"):

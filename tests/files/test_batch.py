@@ -36,7 +36,7 @@ def file(tmp_path):
     return file
 
 
-def test_a_row_contains_the_results_of_run(file):
+def test_a_row_of_a_batch_equals_the_results_of_run(file):
     progress_log = []
     result = ac.batch(file, OVER, workers=0, progress=progress_log.append)
     assert result.counts == {"done": 2, "refused": 2}
@@ -60,7 +60,7 @@ def test_a_row_contains_the_results_of_run(file):
     assert "Job 2: " in text and "NOT KEPT" in text and "limits.speed" in text
 
 
-def test_every_executor_gives_the_same_rows(file):
+def test_every_executor_gives_the_same_rows_of_a_batch(file):
     table = ac.batch(file, OVER, workers=0).table()
     with ThreadPoolExecutor(2) as threads:
         assert ac.batch(file, OVER, executor=threads).table() == table
@@ -100,7 +100,7 @@ def test_an_interrupted_batch_keeps_its_results(file, tmp_path):
     assert json.loads(rows[0]["path.points"]) == REACHED and rows[1]["kept"] == "False"
 
 
-def test_invalid_and_failed_jobs_are_rows(file, monkeypatch):
+def test_invalid_and_failed_jobs_are_rows_with_their_error(file, monkeypatch):
     result = ac.batch(file, {"limits.speed": ["20 mm/s", "fast"]}, workers=0)
     assert [x.status for x in result.rows] == ["done", "done", "invalid"]
     assert "limits.speed" in result.rows[2].error

@@ -111,7 +111,7 @@ by_layer:
 """
 
 
-def test_a_process_has_values_by_layer_with_their_units(folder):
+def test_a_process_has_values_with_units_for_each_layer(folder):
     values(lambda x: job(folder, process=yaml.safe_load(x)).process, PROCESS)
     pierced = "{pierce: {time: 1, height: 3 mm}, switch: {name: x}, lead_out: {}}"
     refusals(lambda x: job(folder, process=yaml.safe_load(x)), [(pierced, "in the plane")])
@@ -149,7 +149,7 @@ tabs: {count: 1, width: 2 mm}
 
 
 @pytest.mark.parametrize("key", ["b", 2, "2"])
-def test_a_contour_has_values_of_its_own(folder, key):
+def test_a_contour_can_have_its_own_process_values(folder, key):
     """Values of the contour win over those of its layer and of the file; others stay the same."""
     rows = TWO.replace("[mm]\n", "[mm],layer,speed\n", 1).replace("0\n", "0,CUT,0.04\n")
     (folder / "layers.csv").write_text(rows)
@@ -180,7 +180,7 @@ def test_a_contour_has_values_of_its_own(folder, key):
     assert after[0] == before[0] and after[1] > mine.path.length / 0.02 > before[1]
 
 
-def test_contours_run_in_the_order_of_their_own(folder):
+def test_contours_run_in_the_order_of_the_job(folder):
     later = job(folder, path={"contours": {"a": {"order": 1}}})
     assert [x.name for x in prepare(later.program, later.process).contours] == ["b", "a"]
     repeat = {"columns": 2, "column_spacing": "70 mm"}
@@ -232,7 +232,7 @@ process: {switch: {name: "a\a"}} => process.switch.name: has the character U+000
 """
 
 
-def test_refuses_in_one_sentence(folder):
+def test_invalid_jobs_of_drawings_are_refused_in_one_sentence(folder):
     refusals(lambda x: job(folder, x), BAD, "plate.yaml")
     long = [
         ({"name": "x" * 81}, "name of a job has 81 characters, more than 80"),
@@ -246,7 +246,7 @@ def test_refuses_in_one_sentence(folder):
     refusals(lambda path: parse_job(yaml.safe_dump({**JOB, "path": path})), table)
 
 
-def test_drawings_fit_arms_in_space_and_in_the_plane(folder):
+def test_drawings_are_read_for_arms_in_space_and_in_the_plane(folder):
     (folder / "deep.ngc").write_text("G21 F600\nG1 X10 Y0 Z1\nG1 X20 Y10 Z0\n")
     words = "deep.ngc has z coordinates ... path.ignore_z ... --ignore-z"
     refusals(lambda x: job(folder, x), [("path: {file: deep.ngc}", words)])
@@ -263,7 +263,7 @@ def test_drawings_fit_arms_in_space_and_in_the_plane(folder):
     assert drawn.contours[0].path.orientation is not None
 
 
-def test_cells_take_a_drawing(folder):
+def test_a_cell_and_a_drawing_are_a_job(folder):
     assert cell_names() == arm_names()
     for name in cell_names():
         cell_job = read_cell(name, folder / "two.csv")
@@ -286,7 +286,7 @@ def test_cells_take_a_drawing(folder):
         assert cell_job.length == pytest.approx(length)
 
 
-def test_refuses_invalid_cells(folder):
+def test_invalid_cells_are_refused(folder):
     (folder / "list.yaml").write_text(yaml.safe_dump({**JOB, "path": [1, 2]}))
     table = [
         ("", "fr3, panda, pmk3s, ur10e, ur5e"),
@@ -296,7 +296,7 @@ def test_refuses_invalid_cells(folder):
     refusals(lambda cell: read_cell(cell, folder / "two.csv"), table)
 
 
-def test_files_are_relative_to_the_job(folder, monkeypatch):
+def test_file_names_are_relative_to_the_folder_of_the_job(folder, monkeypatch):
     (folder / "sub").mkdir()
     data = {**JOB, "path": {"file": "../two.csv"}}
     (folder / "sub" / "job.yaml").write_text(yaml.safe_dump(data))
@@ -305,7 +305,7 @@ def test_files_are_relative_to_the_job(folder, monkeypatch):
     assert isinstance(parsed.path, Program)
 
 
-def test_settings_for_layers_do_not_demand_them(tmp_path, folder):
+def test_settings_of_layers_that_do_not_exist_cause_a_note(tmp_path, folder):
     file = tmp_path / "w.csv"
     file.write_text("x,y,layer\n0,0,CUT\n50,0,CUT\n")
 

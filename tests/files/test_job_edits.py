@@ -36,7 +36,7 @@ runs: {a: {}}
 """
 
 
-def test_keys_are_set_in_place_or_last_in_their_mapping():
+def test_an_edited_key_stays_in_place_and_a_new_key_is_last():
     patched = write_patch(TEXT, {("arm", "work"): {"position": [1.5, 0, 0]}, ("name",): "new"})
     changed = [b for a, b in zip(TEXT.splitlines(), patched.splitlines(), strict=True) if a != b]
     assert changed == ["name: new   # its name", "  work: {position: [1.5, 0, 0]}  # here"]
@@ -55,7 +55,7 @@ def test_keys_are_set_in_place_or_last_in_their_mapping():
     assert write_patch("a:\nb: 1\n", {("a",): [1]}) == "a: [1]\nb: 1\n"
 
 
-def test_files_are_named_from_another_folder(tmp_path):
+def test_file_names_are_adapted_to_another_folder(tmp_path):
     (tmp_path / "jobs").mkdir()
     for name in ("arm.yaml", "part.dxf"):
         (tmp_path / name).write_text("")
@@ -184,7 +184,7 @@ def changed(data, keys, value, how):
 
 
 @given(documents(), st.data())
-def test_any_change_of_any_text_is_the_change_of_its_data(document, draw):
+def test_editing_any_yaml_text_changes_its_data_as_requested(document, draw):
     text, data = document
     assert load(text, "") == data
     how = draw.draw(st.sampled_from(["set", "remove", "insert"]))
@@ -276,7 +276,7 @@ def test_edits_keep_layouts_and_comments():
     ]
 
 
-def test_an_edit_of_a_job_changes_one_place_of_its_text():
+def test_an_edit_of_a_job_changes_only_one_place_in_its_text():
     """Keys of the jobs and cells of the package are set, added and removed."""
     folder, edits = Path(armcontour.__file__).parent, 0
     for file in [*folder.glob("jobs/library/*.yaml"), *folder.glob("files/cells/*.yaml")]:

@@ -72,7 +72,7 @@ limits: {} | corners: {speed: 1, acceleration: 1} => {runs.0.limits.centripetal_
 """
 
 
-def test_a_good_job_is_read_in_si_units():
+def test_valid_jobs_are_read_in_si_units():
     values(parse, VALUES)
     path = "path: {start: [0.28, 0.2], segments: [{to: [0.4, 0.2], speed: 50 mm/s}, %s]}"
     path_read = parse(path % "{center: [0.40, 0.23], angle: 180 deg}").path
@@ -109,7 +109,7 @@ runs.one: {timing: {reserve: 10}} => runs.one.timing.reserve: ... but is 10. For
 """
 
 
-def test_a_bad_job_is_refused_in_one_sentence():
+def test_invalid_jobs_are_refused_in_one_sentence():
     refusals(parse, BAD, "bracket.yaml: ")
     keys = ("a[b", "path(1", "name:j/[{kS", "float", "ArmModel")
     refusals(parse, [(f"{x}: 1", f"unknown key {x}: ") for x in keys])
@@ -138,7 +138,7 @@ def test_an_arm_file_is_found_next_to_the_job(tmp_path):
     assert read_job(tmp_path / "job.yaml").arm.name == "mine"
 
 
-def test_the_schema_accepts_what_is_accepted_and_refuses_an_unknown_key():
+def test_the_schema_accepts_valid_jobs_and_refuses_unknown_keys():
     jsonschema.Draft202012Validator.check_schema(json_schema())
     validator = jsonschema.Draft202012Validator(json_schema())
     text = (ROOT / "src/armcontour/jobs/library/paper.yaml").read_text(encoding="utf-8")
@@ -147,7 +147,7 @@ def test_the_schema_accepts_what_is_accepted_and_refuses_an_unknown_key():
     assert list(validator.iter_errors({**GOOD, "speeed": 1}))
 
 
-def test_the_built_in_job_is_the_papers():
+def test_the_built_in_job_is_that_of_the_paper():
     job = built_in_job()
     names = ["conventional", "uncompensated", "proposed", "optimal", "inverse-dynamics", "shaped"]
     assert [x.name for x in job.runs] == names

@@ -50,7 +50,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_tool_work_and_payload_reach_the_arm():
+def test_tool_and_work_frame_and_payload_of_a_job_are_set():
     assert job(arm={"name": "ur5e"}).arm.name == job().arm.name == "UR5e"
     chain = job("""
 arm:
@@ -98,7 +98,7 @@ experiment: {step: 1 m} => experiment.step: must be a quantity in s
 """
 
 
-def test_a_bad_key_is_refused_in_one_sentence(folder):
+def test_invalid_keys_of_jobs_in_space_are_refused_in_one_sentence(folder):
     refusals(lambda x: job(x, folder), BAD, "job.yaml: ", without="more problem")
 
 
@@ -151,7 +151,7 @@ start: [0.4, 0, 0.2], segments: [{via: [0.5, 0.1, 0.2]}] => segments (item 1) re
 """
 
 
-def test_a_bad_path_is_refused_in_one_sentence():
+def test_invalid_paths_in_space_are_refused_in_one_sentence():
     def read(keys):
         keys = keys.replace("P", "[[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 100 mm, 0.2]]")
         job(f"path: {{{keys}}}")
@@ -182,7 +182,7 @@ def test_limits_of_joints_and_experiments_are_read():
     assert all(dataclasses.asdict(x.experiment) == plain for x in job(experiment={}).runs)
 
 
-def test_corners_and_start_are_read():
+def test_corner_tolerances_and_seed_are_read():
     seed = ["10 deg", -1, 1, 0, 0, 0]
     parsed = job(seed=seed)
     assert parsed.runs[0].rounding.angular_tolerance == pytest.approx(np.radians(2))
@@ -202,12 +202,12 @@ CONTINUITY = """
 """
 
 
-def test_corners_have_a_continuous_curvature_where_jerk_is_limited():
+def test_jobs_with_jerk_limits_have_corners_of_continuous_curvature():
     for run, expected in rows(CONTINUITY):
         assert str(job(f"runs: {{one: {run}}}").runs[0].continuity) == expected, run
 
 
-def test_the_schema_accepts_all_of_it():
+def test_the_schema_accepts_jobs_in_space_and_refuses_unknown_keys():
     validator = jsonschema.Draft202012Validator(json_schema())
     whole = GOOD | yaml.safe_load("""
 arm: {file: robot.urdf, tool: {position: [0, 0, 1 mm], rpy: [0, 0, 0]}}

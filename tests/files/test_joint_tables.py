@@ -91,7 +91,7 @@ def test_columns_of_programs_and_controllers_are_recognized():
         assert trajectory.notes == ()
 
 
-def test_other_names_are_renamed_by_the_option_of_the_message():
+def test_the_option_in_the_message_renames_unknown_joints():
     for header, command, measured, *others in OTHERS:
         titles = [header, *map(command.format, (1, 2)), *map(measured.format, (1, 2)), *others]
         text = table(titles, *U.T, *Q.T)
@@ -105,7 +105,7 @@ def test_other_names_are_renamed_by_the_option_of_the_message():
         np.testing.assert_allclose(log.measured, Q, atol=1e-8)
 
 
-def test_columns_without_a_partner_are_ignored_with_a_note(tmp_path):
+def test_incomplete_pairs_of_columns_are_ignored_with_a_note(tmp_path):
     text = table(["t", "u1", "q1", "q2", "position_x", "u7"], U[:, 0], Q[:, 0], Q[:, 1])
     log = parse_log(text)
     assert log.joint_names == ("joint 1",) and len(log.notes) == 2
@@ -176,7 +176,7 @@ def test_repeated_and_rounded_times_are_read():
             read(table(titles, U[:, 0], Q[:, 0], time=rounded))
 
 
-def test_bursts_are_named(tmp_path):
+def test_bursts_of_samples_are_named_in_the_refusal(tmp_path):
     time = [f"{k // 4 * 0.032 + k % 4 * 1e-4:.6f}" for k in range(COUNT)]
     text = table(["t", "u1", "q1"], U[:, 0], Q[:, 0], time=time)
     for read in (parse_log, parse_trajectory):

@@ -66,7 +66,7 @@ def read(data):
     return read_keys(Driven, data)
 
 
-def test_a_mapping_of_keys_becomes_the_dataclass():
+def test_keys_of_a_mapping_become_fields_of_a_dataclass():
     vehicle = read({"gains": "25 1/s", "slip": "10 %", "wheels": [{"speed": "50 mm/s"}]})
     assert isinstance(vehicle, Driven)
     assert (vehicle.gains, vehicle.slip, vehicle.mode, vehicle.teeth) == (25.0, 0.1, "soft", 12)
@@ -93,7 +93,7 @@ BAD = """
 """
 
 
-def test_wrong_values_are_refused_with_their_key():
+def test_invalid_values_are_refused_with_their_key():
     refusals(lambda x: read(yaml.safe_load(x)), BAD)
 
 

@@ -61,7 +61,7 @@ VALUES = """
 """
 
 
-def test_values_go_before_those_of_the_job_and_of_its_runs():
+def test_options_replace_values_of_the_job_and_of_its_runs():
     values(read, VALUES)
     runs = read("{corners.tolerance: 0.0002}", "corners: sharp")
     assert runs["plain"].rounding.tolerance == 2e-4
@@ -72,7 +72,7 @@ def test_values_go_before_those_of_the_job_and_of_its_runs():
 FREE = "{corners.shape: free}"
 
 
-def test_a_shape_goes_to_every_run_that_can_have_it():
+def test_a_free_shape_applies_to_every_run_that_supports_it():
     of_job = {**JOB["runs"], "paper": {"timing": {"method": "paper"}}}
     del of_job["slow"]
     of_job = yaml.safe_dump({"runs": of_job}, default_flow_style=True)
@@ -117,7 +117,7 @@ def test_values_that_do_not_fit_are_refused():
     refusals(lambda x: read(x, "{corners: sharp, runs: {one: {}}}"), OF_NO_RUN)
 
 
-def test_a_drawing_is_placed_and_its_layers_keep_their_settings_in_the_job(tmp_path):
+def test_options_place_a_drawing_and_keep_the_settings_of_its_layers(tmp_path):
     (tmp_path / "part.csv").write_text("x,y,layer\n0,0,a\n40,0,a\n0,9,b\n40,9,b\n")
     path_keys = {"frame": {"position": [0.3, 0.2, 0]}, "layers": {"a": {"speed": 0.02}, "b": {}}}
     cell = {**JOB, "path": {**path_keys, "units": "mm"}}
@@ -153,7 +153,7 @@ def test_a_text_sets_a_key_to_a_value_of_a_job_file():
     refusals(parse_set, [*table, ("a=[1", "a is not valid YAML")])
 
 
-def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
+def test_a_value_is_set_in_the_run_that_has_its_key_or_else_in_the_job():
     for text, run, expected in (
         ("limits.speed", "own", "runs.own.limits.speed"),
         ("limits.speed", "plain", "limits.speed"),
@@ -176,7 +176,7 @@ def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
     assert "timing" not in JOB["runs"]["own"]
 
 
-def test_keys_of_another_choice_are_removed():
+def test_keys_of_the_previous_choice_are_removed():
     job = "runs: {a: {timing: {method: paper, knots: 50, reserve: 0.1}}, b: {}}"
     runs = read("{timing.method: optimal}", job)
     assert [x.timing.method for x in runs.values()] == ["optimal"] * 2

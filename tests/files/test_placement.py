@@ -49,7 +49,7 @@ def duration(job):
     return ac.plan(job.path, job.arm, job.runs[0].limits).duration
 
 
-def test_the_table_has_a_row_per_position(placed):
+def test_the_placement_table_has_a_row_per_position(placed):
     rows = list(csv.DictReader(io.StringIO(placement_csv(placed))))
     assert [(float(x["x [m]"]), float(x["yaw [rad]"])) for x in rows] == [
         (0.0, 0.0), (0.0, 0.2), (0.45, 0.0), (0.45, 0.2), (0.9, 0.0), (0.9, 0.2)
@@ -74,7 +74,7 @@ def test_the_job_file_gets_a_work_frame_and_keeps_its_comments():
     assert position == [round(x, 12) for x in position]
 
 
-def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
+def test_the_placed_path_of_a_planar_arm_gets_a_frame():
     text = PLANE
     for _ in range(2):
         # The second time on top of the first.
@@ -91,7 +91,7 @@ def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
 
 
 @needs_dynamics
-def test_a_base_that_moves_among_obstacles_writes_no_job():
+def test_no_job_is_written_if_the_base_moves_among_obstacles():
     far = Obstacle(name="far", shape=Sphere(radius=0.1), place=ac.Frame(position=[0, 0, 3]))
     job = replace(parse_job(SQUARE), scene=Scene(obstacles=(far,)))
     placement = ac.place(job, {"x": [0.0]}, move="base")
@@ -99,7 +99,7 @@ def test_a_base_that_moves_among_obstacles_writes_no_job():
 
 
 @needs_dynamics
-def test_a_part_in_the_plane_takes_its_obstacles_along():
+def test_obstacles_move_with_a_placed_part_in_the_plane():
     text = PLANE + (
         "scene: {obstacles: [{type: sphere, name: pin, radius: 1 mm, at: [0.3, 0.3, 0],"
         " fixed_to: part}]}\n"

@@ -38,7 +38,7 @@ def contents(folder):
     return {x for x in names if FilePath(x).name != MANIFEST}
 
 
-def test_a_first_result_appears_at_once_and_leaves_nothing_else(tmp_path, monkeypatch):
+def test_a_first_result_appears_as_a_whole_and_leaves_no_other_files(tmp_path, monkeypatch):
     out = tmp_path / "a" / "out"
     write(out, ["one/set_points.csv", "report.html"])
     names = {"one/set_points.csv", "report.html", "summary.json"}
@@ -56,7 +56,7 @@ def test_a_first_result_appears_at_once_and_leaves_nothing_else(tmp_path, monkey
     assert contents(FilePath(".")) == {"report.html", "summary.json"}
 
 
-def test_force_replaces_the_earlier_result_and_nothing_else(tmp_path):
+def test_force_replaces_only_the_earlier_result(tmp_path):
     out = tmp_path / "out"
     write(out, ["old/set_points.csv", "report.html"])
     (out / "mine.txt").write_text("mine")
@@ -112,7 +112,7 @@ def test_force_refuses_files_that_changed_since_they_were_written(tmp_path):
     assert file.read_text() == edited
 
 
-def test_refuses_folders_that_cannot_be_written(tmp_path):
+def test_folders_that_cannot_be_written_are_refused(tmp_path):
     (tmp_path / "out").write_text("a file")
     (tmp_path / "link").symlink_to("nowhere")
     for name, words in (
@@ -177,7 +177,7 @@ ARM = ac.load_arm("pmk3s")
 
 
 @pytest.mark.parametrize("method", ["none", "inverse"])
-def test_an_earlier_result_has_the_derivatives_that_its_run_had(method, tmp_path):
+def test_an_earlier_result_is_exported_with_the_derivatives_of_its_run(method, tmp_path):
     path = ac.Path.polyline([(0.35, 0.1), (0.36, 0.11)])
     planned = ac.plan(path, ARM, ac.Limits(joint_acceleration=0.72, joint_jerk=7.2))
     assert planned.duration % CYCLE > 1e-6

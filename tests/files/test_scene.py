@@ -112,7 +112,7 @@ arm => {type: sphere, name: a, radius: 1, link: wrist} => arm.shapes: a ... wris
 """
 
 
-def test_a_wrong_body_is_named_in_one_sentence():
+def test_an_invalid_body_is_refused_with_its_name():
     keys = {
         "scene": ("scene", "scene: {obstacles: [%s]}"),
         "tool": ("arm", "{name: ur5e, tool: {shapes: [%s]}}"),

@@ -62,7 +62,7 @@ def put(folder, job, set_points, lesson=None):
     return folder / "set_points.csv"
 
 
-def test_without_a_history_set_points_are_those_of_the_job(job, plan, tmp_path):
+def test_set_points_read_from_a_file_are_recognized_as_those_of_the_job(job, plan, tmp_path):
     file = put(tmp_path, job, plan.set_points)
     assert read_set_points(file, job, plan) is plan.set_points
     # Degrees with few digits will do.
@@ -90,7 +90,7 @@ def changed(plan, where=slice(None), by=1e-6, **fields):
                          | {"q": q} | fields))  # fmt: skip
 
 
-def test_other_set_points_are_refused(job, plan, tmp_path):
+def test_set_points_of_another_plan_are_refused(job, plan, tmp_path):
     still, lesson = changed(plan, by=0.0), learned(plan)
     other = dataclasses.replace(lesson.runs[0], q=lesson.runs[0].q + 1e-6)
     other = dataclasses.replace(lesson, runs=(other,))
@@ -148,7 +148,7 @@ def same(first, second):
             assert a == b and type(a) is type(b), x.name
 
 
-def test_a_lesson_is_restored_exactly(plan, tmp_path):
+def test_a_stored_learning_result_is_restored_exactly(plan, tmp_path):
     lesson = made(plan)
     write_lesson(tmp_path / "a.npz", lesson)
     lesson_read = read_lesson(tmp_path / "a.npz", plan.trajectory)
@@ -248,7 +248,7 @@ def written(tmp_path, write, *arguments):
     return (tmp_path / "written.csv").read_text(encoding="utf-8")
 
 
-def test_planned_joints_are_called_by_their_names_and_read_again(study, tmp_path):
+def test_columns_have_joint_names_and_are_read_again(study, tmp_path):
     plan, names = study.runs["plain"].trajectory, study.job.arm.joint_names
     text = written(tmp_path, write_planned, plan.sample(4e-3), names)
     assert text.startswith("t [s],q shoulder_pan_joint [rad],")

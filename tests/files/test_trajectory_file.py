@@ -56,7 +56,7 @@ def test_columns_are_read_in_any_order_with_comments_and_other_units():
         assert trajectory.resolution["t"] == pytest.approx(1e-3)
 
 
-def test_resolution_is_that_of_the_printed_digits():
+def test_the_resolution_of_a_file_follows_from_its_printed_digits():
     for texts, resolution in (
         (["0.123456", "1.200000", "0.000000"], 1e-6),  # %.6f
         (["1.234567", "0.12", "0"], 1e-6),  # the same, its zeros cut off
@@ -152,7 +152,7 @@ speed: 0 => speed: must be above zero
 """
 
 
-def test_limits_have_units_or_are_none(tmp_path, arm):
+def test_limits_are_quantities_with_units_or_none(tmp_path, arm):
     def read(text):
         (tmp_path / "limits.yaml").write_text(text)
         return read_limits(tmp_path / "limits.yaml", arm)
@@ -163,7 +163,7 @@ def test_limits_have_units_or_are_none(tmp_path, arm):
     refusals(lambda x: read_limits(x, arm), none)
 
 
-def test_unknown_columns_are_named_by_the_option(read):
+def test_an_option_names_unknown_columns(read):
     # Logs of robots have currents, tool poses, states.
     trajectory = parse_trajectory("t,state,q1,q2,i1 [A]\n0,ready,1,2,\n1,ready,1,2,nan\n")
     np.testing.assert_array_equal(trajectory.q, [[1, 2], [1, 2]])
@@ -187,7 +187,7 @@ t,-,- => log.csv, --columns: the column q1 is missing
 """
 
 
-def test_names_that_do_not_fit_the_arm_are_refused():
+def test_joint_names_of_another_arm_are_refused():
     text = "0,1,2\n1,1,2\n"
     refusals(lambda x: parse_trajectory(text, source="log.csv", columns=x), BAD_NAMES)
     kinds = {"q {} [rad]": 0, "dq {} [rad/s]": 0, "ddq {} [rad/s^2]": 0}
@@ -216,7 +216,7 @@ def written(tmp_path, titles, *columns):
     return file
 
 
-def test_joints_with_the_names_of_the_arm_are_put_in_its_order(tmp_path):
+def test_columns_are_sorted_in_the_order_of_the_joints(tmp_path):
     titles = "t,command elbow_joint,measured elbow_joint,command gripper,measured gripper,"
     titles += "command shoulder_joint [deg],measured shoulder_joint [deg]"
     first = np.degrees(np.stack([U[:, 0], Q[:, 0]], axis=1))

@@ -19,7 +19,7 @@ from armcontour.core.quantities import (
 from armcontour.files.csv_table import Title, read_table
 
 
-def test_numbers_and_text_are_read():
+def test_quantities_are_read_from_numbers_and_texts():
     for value, unit, expected in (
         (0.25, "m/s", 0.25),
         ("5 mm", "m", 5e-3),
@@ -67,7 +67,7 @@ def test_invalid_quantities_are_refused():
             parse_quantity(text, "s")
 
 
-def test_usual_units_are_those_of_pint():
+def test_units_have_the_factors_of_pint():
     registry = pint.UnitRegistry(cache_folder=None)
     for unit, names in UNIT_FACTORS.items():
         for name, number in itertools.product(names, ("5", "-.25", "+3.7e-2", "123456789.")):
@@ -78,7 +78,7 @@ def test_usual_units_are_those_of_pint():
 LENGTH, SHARE = Quantity("m", "5 mm"), Quantity("1", "10 %")
 
 
-def test_a_quantity_is_written_as_another_one():
+def test_a_written_quantity_has_the_unit_of_the_one_that_it_replaces():
     for value, old, kind, written in (
         (0.2, "0.15 m/s", Quantity("m/s", "0.15 m/s"), "0.2 m/s"),
         (0.3525, "350 mm", LENGTH, "352.5 mm"),
@@ -94,7 +94,7 @@ def test_a_quantity_is_written_as_another_one():
         assert (quantity, type(quantity)) == (written, type(written)), (value, old)
 
 
-def test_the_unit_of_a_quantity_is_the_one_written():
+def test_the_written_unit_of_a_quantity_is_found():
     assert unit_of("350 mm", LENGTH) == ("mm", 1e-3)
     assert unit_of(0.35, LENGTH) == ("m", 1.0)
     assert unit_of(None, SHARE) == ("%", 0.01)
@@ -119,7 +119,7 @@ def titles(*names):
     return read_table(line, "a.csv", title_of, example="t,q")
 
 
-def test_units_become_factors():
+def test_a_unit_in_a_column_title_scales_the_column_to_si():
     for title, key, factor in (
         ("t", "t", 1.0),
         ("t [ms]", "t", 1e-3),

@@ -150,7 +150,7 @@ ignore_jerk: true
 
 
 @pytest.mark.parametrize("edit", EDITS.strip().splitlines())
-def test_a_wrong_edit_has_key_and_line(edit):
+def test_the_refusal_of_a_wrong_edit_names_key_and_line(edit):
     key, _, value = edit.partition(": ")
     keys = tuple(key.split("."))
     text = write_patch(PLATE, {keys: yaml.safe_load(value)})
@@ -164,7 +164,7 @@ def test_a_wrong_edit_has_key_and_line(edit):
     assert any(written), error
 
 
-def test_the_value_is_as_it_is_written():
+def test_the_refusal_of_a_wrong_edit_quotes_the_value_as_written():
     text = write_patch(PLATE, {("servo", "kp"): "-25 1/s"})
     with pytest.raises(ac.InvalidInput) as caught:
         parse_job(text, folder=FOLDER)

@@ -43,7 +43,7 @@ def test_the_arcs_follow_the_parabola(turn):
     assert far <= c.error[0] * np.cos(turn / 2) + 1e-14
 
 
-def test_planes_speeds_and_corners_next_to_arcs_are_kept():
+def test_parabolas_keep_the_plane_and_speeds_and_corners_next_to_arcs():
     flat = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
     basis = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:, :2]
     plane = round_path(ac.Path.polyline(flat), tolerance=5e-3, curve="parabola")

@@ -62,7 +62,7 @@ def alike(path, other, s, other_s, *, direction=1):
 @held
 @settings(max_examples=10)
 @given(cut=st.lists(st.floats(0, 1), min_size=2, max_size=2).map(sorted))
-def test_a_part_is_the_path_between_two_places(path, cut):
+def test_a_part_of_a_path_equals_the_path_between_two_arc_lengths(path, cut):
     begin, end = np.array(cut) * path.length
     if end - begin <= 1e-6:
         return
@@ -73,7 +73,7 @@ def test_a_part_is_the_path_between_two_places(path, cut):
 
 
 @held
-def test_joined_parts_equal_the_path(path):
+def test_the_joined_parts_of_a_path_equal_the_path(path):
     cuts = np.array([0, 0.31, 0.62, 1]) * path.length
     first, *others = [cut_path(path, a, b) for a, b in zip(cuts, cuts[1:], strict=False)]
     joined = first.joined(*others)
@@ -120,7 +120,7 @@ def test_a_placed_path_has_the_coordinates_of_its_frame(path, scale):
         np.testing.assert_allclose(placed.orientation(scale * s), turned, atol=1e-9)
 
 
-def test_a_path_in_the_plane_stays_there_where_its_frame_does():
+def test_a_planar_path_stays_planar_if_its_frame_is_planar():
     assert FLAT.is_planar_transform and not FRAME.is_planar_transform
     placed, s = PLANE.placed(FLAT, scale=2.0), SHARES * PLANE.length
     assert placed.dimension == 2
@@ -142,7 +142,7 @@ def test_a_path_in_the_plane_stays_there_where_its_frame_does():
 
 
 @held
-def test_a_reversed_path_runs_the_same_way_back(path):
+def test_a_reversed_path_has_the_same_points_in_reverse_order(path):
     reversed_path, s = path.reversed(), SHARES * path.length
     alike(reversed_path, path, s, path.length - s, direction=-1)
     assert reversed_path.tags == path.tags[::-1]
@@ -156,7 +156,7 @@ def test_a_reversed_path_runs_the_same_way_back(path):
 # What rounding makes of an even turning differs a little with the direction.
 
 
-def test_a_part_of_a_path_that_follows_its_tangent_is_rounded_as_the_whole():
+def test_part_of_a_path_that_follows_its_tangent_is_rounded_like_the_whole():
     # Rounding takes a piece's start for its rotation, so a part must begin with its own.
     bend = arc((0.1, 0, 0), (0.1, 0.05, 0), 1.2, normal=(0, 0, 1))
     path = path_of(line((0, 0, 0), (0.1, 0, 0)), bend).following_tangent((0, 0, 1))
@@ -230,7 +230,7 @@ def test_a_smooth_corner_has_the_stated_curvature(turn):
     assert np.abs(bend - curvature).max() < 1e-4 / c.radius[0]
 
 
-def test_neighbouring_corners_share_their_line_and_some_stay_sharp():
+def test_neighbouring_corners_share_their_line_or_stay_sharp():
     path = ac.Path.polyline([(0, 0), (0.1, 0), (0.1, 0.01), (0.2, 0.01)])
     corners = ac.round_corners(path, tolerance=0.02, continuity="curvature").corners
     np.testing.assert_allclose(corners.tangent, 0.005, rtol=1e-12)

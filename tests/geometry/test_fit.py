@@ -80,7 +80,7 @@ CURVES = {
 
 @each("tolerance", [1e-3, 1e-5, 1e-7])
 @each("name", CURVES)
-def test_arcs_stay_near_the_curve_both_ways_and_are_tangent(name, tolerance):
+def test_fitted_arcs_are_tangent_and_within_the_tolerance_in_both_directions(name, tolerance):
     curve, breaks, corners = CURVES[name]
     path = judged(curve, breaks, tolerance, corners=corners)
     # Pairs of arcs are of third order, so a million times the accuracy takes a hundred times more.
@@ -92,7 +92,7 @@ def test_arcs_stay_near_the_curve_both_ways_and_are_tangent(name, tolerance):
     st.lists(st.tuples(*[st.floats(-1, 1, width=32)] * 2), min_size=3, max_size=5, unique=True),
     st.sampled_from([1e-3, 1e-5]),
 )
-def test_arcs_approximate_random_bezier_curves(points, tolerance):
+def test_fitted_arcs_approximate_random_bezier_curves(points, tolerance):
     curve = bezier(*points)
     try:
         path = fitted(curve, [0, 1], tolerance)
@@ -114,7 +114,7 @@ ROUND = [
 
 
 @each("breaks, count", ROUND)
-def test_a_circle_is_one_arc_and_several_turns_are_several(breaks, count):
+def test_a_fitted_circle_is_one_arc_per_turn(breaks, count):
     path = judged(ellipse(0.05, 0.05), breaks, 1e-5)
     assert len(path) == count
     np.testing.assert_allclose(path.curvatures, 20, rtol=1e-12)
@@ -135,7 +135,7 @@ def rational(points, weights, knots, degree):
     return curve
 
 
-def test_breaks_become_corners_or_tangent_vertices():
+def test_breaks_of_a_curve_become_corners_or_tangent_vertices():
     def curve(t, order):
         u = t - 1
         before = [t, 0 * t] if order == 0 else [1 + 0 * t, 0 * t]

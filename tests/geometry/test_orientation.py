@@ -44,7 +44,7 @@ PIECES = {
 
 
 @each("name", PIECES)
-def test_rates_are_the_derivatives_of_the_rotations(name):
+def test_angular_rates_are_the_derivatives_of_the_rotations(name):
     orientation = PIECES[name]
     share = np.linspace(0.01, 0.99, 41)
     i = np.repeat(np.arange(len(orientation)), len(share))
@@ -101,7 +101,7 @@ def test_the_tool_stops_where_its_rate_of_turning_jumps():
     assert len(path.stops) == 0 and not path.orientation.first.any()
 
 
-def test_a_jump_is_an_angle_and_repeated_points_take_one_orientation_each():
+def test_jumps_of_orientation_are_angles_at_repeated_points():
     last = exp([0, 0, 3.0])
     starts = np.stack([np.eye(3), last, exp([1e-7, 0, 0]) @ last])
     sharp = Orientation.even(np.ones(3), starts, np.zeros((3, 3)))
@@ -208,7 +208,7 @@ def test_a_tool_that_follows_the_tangent_does_not_spin_about_it():
     np.testing.assert_array_equal(path.stops, path.breaks[1:-1])
 
 
-def test_breaks_of_the_orientation_are_those_of_the_path_to_the_last_digit():
+def test_breaks_of_the_orientation_equal_those_of_the_path_exactly():
     random = np.random.default_rng(8)
     path = ac.Path.polyline(np.cumsum(random.normal(size=(1000, 3)), axis=0))
     path = path.oriented(Rotation.from_rotvec(0.3 * random.normal(size=(1000, 3))))

@@ -53,7 +53,7 @@ PATHS = [winding_path(), space_path()]
 
 
 @each("angle", [0.1, np.pi, 4.0, 2 * np.pi, -0.1, -np.pi, -4.0, -2 * np.pi])
-def test_plane_arc_is_a_rotation_about_its_centre(angle):
+def test_a_plane_arc_rotates_its_start_about_its_centre(angle):
     center, start, sign = np.array([0.4, -0.2]), np.array([0.5, 0.1]), np.sign(angle)
     path = path_of(arc(start, center, angle))
     radius = np.linalg.norm(start - center)
@@ -69,7 +69,7 @@ def test_plane_arc_is_a_rotation_about_its_centre(angle):
         np.testing.assert_allclose(path(s, order), expected, rtol=1e-12, atol=1e-11)
 
 
-def test_space_arc_turns_by_the_right_hand_rule():
+def test_a_space_arc_turns_about_its_normal_by_the_right_hand_rule():
     path = space_path()
     corner = path.vertices[1]
     center = corner + R * path.normals[1]
@@ -82,7 +82,7 @@ def test_space_arc_turns_by_the_right_hand_rule():
 
 
 @each("path, order", [(x, k) for x in PATHS for k in (1, 2, 3)])
-def test_derivatives_agree_with_differences(path, order):
+def test_derivatives_of_paths_agree_with_differences(path, order):
     step = 1e-5
     ends = pairwise(path.breaks)
     inside = np.concatenate([np.linspace(a + 2 * step, b - 2 * step, 19) for a, b in ends])
@@ -92,7 +92,7 @@ def test_derivatives_agree_with_differences(path, order):
 
 
 @each("path", PATHS)
-def test_arc_length_is_the_parameter_and_shapes_follow_the_argument(path):
+def test_a_path_is_evaluated_by_arc_length_for_arrays_of_any_shape(path):
     s = np.linspace(0, path.length, 1001)
     np.testing.assert_allclose(np.linalg.norm(path(s, 1), axis=-1), 1, rtol=1e-13)
     chords = np.linalg.norm(np.diff(path(np.linspace(0, path.length, 50001)), axis=0), axis=1)
@@ -102,7 +102,7 @@ def test_arc_length_is_the_parameter_and_shapes_follow_the_argument(path):
             assert path(np.zeros(shape), order).shape == (*shape, path.dimension)
 
 
-def test_both_sides_of_a_vertex_stops_and_turns_are_known():
+def test_a_path_has_one_sided_derivatives_and_turns_and_stops_at_vertices():
     path = winding_path()
     s = path.breaks[4]  # where the circle is left for an oblique line
     leaving = np.array([0.7, 0.5]) / np.hypot(0.7, 0.5)
@@ -129,12 +129,12 @@ def test_arcs_of_any_radius_keep_their_accuracy(radius):
 
 
 @each("angle", [0.0, 1e-12, 1e-6, 1.0, np.pi - 1e-7, np.pi])
-def test_angle_between_is_accurate_at_both_ends(angle):
+def test_angle_between_is_accurate_near_zero_and_pi(angle):
     first, second = np.array([1.0, 0.0]), np.array([np.cos(angle), np.sin(angle)])
     assert angle_between(first, second) == pytest.approx(angle, rel=1e-8, abs=1e-16)
 
 
-def test_polyline_keeps_its_points_and_lengths_and_merges_repeated_points():
+def test_a_polyline_keeps_its_points_and_merges_repeated_points():
     points = np.array([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3), (0.35, 0.35)])
     path = ac.Path.polyline(points)
     np.testing.assert_allclose(path.vertices, points, atol=1e-15)
@@ -151,7 +151,7 @@ def test_polyline_keeps_its_points_and_lengths_and_merges_repeated_points():
     assert creep.merged == (1, 2, 4, 5, 7, 8, 10)
 
 
-def test_speeds_and_tolerances_reach_the_path():
+def test_a_path_has_the_speeds_and_tolerances_of_its_segments():
     segment_limits = {"speed": 0.1, "tolerance": 1e-3, "tag": "weld"}
     path = path_of(line((0, 0), (1, 0), **segment_limits), line((1, 0), (2, 0)))
     np.testing.assert_array_equal(path.speeds, [0.1, np.nan])
@@ -253,7 +253,7 @@ def path_with(**columns):
     return ac.Path(segments=Segments(**COLUMNS | columns))
 
 
-def test_segments_and_values_of_other_sizes_are_refused():
+def test_segments_and_values_of_the_wrong_size_are_refused():
     assert path_with().length == 1.0
     refused(*((lambda x=x: ac.SegmentLimits(**x), *more) for x, *more in DEMANDS))
     refused(*((lambda x=x: path_of(*x), *more) for x, *more in SEGMENTS))
@@ -272,7 +272,7 @@ def test_paths_with_gaps_are_refused():
 
 
 @each("dimension", [2, 3])
-def test_the_extent_is_that_of_dense_points_and_never_inside(dimension):
+def test_the_extent_of_a_path_encloses_dense_points_tightly(dimension):
     rng = np.random.default_rng(dimension)
     for _ in range(30):
         arcs = []
@@ -312,7 +312,7 @@ def test_an_arc_passes_through_three_points(seed, dimension, first, share):
     np.testing.assert_allclose(points_on_arc, points, atol=1e-9 * (1 + radius))
 
 
-def test_three_points_on_a_line_and_circles_without_a_plane_make_no_arc():
+def test_arcs_through_collinear_points_and_circles_without_plane_are_refused():
     on_a_line = (
         [(0, 0), (1, 0), (2, 0)],
         [(0, 0, 0), (1, 1, 1), (2, 2, 2)],
@@ -337,7 +337,7 @@ def test_three_points_on_a_line_and_circles_without_a_plane_make_no_arc():
     )
 
 
-def test_full_circles_close_in_the_plane_and_in_space():
+def test_full_circles_are_closed_in_the_plane_and_in_space():
     through = path_of(ac.Arc.through((0, 0), (2, 0), (0, 0)))
     flat = path_of(ac.Arc.circle((1, 0), (0, 0)))
     upright = path_of(ac.Arc.circle((1, 0, 5), (0, 0, 5), normal=(0, -2, 0)))

@@ -17,7 +17,7 @@ def corner(turn, leg=10.0):
 
 
 @each("turn", TURNS)
-def test_case_two_is_the_largest_radius_15(turn):
+def test_a_tolerance_gives_the_largest_radius_of_equation_15(turn):
     error = 0.01
     rounded = ac.round_corners(corner(turn), tolerance=error, acceleration=0.09)
     cosine = np.cos(turn / 2)
@@ -33,7 +33,7 @@ def test_case_two_is_the_largest_radius_15(turn):
 
 
 @each("turn", TURNS)
-def test_case_one_is_the_smallest_radius_13_and_error_14(turn):
+def test_a_speed_gives_the_radius_of_13_and_the_error_of_14(turn):
     v, a = 0.03, 0.09
     rounded = ac.round_corners(corner(turn), speed=v, acceleration=a)
     cosine = np.cos(turn / 2)
@@ -116,7 +116,7 @@ def test_a_corner_next_to_an_arc_becomes_two_tangent_arcs():
     np.testing.assert_allclose(rounded(rounded.length / 2), (2, 1), atol=1e-9)
 
 
-def test_next_to_an_arc_a_corner_is_that_between_lines_or_the_smallest_blend():
+def test_a_corner_next_to_an_arc_is_that_of_lines_or_the_smallest_blend():
     turn, big = 1.2, 1e7
     normal = np.array([-np.sin(turn), np.cos(turn)])
     bent = path_of(line((-1, 0), (0, 0)), arc((0, 0), big * normal, 1 / big))
@@ -135,7 +135,7 @@ def test_next_to_an_arc_a_corner_is_that_between_lines_or_the_smallest_blend():
     assert (capped.error <= 1e-4).all() and (capped.speed < v).all()
 
 
-def test_reasons_and_number_of_stops_are_reported():
+def test_a_rounded_path_reports_its_stops_and_their_reasons():
     path = path_of(line((0, 0), (1, 0)), arc((1, 0), (2, 0), -0.2))
     corners = ac.round_corners(path, tolerance=0.0).corners
     assert corners.stopped.all() and corners.reason.tolist() == ["tolerance zero"]
@@ -222,7 +222,7 @@ def test_round_corners_refuses_wrong_values_and_warns_of_large_tolerances():
         ac.round_corners(path, tolerance=2)
 
 
-def test_a_corner_at_which_the_orientation_jumps_stays_and_so_do_both_orientations():
+def test_a_corner_with_a_jump_of_orientation_is_not_rounded():
     first = ac.Path.polyline([(0, 0, 0), (1, 0, 0)]).pointing((0, 0, -1))
     second = ac.Path.polyline([(1, 0, 0), (1, 1, 0)]).pointing((0, 1, -1))
     rounded = ac.round_corners(first.joined(second), tolerance=0.01)

@@ -65,7 +65,7 @@ def test_the_curvature_is_that_of_the_curve_and_not_of_its_arcs(shaped):
     assert 0 < distances.max() < 1e-6
 
 
-def test_places_lead_from_the_objective_to_the_path(shaped):
+def test_places_map_arc_lengths_of_the_objective_to_the_shaped_path(shaped):
     places_on_path = shaped.place([0.0, shaped.objective.length / 2, shaped.objective.length])
     np.testing.assert_allclose(places_on_path, [0, shaped.breaks[30], shaped.length], atol=1e-12)
     scale = np.array([shaped.objective.length, shaped.length])

@@ -60,7 +60,7 @@ def test_a_closed_spline_is_smooth_at_its_start():
 
 
 @each("name", ["plane", "space", "square", "closed in space", "small"])
-def test_the_curvature_of_a_spline_is_that_of_scipys_and_does_not_jump(name):
+def test_the_curvature_of_a_spline_equals_that_of_scipy_and_is_continuous(name):
     points, closed = CURVES[name]
     path = ac.Path.spline(points, closed=closed)
     inner = path.breaks[1:-1]
@@ -83,7 +83,7 @@ def test_the_curvature_of_a_spline_is_that_of_scipys_and_does_not_jump(name):
     assert np.abs(speed - 1).max() < 1e-6
 
 
-def test_a_tool_that_follows_a_spline_in_space_never_has_to_stop():
+def test_a_tool_that_follows_a_spline_in_space_does_not_stop():
     path = ac.Path.spline(WAYPOINTS).following_tangent([0, 0, 1])
     assert len(path.stops) == 0 and len(path) > 10
     breaks = path.breaks[1:-1]
@@ -127,7 +127,7 @@ TURNS = Rotation.from_rotvec([[0, 0, 0], [0.2, 0.1, 0.3], [0, 0.3, 0.1], [0.1, 0
 
 
 @each("closed", [False, True])
-def test_an_orientation_per_point_is_spread_over_the_arcs_between(closed):
+def test_an_orientation_per_point_is_interpolated_over_the_arcs(closed):
     points, turns = WAYPOINTS, TURNS
     if closed:
         points, turns = np.vstack([points, points[:1]]), TURNS[[0, 1, 2, 3, 0]]

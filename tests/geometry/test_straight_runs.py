@@ -67,7 +67,7 @@ def test_corners_between_divided_lines_are_those_between_whole_lines(shape, way)
 
 @each("decimals", [3, 4])
 @each("step", [4e-4, 1e-4, 2e-5])
-def test_moves_with_few_decimals_stay_within_the_tolerance(decimals, step):
+def test_joined_lines_of_moves_with_few_decimals_stay_within_the_tolerance(decimals, step):
     for points, allowed in ((PLANE, 1e-3), (SPACE, 5e-5), (CLOSED, 1e-5)):
         path = ac.Path.polyline(moves(points, step, decimals))
         rounded = ac.round_corners(path, tolerance=allowed)
@@ -151,7 +151,7 @@ def test_reversals_and_different_moves_are_not_joined():
     assert len(rounded) == 5 and rounded.vertices[1] == pytest.approx((0.03, 0), abs=1e-15)
 
 
-def test_the_repair_of_printed_vertices_puts_moves_on_lines():
+def test_the_repair_of_printed_vertices_aligns_moves_with_lines():
     arc_points = 0.02 * np.stack([np.sin(x := np.linspace(0, np.pi, 80)), 1 - np.cos(x)], axis=1)
     bow = np.concatenate([[(-0.05, 0)], arc_points, [(-0.05, 0.04), (-0.05, 0.02)]])
     for points, allowed in ((PLANE, 2e-6), (bow, 2e-6), (PLANE, 2e-7), (CLOSED @ TURN, 2e-6)):

@@ -49,7 +49,7 @@ def sampled_distance(path, objective, places, reach, n=400):
     return np.array(distances), path.locate(s)
 
 
-def test_the_paths_own_tolerances_cap_both_sides():
+def test_tolerances_of_segments_limit_both_sides_of_the_tube():
     second, third = ((1, 0), (1, 1)), ((1, 1), (0, 1))
     lines = line((0, 0), (1, 0)), line(*second, tolerance=1e-3), line(*third, tolerance=4e-3)
     tube = Tube.around(path_of(*lines), 5e-3)
@@ -71,7 +71,7 @@ def test_stopping_at_every_vertex_keeps_tolerance_zero():
 
 @each("turn", [0.3, np.pi / 2, 3.0])
 @each("shape", ["arc", "parabola"])
-def test_the_corner_limits_a_rounded_path(turn, shape):
+def test_the_corner_is_the_point_of_a_rounded_path_that_limits_the_tube(turn, shape):
     path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
     rounded = round_path(path, tolerance=5e-3, curve=shape)
     just, less = (
@@ -83,7 +83,7 @@ def test_the_corner_limits_a_rounded_path(turn, shape):
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.booleans())
-def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
+def test_no_sample_exceeds_the_proven_bounds_of_the_tube(seed, dimension, bent):
     rng = np.random.default_rng(seed)
     points = np.cumsum(rng.normal(size=(5, dimension)), axis=0)
     objective = ac.Path.polyline(points)
@@ -102,7 +102,7 @@ def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
     assert (excess <= proof.segments[segment] + proof.slack).all()
 
 
-def test_the_vertices_are_those_of_a_dense_sample():
+def test_the_deviation_at_vertices_equals_that_of_a_dense_sample():
     rng = np.random.default_rng(5)
     path = ac.Path.polyline(np.cumsum(rng.normal(size=(8, 3)), axis=0))
     rounded = ac.round_corners(path, tolerance=0.2)
@@ -211,7 +211,7 @@ def test_exact_paths_and_corners_do_not_change():
     assert repair.deviation < 4e-7
 
 
-def test_tolerances_of_segments_bound_it():
+def test_tolerances_of_segments_limit_the_repair_of_tangents():
     a, b, c = (0.0, 0.0), (0.03, 4e-7), (0.07, 0.0)
     some, none = (path_of(line(a, b, tolerance=x), line(b, c, tolerance=x)) for x in (1e-8, 0.0))
     assert repair_tangents(some, PRINTED).deviation == pytest.approx(1e-8, rel=1e-6)
@@ -247,7 +247,7 @@ def test_printed_tangent_arcs_are_tangent_again(parts, decimals):
 
 
 @each("turn", [1e-3, 1e-6])
-def test_a_slight_corner_that_uses_all_of_its_tolerance_is_proven(turn):
+def test_a_slight_corner_that_uses_its_whole_tolerance_is_proven(turn):
     # The middle of the arc is as far from both lines as from the corner, to a millionth.
     path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
     rounded = ac.round_corners(path, tolerance=turn * 1e-3)
@@ -269,7 +269,7 @@ def test_a_jump_to_the_neighbouring_pass_is_outside_of_the_tube():
     assert jump.segments.max() < 0
 
 
-def test_a_crossing_does_not_permit_another_branch():
+def test_a_path_may_not_change_its_branch_at_a_crossing():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (0.5, 1), (0.5, -1)])
     # At the crossing (0.5, 0) it takes the other line.
     turned = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, -1)])

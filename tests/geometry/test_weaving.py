@@ -43,7 +43,7 @@ def exact(path, count):
 
 @each("tolerance", [1e-5, 1e-6])
 @each("path", [LINE, BENT])
-def test_a_sine_is_within_its_tolerance_and_has_no_corner(path, tolerance):
+def test_a_woven_sine_is_within_its_tolerance_and_has_no_corner(path, tolerance):
     woven = weave_path(path, width=WIDTH, pitch=PITCH, tolerance=tolerance)
     points = exact(path, 400_001)
     assert woven.project(points[::20]).distance.max() <= tolerance
@@ -61,7 +61,7 @@ def test_a_sine_is_within_its_tolerance_and_has_no_corner(path, tolerance):
         assert (woven.lengths / woven.speeds).sum() == pytest.approx(path.length / 0.01)
 
 
-def test_corners_of_the_seam_stay_and_short_parts_are_not_woven():
+def test_corners_of_a_seam_remain_and_short_parts_are_not_woven():
     path = Path.polyline([[0.0, 0.0], [0.02, 0.0], [0.02, 0.002], [0.06, 0.002]])
     woven = weave_path(path, width=WIDTH, pitch=PITCH)
     corners = woven(woven.stops)
@@ -72,7 +72,7 @@ def test_corners_of_the_seam_stay_and_short_parts_are_not_woven():
     np.testing.assert_allclose(around(0.0, 1), around(around.length, 1, side="left"), atol=1e-9)
 
 
-def test_the_tool_turns_with_the_seam():
+def test_the_orientation_of_a_woven_tool_follows_the_seam():
     half = Arc(start=[0.05, 0, 0.1], center=[0, 0, 0.1], angle=np.pi, normal=[0, 0, 1])
     ring = path_of(half).following_tangent([0, 0, 1])
     woven = weave_path(ring, width=WIDTH, pitch=PITCH)
@@ -162,7 +162,7 @@ def test_the_tool_stays_at_the_edges_for_the_dwell():
     np.testing.assert_allclose(woven.speeds[at_edge], 0.005, rtol=1e-3)
 
 
-def test_refuses_invalid_weaves():
+def test_invalid_weaves_are_refused():
     def woven(path=LINE, **values):
         return lambda: weave_path(path, **{"width": WIDTH, "pitch": PITCH, **values})
 

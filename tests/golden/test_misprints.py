@@ -57,7 +57,7 @@ class TestArm:
             printed_inverse(*beside)
         assert_allclose(forward(*arm.joint_position(beside)), beside, atol=1e-12)
 
-    def test_eq4_printed_form_has_one_elbow_of_two(self, arm):
+    def test_eq4_printed_form_gives_only_one_of_two_configurations(self, arm):
         point = (0.30, 0.20)
         theta1, theta2 = printed_inverse(*point)
         other = arm.joint_position(point, configuration="negative")
@@ -143,7 +143,7 @@ def step_after(velocity, acceleration, time):
 
 
 class TestLaps:
-    def test_eq18_printed_denominator_has_a_displacement_too_many(self):
+    def test_eq18_printed_denominator_has_an_extra_displacement(self):
         velocity, step = 0.2, 0.01
         printed = printed_lap_time(velocity, step, LIMIT)
         assert step_after(velocity, LIMIT, printed) > 100 * step
@@ -161,7 +161,7 @@ class TestLaps:
         assert_allclose(acceleration, -LIMIT, rtol=1e-9)
         assert_allclose(step_after(velocity, -LIMIT, time), step, rtol=1e-12)
 
-    def test_eq18_joint_that_returns_to_its_place_has_no_printed_time(self):
+    def test_eq18_printed_time_is_undefined_for_a_joint_that_returns(self):
         velocity = 0.2
         with np.errstate(all="raise"), pytest.raises(FloatingPointError):
             printed_lap_time(np.float64(velocity), np.float64(0.0), LIMIT)
@@ -231,7 +231,7 @@ class TestLaps:
         assert_allclose(mended, place, atol=1e-8)
         assert_allclose(planned(end), place, atol=1e-8)
 
-    def test_eq21_plain_hand_over_of_the_velocity_alternates(self, arm, rounded):
+    def test_eq21_passing_on_the_end_velocity_alternates(self, arm, rounded):
         knots = arm.joint_position(rounded(np.linspace(0, rounded.breaks[1], 201)))
         _, plain = plain_laps(knots)
         joint_path = ac.trace(rounded, arm)
@@ -248,7 +248,7 @@ class TestLaps:
         assert zigzag(plain) > 0.05
         assert zigzag(shipped) < 1e-3
 
-    def test_eq21_plain_hand_over_propagates_an_error_undamped(self, arm, rounded):
+    def test_eq21_passing_on_the_end_velocity_does_not_damp_errors(self, arm, rounded):
         knots = arm.joint_position(rounded(np.linspace(0, rounded.breaks[1], 201)))
         error = 1e-5
         exact, _ = plain_laps(knots, np.array([0.0, 0.0]))
@@ -312,7 +312,7 @@ class TestMiddlePath:
         assert np.linalg.norm(only_quadrant - self.p2) > 1e-3
         assert_allclose(end(along, signed), self.p2, atol=1e-15)
 
-    def test_eq24_library_moves_the_tool_with_that_uniform_acceleration(self, arm, planned):
+    def test_eq24_library_moves_the_tool_with_uniform_acceleration(self, arm, planned):
         middle = next(x for x in planned.stretches if x.kind == "AVC")
         t = np.linspace(*middle.t, 41)[1:-1]
         q, dq, ddq = planned(t), planned(t, 1), planned(t, 2)
@@ -324,7 +324,7 @@ class TestMiddlePath:
         acceleration = arm.tool_acceleration(q, dq, ddq)
         assert_allclose(acceleration, np.tile(expected, (len(t), 1)), atol=2e-4)
 
-    def test_eq24_total_time_is_the_line_s_own(self):
+    def test_eq24_total_time_is_that_of_the_line(self):
         # Line 2 of the paper: P3 P4 (MAC), P4 P5 (AVC), P5 P6 (MDC).
         t_f, middle, t_r = np.diff(STAMPS)[3:6]
         assert STAMPS[-1] - t_r - t_f > 8 * middle  # T as the time of the whole job
@@ -357,7 +357,7 @@ class TestCompensator:
         # No zero cancels a pole, so that the order is three and not two.
         assert np.abs(zeros[:, None] - np.array(poles)[None]).min() > 1
 
-    def test_eq26_without_the_minus_is_that_of_the_library(self, planned):
+    def test_eq26_without_the_minus_equals_pole_placement(self, planned):
         servo = ac.ServoModel(kp=KP, kv=KV)
         set_points = ac.compensate(planned, servo, ac.PolePlacement(poles=self.poles), cycle=4e-3)
         t = np.arange(0, set_points.t[-1], 1e-4)
@@ -438,7 +438,7 @@ class TestMiddlePathAcceleration:
         assert not np.isclose(q[1, 1], rate[1, 1])
         assert_allclose(self.matrices(q22=True)[1], rate, rtol=1e-12)
 
-    def test_eq27_gives_the_joint_acceleration_only_with_both(self, arm):
+    def test_eq27_gives_the_joint_acceleration_with_bracket_and_square(self, arm):
         for mended in ({}, {"p22": True}, {"q22": True}):
             assert np.abs(self.joint_acceleration(**mended) - self.acceleration).max() > 0.005
         acceleration = self.joint_acceleration(p22=True, q22=True)
@@ -448,7 +448,7 @@ class TestMiddlePathAcceleration:
 
 
 class TestJob:
-    def test_sec3_is_silent_where_the_passes_meet_below_the_assigned_velocity(self, planned):
+    def test_sec3_has_no_rule_for_passes_that_meet_below_the_assigned_velocity(self, planned):
         for name in ("line 1", "line 3"):
             parts = [x for x in planned.stretches if x.name == name]
             # No place of the line has v = v_a, so (24) has no P1 and no P2 to start from.
@@ -471,7 +471,7 @@ class TestJob:
         assert round(100 * ratio, 1) != 6.3
         assert round(100 * ratio, 1) == 6.2
 
-    def test_table1_and_the_time_stamps_disagree(self, planned):
+    def test_table1_contradicts_the_time_stamps(self, planned):
         table = 5.600  # s, Table I, proposed (simulation)
         assert STAMPS[-1] - table > 0.1
         # All of it, and more, is in the last stretch: ours are the paper's up to P8.

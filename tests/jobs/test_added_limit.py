@@ -50,18 +50,18 @@ def test_the_player_scales_the_added_limit_and_refuses_a_plan_that_exceeds_it(fa
     assert facts["refused"] == [NAME, LIMIT]
 
 
-def test_job_files_and_the_form_have_the_added_limit(facts):
+def test_job_files_and_the_form_of_the_studio_have_the_added_limit(facts):
     assert facts["read"] == LIMIT
     assert facts["form"] == ["m/s²", "Largest acceleration of the tool along the path."]
 
 
-def test_every_limit_has_a_constraint_or_its_own_check():
+def test_every_limit_is_planned_by_a_constraint_or_a_part_of_its_own():
     # The ranges belong to tracing, the jerk to a planner of its own.
     served = [*JOINT_RANGE, "joint_jerk", *(x for kind in CONSTRAINTS for x in kind.serves)]
     assert sorted(served) == sorted(LIMITS)
 
 
-def test_every_record_is_complete_and_can_be_evaluated():
+def test_every_limit_has_a_label_a_unit_and_a_measure():
     arm = ac.load_arm("ur5e")
     states = States(arm, [arm.limits.middle(6)[None] + 0.1 * k for k in range(4)])
     for name, limit in LIMITS.items():

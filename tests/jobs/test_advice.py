@@ -68,7 +68,7 @@ def changed(data, edits, run="one"):
 
 
 @pytest.mark.parametrize("name", JOBS)
-def test_each_change_gains_what_is_stated(name, tmp_path):
+def test_each_suggested_change_saves_the_stated_time(name, tmp_path):
     data = {**CORNER, **JOBS[name]}
     job, result = run_of(data, tmp_path)
     assert result.kept is not (name in REPAIRED)
@@ -89,7 +89,7 @@ def test_each_change_gains_what_is_stated(name, tmp_path):
 
 
 @needs_dynamics
-def test_a_drawing_with_wide_corners_is_repaired_by_its_tolerance(tmp_path):
+def test_a_smaller_tolerance_is_suggested_for_corners_outside_the_accuracy(tmp_path):
     text = drawing_text("ur5e", DRAWINGS / "gasket.dxf", tmp_path)
     data = yaml.safe_load(text) | {"corners": {"tolerance": "10 mm"}}
     job, result = run_of(data, tmp_path)
@@ -100,7 +100,7 @@ def test_a_drawing_with_wide_corners_is_repaired_by_its_tolerance(tmp_path):
     assert after.kept is True
 
 
-def test_a_study_has_the_changes_in_data_and_text(tmp_path):
+def test_suggested_changes_are_in_the_data_and_the_text_of_a_study(tmp_path):
     job = parse_job(yaml.safe_dump(CORNER))
     study = ac.run(job)
     assert "changes" not in plain(study.runs["one"].to_data())

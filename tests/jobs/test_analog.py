@@ -49,7 +49,7 @@ def plan():
     return planned()
 
 
-def test_values_follow_the_speed_of_the_tool(plan):
+def test_analog_outputs_follow_the_speed_of_the_tool(plan):
     program, trajectory = plan
     functions = analog_outputs(program, trajectory, PROCESS, LIMITS)
     t = np.linspace(-0.1, trajectory.duration + 0.1, 4001)
@@ -92,7 +92,7 @@ def test_outputs_are_on_while_the_tool_pierces_and_along_active_leads():
     assert laser[0] == pytest.approx(trajectory.contour_spans[0].t[0] - 0.25)
 
 
-def test_layers_have_outputs_of_their_own():
+def test_a_layer_can_have_its_own_analog_outputs():
     heights = {"CUT": 0.20, "MARK": 0.22, "NONE": 0.24}
     lines = {k: ac.Path.polyline([[0.30, y], [0.34, y]]) for k, y in heights.items()}
     gas = Analog(name="gas", rest=3.0, full=3.0, off=1.0)
@@ -111,7 +111,7 @@ def test_layers_have_outputs_of_their_own():
     np.testing.assert_array_equal(values, [1.0, 3.0, 1.0])
 
 
-def test_exports_have_a_column_at_the_times_of_the_plan(plan, tmp_path):
+def test_exported_files_have_a_column_per_analog_output(plan, tmp_path):
     program, trajectory = plan
     analog = analog_outputs(program, trajectory, PROCESS, LIMITS)
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
@@ -133,7 +133,7 @@ def test_exports_have_a_column_at_the_times_of_the_plan(plan, tmp_path):
     refused((lambda: ac.export(set_points, tmp_path / "b.csv", form), "shape"))
 
 
-def test_refuses_outputs_without_a_full_speed_and_invalid_outputs(plan):
+def test_invalid_outputs_and_outputs_without_a_full_speed_are_refused(plan):
     lifted, process = LIMITS.replace(speed=np.inf), dataclasses.replace(PROCESS, analog=(FLOW,))
     assert list(analog_outputs(*plan, process, lifted)) == ["flow"]
     refused(
@@ -144,7 +144,7 @@ def test_refuses_outputs_without_a_full_speed_and_invalid_outputs(plan):
     )
 
 
-def test_values_are_zero_where_the_file_switches_off():
+def test_analog_outputs_are_off_where_the_file_switches_them_off():
     text = b"G1 X310 Y200 F1200\nM8\nM3\nG1 X320\nM9\nM5\nG1 X340\nM3\nG1 X360\n"
     travels = [(320, 340)]
     program = read_gcode(b"G21 G90\nG0 X300 Y200\n" + text, source="a", options=ReadOptions())
@@ -166,7 +166,7 @@ def test_values_are_zero_where_the_file_switches_off():
     np.testing.assert_array_equal(functions["mist"](t)[x > 320.01], 0.0)
 
 
-def test_values_are_proportional_to_s_of_the_file():
+def test_analog_outputs_are_proportional_to_the_s_word_of_the_file():
     text = b"G21 G90\nG0 X300 Y200\nM3 S500\nG1 X320 F1200\nX340 S1000\nS0\nX360\n"
     drawn = read_gcode(text, source="laser.nc", options=ReadOptions())
     laser = Analog(name="laser", rest=2.0, full=10.0, full_s=1000.0)

@@ -112,7 +112,7 @@ def test_collisions_are_refused_with_pair_position_and_time(job):
 
 
 @needs_dynamics
-def test_contours_are_followed_in_another_configuration(job, free, monkeypatch):
+def test_contours_avoid_a_collision_by_another_configuration(job, free, monkeypatch):
     alone = dataclasses.replace(job, path=job.program.contours[0].path)
     single = plan_of(alone, scene=post_at_elbow(alone, plan_of(alone)))
     assert single.clearance.satisfied and single.avoided == (OTHER,)
@@ -139,7 +139,7 @@ def test_unknown_and_unreadable_shapes_are_reported(job):
     assert [x for x in plan.warnings if "links are unknown" in x]
 
 
-def test_without_its_library_no_clearance_is_a_warning(job, monkeypatch):
+def test_a_missing_clearance_library_causes_a_warning(job, monkeypatch):
     monkeypatch.setitem(sys.modules, "coal", None)
     plan = plan_of(job)
     assert plan.clearance is None
@@ -161,7 +161,7 @@ def test_the_executed_motion_is_also_checked(job):
 
 
 @needs_dynamics
-def test_obstacles_of_a_planar_arm_are_in_the_plane_of_its_paths():
+def test_obstacles_of_a_planar_arm_have_the_coordinates_of_its_path():
     arm = ac.load_arm("pmk3s")
     path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
     planar = parse_job(JOB.replace("ur5e", "pmk3s").replace(", 0.1]", "]"), source="test")

@@ -39,7 +39,7 @@ def study(job, plan, executed):
     return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 
-def test_errors_are_those_of_encoders(job, plan, executed, study):
+def test_errors_of_learning_are_computed_from_encoder_positions(job, plan, executed, study):
     run = study.lesson.runs[0]
     assert study.errors(0) == (run.contour_rms, run.contour_max)
     # Stiff links and little noise: encoders show what the tool does.

@@ -55,7 +55,7 @@ def job_of(name, limits, runs="{one: {timing: {method: optimal}}}"):
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_a_job_and_python_have_the_same_limits_whichever_is_left_out(name):
+def test_a_job_and_python_use_the_same_limits_if_some_are_omitted(name):
     arm = ac.load_arm(name)
     specified = dict(GIVEN)
     if arm.limits.joint_upper is not None:
@@ -94,7 +94,7 @@ def test_infinity_removes_a_limit_in_jobs_and_in_python(removal):
             assert getattr(limits, name) is None and limits.removed == {name}
 
 
-def test_null_means_not_specified_and_a_run_replaces_limits_of_its_job():
+def test_a_null_limit_is_unspecified_and_a_run_replaces_limits_of_its_job():
     runs = "{one: {limits: {speed: null, joint_torque: inf}}, two: {limits: {joint_velocity: 0.5}}}"
     specified = {"speed": "null", "joint_velocity": "inf", "joint_jerk": 9.0}
     one, two = (x.limits for x in job_of("ur5e", specified, runs).runs)

@@ -57,7 +57,7 @@ def after(contour):
     return contour.path.length - contour.at_work[1]
 
 
-def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
+def test_automatic_leads_follow_the_settings_of_layers_and_the_new_order():
     moves = [
         dataclasses.replace(x, layer=layer) for x, layer in zip(TWO, ("CUT", "MARK"), strict=True)
     ]
@@ -99,7 +99,7 @@ def test_automatic_leads_have_the_length_for_the_assigned_velocity(shape):
         assert (planned(dataclasses.replace(case, process=shorter))[2][i] < 0.05 * (1 - 1e-4)).all()
 
 
-def test_automatic_leads_end_at_the_reach_and_specified_lengths_are_kept():
+def test_automatic_leads_stay_within_reach_and_specified_lengths_stay():
     # Outward, to 10 mm before the end of what the arm reaches, 0.465 m from its base at 0.135 m.
     path = Path.polyline([[0.4, 0.0], [0.59, 0.0]])
     case = job(Process(lead_in=Lead(), lead_out=Lead()), Contour(path=path, name="ray"))
@@ -125,7 +125,7 @@ def test_invalid_jobs_are_refused():
     )
 
 
-def test_warns_only_of_leads_that_are_too_short():
+def test_a_warning_names_leads_that_are_too_short():
     def warnings(path, shape="line", **leads):
         process = Process(**{k: Lead(shape=shape, length=x) for k, x in leads.items()})
         return run(job(process, Contour(path=path))).runs["compensated"].warnings
@@ -146,7 +146,7 @@ def test_warns_only_of_leads_that_are_too_short():
     assert warnings(SQUARE, "arc", lead_in=0.06) == ()
 
 
-def test_runs_a_program_from_its_drawing_to_its_evaluation():
+def test_a_drawing_is_run_up_to_its_evaluation():
     progress_log, lead = [], Lead(length=0.01)
     process = Process(lead_in=lead, lead_out=lead, switch=Switch(), events=(Event(name="x"),))
     result = run(job(process), progress=progress_log.append).runs["compensated"]
@@ -166,7 +166,7 @@ def test_runs_a_program_from_its_drawing_to_its_evaluation():
     assert result.set_points.trajectory is result.trajectory
 
 
-def test_runs_share_their_plan_and_find_their_own_leads():
+def test_runs_share_equal_plans_and_have_their_own_automatic_leads():
     one = job(Process(lead_in=Lead(length=0.01)))
     (first_run,) = one.runs
     plain = dataclasses.replace(first_run, name="plain", compensation=ac.NoCompensation())
@@ -229,7 +229,7 @@ def test_stops_at_ends_of_arcs_are_reported_once_and_counted_by_contour():
     assert "2 full stops, the first at s = 60 mm (360 mm, 200 mm) of contour 2 (B)" in warning
 
 
-def test_transitions_avoid_stops_within_their_tolerance():
+def test_transitions_within_the_tolerance_avoid_stops():
     coarse = Rounding(tolerance=2e-6)
     results = plans(BENT, {}, {"rounding": coarse}, {"rounding": ARCS})
     times = {}

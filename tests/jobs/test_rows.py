@@ -42,7 +42,7 @@ def study(monkeypatch):
     return ac.run(parse_job(yaml.safe_dump(job)))
 
 
-def test_a_new_figure_is_one_row(study):
+def test_a_new_row_appears_in_text_report_table_and_json(study):
     (result,) = study.runs.values()
     for text in (str(result), str(study), text_of(render_report(study))):
         assert "wobble" in text and "1.23" in text and "1.234" not in text
@@ -54,7 +54,7 @@ def test_a_new_figure_is_one_row(study):
 
 
 @pytest.mark.parametrize("figure", FIGURES)
-def test_a_figure_is_made_in_few_files(figure):
+def test_the_rows_of_a_figure_are_made_in_at_most_three_files(figure):
     places = set()
     for file in SOURCE.rglob("*.py"):
         for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):

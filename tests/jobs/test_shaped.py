@@ -78,7 +78,7 @@ def test_invalid_rounding_values_and_free_corners_with_paper_timing_are_refused(
     )
 
 
-def test_an_arm_in_space_keeps_the_configuration_that_it_was_shaped_for():
+def test_an_arm_in_space_keeps_the_configuration_of_the_shape_search():
     # The fastest configuration of the shaped circle is another than that of the circle.
     arm = ac.load_arm("ur5e")
     circle = Path(

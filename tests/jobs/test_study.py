@@ -55,7 +55,7 @@ def changed(run, **values):
     return dataclasses.replace(run, **values)
 
 
-def test_run_equals_its_steps_one_by_one(job, study):
+def test_the_results_of_run_equal_those_of_its_single_steps(job, study):
     assert list(study.runs) == ["proposed", "conventional"] and study.job is job
     for job_run in job.runs:
         path, result = job.path, study.runs[job_run.name]
@@ -82,12 +82,12 @@ def test_run_equals_its_steps_one_by_one(job, study):
         np.testing.assert_array_equal(result.evaluation.saturated, evaluation.saturated)
 
 
-def test_the_ik_branch_reaches_the_tracer(job):
+def test_the_configuration_of_a_run_is_traced(job):
     other = with_runs(job, job.runs[1], configuration="negative")
     assert run(other, simulate=False).runs["conventional"].trajectory(0.0)[1] < 0
 
 
-def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
+def test_an_experiment_executes_the_same_set_points_on_rigid_bodies(job):
     experiment_run = changed(job.runs[0], experiment=Experiment(step=5e-4))
     study = ac.run(with_runs(job, experiment_run, job.runs[1]))
     result = study.runs["proposed"]
@@ -105,7 +105,7 @@ def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
     assert study.runs["conventional"].experiment is None
 
 
-def test_the_robot_of_an_experiment_has_what_its_controller_does_not_know():
+def test_the_robot_of_an_experiment_has_a_payload_unknown_to_its_controller():
     arm, servo = ac.load_arm("ur5e"), ac.ServoModel(kp=25.0, kv=150.0)
     load = ac.Payload(mass=2.0)
     plant = build_plant(Experiment(payload=load), arm, servo, arm.limits, True)
@@ -161,7 +161,7 @@ def test_invalid_runs_are_refused_by_name_before_any_run_starts(job, in_space, m
     assert not started
 
 
-def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypatch):
+def test_a_failed_experiment_does_not_affect_other_results(job, monkeypatch):
     def fails(*_, **__):
         raise ac.ExecutionError("Joint 1 does not rest.", joint=0)
 
@@ -195,7 +195,7 @@ def in_space():
     return ac.Job(name="line", title="A line", arm=arm, path=path, servo=servo, runs=(line_run,))
 
 
-def test_runs_that_differ_only_after_planning_share_their_plan(in_space):
+def test_runs_with_equal_planning_options_share_their_plan(in_space):
     (only_run,) = in_space.runs
     grid = ac.Optimal(intervals=100)
     others = {
@@ -215,7 +215,7 @@ def test_runs_that_differ_only_after_planning_share_their_plan(in_space):
     assert results["slow"].traced is not results["one"].traced
 
 
-def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):
+def test_configuration_seed_and_angular_tolerance_are_used(in_space):
     (only_run,) = in_space.runs
     assert in_space.plant_servo is in_space.servo  # the nominal one, as none is given
     trajectory = run(in_space, simulate=False).runs["one"].trajectory
@@ -237,7 +237,7 @@ def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):
     assert corners.shrunk[0]
 
 
-def test_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
+def test_reported_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
     result = study.runs["proposed"]
     torques = planned_torques(result.arm, result.trajectory)
     plan, arm, t = result.trajectory, job.arm, 1.234
@@ -261,7 +261,7 @@ def test_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
     assert angle == pytest.approx(0.4, rel=1e-3)
 
 
-def test_the_run_is_chosen_by_its_name_or_the_only_one():
+def test_a_run_is_chosen_by_its_name_and_the_only_run_by_default():
     job = parse_job(CORNER_JOB + "  other: {compensation: {method: none}}\n")
     only, other = job.runs
     assert choose_run(job, "other", "learned") is other
@@ -300,7 +300,7 @@ def test_the_worst_point_is_reported_in_the_coordinates_of_the_drawing():
     assert "which is (40, 40) mm before path.frame" in message
 
 
-def test_contours_are_refused_before_the_rapids_to_them():
+def test_a_contour_out_of_reach_is_refused_before_the_rapid_to_it():
     def approached(x, height):
         path = in_place([[*p, 0.0] for p in SQUARE], x, 0.0, 0.2, orientation={"axis": [0, 0, -1]})
         process = {"approach": height}
@@ -313,7 +313,7 @@ def test_contours_are_refused_before_the_rapids_to_them():
     assert "Rapid to contour 1 is out of reach" in message and "Use a smaller approach" in message
 
 
-def test_the_worst_of_very_many_contours_is_found():
+def test_the_largest_error_among_very_many_contours_is_found():
     near, far = (ac.Path.polyline([(x, 0.2), (x + 0.01, 0.2)]) for x in (0.3, 0.8))
     moves = (*[ac.Contour(path=near)] * 299, ac.Contour(path=far), *[ac.Contour(path=near)] * 100)
     job = parse_job(yaml.safe_dump(PLANE | {"corners": "sharp"}))
@@ -321,7 +321,7 @@ def test_the_worst_of_very_many_contours_is_found():
         run(dataclasses.replace(job, path=ac.Program(moves=moves)), simulate=False)
 
 
-def test_masses_are_named_where_a_torque_limit_uses_them():
+def test_a_torque_limit_names_the_masses_that_it_uses():
     text = """
 name: t
 arm: ur5e

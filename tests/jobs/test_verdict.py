@@ -51,7 +51,7 @@ def distance_to_lines(points, corners):
 
 
 @pytest.mark.parametrize("name", ["late", "shaped", "sharp"])
-def test_the_distance_from_the_drawing_never_exceeds_the_stated_one(runs, name):
+def test_the_stated_distance_from_the_drawing_is_not_exceeded(runs, name):
     run = runs[name]
     stated = plain(run.to_data())["off_drawing"]
     deviations = distance_to_lines(run.execution.tool, np.array(JOB["path"]["points"]))
@@ -64,7 +64,7 @@ def allowed(run):
     return plain(run.to_data())["contour_error_allowed"]
 
 
-def test_the_servo_may_have_a_tenth_of_the_smallest_tolerance_unless_an_accuracy_is_given(runs):
+def test_the_default_accuracy_is_a_tenth_of_the_smallest_tolerance(runs):
     assert allowed(runs["late"]) == pytest.approx(2e-4) and runs["late"].kept is True
     assert allowed(runs["shaped"]) == pytest.approx(1e-4)
     # Without a tolerance and an accuracy there is nothing to keep.
@@ -73,7 +73,7 @@ def test_the_servo_may_have_a_tenth_of_the_smallest_tolerance_unless_an_accuracy
 
 
 @pytest.mark.parametrize("name", ["late", "sharp"])
-def test_an_accuracy_is_that_of_the_tool_from_the_drawing(runs, name):
+def test_the_accuracy_limits_the_distance_of_the_tool_from_the_drawing(runs, name):
     deviation = plain(runs[name].to_data())["off_drawing"]
     for share, within in ((0.999, False), (1.001, True)):
         run = runs_of(accuracy=float(deviation * share), runs={name: JOB["runs"].get(name)})[name]
@@ -86,7 +86,7 @@ def test_an_accuracy_is_that_of_the_tool_from_the_drawing(runs, name):
 
 
 @needs_dynamics
-def test_wide_corners_of_a_drawing_are_not_kept():
+def test_corners_outside_the_accuracy_of_the_drawing_are_not_kept():
     patch = {("corners", "tolerance"): 10e-3}
     (run,) = ac.run(read_cell("ur5e", DRAWINGS / "gasket.dxf", patch=patch)).runs.values()
     data = run.to_data()
@@ -100,7 +100,7 @@ def test_wide_corners_of_a_drawing_are_not_kept():
     assert rapids["time"] == pytest.approx(plain(data)["rapid_time"], rel=1e-12)
 
 
-def test_the_limit_that_is_active_longest_is_named(runs):
+def test_the_result_names_the_limit_that_is_active_longest(runs):
     why = runs["late"].explanation
     times = {}
     for x in why.bindings:
@@ -110,7 +110,7 @@ def test_the_limit_that_is_active_longest_is_named(runs):
 
 
 @needs_dynamics
-def test_rounding_and_servo_of_different_contours_are_not_added():
+def test_errors_of_rounding_and_servo_are_added_per_contour():
     (run,) = ac.run(read_cell("ur5e", DRAWINGS / "gasket.dxf")).runs.values()
     roundings = [getattr(x.path, "deviation", None) or 0.0 for x in run.path.contours]
     errors = [x.max for x in run.evaluation.contours]
@@ -122,7 +122,7 @@ METHODS = ("inverse", "inverse_dynamics", "pole_placement", "none", None)
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_the_worse_execution_of_a_job_with_an_experiment_is_the_verdict(seed):
+def test_the_worse_of_simulation_and_experiment_determines_the_verdict(seed):
     """Random jobs; both executions are simulated here again, from the set-points."""
     random = np.random.default_rng(seed)
     method = METHODS[seed % len(METHODS)]
@@ -155,7 +155,7 @@ def test_the_worse_execution_of_a_job_with_an_experiment_is_the_verdict(seed):
     assert run.judged.contour_error.max == pytest.approx(worst, rel=1e-3)
 
 
-def test_a_run_that_is_not_kept_on_rigid_bodies_is_repaired_for_them():
+def test_a_suggested_change_makes_a_run_kept_on_rigid_bodies():
     changes = {"corners": {"tolerance": 3e-4}, "experiment": {}}
     runs = {"one": {"compensation": {"method": "inverse"}}}
     result = with_advice(ac.run(parse_job(yaml.safe_dump({**JOB, **changes, "runs": runs}))))

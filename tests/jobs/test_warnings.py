@@ -37,7 +37,7 @@ def only(job_case):
     return ac.run(job_case).runs["one"]
 
 
-def test_a_speed_and_a_tolerance_above_the_runs_are_reported_once():
+def test_a_segment_speed_or_tolerance_above_that_of_the_run_is_reported_once():
     values = (0.15, 0.5e-3), (0.05, 0.1e-3, 0.05), (0.12, 0.5e-3, 0.1)
     names = "MARK 1", "CUT 1", "MARK 2"
     moves = (Contour(path=drawn(*x), name=y) for x, y in zip(values, names, strict=True))
@@ -86,14 +86,14 @@ def test_a_warning_states_the_cause_of_a_truncated_transient():
         assert cause in warning and other not in warning
 
 
-def test_a_duration_is_kept():
+def test_a_specified_duration_is_met():
     plan = run(job(drawn(), timing=ac.Optimal(reserve=0.1, duration=4.0)), simulate=False).runs[
         "one"
     ]
     assert plan.trajectory.duration == pytest.approx(4.0, rel=1e-12)
 
 
-def test_the_experiment_judges_set_points_of_inverse_dynamics():
+def test_set_points_of_inverse_dynamics_are_judged_on_rigid_bodies():
     options = {"compensation": ac.InverseDynamics(), "limits": LIMITS.replace(joint_jerk=20.0)}
     straight = ac.Path.polyline(LINES[:2])
     bare = only(job(straight, **options))

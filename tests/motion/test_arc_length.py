@@ -65,7 +65,7 @@ def case(request):
     return request.param, plan(request.param)
 
 
-def test_s_is_the_length_of_the_path_of_the_tool(case):
+def test_the_arc_length_of_a_motion_is_the_length_of_its_tool_path(case):
     """By quadrature of the speed on contours, between times so near that it is exact."""
     name, trajectory = case
     breaks = trajectory.breaks
@@ -89,7 +89,7 @@ def test_s_is_the_length_of_the_path_of_the_tool(case):
     assert (trajectory.s(t, 1) >= -1e-12).all()
 
 
-def test_time_at_is_the_inverse_of_s(case):
+def test_time_at_is_the_inverse_of_the_arc_length(case):
     name, trajectory = case
     s = places_of(name)
     sides = []
@@ -115,7 +115,7 @@ def test_time_at_is_the_inverse_of_s(case):
 
 
 @pytest.mark.parametrize("kind", ["optimal", "paper"])
-def test_the_tool_is_at_the_point_at_that_time_and_rests_at_corners(kind):
+def test_the_tool_is_at_the_point_of_the_path_at_time_at(kind):
     for name in (kind, f"{kind}, sharp"):
         path, trajectory = path_of(name), plan(name)
         s = places_of(name)
@@ -137,7 +137,7 @@ def test_the_tool_is_at_the_point_at_that_time_and_rests_at_corners(kind):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_s_of_a_program_increases_on_contours_only(method):
+def test_the_arc_length_of_a_program_increases_on_contours_only(method):
     trajectory = plan(f"program, {method}")
     first, second = trajectory.contour_spans
     assert [x.kind for x in trajectory.spans] == ["contour", "dwell", "rapid", "contour"]
@@ -181,7 +181,7 @@ def test_invalid_times_and_arc_lengths_are_refused(refuses):
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_rates_are_differences_of_s(order):
+def test_rates_of_the_arc_length_agree_with_differences(order):
     for name in MAKERS:
         trajectory = plan(name)
         rng, widths = np.random.default_rng(1), np.diff(trajectory.breaks)

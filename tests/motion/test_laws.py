@@ -16,7 +16,7 @@ from armcontour.motion import (
 )
 
 
-def test_laps_are_parabolas_21():
+def test_laps_are_the_parabolas_of_equation_21():
     laps = LapLaw(
         breaks=np.array([0.0, 2.0, 3.0]),
         q=np.array([[0.0, 1.0], [4.0, 1.0], [6.0, 0.0]]),
@@ -43,7 +43,7 @@ def path_law(rates, path=PATH, breaks=(0.0, 1.0, 2.0), s=(0.0, 0.6, 1.2)):
     return PathLaw(joint_path=path, breaks=np.array(breaks), s=np.array(s), rates=rates)
 
 
-def test_a_path_law_follows_its_path_by_the_chain_rule_on_its_own_side_of_joints():
+def test_a_path_law_has_derivatives_by_the_chain_rule_on_each_side_of_breaks():
     # Uniform acceleration, then uniform braking.
     law = path_law([[0.2, 0.8, 0.0], [1.0, -0.8, 0.0]])
     s_of = [Polynomial([0.0, 0.2, 0.4]), Polynomial([0.6, 1.0, -0.4])]
@@ -108,7 +108,7 @@ def derivatives(polynomials, s, count):
     return [np.stack([p.deriv(k)(s) for p in polynomials], axis=-1) for k in range(count)]
 
 
-def test_hermite_is_exact_for_quintics():
+def test_hermite_interpolation_is_exact_for_quintics():
     rng = np.random.default_rng(0)
     polynomials = [Polynomial(rng.normal(size=6)) for _ in range(3)]
     breaks = np.array([-0.5, 0.1, 0.2, 1.5])
@@ -124,7 +124,7 @@ def test_hermite_is_exact_for_quintics():
     assert path(0.1).shape == (3,) and path(np.zeros((2, 4)), 1).shape == (2, 4, 3)
 
 
-def test_hermite_meets_any_data_at_both_ends():
+def test_hermite_interpolation_meets_any_data_at_both_ends():
     rng = np.random.default_rng(1)
     breaks = np.cumsum(rng.uniform(0.1, 1, 6))
     begin, end = rng.normal(size=(2, 3, 5, 2))
@@ -136,7 +136,7 @@ def test_hermite_meets_any_data_at_both_ends():
     np.testing.assert_array_equal(path.stops, breaks[1:-1])  # where the direction jumps
 
 
-def test_spline_is_scipys():
+def test_joint_splines_equal_those_of_scipy():
     for n in (3, 4, 20):
         rng = np.random.default_rng(n)
         points, parameters = rng.normal(size=(n, 2)), np.cumsum(rng.uniform(0.1, 1, n))
@@ -186,7 +186,7 @@ def test_invalid_joint_paths_are_refused(refuses):
         refuses(lambda s=s: path([1.5, s]), ac.InvalidInput, *words, s=s)
 
 
-def test_a_joint_path_may_not_jump_and_stops_at_its_own_breaks(refuses):
+def test_joint_paths_that_jump_are_refused_and_corners_are_stops(refuses):
     line = np.zeros((2, 6, 1))
     line[:, 1] = line[1, 0] = 1.0
 
@@ -243,7 +243,7 @@ def limits_of(law):
     return sign * np.maximum(sign * ends, 1e-4), np.tile([ds, 2 * ds], (pieces, 1))
 
 
-def test_proven_shares_are_not_exceeded_at_random_times(case):
+def test_proven_ratios_are_not_exceeded_at_random_times(case):
     law, limits, speeds = case
     shares = largest_shares(law, limits, speeds, 1 + NEAR)
     assert (shares <= 1 + NEAR).all()
@@ -260,7 +260,7 @@ def test_proven_shares_are_not_exceeded_at_random_times(case):
 
 
 @pytest.mark.parametrize("jerk", [None, 10.0])
-def test_long_intervals_lose_no_peak(jerk):
+def test_peaks_within_long_intervals_are_found(jerk):
     # Few and long intervals, on which a bound has to make up for what its polynomial leaves out.
     random = np.random.default_rng(1)
     arm = ac.load_arm("ur5e")
@@ -278,7 +278,7 @@ def test_long_intervals_lose_no_peak(jerk):
         assert shares[4] > 1 - 1e-7, k
 
 
-def test_rounding_does_not_bend_short_intervals_far_along_a_path():
+def test_rounding_errors_do_not_bend_short_intervals_of_long_paths():
     # Lengths are exact, but the breaks are their sums, rounded to about 1e-14 m at 50 m.
     exact = np.concatenate([[0.0], np.cumsum(np.tile([5e-4, 2e-9, 5e-4, 3e-11], 50))])
     s, values = 50.0 + exact, (np.sin(exact), np.cos(exact), -np.sin(exact))

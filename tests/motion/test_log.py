@@ -14,7 +14,7 @@ def _log(**changes):
     return Log(**({"t": T, "command": U, "measured": U} | changes))
 
 
-def test_a_log_is_cut_to_a_time_interval():
+def test_a_log_can_be_cut_to_a_time_interval():
     log = _log()
     assert log.command.shape == (100, 1) and not log.t.flags.writeable
     assert log.joint_names == ("joint 1",) and log.dof == 1

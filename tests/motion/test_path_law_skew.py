@@ -34,7 +34,7 @@ def law_of(duration, length, *rates, path=PATH):
     )
 
 
-def test_the_motion_solves_its_equation_in_the_integral_of_one_over_the_speed():
+def test_the_law_agrees_with_the_integral_of_one_over_the_speed():
     i = np.zeros(21, dtype=int)
     for case, (begin, u, slope, width) in RATES.items():
 
@@ -63,7 +63,7 @@ def test_the_motion_solves_its_equation_in_the_integral_of_one_over_the_speed():
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_nothing_jumps_where_the_series_ends(sign):
+def test_the_law_is_continuous_where_its_series_ends(sign):
     # slope (time / 2)² = z; the formulas of times change over at |z| = 1e-4.
     width, begin, end = np.full(2, 0.1), np.full(2, 0.4), np.full(2, 0.6)
     z = sign * 1e-4 * np.array([1 - 1e-9, 1 + 1e-9])

@@ -57,7 +57,7 @@ def test_values_on_both_sides_of_breaks_are_those_computed_by_hand(bent):
     assert inner(1.0, 1, side="left") == 1.0 and inner(1.0, 1) == 0.0
 
 
-def test_sample_ends_at_the_end(bent):
+def test_the_last_sample_is_at_the_end_of_the_trajectory(bent):
     np.testing.assert_array_equal(bent.breaks, [0, 2, 3])
     np.testing.assert_array_equal(bent.switching_points, [0])
     named = dataclasses.replace(bent, stretches=(stretch((0.0, 2.0)), stretch((2.0, 3.0))))
@@ -86,7 +86,7 @@ def test_invalid_trajectories_and_set_points_are_refused(bent, refuses):
         refuses(call, ac.InvalidInput)
 
 
-def test_motion_between_results_is_known_at_steps_of_the_command_interval_only(conventional, arm):
+def test_an_execution_is_interpolated_only_at_multiples_of_its_interval(conventional, arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     plant = ac.ServoPlant(arm, servo, saturation="none")
     whole = ac.simulate(ac.compensate(conventional, servo, ac.NoCompensation(), cycle=4e-3), plant)
@@ -137,7 +137,7 @@ def test_misread_columns_are_named(delay):
         assert not find_misreading(T, right, WANTED, names="abc", longest_delay=delay)
 
 
-def test_exchanged_columns_are_found_and_delays_are_no_turned_signs():
+def test_exchanged_columns_are_found_and_delays_are_not_sign_errors():
     q = _follow(WANTED)
     assert "are exchanged" in find_misreading(T, WANTED, q, longest_delay=0.25)
     assert not find_misreading(T, WANTED, q)
@@ -146,7 +146,7 @@ def test_exchanged_columns_are_found_and_delays_are_no_turned_signs():
     assert not find_misreading(T, delayed, u, longest_delay=0.25)
 
 
-def test_both_sides_of_breaks_of_a_law_that_starts_late_are_known():
+def test_a_law_that_starts_late_has_both_sides_of_its_breaks():
     # The sum of start and break, less the start, is the break on few of them: it is rounded up on
     # some, and down on others.
     random = np.random.default_rng(0)

@@ -17,7 +17,7 @@ def bound_at(motion, t):
 
 
 @pytest.mark.filterwarnings("ignore:Limits of jerk add")
-def test_no_joint_moves_farther_than_its_bound():
+def test_no_joint_moves_farther_than_the_bound_of_its_travel():
     for limits, options in (
         ({}, ac.Optimal()),
         ({"centripetal_acceleration": 0.09}, ac.Paper()),
@@ -36,7 +36,7 @@ def test_no_joint_moves_farther_than_its_bound():
         assert (travel[-1] < 2 * moved.sum(axis=0)).all(), (limits, options)
 
 
-def test_an_executed_motion_has_bounds_too(servo):
+def test_the_bounds_of_travel_apply_to_executed_motions(servo):
     plan = ac.plan(PATH, ARM, LIMITS)
     set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=0.004, arm=ARM)
     plant = ac.ServoPlant(ARM, servo, ARM.limits)

@@ -88,7 +88,7 @@ def compare_helix(path, i, segment, chord_tolerance):
     return n
 
 
-def test_the_corpus_is_read_as_by_the_oracle():
+def test_the_corpus_is_read_like_the_oracle_does():
     programs = {x: x.read_bytes() for x in sorted(CORPUS.rglob("*.ngc"))}
     accepted = {x: y for x, y in programs.items() if b"refused in line" not in y[:400]}
     assert len(accepted) > 35
@@ -249,14 +249,14 @@ class Author:
         self.write(words)
 
 
-def test_random_programs_are_read_as_by_the_oracle():
+def test_random_programs_are_read_like_the_oracle_does():
     for seed in range(PROGRAMS):
         text = Author(seed).text()
         print(f"seed {seed}:\n{text}")  # pytest shows it of a failure
         compare(read(text), oracle.interpret(text))
 
 
-def test_random_programs_have_all_features():
+def test_random_g_code_programs_use_every_feature():
     texts = [Author(seed).text().upper() for seed in range(PROGRAMS)]
     programs = [oracle.interpret(x) for x in texts]
     kinds = {s.kind for p in programs for m in p if hasattr(m, "segments") for s in m.segments}
@@ -268,7 +268,7 @@ def test_random_programs_have_all_features():
     assert {read(x).dimension for x in texts} == {2, 3}
 
 
-def test_the_comparison_sees_a_changed_program():
+def test_the_comparison_detects_a_changed_program():
     text = (
         "F600\nG1 X10\nG64 P.05\nM8\nG3 Y10 I-2 J5\nG2 X20 R-10\nG4 P1\nG18 G3 X30 I5\n"
         "G17 G3 X20 Y0 I-5 J-5 Z2\nG0 X0\nG1 X5\nM2\n"

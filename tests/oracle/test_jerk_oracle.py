@@ -46,7 +46,7 @@ def test_a_plan_is_as_fast_as_the_oracle():
     assert -NEAR < ac.plan(path, limits=limits).duration / oracle - 1 < NEAR
 
 
-def test_splines_and_the_papers_job_are_as_fast_as_the_stored_oracle():
+def test_splines_and_the_paper_job_are_as_fast_as_the_stored_oracle():
     """It finds the same again: `python -m soak jerk-oracle` takes minutes."""
     for name, path, limits in splines():
         duration = ac.plan(path, limits=limits).duration
@@ -65,7 +65,7 @@ def test_the_stored_oracle_is_reproduced():
     assert again == pytest.approx(KEPT[name], rel=3e-3)
 
 
-def test_straight_moves_take_as_long_as_ruckig_s():
+def test_straight_moves_take_as_long_as_with_ruckig():
     pytest.importorskip("ruckig")
     for seed in range(8):
         assert run_move(seed).notes == [], seed

@@ -38,7 +38,7 @@ def slow_laps(q, dq_ds, speed, limit):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_laps_satisfy_18_to_20(arm, seed):
+def test_laps_satisfy_equations_18_to_20(arm, seed):
     rng = np.random.default_rng(seed)
     start, end = rng.uniform((0.2, 0.1), (0.45, 0.3), size=(2, 2))
     path = ac.Path.polyline([start, end])
@@ -62,7 +62,7 @@ def test_laps_satisfy_18_to_20(arm, seed):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_lap_with_a_reversal_of_a_joint_satisfies_18_to_20(sign):
+def test_a_lap_in_which_a_joint_reverses_satisfies_equations_18_to_20(sign):
     # Joint 1 moves away from its next knot at first: the root takes the sign of its step.
     q = sign * np.array([[0.0, 0.0], [0.01, 0.01]])
     dq_ds = sign * np.array([[-1.0, 1.0], [1.0, 1.0]])

@@ -81,7 +81,7 @@ def assert_nearest(segments, queries, atol):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("count", [1, 3, 12, 60])
-def test_the_nearest_point_of_chains_of_lines_and_arcs_is_that_of_the_oracle(dimension, count):
+def test_nearest_points_on_lines_and_arcs_equal_those_of_the_oracle(dimension, count):
     rng = np.random.default_rng(10 * count + dimension)
     segments = random_chain(rng, dimension, count, [0.1, 1.0])
     path = ac.Path(segments=segments)
@@ -91,7 +91,7 @@ def test_the_nearest_point_of_chains_of_lines_and_arcs_is_that_of_the_oracle(dim
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_the_nearest_point_among_micro_segments_is_that_of_the_oracle(dimension):
+def test_nearest_points_among_micro_segments_equal_those_of_the_oracle(dimension):
     rng = np.random.default_rng(dimension)
     segments = random_chain(rng, dimension, 60, [1e-7, 1e-6, 1e-5, 1.0])
     path = ac.Path(segments=segments)
@@ -100,7 +100,7 @@ def test_the_nearest_point_among_micro_segments_is_that_of_the_oracle(dimension)
 
 
 @pytest.mark.parametrize("radius", [1e3, 1e6])
-def test_the_nearest_point_of_a_very_large_arc_is_that_of_the_oracle(radius):
+def test_nearest_points_on_a_very_large_arc_equal_those_of_the_oracle(radius):
     rng = np.random.default_rng(5)
     arc = ac.Arc(start=(0, 0), center=(0, radius), angle=1.0 / radius)
     queries = np.stack([rng.uniform(-0.5, 1.5, 200), 0.2 * rng.normal(size=200)], axis=1)
@@ -112,7 +112,7 @@ def test_the_nearest_point_of_a_very_large_arc_is_that_of_the_oracle(radius):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_queries_at_arc_centres_have_the_distance_of_the_oracle(dimension):
+def test_distances_from_arc_centres_equal_those_of_the_oracle(dimension):
     rng = np.random.default_rng(6)
     arcs = [x for x in random_chain(rng, dimension, 20, [0.1, 1.0]) if isinstance(x, ac.Arc)]
     for arc in arcs:
@@ -120,7 +120,7 @@ def test_queries_at_arc_centres_have_the_distance_of_the_oracle(dimension):
         assert_nearest([arc], np.asarray(arc.center) + np.concatenate(offsets), 1e-13)
 
 
-def test_the_nearest_point_of_a_long_winding_path_is_that_of_the_oracle():
+def test_nearest_points_on_a_long_winding_path_equal_those_of_the_oracle():
     rng = np.random.default_rng(7)
     points = np.cumsum(rng.normal(size=(3000, 2)), axis=0)
     path = ac.Path.polyline(points)

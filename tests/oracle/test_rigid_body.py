@@ -84,7 +84,7 @@ def error(step, limit):
     return np.abs(execution.q[:n] - expected[:, :3]).max()
 
 
-def test_bodies_move_as_in_pinocchio():
+def test_rigid_bodies_move_as_in_pinocchio():
     errors = [error(step, np.array([90.0, 60.0, 40.0])) for step in (8e-3, 4e-3, 2e-3)]
     # What is left is the integrator's, of fourth order: at the standard step, 1e-14 rad.
     assert errors[2] < 1e-10

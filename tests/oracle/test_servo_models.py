@@ -68,7 +68,7 @@ def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), cycle=
 
 @pytest.mark.parametrize("interpolation", ["linear", "step"])
 @pytest.mark.parametrize("cycle", [4e-3, 0.05])
-def test_unsaturated_servos_move_as_by_lsim(arm, interpolation, cycle):
+def test_unsaturated_servos_match_scipy_lsim(arm, interpolation, cycle):
     for kp, kv in LINEAR_GAINS:
         q = np.random.default_rng(2).normal(size=(40, 2))
         servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
@@ -86,7 +86,7 @@ def test_unsaturated_servos_move_as_by_lsim(arm, interpolation, cycle):
 
 @pytest.mark.parametrize("gains", GAINS)
 @pytest.mark.parametrize("interpolation", ["cubic", "linear", "step"])
-def test_saturated_servos_move_as_by_an_integrator(arm, gains, interpolation):
+def test_saturated_servos_match_a_numerical_integration(arm, gains, interpolation):
     # With and without dead time, in turn.
     (kp, kv), dead = gains, 0.0137 if (gains == GAINS[1]) == (interpolation == "step") else 0.0
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation, dead_time=dead).for_joints(2)

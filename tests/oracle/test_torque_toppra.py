@@ -159,7 +159,7 @@ def compare(seed, reference, places=10):
 
 # One without dry friction and one with it.
 @pytest.mark.parametrize("seed", [4, 5])
-def test_references_are_what_toppra_finds(seed):
+def test_stored_references_equal_the_results_of_toppra(seed):
     assert by_toppra(seed, FINE) == pytest.approx(recorded_duration(FINE, seed), rel=SAME)
 
 
@@ -177,7 +177,7 @@ def with_friction(seed):
     return Problem(arm, case.points, case.limits)
 
 
-def test_viscous_friction_is_respected_at_the_smallest_cost():
+def test_viscous_friction_is_respected_at_a_small_cost():
     seed = 1
     case = with_friction(seed)
     path = ac.JointPath.spline(case.points)

@@ -74,7 +74,7 @@ class Round(Constraint):
         return (Rounds(ends, np.full((len(path), 1), self.radius), np.zeros((len(path), 1, 4))),)
 
 
-def test_the_smaller_of_two_radii_limits():
+def test_the_smaller_of_two_bounds_limits_the_speed():
     path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)])
     limits = ac.Limits.only(joint_velocity=[10.0, 10.0])
     for radii in ([0.5], [0.5, 0.7]):
@@ -131,7 +131,7 @@ def near_the_middle(planned):
 @pytest.mark.parametrize("steps", [1, 2, -1])
 @pytest.mark.parametrize("share", [1.0, 1 + 1e-16, 1 - 1e-12, 1 + 1e-12, 1 - 1e-8, 1 + 1e-8])
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
+def test_a_limit_is_satisfied_if_its_terms_cancel_at_the_mean(steps, share, sign):
     w = WIDTH * steps
 
     def coefficients(s, side):
@@ -148,7 +148,7 @@ def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
 
 @pytest.mark.parametrize("constant", [0.0, 1e-16, 1e-12, 1e-8, 1e-5])
 @pytest.mark.parametrize("share", [1.0, 1 - 1e-12, 1 + 1e-8, 0.5])
-def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, constant):
+def test_a_vector_limit_is_satisfied_if_its_terms_cancel_at_the_mean(share, constant):
     limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
     constraint = Vectors(share, constant)
     u, x = near_the_middle(planned_on(limits, constraint, grid))

@@ -11,7 +11,7 @@ from armcontour.robot.limit_use import STILL, States
 from armcontour.robot.serial import SerialArm
 
 
-def test_the_tool_moves_uniformly_and_velocity_jumps_at_corners(arm, objective, conventional):
+def test_conventional_speed_is_constant_and_velocity_jumps_at_corners(arm, objective, conventional):
     assert conventional.duration == pytest.approx(objective.length / 0.04, rel=1e-12)
     t = np.linspace(0, conventional.duration, 4001)
     tool = arm.tool_position(conventional(t))
@@ -28,9 +28,7 @@ def test_the_tool_moves_uniformly_and_velocity_jumps_at_corners(arm, objective, 
     assert (np.abs(conventional([0.0, conventional.duration], 1)).max(axis=1) > 0.05).all()
 
 
-def test_joint_limits_are_not_planned_for_and_the_stretch_reports_the_demand(
-    arm, objective, limits, conventional
-):
+def test_joint_limits_are_ignored_and_the_demand_is_reported(arm, objective, limits, conventional):
     tight = limits.replace(joint_acceleration=1e-6, joint_velocity=1e-6, speed=0.04)
     planned = ac.plan(objective, arm, tight, ac.Conventional())
     assert planned.duration == pytest.approx(9.0655, abs=1e-3)
@@ -46,7 +44,7 @@ def test_joint_limits_are_not_planned_for_and_the_stretch_reports_the_demand(
         np.testing.assert_allclose(planned.stretches[0].demand, fine, rtol=1e-3)
 
 
-def test_segments_have_their_own_speeds(arm, limits):
+def test_conventional_timing_uses_the_speed_of_each_segment(arm, limits):
     path = ac.Path(
         segments=[
             ac.Line(start=(0.3, 0.2), end=(0.36, 0.2), segment_limits=ac.SegmentLimits(speed=0.02)),
@@ -189,7 +187,7 @@ def test_all_contours_of_a_program_share_one_factor(arm, limits):
     assert not ac.check(planned, arm, limits, path=program).violated
 
 
-def test_durations_respect_gravity_and_friction():
+def test_stretched_durations_respect_gravity_and_friction():
     """Viscous friction helps to brake; a slower motion is within the limits, too."""
     ur5e = ac.load_arm("ur5e")
     viscous = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
@@ -217,7 +215,7 @@ def about_joint(arm, joint):
     return States(arm, (np.zeros((3, arm.dof)), *rates))
 
 
-def test_limit_use_of_a_tool_on_a_circle_has_the_closed_form(arm):
+def test_measured_tool_values_on_a_circle_have_the_closed_form(arm):
     for name, expected in (
         ("speed", REACH * np.abs(DQ)),
         # At rest there is no direction for a part of the acceleration to be at right angles to.

@@ -43,7 +43,7 @@ def test_a_stop_stays_on_the_path_within_the_limits_and_ends_at_rest(method: str
         assert result.path_deviation.distance < own.path_deviation.distance + 1e-8
 
 
-def test_the_stop_is_the_fastest_one() -> None:
+def test_the_stop_brakes_with_the_joint_limit_less_the_reserve() -> None:
     """On a straight line at uniform speed, one joint brakes with its limit less the reserve."""
     plan = _plan("optimal")
     line = ac.JointPath.spline([[0.0, 0.0], [1.0, 0.5], [2.0, 1.0]], [0.0, 1.0, 2.0])

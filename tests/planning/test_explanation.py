@@ -44,7 +44,7 @@ def idle(explanation):
     return sum(x.t[1] - x.t[0] for x in explanation.bindings if x.name == "nothing")
 
 
-def test_a_trapezoid_of_one_joint_is_explained():
+def test_the_explanation_names_acceleration_velocity_and_acceleration():
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 1.0]], joint_velocity=[[-9.0, 0.5]])
     planned, explanation = explained(ac.JointPath.spline([(0.0,), (2.0,)]), robot(1), limits)
     assert names(explanation) == [
@@ -104,7 +104,7 @@ def smooth_law(points):
     return PathLaw(joint_path=path, breaks=breaks, s=s, rates=Rates(*np.transpose(rates) * 1.0))
 
 
-def test_jerk_is_named_where_it_is_active():
+def test_an_active_jerk_limit_is_named():
     planned = ac.Trajectory(laws=(smooth_law([(0.0, 0.0), (1.0, -2.0)]),), method=Method.OPTIMAL)
     # In the middle of the wave, ds² = ds1² + dds1² / slope; both joints move evenly along s.
     middle = SLOPE * np.sqrt((JERK * RAMP**2 / 2) ** 2 + (JERK * RAMP) ** 2 / SLOPE)
@@ -136,7 +136,7 @@ def line(length):
     return ac.Path.polyline([(0.3, 0.2), (0.3 + length, 0.2)])
 
 
-def test_lines_that_reach_their_speed_or_do_not_are_explained(arm):
+def test_the_explanation_states_where_the_assigned_velocity_is_reached(arm):
     only = ac.Limits.only(speed=SPEED, tool_acceleration=ACCELERATION)
     explanation = explained(line(0.1), arm, only)[1]
     assert names(explanation) == ["tool acceleration", "assigned velocity", "tool acceleration"]
@@ -160,7 +160,7 @@ def test_lines_that_reach_their_speed_or_do_not_are_explained(arm):
     assert explanation.assigned_length is None
 
 
-def test_the_papers_job_is_explained(traced, rounded, arm, limits):
+def test_the_explanation_of_the_paper_job_names_its_limits(traced, rounded, arm, limits):
     planned, explanation = explained(traced, arm, limits)
     half = ["joint 2 acceleration", "joint 2 acceleration", "centripetal acceleration"]
     middle = ["joint 1 acceleration", "assigned velocity", "joint 1 acceleration"]
@@ -188,7 +188,7 @@ def test_the_papers_job_is_explained(traced, rounded, arm, limits):
         assert share <= stated < share + 2e-3
 
 
-def test_every_segment_has_its_own_assigned_velocity(arm):
+def test_the_explanation_uses_the_assigned_velocity_of_each_segment(arm):
     points = [(0.3, 0.2), (0.34, 0.2), (0.38, 0.2)]
     lines = [
         ac.Line(start=points[k], end=points[k + 1], segment_limits=ac.SegmentLimits(speed=x))
@@ -219,7 +219,7 @@ def test_stops_caused_by_jerk_limits_are_named(arm):
     assert ac.explain(ac.plan(arcs, arm, free), arm, free).jerk_stops == ()
 
 
-def test_plan_traces_a_path(arm, rounded, traced, limits):
+def test_plan_traces_a_path_as_trace_does(arm, rounded, traced, limits):
     direct = ac.plan(rounded, arm, limits, ac.Paper(knots=50))
     by_hand = ac.plan(traced, arm, limits, ac.Paper(knots=50))
     assert direct.duration == by_hand.duration

@@ -36,7 +36,7 @@ def traced(request):
     return arm, path, limits, trace_all(path, arm, limits=limits)
 
 
-def test_no_plan_is_shorter_than_its_bound_and_all_come_the_fastest_first(traced):
+def test_plans_are_not_shorter_than_their_bound_and_sorted_by_duration(traced):
     arm, path, limits, candidates = traced
     durations = [roughly(x, arm, limits) for x in candidates]
     for joint_path, planned in zip(candidates, durations, strict=True):
@@ -69,7 +69,7 @@ def test_rounding_errors_do_not_select_among_equally_fast_configurations(monkeyp
         assert [x(0.0).tolist() for x in candidates] == [x(0.0).tolist() for x in usual]
 
 
-def test_bounds_have_the_closed_form():
+def test_lower_bounds_of_the_duration_have_the_closed_form():
     # One joint, 2 rad: up to speed within 0.5 rad, on for 1 rad, down within 0.5 rad.
     line = JointPath.spline([[0.0], [2.0]])
     limits = ac.Limits.only(joint_velocity=[2.0], joint_acceleration=[4.0])
@@ -83,7 +83,7 @@ def test_bounds_have_the_closed_form():
     assert 0.98 * 2.0 < fast <= 2.0
 
 
-def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):
+def test_a_long_path_out_of_reach_is_refused_like_a_short_one(monkeypatch):
     arm, messages = ac.load_arm("ur5e"), []
     path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)
     for long in (here.LONG_PATH, 1):

@@ -44,7 +44,7 @@ def planned(traced, arm, limits):
     return ac.plan(traced, arm, limits)
 
 
-def test_the_papers_job_satisfies_these_and_other_limits(
+def test_the_paper_job_satisfies_several_sets_of_limits(
     planned, rounded, arm, limits, mac, assert_within_limits, traced
 ):
     # The true optimum is 5.32606 s; shorter means a leak.
@@ -68,7 +68,7 @@ def test_the_papers_job_satisfies_these_and_other_limits(
         )
 
 
-def test_the_tool_stays_on_the_path_and_goes_one_way(planned, rounded, arm):
+def test_the_tool_stays_on_the_path_and_never_reverses(planned, rounded, arm):
     t, ends = np.linspace(0, planned.duration, 20001), [0.0, planned.duration]
     projection = rounded.project(arm.tool_position(planned(t)))
     assert projection.distance.max() < 1e-7 and np.diff(projection.s).min() > -1e-9
@@ -127,7 +127,7 @@ WAYS = {
 
 
 @pytest.mark.parametrize("top", [None, 0.5])
-def test_a_straight_joint_path_has_the_closed_form(top, assert_within_limits):
+def test_the_duration_of_a_straight_joint_path_has_the_closed_form(top, assert_within_limits):
     for way, (direction, acceleration, deceleration) in WAYS.items():
         limits = {"joint_acceleration": np.stack([-np.array(deceleration), acceleration], axis=1)}
         length, speed = np.linalg.norm(direction), np.inf
@@ -246,7 +246,7 @@ def test_the_tool_rests_at_sharp_corners(arm, limits, name, assert_within_limits
     assert name != "sharp corners" or planned.duration == pytest.approx(5.23, abs=0.01)
 
 
-def test_segments_have_their_own_speeds(arm, objective, limits, assert_within_limits):
+def test_optimal_timing_uses_segment_speeds(arm, objective, limits, assert_within_limits):
     points = objective.vertices
     lines = [
         ac.Line(start=points[k], end=points[k + 1], segment_limits=ac.SegmentLimits(speed=v))
@@ -261,7 +261,7 @@ def test_segments_have_their_own_speeds(arm, objective, limits, assert_within_li
     assert 0.06 < top[4] <= 0.15
 
 
-def test_joint_acceleration_is_the_same_in_the_general_form(
+def test_a_general_constraint_equal_to_joint_acceleration_gives_the_same_plan(
     traced, arm, limits, planned, assert_within_limits
 ):
     def coefficients(s, side):
@@ -276,7 +276,7 @@ def test_joint_acceleration_is_the_same_in_the_general_form(
     assert again.duration == pytest.approx(planned.duration, rel=1e-5)
 
 
-def test_gravity_helps_one_direction_and_may_exceed_a_limit(refuses):
+def test_gravity_helps_one_direction_and_is_refused_above_the_limit(refuses):
     def gravity(weight):
         """A joint that has to hold its weight."""
 
@@ -337,7 +337,7 @@ def test_margins_between_grid_points_cost_little_time(traced, arm, limits, inter
 
 
 @pytest.mark.parametrize("jerk", [None, 20.0])
-def test_mirrored_paths_exchange_the_bounds_by_direction(assert_within_limits, jerk):
+def test_a_mirrored_path_with_exchanged_bounds_takes_the_same_time(assert_within_limits, jerk):
     rng = np.random.default_rng(700036000)
     points = np.cumsum(rng.normal(size=(6, 3)), axis=0)
     bounds = {"joint_velocity": (0.3, 2), "joint_acceleration": (0.5, 5)}
@@ -380,7 +380,7 @@ def turns_of(path):
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_one_joint_moves_as_fast_as_it_can_along_uneven_paths(seed):
+def test_one_joint_moves_as_fast_along_an_uneven_as_along_an_even_path(seed):
     path, acceleration = one_joint(seed), 2.0
     best = (2 * np.sqrt(abs(np.diff(turns_of(path))) / acceleration)).sum()
     planned = ac.plan(path, limits=ac.Limits.only(joint_acceleration=acceleration))

@@ -95,7 +95,7 @@ def test_the_papers_job_satisfies_every_limit_and_one_joint_is_at_its_limit(
             assert top.max() < 0.9, stretch.name
 
 
-def test_the_papers_job_is_continuous_and_tiled_by_its_switching_points(arm, rounded, mac):
+def test_the_paper_job_is_continuous_and_divided_at_its_switching_points(arm, rounded, mac):
     breaks = mac.breaks[1:-1]
     np.testing.assert_allclose(mac(breaks, side="left"), mac(breaks), atol=1e-12)
     jumps = np.abs(mac(breaks, 1) - mac(breaks, 1, side="left")).max(axis=1)
@@ -114,7 +114,7 @@ def test_the_papers_job_is_continuous_and_tiled_by_its_switching_points(arm, rou
     assert len(mac.switching_points) == 10  # P0 to P9
 
 
-def test_corners_are_run_at_their_own_speed(arm, rounded, limits, mac):
+def test_corners_are_passed_at_their_own_speed(arm, rounded, limits, mac):
     corners = [x for x in mac.stretches if x.kind == "corner"]
     for number, stretch in enumerate(corners):
         t = np.linspace(*stretch.t, 102)[1:-1]
@@ -167,7 +167,7 @@ def test_a_short_line_reduces_the_speed_of_its_corner(arm, limits):
         assert np.abs(planned(breaks, 1) - planned(breaks, 1, side="left")).max() < 2e-3, points
 
 
-def test_an_intersection_next_to_a_knot_satisfies_the_limit(arm, limits):
+def test_passes_that_meet_between_two_knots_satisfy_the_limit(arm, limits):
     # The end is moved by less than a lap, so that the passes meet anywhere between two knots.
     for seed in range(30):
         path = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15 + 1e-4 * seed)])
@@ -176,7 +176,7 @@ def test_an_intersection_next_to_a_knot_satisfies_the_limit(arm, limits):
         assert_accelerations_kept(planned, limits.joint_acceleration)
 
 
-def test_segments_have_their_own_speeds(arm, objective, limits):
+def test_the_paper_method_reaches_the_speed_of_each_segment(arm, objective, limits):
     points = objective.vertices
     lines = [
         ac.Line(start=points[i], end=points[i + 1], segment_limits=ac.SegmentLimits(speed=x))

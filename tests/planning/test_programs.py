@@ -105,7 +105,7 @@ def judged(program, arm, limits, trajectory):
         np.testing.assert_allclose(positions, event.point, atol=1e-9)
 
 
-def test_programs_in_the_plane_have_all_their_properties():
+def test_programs_in_the_plane_are_planned_with_events_and_dwells():
     start, stop = Event(name="spindle", value="forward"), Event(name="spindle", value=False)
     over = Rapid(path=Path.polyline([[0.3, 0.1], [0.32, 0.17], [0.3, 0.2]]))
     moves = start, Dwell(duration=0.5), Contour(path=SQUARE, name="square"), Event(name="coolant")
@@ -124,7 +124,7 @@ def test_programs_in_the_plane_have_all_their_properties():
     assert (last.name, last.t) == ("spindle", pytest.approx(trajectory.duration))
 
 
-def test_programs_in_space_have_all_their_properties():
+def test_programs_in_space_are_planned_within_their_limits():
     process = dataclasses.replace(AROUND, approach=0.02, retract=0.03)
     program = ac.prepare(program_of(in_space(SQUARE), in_space(BEND)), process)
     program = ac.round_corners(program, tolerance=5e-4, angular_tolerance=0.1)
@@ -162,7 +162,7 @@ def test_the_other_methods_also_plan_programs(method):
     assert b.t == pytest.approx(b.due - 0.05, abs=1e-15)
 
 
-def test_leads_of_events_are_exact_in_time():
+def test_events_are_advanced_by_exactly_their_lead_time():
     s, early = (0.03, 0.02, 0.03, 0.03, 0.02), (0, 0, 0.25, -0.25, 0.1)
     events = tuple(
         Event(name=name, s=s, lead_time=t) for name, s, t in zip("abcde", s, early, strict=True)
@@ -207,7 +207,7 @@ def test_events_off_the_contour_before_the_motion_or_out_of_order_are_refused(re
 
 
 @pytest.mark.parametrize("arm", [PMK3S, UR5E], ids=lambda x: x.name)
-def test_free_rapids_are_bang_bang_at_the_limits_of_the_joints(arm):
+def test_free_rapids_alternate_between_the_limits_of_the_joints(arm):
     paths = (SQUARE, BEND) if arm is PMK3S else (in_space(SQUARE), in_space(BEND))
     # Only joint acceleration and velocity bind, and rapids have no limits of the tool.
     acceleration, fast = np.linspace(2.0, 3.0, arm.dof), np.linspace(0.3, 0.4, arm.dof)
@@ -261,7 +261,7 @@ def test_rapids_and_approaches_never_exceed_their_speeds(jerk):
         assert short == pytest.approx([0.1] * len(short), rel=1e-6) and max(short) <= 0.1 + 1e-12
 
 
-def test_the_reserve_also_applies_to_rapids():
+def test_the_reserve_applies_to_rapids():
     second = Path.polyline([[0.35, 0.25], [0.3, 0.25]])
     spans = ac.plan(program_of(BEND, Rapid(), second), PMK3S, IN_PLANE).spans
     assert [x.kind for x in spans] == ["contour", "contour"]  # they meet
@@ -392,7 +392,7 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
 
 
 @pytest.mark.parametrize("method", ["optimal", "paper", "conventional"])
-def test_a_path_its_program_and_its_joint_path_have_the_same_plan(method):
+def test_a_path_and_its_program_and_its_joint_path_have_the_same_plan(method):
     path = ac.round_corners(BEND, tolerance=1e-3)
     program = program_of(path)
     motions = (

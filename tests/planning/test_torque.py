@@ -61,7 +61,7 @@ def test_torque_is_respected_at_stops_and_end_speeds():
     assert (law.speeds[np.searchsorted(law.s, path.stops)] == 0).all()
 
 
-def test_dry_friction_may_be_nearly_all_that_gravity_leaves():
+def test_a_torque_limit_just_above_gravity_and_friction_is_satisfied():
     arm = ur5e(viscous=VISCOUS)
     path = ac.JointPath.spline([(0.0, -0.5, 0.3, 0, 0, 0), (0.5, 0.4, 0.5, 0, 0, 0)])
     q = path(np.linspace(0, path.length, 1000))

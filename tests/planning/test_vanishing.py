@@ -63,7 +63,7 @@ def test_the_robustness_suite_of_toppra_is_planned(name, worst_ratios):
 WAY = np.array([0.3, -1.1, 0.7])
 
 
-def test_a_cubic_that_rests_at_a_point_is_refused(refuses):
+def test_a_joint_path_that_rests_at_a_point_is_refused(refuses):
     coefficients = np.zeros((2, 6, 3))
     coefficients[0, :4] = np.array([-1.0, 3.0, -3.0, 1.0])[:, None] * WAY
     coefficients[1, 3] = WAY
@@ -72,7 +72,7 @@ def test_a_cubic_that_rests_at_a_point_is_refused(refuses):
     refuses(lambda: ac.plan(path, limits=limits), ac.NotRealizable, "too uneven there")
 
 
-def test_pieces_in_which_nothing_moves_are_refused(refuses):
+def test_joint_paths_with_a_part_without_motion_are_refused(refuses):
     limits = ac.Limits.only(joint_acceleration=2.0)
     still = np.zeros((3, 6, 1))
     still[0, 1], still[1:, 0], still[2, 1] = 1.0, 1.0, 1.0

@@ -76,7 +76,7 @@ def test_a_contour_that_the_kerf_divides_becomes_several_named_contours():
     assert names(cut(*drawn, kerf=0.003)) == ["slot", "outline"]
 
 
-def test_a_kerf_is_inside_of_holes_and_refused_there_on_every_layer():
+def test_a_kerf_too_wide_for_a_hole_is_refused_on_every_layer():
     outline = circle(0, 0, 0.05, layer="CUT")
     for layer in ("CUT", "HOLES"):
         hole = circle(0.01, 0, 0.0045, name="hole 7", layer=layer)
@@ -90,7 +90,7 @@ def test_a_kerf_is_inside_of_holes_and_refused_there_on_every_layer():
         refused((lambda x=near: cut(outline, x, kerf=1.2e-3),))
 
 
-def test_layers_may_have_a_kerf_of_their_own():
+def test_a_layer_can_have_its_own_kerf():
     outline, hole = circle(0, 0, 0.05, layer="A"), circle(0, 0, 0.02, layer="B")
     by_layer = {"B": {"kerf": 4e-3}}
     cut_program = cut(outline, hole, kerf=1e-3, by_layer=by_layer)
@@ -126,7 +126,7 @@ def test_contours_that_cross_themselves_or_are_too_near_are_refused():
     assert len(cut(*rings, kerf=0.9e-4).contours) == 3
 
 
-def test_open_contours_have_no_waste_and_stay_unless_a_side_is_given():
+def test_open_contours_are_offset_only_if_a_side_is_given():
     mark = Contour(path=BEND, name="mark")
     cut_program = cut(mark, circle(0, 0, 0.2), kerf=2e-3)
     assert any(x.path is BEND for x in cut_program.contours)
@@ -141,7 +141,7 @@ def test_open_contours_have_no_waste_and_stay_unless_a_side_is_given():
     np.testing.assert_allclose(right([0, right.length]), [[0, -1e-3], [0.051, 0.05]], atol=1e-15)
 
 
-def test_random_cuts_next_to_open_contours_have_their_distance_or_are_refused():
+def test_random_cuts_keep_their_distance_to_open_contours_or_are_refused():
     rng = np.random.default_rng(3)
     refusals = 0
     for _ in range(80):
@@ -177,7 +177,7 @@ def test_in_space_the_cut_is_in_the_plane_of_the_contour(held):
         np.testing.assert_allclose(axes[:, :, 0], offset_path(places, 1), atol=1e-9)
 
 
-def test_events_rapids_and_leads_are_moved_with_the_cut():
+def test_events_and_rapids_and_leads_move_with_the_kerf():
     corner = (0.1, 0.06)
     first = line((0, 0), (0.1, 0), speed=0.02, tolerance=1e-3)
     path = path_of(first, line((0.1, 0), corner), line(corner, (0, 0)))

@@ -33,7 +33,7 @@ def contour(path=LINE, **values):
     return Contour(path=path, **values)
 
 
-def test_refuses_invalid_programs():
+def test_invalid_programs_are_refused():
     nan = float("nan")
     drawn = program(contour(name="1", layer="a"), contour(name="2", layer="b"), source="x.dxf")
     events_beyond = (Event(name="laser", s=0.2),)
@@ -76,7 +76,7 @@ def test_refuses_invalid_programs():
     refused(*((lambda x=x: Event(name="gas", value=x), "gas") for x in (None, nan, [1], 1j)))
 
 
-def test_events_are_ordered_by_arc_length_and_keep_their_order_at_one_point():
+def test_events_are_sorted_by_arc_length_and_stay_in_order_at_one_point():
     events = (Event(name="b", s=0.05), Event(name="a", s=0.01), Event(name="c", s=0.01))
     assert [x.name for x in contour(events=events).events] == ["a", "c", "b"]
     # They may come one by one.
@@ -84,7 +84,7 @@ def test_events_are_ordered_by_arc_length_and_keep_their_order_at_one_point():
     assert len(Process(events=iter(events)).events) == 3
 
 
-def test_places_a_program_with_its_rapids_and_the_places_of_its_events():
+def test_a_placed_program_moves_and_scales_its_rapids_and_events():
     first = contour(events=(Event(name="x", s=0.025),), work=(0.01, 0.09))
     drawn = program(first, Rapid(path=OVER), contour(BACK))
     frame = Frame(position=[0.2, 0.3, 0.0], rotation=[[0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -101,7 +101,7 @@ def test_places_a_program_with_its_rapids_and_the_places_of_its_events():
     np.testing.assert_allclose(lifted.contours[1].path(0.1), [0.0, 0.1, 0.1], atol=1e-15)
 
 
-def test_programs_are_flattened_with_their_events_work_and_switches():
+def test_projected_programs_keep_their_events_work_and_switches():
     ramp = ac.Path.polyline([*DOWN, [0.03, 0.0, 0.04], [0.13, 0.0, 0.04]])
     events = (Event(name="x", s=0.125), Event(name="y", s=0.17))
     rapid = Rapid(path=ac.Path.polyline(DOWN))
@@ -119,7 +119,7 @@ def test_programs_are_flattened_with_their_events_work_and_switches():
     assert held.path.orientation is None and "the tool orientation" in held.notes[0]
 
 
-def test_contours_are_selected_and_called_by_layer_and_name():
+def test_contours_are_selected_and_labelled_by_layer_and_name():
     first, second = contours = contour(name="1", layer="a"), contour(name="CUT", layer="b")
     drawn = program(*contours)
     assert drawn.selected(layers=["b"]).contours == (second,)
@@ -131,7 +131,7 @@ def test_contours_are_selected_and_called_by_layer_and_name():
     assert called == ["contour 1", "contour 2 (E7)", "contour 4", "contour 4 (line 12)"]
 
 
-def test_names_are_a_line_of_80_printable_characters():
+def test_names_are_one_line_of_at_most_80_printable_characters():
     escape = "a\x1b]52;c;cA==\x1b"
     odd = "a\nb", "a\rb", "a\x85b", "a\u202eb", "a\u2028b", "a\ud800b", "\0", escape
     for name in (*odd, "x" * 81):
@@ -153,7 +153,7 @@ def test_names_are_a_line_of_80_printable_characters():
     assert named.source == r"a\u202eb.dxf"
 
 
-def test_a_path_becomes_a_program_whose_single_path_has_nothing_around_it():
+def test_a_program_from_a_path_adds_nothing_to_the_path():
     copy = Program.from_path(LINE)
     assert copy.path is copy.single_path is LINE and len(copy.moves) == 1
     assert Program.from_path(copy) is copy
@@ -190,7 +190,7 @@ def test_a_path_becomes_a_program_whose_single_path_has_nothing_around_it():
 # -------------------------------------------------------------------------------------- repeated
 
 
-def test_repeats_every_move_in_rows_and_columns():
+def test_a_repeated_program_has_every_move_in_rows_and_columns():
     hole = contour(name="hole", events=(Event(name="x", s=0.025),), work=(0.01, 0.09))
     moves = Event(name="vacuum"), hole, Rapid(path=OVER), Dwell(duration=0.5), contour(BACK)
     size = {"columns": 3, "rows": 2, "column_spacing": 0.2, "row_spacing": -0.3}

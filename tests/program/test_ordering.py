@@ -64,7 +64,7 @@ def test_inner_contours_come_first_part_by_part():
         assert names(arranged) == [x.name for x in PARTS] and not arranged.notes
 
 
-def test_a_warning_names_what_is_cut_too_early():
+def test_a_warning_names_contours_that_are_cut_too_early():
     (note,) = ordered(PARTS, lead_in=WASTE, order="drawn").notes
     assert "(outline) is cut before contour " in note and "likewise 3 more" in note
     # The order of G-code has a meaning, and stays.
@@ -96,7 +96,7 @@ def test_inner_contours_are_cut_first_in_any_order(order, seed):
 # ------------------------------------------------------------------------------------- shortest
 
 
-def test_closed_contours_begin_where_the_rapid_is_short():
+def test_the_start_of_a_closed_contour_shortens_the_rapid():
     rings = [circle(0.1 * i, 0, 0.04, str(i)) for i in (0, 2, 1, 3)]
     arranged = ordered(rings, order="shortest")
     assert names(arranged) in (["0", "1", "2", "3"], ["3", "2", "1", "0"])
@@ -115,7 +115,7 @@ def test_closed_contours_begin_where_the_rapid_is_short():
     assert len(round_ones) == 24 and round_ones[0] == 0
 
 
-def test_outputs_are_on_at_work_only():
+def test_outputs_are_on_only_along_the_contour():
     assert sum(outputs.judge_program(seed) for seed in range(30)) > 3000
 
 
@@ -136,7 +136,7 @@ def held_karp(places, upper):
 
 
 @pytest.mark.parametrize("closed", [True, False])
-def test_hundreds_of_contours_come_near_a_lower_bound(closed):
+def test_the_rapids_of_hundreds_of_contours_are_near_a_lower_bound(closed):
     rng = np.random.default_rng(5)
     contours = []
     for i, (x, y) in enumerate(rng.uniform(0, 1, (250, 2))):

@@ -59,7 +59,7 @@ def in_space(path, z=0.0):
 # ---------------------------------------------------------------------------------------- leads
 
 
-def test_leads_along_a_line_go_on_along_the_tangents():
+def test_line_leads_continue_along_the_tangents():
     prepared_contour = only(BEND, Process(lead_in=Lead(length=0.02), lead_out=Lead(length=0.01)))
     points = [[0.28, 0.2], [0.3, 0.2], [0.35, 0.2], [0.35, 0.25], [0.35, 0.26]]
     np.testing.assert_allclose(prepared_contour.path.vertices, points, atol=1e-15)
@@ -77,7 +77,7 @@ def test_leads_along_a_line_go_on_along_the_tangents():
     st.sampled_from(["left", "right"]),
     st.floats(1e-3, 0.1),
 )
-def test_leads_in_a_tilted_plane_are_tangent_and_stay_in_it(yaw, tilt, shape, side, length):
+def test_leads_in_a_tilted_plane_are_tangent_and_stay_in_that_plane(yaw, tilt, shape, side, length):
     turn = ac.Frame.rpy((0, 0, 0), (tilt, 0, yaw)).rotation
     flat = np.array([[0.0, 0, 0], [0.05, 0.01, 0], [0.05, 0.06, 0]])
     path = Path.polyline(flat @ turn.T + [0.4, 0, 0.3])
@@ -111,7 +111,7 @@ def test_the_tool_has_the_orientation_of_the_ends_along_leads():
         np.testing.assert_allclose(tangent, expected, atol=1e-9)
 
 
-def test_leads_take_demands_of_segments_and_given_lengths():
+def test_leads_have_the_speed_and_tolerance_of_the_adjacent_segment():
     first = line([0.3, 0], [0.4, 0], speed=0.05, tolerance=1e-4)
     lead = Lead(length=0.01)
     drawn = path_of(first, line([0.4, 0], [0.5, 0], speed=0.08))
@@ -133,7 +133,7 @@ def test_leads_take_demands_of_segments_and_given_lengths():
 # ------------------------------------------------------------------------ beginnings and overlaps
 
 
-def test_a_closed_contour_begins_off_its_corners_so_that_all_are_rounded():
+def test_a_closed_contour_begins_away_from_corners_so_that_all_are_rounded():
     done, drawn = (prepare(program(SQUARE), x) for x in (Process(), DRAWN))
     path = done.contours[0].path
     np.testing.assert_allclose(path(0.0), [0.33, 0.1], atol=1e-15)
@@ -167,7 +167,7 @@ def test_a_closed_contour_begins_at_the_requested_point(begin, start):
 
 
 @each("overlap", [0.004, 0.03, 0.2, 0.45])
-def test_overlap_goes_on_along_the_contour_by_its_length(overlap):
+def test_an_overlap_continues_along_the_contour_by_its_length(overlap):
     path = only(SQUARE, Process(begin=0.07, overlap=overlap)).path
     assert path.length == pytest.approx(0.2 + overlap, abs=1e-12)
     s = np.linspace(0, overlap, 23)
@@ -257,7 +257,7 @@ def test_a_moved_start_keeps_the_values_that_the_program_has_set_before():
     st.floats(0, 0.19),
     st.sampled_from([0.0, 1e-3]),
 )
-def test_events_keep_their_points_when_their_contour_changes(
+def test_events_stay_at_their_points_if_the_contour_changes(
     places, begin, overlap, lead, shape, resume_at, tolerance
 ):
     events = tuple(Event(name=f"e{i}", s=s) for i, s in enumerate(places))
@@ -294,7 +294,7 @@ def test_events_keep_their_points_when_their_contour_changes(
     assert [x.name for x in rounded.events] == [x.name for x in prepared_contour.events]
 
 
-def test_events_of_the_process_and_at_the_ends_stay_at_their_places():
+def test_events_of_the_process_keep_their_distance_from_the_ends():
     events = (Event(name="on", s=0.0), Event(name="off", s=0.2), Event(name="mid", s=0.06))
     process = Process(begin=0.05, overlap=0.03, lead_in=Lead(length=0.01))
     prepared_contour = only(
@@ -317,7 +317,7 @@ def test_events_of_the_process_and_at_the_ends_stay_at_their_places():
 # -------------------------------------------------------------------------------------- resumption
 
 
-def test_resumes_on_a_later_contour_with_what_was_switched_before():
+def test_a_program_resumed_on_a_later_contour_has_the_earlier_output_states():
     moves = (
         Event(name="spindle", value="forward"),
         Contour(path=BEND, name="a", events=(Event(name="coolant", s=0.05),)),
@@ -339,7 +339,7 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before():
     assert c.path is BEND
 
 
-def test_resumes_at_an_end_within_a_contour_and_at_an_event():
+def test_a_program_resumes_at_an_end_within_a_contour_and_at_an_event():
     drawn = program(BEND, Contour(path=SQUARE, name="b"))
     prepared_contour = only(drawn, Process(resume_at=BEND.length))
     assert prepared_contour.name == "b" and prepared_contour.path.length == pytest.approx(
@@ -375,7 +375,7 @@ def test_resumes_at_an_end_within_a_contour_and_at_an_event():
 # ------------------------------------------------------------------------------ rapids and heights
 
 
-def test_rapids_of_the_program_go_where_leads_and_overlaps_have_moved_the_ends():
+def test_rapids_of_the_program_end_at_the_leads_and_overlaps():
     up, over = [0.35, 0.25, 0.05], [0.3, 0.1, 0.05]
     rapid = Rapid(path=Path.polyline([[0.35, 0.25, 0], up, over, [0.3, 0.1, 0]]))
     spindle_off = Event(name="spindle", value=False)
@@ -392,7 +392,7 @@ def test_rapids_of_the_program_go_where_leads_and_overlaps_have_moved_the_ends()
         np.testing.assert_allclose(rapid_path.vertices, points, atol=1e-15)
 
 
-def test_approaches_and_retracts_where_the_program_has_no_rapid():
+def test_approach_and_retract_are_added_where_the_program_has_no_rapid():
     path = Path.polyline([[0.4, 0, 0.1], [0.45, 0, 0.1]]).pointing([[0, 0, -1.0], [0, 0.6, -0.8]])
     tilt = np.array([0.0, 0.6, 0.8])
     process = Process(approach=0.03, retract=0.02, up=tilt, approach_speed=0.1)
@@ -445,7 +445,7 @@ def test_rapids_without_a_speed_get_the_rapid_speed():
 # --------------------------------------------------------------------------------- layers, orders
 
 
-def test_values_of_layers_apply_where_segments_have_none():
+def test_values_of_a_layer_apply_to_segments_without_their_own():
     first = line([0.3, 0], [0.4, 0], speed=0.05)
     path = path_of(first, line([0.4, 0], [0.4, 0.1], tolerance=1e-4))
     two = program(*(Contour(path=path, layer=x) for x in ("cut", "mark")))
@@ -458,7 +458,7 @@ def test_values_of_layers_apply_where_segments_have_none():
     refused((lambda: prepare(two, other), "'engrave'", "'cut', 'mark'"))
 
 
-def test_refuses_invalid_values_of_a_process():
+def test_invalid_values_of_a_process_are_refused():
     nan, inf = float("nan"), float("inf")
     processes = [
         ({"overlap": -1.0}, "overlap"),
@@ -512,7 +512,7 @@ def test_refuses_invalid_values_of_a_process():
 # --------------------------------------------------------------------------- passes and by layer
 
 
-def test_closed_contours_are_run_in_laps_and_open_ones_again():
+def test_passes_are_laps_of_closed_and_repetitions_of_open_contours():
     lap = SQUARE.length
     events = (Event(name="mark", s=0.03), Event(name="end", s=lap))
     closed = Contour(path=SQUARE, name="part", events=events)
@@ -533,7 +533,7 @@ def test_closed_contours_are_run_in_laps_and_open_ones_again():
         assert [y.name for y in x.events] == ["laser", "mark", "laser"]
 
 
-def test_contours_of_a_layer_have_values_of_their_own():
+def test_contours_of_a_layer_have_the_process_values_of_the_layer():
     layer_values = {"lead_in": None, "overlap": 0.0, "dwell": 0.0, "passes": 2}
     layer_values["switch"] = Switch(name="laser", value=0.2)
     process_values = {"overlap": 1e-3, "lead_in": Lead(length=2e-3, shape="arc"), "dwell": 0.5}
@@ -552,7 +552,7 @@ def test_contours_of_a_layer_have_values_of_their_own():
     assert process.of_contour(Contour(path=SQUARE, layer="other")) is process
 
 
-def test_a_layer_is_woven_between_its_leads():
+def test_the_contours_of_a_layer_are_woven_between_their_leads():
     seam, lead = path_of(line([0.3, 0.1], [0.4, 0.1], speed=0.01)), Lead(length=2e-3)
     around = {"lead_in": lead, "lead_out": lead, "switch": Switch(name="arc")}
     by_layer = {"WELD": {"weave": Weave(width=4e-3, pitch=5e-3)}}

@@ -47,7 +47,7 @@ def parents(*contours, up=UP):
     return find_nesting(contours, up).parents.tolist()
 
 
-def test_parents_and_areas_are_those_of_exact_arcs():
+def test_parents_and_areas_of_contours_are_exact_for_arcs():
     hole = circle(0, 0, 0.02)
     turned = ac.Contour(path=hole.path.reversed())
     half = arc((0.02, 0), (0.02, 0.01), np.pi)
@@ -65,7 +65,7 @@ def test_parents_and_areas_are_those_of_exact_arcs():
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=15)
-def test_the_winding_number_is_that_of_a_fine_polygon(seed):
+def test_the_winding_number_equals_that_of_a_fine_polygon(seed):
     rng = np.random.default_rng(seed)
     angles = np.sort(rng.uniform(0, 2 * np.pi, 6))
     knots = rng.uniform(0.5, 1.0, 6)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -87,7 +87,7 @@ def test_the_winding_number_is_that_of_a_fine_polygon(seed):
     assert (holds == (wound != 0))[clear].all()
 
 
-def test_a_point_at_the_height_of_a_vertex_that_is_off_by_rounding_is_inside():
+def test_a_point_level_with_a_rounded_vertex_is_inside():
     # The arc ends 2e-17 above the start of the line after it, at the height of the mark.
     first = arc((0.05, 0.06), (0.0, 0.06), -0.5)
     end = path_of(first).vertices[-1]

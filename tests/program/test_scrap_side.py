@@ -39,7 +39,7 @@ def ends(contour):
     return contour.path([0.0, contour.path.length])
 
 
-def test_waste_is_outside_of_outlines_inside_of_holes_on_layers_that_are_cut():
+def test_waste_is_outside_outlines_and_inside_holes_of_cut_layers():
     sides = waste_sides(contours(OUTLINE, HOLE, ISLAND, OPEN), PLAIN)
     assert sides == ["right", "left", "right", "left"]
     turned = [x.reversed() for x in (OUTLINE, HOLE, ISLAND)]
@@ -92,7 +92,7 @@ def longest(*moves, **values):
     return caught.value.allowed
 
 
-def test_a_lead_that_leaves_its_hole_is_refused_on_every_layer_with_the_longest_that_fits():
+def test_a_lead_that_leaves_its_hole_is_refused_with_the_longest_valid_one():
     (plate,), small = contours(OUTLINE), circle(3e-3)
     for layer in ("CUT", "HOLES"):
         (hole,) = contours(small, layer=layer)
@@ -175,7 +175,7 @@ def turns_left(path, up=(0.0, 0.0, 1.0)):
         ("counterclockwise", [True] * 3),
     ],
 )
-def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direction, turning_left):
+def test_closed_contours_run_in_the_direction_of_the_process(direction, turning_left):
     frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
     up = frame.rotation[:, 2]
     drawn = OUTLINE, HOLE, ISLAND
@@ -194,7 +194,7 @@ def test_closed_contours_run_in_the_direction_of_the_process_however_drawn(direc
     assert [turns_left(x.path, up) for x in prepared_contours[:3]] == turning_left
 
 
-def test_a_layer_has_its_own_direction_unless_events_fix_the_drawn_one():
+def test_a_layer_has_its_own_direction_unless_its_contours_have_events():
     moves = [*contours(OUTLINE), *contours(HOLE, layer="HOLES")]
     by_layer = {"HOLES": {"direction": "clockwise"}}
     prepared_contours = prepared(

@@ -62,7 +62,7 @@ def test_outputs_that_are_on_during_rapids_are_switched_off():
         assert on == (span.kind == "contour" and span.name != "line 10"), span.name
 
 
-def test_a_switch_of_an_output_that_the_file_switches_adds_its_leads_only():
+def test_a_switch_adds_only_leads_if_the_file_switches_the_output():
     program = read_gcode(GLUE, source="part.ngc", options=ReadOptions())
     switch = Switch(name="output 1", on_lead=0.02, off_lead=0.01)
     (contour,) = ac.prepare(program, ac.Process(switch=switch)).contours
@@ -73,7 +73,7 @@ def test_a_switch_of_an_output_that_the_file_switches_adds_its_leads_only():
     assert states(laser(switch=Switch(name="spindle", value=0.5)).contours[2]) == []
 
 
-def test_passes_and_tabs_leave_the_output_as_the_program_has_it():
+def test_passes_and_tabs_keep_the_outputs_of_the_program():
     gap = ac.Event(name="laser", value=False, s=0.09)
     first, second = contours(ac.Path.polyline([(0, 0), (0.1, 0)]), gap, passes=2)
     assert states(first, "laser") == states(second, "laser") == [(True, 0.0), (False, 0.09)]
@@ -93,7 +93,7 @@ def test_passes_and_tabs_leave_the_output_as_the_program_has_it():
     assert cut(switch_off - 4e-3, on - 4e-3) == [start, (False, sooner), (True, on), end]
 
 
-def test_resuming_behind_a_contour_with_tabs_keeps_the_output_off_until_the_work():
+def test_after_a_resume_the_output_stays_off_until_the_contour_begins():
     angles = np.linspace(0, 2 * np.pi, 60)
     ring = 0.02 * np.column_stack([np.cos(angles), np.sin(angles)])
     circles = [ac.Path.polyline(ring + [x, 0.0]) for x in (0.0, 0.1)]

@@ -40,7 +40,7 @@ def check_even(path, tabs):
 
 
 @each("count", [1, 3, 4])
-def test_tabs_of_a_circle_are_evenly_spaced(count):
+def test_tabs_on_a_circle_are_evenly_spaced(count):
     contour = cut(CIRCLE, tabs := Tabs(count=count, width=1e-3))
     check_even(CIRCLE, tabs)
     np.testing.assert_allclose(np.diff(gaps(contour)), 1e-3, atol=1e-12)
@@ -63,7 +63,7 @@ def test_tabs_keep_a_width_from_corners_starts_and_each_other(count, width, smoo
         assert after - before >= width - 1e-12
 
 
-def test_laps_polylines_and_resumed_programs_have_tabs():
+def test_every_lap_and_polyline_and_resumed_program_has_tabs():
     plain = gaps(cut(CIRCLE, TWO))
     lap = CIRCLE.length
     # The overlap ends within the first tab of the fourth lap.
@@ -81,7 +81,7 @@ def test_laps_polylines_and_resumed_programs_have_tabs():
     np.testing.assert_allclose(resumed[1:], np.array(rest) - (a + b) / 2, atol=1e-12)
 
 
-def test_open_contours_have_no_tabs_and_short_ones_no_room():
+def test_open_contours_have_no_tabs_and_too_short_contours_are_refused():
     assert not gaps(cut(Path.polyline([[0, 0], [0.1, 0]]), TWO))
     close = Tabs(spacing=1e-6, width=1e-7)
     refused(

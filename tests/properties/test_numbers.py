@@ -64,7 +64,7 @@ def read_text(text, folder):
     return None
 
 
-def test_the_schema_has_its_numbers():
+def test_the_schema_states_the_ranges_of_numbers():
     assert len(FIELDS) >= 142
     for place in [("servo", "kp"), ("servo", "kp", 0), ("runs", "*", "timing", "reserve")]:
         assert place in FIELDS
@@ -95,7 +95,7 @@ def check_field(place, words, folder):
             yield f"{shown(place)}: {word} is read"
 
 
-def test_a_number_is_read_or_refused_with_one_sentence(tmp_path):
+def test_every_number_is_read_or_refused_with_one_sentence(tmp_path):
     with pytest.raises(RuntimeWarning):  # warnings are errors here
         warnings.warn("overflow", RuntimeWarning, stacklevel=1)
     # One of the hostile numbers for each field, in turn.

@@ -43,7 +43,7 @@ TURNS = np.array([[-0.1], [-0.4], [0.0], [0.2], [0.3], [0.6], [0.1]])
 
 @example(problem=(TURNS, ac.Limits.only(joint_acceleration=np.array([2.0]))), intervals=10)
 @given(problem=problems(), intervals=st.sampled_from([10, 60, 300, 1500]))
-def test_the_motion_moves_forward_within_its_limits(problem, intervals, worst_ratios):
+def test_random_plans_move_forward_within_their_limits(problem, intervals, worst_ratios):
     points, limits = problem
     planned = plan(points, limits, intervals)
     law = planned.laws[0]

@@ -24,7 +24,7 @@ def gentle(path):
 
 
 @given(polylines, tolerances)
-def test_every_corner_uses_its_tolerance_or_half_of_a_line(points, tolerance):
+def test_every_rounded_corner_uses_its_tolerance_or_half_of_a_line(points, tolerance):
     path = ac.Path.polyline(points)
     if not gentle(path):
         return
@@ -194,7 +194,7 @@ def test_random_polylines_are_rounded_within_their_tolerance():
     assert stopped_ones > BATCH / 5 and merged_ones > BATCH / 5
 
 
-def test_an_angular_tolerance_of_zero_stops():
+def test_an_angular_tolerance_of_zero_stops_the_tool_at_corners():
     line = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 1)])
     turns = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.1], [0, 0, 0.4], [0, 0, 0.3], [0, 0, 0.1]])
     made = rounded(line.oriented(turns), 0.1, 0.0)

@@ -11,7 +11,7 @@ PLACES = 3
 
 
 @pytest.mark.parametrize("first", range(0, 400, BATCH))
-def test_random_problems_are_planned_within_their_limits(first, monkeypatch):
+def test_random_problems_of_the_soak_are_planned_within_their_limits(first, monkeypatch):
     monkeypatch.setattr("soak.timing.PLACES", PLACES)
     outcomes = {seed: timing.run(seed) for seed in range(first, first + BATCH)}
     assert {seed: x.notes for seed, x in outcomes.items() if x.notes} == {}

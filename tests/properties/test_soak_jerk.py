@@ -20,6 +20,6 @@ def test_random_plans_satisfy_their_limits(judged, seeds):
     assert {seed: x.notes for seed, x in outcomes.items() if x.notes} == {}
 
 
-def test_searches_that_end_early_satisfy_all_limits():
+def test_jerk_limited_searches_that_end_early_satisfy_all_limits():
     for seed in (5, 48):
         assert early(seed) == [], seed

@@ -55,7 +55,7 @@ def first_screen(page):
     return page[page.index('<section class="front">') : page.index("</section>")]
 
 
-def test_the_first_screen_answers_before_any_figure(study, page):
+def test_the_first_screen_states_the_verdict_before_any_figure(study, page):
     front = first_screen(page)
     assert "<script" not in front
     durations = {x: y.trajectory.duration for x, y in study.runs.items() if y.kept}
@@ -85,7 +85,7 @@ def test_the_report_is_written_completely_or_not_at_all(study, tmp_path):
     assert [x.name for x in tmp_path.iterdir()] == ["report.html"]
 
 
-def test_thinning_keeps_every_peak_and_both_ends_of_every_part():
+def test_thinned_curves_keep_every_peak_and_the_ends_of_every_part():
     t = np.linspace(0, 1, 100_000)
     y = np.zeros_like(t)
     y[54_321], y[12_345] = 7.0, -3.0
@@ -120,7 +120,7 @@ def test_a_page_contains_its_figures_and_their_script(page, study):
     assert 'id="packed-' not in render_table("a", "", ("b",), [("c",)])
 
 
-def test_an_arm_moves_as_planned_along_the_path(page, study):
+def test_the_animated_arm_moves_as_planned_along_the_path(page, study):
     arm, motion = (
         MessageFrame.unpack(unpacked(page, f"figure-arm-1-{x}")) for x in ("arm", "motion")
     )
@@ -142,7 +142,7 @@ def test_an_arm_moves_as_planned_along_the_path(page, study):
     assert distances.max() < 1e-3 and len({x["light"] for x in motion.header["lines"]}) > 1
 
 
-def test_errors_are_shares_of_the_allowed_error(study):
+def test_errors_are_shown_in_percent_of_the_allowed_error(study):
     for name in ("optimal", "shaped"):
         alone = dataclasses.replace(study, runs={name: study.runs[name]})
         plot, e = sections.motion.error(alone), study.runs[name].evaluation.contour_error
@@ -164,7 +164,7 @@ def test_figures_of_a_result_are_pages(study, tmp_path):
         assert "<iframe" in result.figure(kind)._repr_html_()
 
 
-def test_values_of_figures_are_plain_types(study):
+def test_figures_are_written_as_valid_json(study):
     x = np.array([0.0, 0.5, 1.0])
     y = np.array([1 / 3, np.nan, np.inf])
     curves = tuple(Curve(x=x, y=z, name="</script>", colour="#000") for z in (y, 2 * y))
@@ -213,7 +213,7 @@ def test_learning_shows_errors_over_runs_joints_and_time(real):
     assert 0 < np.max(after.y) < np.max(before.y) / 3
 
 
-def test_a_map_shows_the_best_over_other_axes_and_letters_of_refusals():
+def test_a_placement_map_shows_the_best_position_and_the_kind_of_refusals():
     job, yaws = parse_job(JERKY), (0.0, 0.2)
     known = {
         (0.0, 0.0): (2.0, 3.0), (0.0, 0.1): (None, 2.5),

@@ -45,7 +45,7 @@ def test_the_report_in_space_has_its_sections_in_order(page, in_order):
     assert len(page) < 0.95e6
 
 
-def test_executed_paths_are_those_of_the_tool(study):
+def test_the_drawn_executed_path_is_that_of_the_tool(study):
     section = sections.paths(study)
     names = [x for x, _ in section.choices]
     assert set(names) == {x + y for x in study.runs for y in ("", ", experiment")}

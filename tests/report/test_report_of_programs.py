@@ -118,7 +118,7 @@ def fitted(svg, result):
 
 
 @pytest.mark.parametrize("fixture", mark_all_but(["study", "in_space"], ["study"]))
-def test_the_drawing_shows_which_limit_restricts_the_speed_where(fixture, request):
+def test_the_drawing_shows_the_active_limit_at_each_point(fixture, request):
     study = request.getfixturevalue(fixture)
     (result,) = study.runs.values()
     drawing = draw_plan(result, study.job)
@@ -193,7 +193,7 @@ def places_in(svg):
     return {x: np.array([float(a), float(b)]) for x, a, b in re.findall(pattern, svg)}
 
 
-def test_links_lead_to_where_the_values_occur(study, result):
+def test_links_of_values_point_to_where_they_occur(study, result):
     drawing = draw_plan(result, study.job)
     place, _ = fitted(drawing.svg, result)
     roundings = [getattr(x.path, "deviation", None) or 0.0 for x in result.path.contours]

@@ -40,7 +40,7 @@ def curves(figure):
     return [y for x in figure.plots for y in x.curves]
 
 
-def test_figures_are_those_of_the_results(made):
+def test_figures_of_results_show_their_values(made):
     planned, executed, result = made
     for x in made:
         assert curves(x.figure("joints")) and curves(x.figure("speed"))

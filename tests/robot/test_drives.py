@@ -64,7 +64,7 @@ def rods():
     return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
 
 
-def test_nominal_inertia_is_that_of_the_plant():
+def test_the_nominal_inertia_equals_that_of_the_plant():
     loaded = ac.load_arm("ur5e", payload=ac.Payload(mass=3.0))
     inertia = ac.RigidBodyPlant(loaded, SERVO).nominal_inertia
     np.testing.assert_allclose(Drives(arm=loaded, servo=SERVO).inertia, inertia, rtol=1e-12)
@@ -73,7 +73,7 @@ def test_nominal_inertia_is_that_of_the_plant():
 
 @pytest.mark.parametrize("gravity", [True, False])
 @pytest.mark.parametrize("servo", [SERVO, CASCADE])
-def test_the_command_moves_the_plant_along_the_plan(arm, gravity, servo):
+def test_the_computed_command_moves_the_plant_along_the_plan(arm, gravity, servo):
     """All errors left come from the set-points' lines and the drives' cycle: quadratic, linear."""
     drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity)
     q = drives.command(*(swing(T, order) for order in range(3)), CYCLE)
@@ -86,7 +86,7 @@ def test_the_command_moves_the_plant_along_the_plan(arm, gravity, servo):
 
 @pytest.mark.parametrize("gravity", [True, False])
 @pytest.mark.parametrize("servo", [SERVO, CASCADE])
-def test_the_response_is_that_of_the_plant(arm, gravity, servo):
+def test_the_predicted_response_equals_that_of_the_plant(arm, gravity, servo):
     """The plant's drives hold torques for a step."""
     drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity)
     plant = ac.RigidBodyPlant(arm, servo, STRONG, gravity_feedforward=gravity)
@@ -127,7 +127,7 @@ def test_command_and_response_include_a_payload_unknown_to_the_controller(arm):
         {"kp": [25.0, np.inf], "kv": [150.0, np.inf], "order": ("second", "delay")},
     ],
 )
-def test_without_masses_the_response_is_that_of_the_servo(options):
+def test_the_response_without_masses_is_that_of_the_servo(options):
     arm, servo = rods(), ac.ServoModel(**options)
     change = 0.1 * np.sin(np.outer(T, [6.0, 9.0])) * np.sin(np.pi * T)[:, None]
     plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.6)]), arm)
@@ -139,7 +139,7 @@ def test_without_masses_the_response_is_that_of_the_servo(options):
     np.testing.assert_allclose(q, execution.q[: len(times)], atol=2e-5)
 
 
-def test_weights_of_set_points_give_the_command():
+def test_the_command_is_the_weighted_sum_of_set_points():
     for kind in ("linear", "step", "cubic"):
         for count in (2, 3, 8):
             rng = np.random.default_rng(count)
@@ -164,7 +164,7 @@ def test_drives_need_a_velocity_loop_and_masses(arm):
         Drives(arm=rods(), servo=SERVO)
 
 
-def test_rounding_errors_of_a_joint_at_rest_cause_no_friction(arm):
+def test_rounding_errors_at_rest_cause_no_friction_torque(arm):
     """A joint at rest has velocities of 1e-16 rad/s of either sign; a moving one has friction."""
     rubbing = arm.with_dynamics(coulomb=np.full(6, 5.0), viscous=np.full(6, 2.0))
     speed, still = np.array([[0.5, -0.5, 1e-16, -1e-16, 0.0, 5e-4]]), np.zeros((1, 6))

@@ -129,7 +129,7 @@ def by_pinocchio(bodies):
 # Whole blocks of states, a part of one, one state alone.
 @each(("dof", "n"), [(1, 64), (2, 33), (6, 95), (7, 1), (9, 20)])
 @each("seed", [0, 1])
-def test_torques_and_their_parts_are_those_of_pinocchio(seed, dof, n):
+def test_torques_and_their_parts_equal_those_of_pinocchio(seed, dof, n):
     bodies = random_chain(10 * dof + seed, dof)
     rng = np.random.default_rng(seed)
     q, dq, ddq = rng.uniform(-7, 7, (3, n, dof))
@@ -149,7 +149,7 @@ def test_torques_and_their_parts_are_those_of_pinocchio(seed, dof, n):
 
 
 @each("turns", [3, -1000, 100_000, 10**9])
-def test_whole_turns_change_no_torque(turns, states):
+def test_whole_turns_of_a_joint_do_not_change_torques(turns, states):
     q, dq, ddq = states
     dynamics = Dynamics(chain())
     # The position itself is rounded, by half of its last digit.

@@ -44,7 +44,7 @@ def poses_of(arm, q):
 
 
 @pytest.mark.parametrize("name", ["ur5e", "ur10e", "wrist"])
-def test_the_closed_form_finds_the_solutions_of_the_search(arms, name):
+def test_the_closed_form_finds_the_same_configurations_as_the_search(arms, name):
     arm = arms[name]
     assert arm.closed_form is not None and arm.closed_form.wrist == (name == "wrist")
     rng = np.random.default_rng(2)
@@ -62,7 +62,7 @@ def test_the_closed_form_finds_the_solutions_of_the_search(arms, name):
 
 
 @pytest.mark.parametrize("name", ["ur5e", "wrist"])
-def test_singular_poses_are_searched(arms, name):
+def test_singular_poses_are_solved_by_search_instead_of_the_closed_form(arms, name):
     arm = arms[name]
     q = np.array([[0.3, -1.2, 1.4, -0.5, 0.0, 0.7]])
     pose = poses_of(arm, q)[0]
@@ -70,7 +70,7 @@ def test_singular_poses_are_searched(arms, name):
     np.testing.assert_array_equal(configurations(arm, pose, 6), search(arm, pose, 6))
 
 
-def test_other_arms_are_searched(tmp_path):
+def test_arms_without_a_spherical_or_parallel_wrist_have_no_closed_form(tmp_path):
     (tmp_path / "wrist.urdf").write_text(urdf(0.08))
     for arm in (ac.load_arm(tmp_path / "wrist.urdf"), ac.load_arm("panda")):
         assert arm.closed_form is None

@@ -22,7 +22,7 @@ def states(arm, seed=0, n=STATES):
 
 
 @each("name", ac.arm_names())
-def test_poses_torques_and_jacobians_are_those_of_mujoco(name):
+def test_poses_torques_and_jacobians_equal_those_of_mujoco(name):
     arm = ac.load_arm(name)
     armature = np.linspace(0.5, 0.1, arm.dof)
     q, dq, ddq = states(arm)

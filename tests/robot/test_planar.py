@@ -33,7 +33,7 @@ def random_joints(n=200, seed=1):
     return np.stack([rng.uniform(-3, 3, n), q2], axis=1)
 
 
-def test_forward_kinematics_are_1_and_2_as_printed(arm):
+def test_forward_kinematics_equal_equations_1_and_2(arm):
     q = random_joints(20)
     t1, t12 = q[:, 0], q.sum(axis=1)
     x, y = L0 + L1 * np.sin(t1) + L2 * np.sin(t12), L1 * np.cos(t1) + L2 * np.cos(t12)
@@ -129,7 +129,7 @@ def made(request):
     return ac.load_arm(request.param)
 
 
-def test_another_arm_is_made_with_other_limits(made):
+def test_an_arm_with_other_limits_is_a_new_immutable_arm(made):
     limits = made.limits
     other = made.with_limits(limits.replace(joint_velocity=0.5))
     assert type(other) is type(made) and other.name == made.name

@@ -20,7 +20,7 @@ def inside(arm, seed=0, count=4):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_poses_and_jacobians_are_those_of_pinocchio(name):
+def test_poses_and_jacobians_equal_those_of_pinocchio(name):
     pin, arm = pinocchio(), ac.load_arm(name)
     model = pinocchio_model(arm.chain)
     model.armature = np.array(arm.chain.armature)
@@ -69,7 +69,7 @@ def test_the_inverse_returns_nearby_joint_positions(name):
         np.testing.assert_allclose(positions, row, atol=1e-7)
 
 
-def test_all_forms_of_a_pose_are_one_pose(refuses):
+def test_all_forms_of_a_pose_give_the_same_joint_positions(refuses):
     arm = ac.load_arm("ur5e")
     q = inside(arm, 4, 1)[0]
     pose = arm.forward(q)

@@ -62,7 +62,7 @@ def test_the_tool_moves_relative_to_the_part(on_floor):
 
 
 @needs_dynamics
-def test_torques_are_those_of_the_tree_of_pinocchio(on_floor):
+def test_torques_equal_those_of_a_kinematic_tree_in_pinocchio(on_floor):
     pin = pinocchio()
     part = Payload(mass=7.0, center=(0.1, 0.2, 0.3), inertia=0.2 * np.eye(3))
     arm = on_floor.with_work(WORK).with_positioner(skew(part))
@@ -139,7 +139,7 @@ def test_a_weld_stays_within_its_angle_to_gravity():
     assert np.linalg.norm(arm.tool_twist(q, dq)[:, :3], axis=1).max() < speed * (1 + 1e-9)
 
 
-def test_a_table_that_cannot_turn_is_refused_with_the_angle():
+def test_a_table_that_cannot_reach_the_angle_to_gravity_is_refused():
     arm = cell(holds=(0.3, 0.2))
     with pytest.raises(ac.Unreachable) as error:
         ac.trace(saddle(), arm)
@@ -147,7 +147,7 @@ def test_a_table_that_cannot_turn_is_refused_with_the_angle():
     assert error.value.needed > np.radians(20)
 
 
-def test_held_axes_stay():
+def test_axes_of_a_positioner_that_are_held_do_not_move():
     joint_path = ac.trace(saddle(), cell(tilt=None, holds=(0.8, None)))
     q = joint_path(np.linspace(0, joint_path.length, 200))
     assert (q[:, 1] == 0.8).all()
@@ -156,7 +156,7 @@ def test_held_axes_stay():
 
 @needs_dynamics
 @pytest.mark.parametrize("seed", range(12))
-def test_motions_that_are_clear_have_no_touching_sample(seed):
+def test_motions_reported_as_clear_have_no_sample_in_contact(seed):
     # The part and the obstacles are balls, whose distances are those of their centres.
     rng = np.random.default_rng(seed)
     arm = cell(tilt=None)
@@ -200,7 +200,7 @@ def test_a_table_below_the_part_moves_with_it():
     assert pairs[1].high < pairs[0].high
 
 
-def test_wrong_positioners_are_refused(on_floor):
+def test_invalid_positioners_are_refused(on_floor):
     with pytest.raises(ac.InvalidInput, match="range"):
         axis("turn", (0, 0, 1), (0, 0, 0), lower=1.0, upper=1.0)
     with pytest.raises(ac.InvalidInput, match="hold"):

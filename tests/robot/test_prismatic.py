@@ -97,7 +97,7 @@ def vector(matrix):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_mixed_chains_move_as_products_of_matrices(seed):
+def test_mixed_chains_move_like_products_of_matrices(seed):
     arm = mixed(seed, dof=3 + seed % 5)
     states = np.random.default_rng(seed).normal(size=(4, 40, arm.dof))
     q, dq, ddq, _ = states
@@ -124,7 +124,7 @@ def test_mixed_chains_move_as_products_of_matrices(seed):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_torques_and_forces_are_those_of_pinocchio(seed):
+def test_torques_and_forces_equal_those_of_pinocchio(seed):
     pin = pinocchio()
     arm = mixed(seed, dof=2 + seed)
     chain, dynamics = arm.chain, arm.dynamics
@@ -196,7 +196,7 @@ def golden_paths():
 
 
 @pytest.mark.parametrize("kind", ["rounded", "spline", "line"])
-def test_a_gantry_moves_as_by_hand(kind):
+def test_the_joint_positions_of_a_gantry_equal_a_hand_calculation(kind):
     arm, path = gantry(), golden_paths()[kind]
     traced = ac.trace(path, arm)
     s = np.random.default_rng(0).uniform(0, path.length, 500)
@@ -212,7 +212,7 @@ def test_a_gantry_moves_as_by_hand(kind):
         np.testing.assert_allclose(arm.forward(one)[:3, 3], path(0.0), atol=1e-8)
 
 
-def test_written_joints_have_the_units_of_their_kind(tmp_path):
+def test_exported_columns_have_the_units_of_their_joint_type(tmp_path):
     arm, path = gantry(), golden_paths()["line"]
     plan = ac.plan(path, arm)
     for name in ("plan.csv", "plan.yaml"):
@@ -266,7 +266,7 @@ def planned_nearby(seed):
 
 
 @pytest.mark.parametrize("part", range(4))
-def test_limits_hold_between_samples_by_own_kinematics(part):
+def test_limits_are_satisfied_between_samples_by_independent_kinematics(part):
     planned, seed = 0, 40 * part
     while planned < 25:
         assert seed < 40 * (part + 1)
@@ -372,7 +372,7 @@ def test_a_rail_is_the_first_joint():
             dataclasses.replace(rail, **words)
 
 
-def test_a_heavy_rail_moves_least_along_a_long_seam():
+def test_a_heavier_rail_moves_less_along_a_long_seam():
     travels = []
     for weight in (1.0, 20.0):
         rail = ac.Rail(
@@ -403,7 +403,7 @@ def test_a_heavy_rail_moves_least_along_a_long_seam():
     assert travels[1] < 0.8 * travels[0]
 
 
-def test_a_job_names_its_rail(tmp_path):
+def test_the_keys_of_a_job_add_a_rail(tmp_path):
     rail = "{axis: [0, 1, 0], upper: 3 m, velocity: 500 mm/s, acceleration: 1 m/s^2, mass: 90 kg}"
     text = f"""
 name: rail

@@ -76,7 +76,7 @@ def test_the_jacobian_its_rate_and_the_drift_agree_with_differences(arm3, states
     np.testing.assert_allclose(exact, bias[:, :3], atol=1e-12)
 
 
-def test_work_frame_and_tool_only_define_the_two_ends_of_the_pose(arm3, states):
+def test_work_frame_and_tool_change_only_the_ends_of_the_chain(arm3, states):
     q, dq, ddq = states
     work, tool = Frame.rpy([1, 2, 3], [0.3, 0.2, 0.1]), Frame.rpy([0.1, 0, 0.2], [0, 0.5, 0])
     moved = arm3.with_work(work)
@@ -98,7 +98,7 @@ def test_work_frame_and_tool_only_define_the_two_ends_of_the_pose(arm3, states):
     np.testing.assert_allclose(equipped.torque(q, dq, ddq), expected, rtol=1e-12)
 
 
-def test_states_may_have_any_shape():
+def test_methods_of_an_arm_accept_arrays_of_any_shape():
     arm = crooked(dof=4)
     q = np.random.default_rng(3).normal(size=(2, 5, 4))
     for method, count, shape in (
@@ -225,7 +225,7 @@ def test_limits_are_replaced_added_removed_and_broadcast_to_joints():
     np.testing.assert_array_equal(or_unlimited([1.0, 2.0], 2), [1.0, 2.0])
 
 
-def test_jerk_is_limited_where_it_is_finite():
+def test_only_finite_jerk_limits_limit_the_jerk():
     for endless in (np.inf, [np.inf, np.inf]):
         limits = ac.Limits(joint_jerk=endless)
         assert not limits.limits_jerk and limits.removed == {"joint_jerk"}
@@ -235,7 +235,7 @@ def test_jerk_is_limited_where_it_is_finite():
     np.testing.assert_array_equal(some.for_joints(2).joint_jerk, [np.inf, 5.0])
 
 
-def test_chains_have_defaults_or_denavit_hartenberg_parameters():
+def test_chains_have_defaults_and_equal_their_denavit_hartenberg_frames():
     chain = Chain(**GOOD)
     assert len(chain) == 2
     for name in ("armature", "viscous", "coulomb"):
@@ -267,7 +267,7 @@ def test_chains_have_defaults_or_denavit_hartenberg_parameters():
 
 
 @each("n", [0, 1, 31, 33])
-def test_blocks_of_states_end_anywhere(arm3, n):
+def test_compiled_kinematics_agree_for_any_number_of_states(arm3, n):
     q, dq, ddq, dddq = states = np.random.default_rng(n).normal(size=(4, n, arm3.dof))
     twist, bend = arm3.tool_twist(q, dq), arm3.tool_twist_rate(q, dq, ddq)
     # The Jacobian and its rate are computed by other code.

@@ -21,7 +21,7 @@ class Counting(Plant):
         return self.inner.run(set_points, resolution)
 
 
-def test_users_can_define_plants(arm):
+def test_users_can_simulate_plants_of_their_own(arm):
     path = ac.Path.polyline([(0.35, 0.10), (0.36, 0.10)])
     plan = ac.plan(path, arm, arm.limits.replace(speed=0.1))
     set_points = ac.compensate(plan, SERVO, ac.NoCompensation(), cycle=4e-3)

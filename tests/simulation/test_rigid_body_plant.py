@@ -228,7 +228,7 @@ def test_a_payload_unknown_to_the_controller_causes_sag():
     assert lifted == pytest.approx(0.3 + LOAD_WEIGHT * np.cos(lifted) / STIFFNESS, abs=1e-12)
 
 
-def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
+def test_loop_gains_are_scaled_by_the_masses_that_the_controller_knows():
     drives = pendulum(gravity=WEIGHTLESS, armature=[0.4])
     nominal = pendulum(gravity=WEIGHTLESS)
     simulated = plant(drives, controller=nominal, step=1e-4)
@@ -247,7 +247,7 @@ def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
     np.testing.assert_allclose(rated.torque_limit, 4.0 * INERTIA)
 
 
-def test_noise_is_seeded():
+def test_the_noise_of_an_execution_is_reproducible_by_its_seed():
     arm, q = pendulum(), swing()
     clean = run(arm, q)
     one, same, other = (run(arm, q, noise=2e-5, seed=s) for s in (1, 1, 2))
@@ -261,7 +261,7 @@ def test_noise_is_seeded():
 
 
 @pytest.mark.parametrize("name", ["pmk3s", "ur5e", "panda"])
-def test_arms_of_the_library_are_simulated(name):
+def test_every_built_in_arm_is_simulated(name):
     arm = ac.load_arm(name).with_dynamics(coulomb=0.0, viscous=0.0)
     low, high = arm.limits.joint_range(arm.dof)
     middle = plant(arm).reference
@@ -377,7 +377,7 @@ def test_invalid_arms_servos_and_limits_are_refused(refuses, monkeypatch):
     refuses(partial(plant, pendulum()), ac.InvalidInput, "armcontour[experiment]")
 
 
-def test_delayed_and_cubic_commands_are_those_of_the_servo_plant():
+def test_delayed_and_cubic_commands_move_rigid_bodies_like_the_servo_plant():
     # Drives so heavy that the joints hardly know of each other, as in the plant of servos.
     arm = two_link(centers=np.zeros((2, 3)), positions=np.zeros((2, 3)), armature=[10.0, 10.0])
     t = np.linspace(0, 1, 26)[:, None]

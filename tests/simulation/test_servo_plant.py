@@ -43,7 +43,7 @@ def test_an_execution_starts_and_ends_at_rest(arm):
     np.testing.assert_array_equal(execution.saturated_time, 0)
 
 
-def test_the_resolution_sets_the_sample_interval_only(arm):
+def test_the_resolution_changes_only_the_sample_interval(arm):
     delayed = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=[0.0123, 0.0567])
     uneven = ac.Limits.only(joint_acceleration=[[-1.0, 3.0], [-2.0, 0.5]])
     plants = [
@@ -121,7 +121,7 @@ def test_dead_time_and_start_time_delay_the_command(arm):
         assert (0.0 in other.t) == (start == -0.06)
 
 
-def test_bounds_may_differ_between_directions(arm):
+def test_acceleration_limits_can_differ_by_direction(arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     limits = ac.Limits.only(joint_acceleration=[[-0.5, 2.0]])
     execution = ac.simulate(taught_data(RANDOM), ac.ServoPlant(arm, servo, limits))

@@ -29,7 +29,7 @@ WORK = (
 )
 
 
-def test_warm_compiles_all_functions_of_usual_work(tmp_path, monkeypatch, pytestconfig):
+def test_the_list_of_kernels_covers_usual_work(tmp_path, monkeypatch, pytestconfig):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     drawings = str(pytestconfig.rootpath / "examples" / "drawings")

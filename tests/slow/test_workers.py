@@ -29,7 +29,7 @@ PID = "__import__('os').getpid()"
 SLEEP = "__import__('time').sleep({})"
 
 
-def test_moves_are_shared_by_all_processes(monkeypatch):
+def test_items_are_distributed_to_all_processes(monkeypatch):
     monkeypatch.setattr(pool, "START", 1e-9)
     monkeypatch.setattr(pool, "processors", lambda: 2)
     items = [f"({SLEEP.format(0.02)}, {k}, {PID})[1:]" for k in range(200)]

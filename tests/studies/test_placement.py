@@ -112,7 +112,7 @@ def test_workers_and_executors_return_the_same_results(square):
     assert placement_csv(placement) == placement_csv(pool) == placement_csv(alone)
 
 
-def test_an_arm_in_the_plane_is_also_placed():
+def test_placement_supports_planar_arms():
     plane = parse_job(PLANE)
     placement = ac.place(plane, {"x": [-0.04, 0.0, 0.04], "yaw": [-0.5, 0.5]}, processes=1)
     expected = durations(placement, plane, np.array([0.33, 0.22, 0.0]))
@@ -165,7 +165,7 @@ def test_a_grid_without_a_feasible_position_is_a_result(square):
         placement.placed()
 
 
-def test_wrong_grids_are_refused(square):
+def test_invalid_placement_grids_are_refused(square):
     plane = parse_job(PLANE)
     for job, grid, more, words in (
         (square, {"tilt": [0.0]}, {}, "no axis 'tilt'. Its axes are x, y, z, yaw"),

@@ -66,7 +66,7 @@ def random_edit(rng, points):
 
 
 @pytest.mark.parametrize(("eol", "edits"), [("\n", 60), ("\r\n", 20)])
-def test_undoing_many_edits_restores_the_bytes(eol, edits, file):
+def test_undoing_many_edits_restores_the_file_exactly(eol, edits, file):
     content = b"\xef\xbb\xbf" + TEXT.replace("\n", eol).encode()
     file.write_bytes(content)
     document = Document.open(file)

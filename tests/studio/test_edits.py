@@ -115,7 +115,7 @@ BOXED = PLANE + "scene: {obstacles: [{type: box, name: box, size: [1, 1 m, 1], a
 
 
 @given(st.sampled_from(VALID), st.sampled_from([BOXED, CHAIN]), st.data())
-def test_any_message_of_a_page_is_executed_or_refused_in_one_sentence(valid, text, draw):
+def test_every_message_of_a_page_is_executed_or_refused_in_one_sentence(valid, text, draw):
     fields = [x for x in valid if x != "do"] or ["do"]
     edit = {**valid, draw.draw(st.sampled_from(fields)): draw.draw(JSON)}
     state = state_of(text)
@@ -132,7 +132,7 @@ def set_to(key, value, run="own", text=PLANE):
     return edited(text, run, do="set", key=key, value=value)
 
 
-def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
+def test_values_are_set_in_the_run_or_job_in_the_written_unit():
     assert set_to("limits.speed", 0.05)["runs"]["own"]["limits"]["speed"] == "50 mm/s"
     changes = set_to("limits.speed", 0.2, "paper")
     assert changes["limits"]["speed"] == "0.2 m/s" and "limits" not in changes["runs"]["paper"]
@@ -275,7 +275,7 @@ def test_the_part_is_moved_and_turned_as_a_whole(text, u, v, turn):
 
 @pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])
 @given(st.integers(0, 8), st.floats(-0.05, 0.05), st.floats(-0.05, 0.05))
-def test_a_moved_point_has_its_new_position(text, index, u, v):
+def test_a_moved_point_gets_its_new_position(text, index, u, v):
     handles = state_of(text).handles
     index %= len(handles.waypoints)
     point = handles.waypoints[index]

@@ -12,7 +12,7 @@ from armcontour.studio import server
 FILE = server.STATIC / "form.json"
 
 
-def test_the_file_has_the_keys_of_jobs():
+def test_the_stored_file_of_form_fields_is_up_to_date():
     assert FILE.read_text("utf-8") == form_text()
 
 

@@ -93,7 +93,7 @@ def test_colours_are_those_of_the_explanation(shown):
     assert kinds[0] == "acceleration" and set(kinds) <= {x.kind for x in planned.explanation.shares}
 
 
-def test_charts_have_the_shares_of_the_limits(shown, gasket):
+def test_charts_show_the_use_of_the_limits(shown, gasket):
     planned, frame = shown
     a, limits = frame.arrays, planned.run.limits
     assert (np.diff(a["t"]) >= 0).all() and a["t"][0] == 0
@@ -237,7 +237,7 @@ def test_the_arm_is_also_animated_between_contours(previewer_of_plans, plans, ga
         np.testing.assert_allclose(a["xyz"][:, : tool.shape[1]], tool, rtol=0, atol=1e-7)
 
 
-def test_refusals_have_their_position(paper, plans, view):
+def test_refusals_state_the_position_of_the_cause(paper, plans, view):
     path = {"points": [[0.35, 0.1], [0.41, 0.15], [0.9, 0.3], [0.35, 0.35]]}
     with pytest.raises(Unreachable) as caught:
         CoarsePlanner().plan(paper | {"path": path}, "optimal")
@@ -298,7 +298,7 @@ def exact(previewer, data, name):
 
 class TestResults:
     @pytest.mark.parametrize("name", ["optimal", "proposed"])
-    def test_figures_are_those_of_a_run_with_the_same_interval(self, previewer, paper, name):
+    def test_the_numbers_shown_equal_those_of_a_run(self, previewer, paper, name):
         del paper["experiment"]
         paper["runs"][name]["cycle"] = 4e-3
         planned = exact(previewer, paper, name)
@@ -324,7 +324,7 @@ class TestResults:
         assert executed.errors.max < 3 * judged.max < 1e-5
 
     @pytest.mark.parametrize("method", ["inverse", "inverse_dynamics"])
-    def test_the_verdict_is_that_of_the_worse_execution(self, previewer, paper, view, method):
+    def test_the_worse_execution_determines_the_verdict(self, previewer, paper, view, method):
         paper["experiment"] = {"payload": {"mass": 1.0, "center": [0.0, 0.0, 0.0]}}
         paper["runs"] = {"one": {"cycle": 4e-3, "compensation": {"method": method}}}
         (result,) = run(parse_job(yaml.safe_dump(paper))).runs.values()
@@ -352,7 +352,7 @@ class TestWhatIsDoneAgain:
         assert previewer.plan(paper, "optimal").trajectory is not planned.trajectory
 
 
-def test_the_arm_stays_in_its_configuration(previewer, square):
+def test_the_arm_stays_in_its_configuration_after_an_edit(previewer, square):
     first = previewer.plan(square)
     square = square | {"limits": {"speed": 0.1}}
     second = previewer.plan(square)

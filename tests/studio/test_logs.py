@@ -69,7 +69,7 @@ def test_the_identified_servo_is_written_into_the_job(ask, file, log):
     session.close()
 
 
-def test_next_set_points_are_those_of_the_command(ask, robot, file, log, command):
+def test_the_next_set_points_equal_those_of_the_command_learn(ask, robot, file, log, command):
     first, second, third = (robot.folder / x for x in ("first", "second", "third"))
     assert command("run", file, "--out", first, "--no-simulation")[0] == 0
     assert command("learn", file, "--set-points", first, "--log", log, "--out", second)[0] == 0
@@ -95,7 +95,7 @@ def test_next_set_points_are_those_of_the_command(ask, robot, file, log, command
     np.testing.assert_allclose(rows[:, 1:3], learned[:, 1:], atol=1e-9)
 
 
-def test_logs_that_do_not_fit_the_job_are_refused(ask, robot, done, tmp_path):
+def test_logs_of_another_job_are_refused(ask, robot, done, tmp_path):
     rows = robot.table(done)
     mirrored = rows.copy()
     mirrored[:, 1:] = rows[::-1, 1:]

@@ -84,7 +84,7 @@ def test_obstacles_are_drawn_where_their_corners_are():
     assert (sides[:, 0] * away[..., 1] - sides[:, 1] * away[..., 0]).min() > -1e-12
 
 
-def test_zero_has_no_sign():
+def test_rounded_zeros_are_shown_without_a_sign():
     values = compute(
         """
         const { fixed, difference } = await import("./format.js");
@@ -95,7 +95,7 @@ def test_zero_has_no_sign():
     assert values == ["0.000", "−0.040", "0.0 mm"]
 
 
-def test_the_piece_under_the_pointer_is_the_nearest_of_all():
+def test_the_part_under_the_pointer_is_the_nearest_of_all():
     random = np.random.default_rng(11)
     lines = [random.normal(size=(1, 2)) + 0.1 * random.normal(size=(9, 2)) for _ in range(40)]
     points, starts = np.concatenate(lines), np.arange(0, 360, 9)

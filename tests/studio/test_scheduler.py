@@ -76,7 +76,7 @@ def figures_asked(lane):
 
 
 @pytest.mark.parametrize("run", ["optimal", "shaped"])
-def test_after_the_last_edit_the_picture_is_that_of_a_full_run(opened, run):
+def test_the_picture_after_the_last_edit_is_that_of_a_full_run(opened, run):
     others = [Change(("runs", x)) for x in load(PAPER, "job")["runs"] if x != run]
     text = change_text(PAPER, [*others, Change(("experiment",))])
     result = ac.run(parse_job(text)).runs[run]
@@ -93,7 +93,7 @@ def test_after_the_last_edit_the_picture_is_that_of_a_full_run(opened, run):
     assert figure(tab.last("executed"), "contour_error.rms") == want.contour_error.rms
 
 
-def test_older_answers_never_come_after_newer_ones(opened):
+def test_older_answers_are_never_sent_after_newer_ones(opened):
     session, tab, _ = opened()
     session.scheduler._preview_worker = lane = ManualWorker(None)
     tab.edit(MOVE)
@@ -108,7 +108,7 @@ def test_older_answers_never_come_after_newer_ones(opened):
     assert {x["document"] for x in pictures} == {tab.last("document")["id"]}
 
 
-def test_exact_figures_are_sent_after_the_last_edit(opened):
+def test_exact_results_are_sent_after_the_last_edit(opened):
     session, tab, lane = opened(preview_worker=RestingWorker)
     ((id, task, request),) = lane.given
     assert task == "figures" and request["text"] == JOB and request["run"] == "slow"

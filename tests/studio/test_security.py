@@ -104,7 +104,7 @@ def refusal_of(studio, text):
         return str(frame.header["sentence"])
 
 
-def test_s1_to_s6_and_s14_what_the_guard_refuses_is_refused_by_the_server(studio):
+def test_s1_to_s6_and_s14_forbidden_requests_are_refused(studio):
     for origin in ("http://attacker.test", None):
         assert refused(studio, origin=origin) == studio.request(*OPEN, Origin=origin)[0] == 403
     for host in (f"attacker.test:{studio.port}", f"127.0.0.1:{studio.port + 1}"):
@@ -119,7 +119,7 @@ def test_s1_to_s6_and_s14_what_the_guard_refuses_is_refused_by_the_server(studio
     assert studio.request("OPTIONS", "/open")[0] == 405
 
 
-def test_s3_a_wrong_token_has_no_answer(studio, monkeypatch):
+def test_s3_requests_with_a_wrong_token_are_refused(studio, monkeypatch):
     for first in (
         '{"op": "hello"}',
         '{"op": "hello", "token": "0"}',
@@ -188,14 +188,14 @@ def test_s7_drawings_arms_and_obstacles_of_other_folders_are_refused(studio, fol
         do("report", request, lambda step: None)
 
 
-def test_s7_uploads_have_plain_names(studio):
+def test_s7_uploads_with_unsafe_names_are_refused(studio):
     names = ("../a.csv", "a/../b.csv", "%2e%2e%2fa.csv", ".csv", "..", "", "a%00.csv", "C:%5ca.csv")
     for name in names:
         status, message = studio.upload(name, b"x,y\n0.3,0.1\n0.4,0.1\n")
         assert status == 422 and message, name
 
 
-def test_s7_logs_are_kept_apart_and_need_the_token(studio, folder):
+def test_s7_logs_are_stored_separately_and_require_the_token(studio, folder):
     before = sorted(folder.rglob("*"))
     log = ("POST", "/open?log=1&name=a.csv", b"t,q1\n0,0\n")
     for token in (None, "0" * 32):

@@ -89,7 +89,7 @@ def test_invalid_messages_are_answered_with_a_sentence(session, capsys):
         session.leave(tab)
 
 
-def test_uploads_are_drawings_or_other_documents_and_pages_know_which(session, tab):
+def test_an_uploaded_drawing_or_job_replaces_the_document(session, tab):
     session.open_upload("part.csv", CSV, None)
     assert tab.last("document")["path"]["kind"] == "file"
     assert "picture" in kinds(tab.frames[-2:]) and not list(session.editor.folder.glob("*.csv"))
@@ -151,7 +151,7 @@ PIERCE = "process: {switch: {name: a}, lead_in: {length: 5 mm}, "
         ("fast: {}", "fast: {timing: {method: paper}, corners: {shape: free}}", [1, 1]),
     ],
 )
-def test_remedies_lead_to_a_plan_or_to_the_next_refusal(tmp_path, old, new, steps):
+def test_each_offered_change_leads_to_a_plan_or_the_next_refusal(tmp_path, old, new, steps):
     file = tmp_path / "job.yaml"
     file.write_text(JOB.replace(old, new))
 
@@ -185,7 +185,7 @@ def test_a_page_that_joins_a_refused_job_has_its_outline(tmp_path):
     session.close()
 
 
-def test_many_contours_are_drawn_before_they_are_planned(tmp_path, monkeypatch):
+def test_a_program_with_many_contours_is_drawn_before_it_is_planned(tmp_path, monkeypatch):
     file = write_shapes(tmp_path / "shapes.dxf", 120, 12, 8.0, 2.5)
     document = Document.of_drawing(file, "ur5e")
     previewer = CoarsePlanner(document.folder)
@@ -334,7 +334,7 @@ def test_tasks_can_be_cancelled_and_return_files(session, tab):
     assert len(lane.given) == 2
 
 
-def test_sentences_for_pages_have_no_options_of_the_command_line():
+def test_messages_of_the_studio_name_no_command_line_options():
     pairs = {
         "a text (unknown: skip, or --skip-unknown).": "a text (unknown: skip).",
         "such as `units: mm` or --units mm.": "such as `units: mm`.",

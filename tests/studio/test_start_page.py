@@ -47,7 +47,7 @@ def start(tab):
 
 
 @pytest.mark.parametrize("arm", mark_all_but(cell_names(), ["pmk3s"]))
-def test_each_card_is_a_job_that_each_arm_can_do(arm, tmp_path):
+def test_each_example_of_the_start_page_can_be_run_with_each_arm(arm, tmp_path):
     for card in CARDS:
         document = new_document(card, arm, Uploads(), tmp_path)
         (tmp_path / "job.yaml").write_text(document.text)
@@ -105,7 +105,7 @@ def test_an_empty_plane_is_drawn_on_and_undone(opened):
     assert len(tab.last("document")["waypoints"]) == 5
 
 
-def test_files_opened_before_are_offered_and_vanished_ones_are_not(opened, tmp_path):
+def test_recent_files_are_offered_if_they_still_exist(opened, tmp_path):
     folder = tmp_path / "elsewhere"
     folder.mkdir()
     job, drawing = folder / "job.yaml", folder / "gasket.dxf"
@@ -127,7 +127,7 @@ def test_files_opened_before_are_offered_and_vanished_ones_are_not(opened, tmp_p
         assert "no longer exists" in tab.say("open_recent", id=id)[-1].header["sentence"]
 
 
-def test_a_file_opened_before_opens_no_other_folder(opened, tmp_path):
+def test_opening_a_recent_file_does_not_allow_other_folders(opened, tmp_path):
     inside, outside = tmp_path / "a" / "job.yaml", tmp_path / "b" / "secret.svg"
     for x in (inside, outside):
         x.parent.mkdir()
@@ -142,7 +142,7 @@ def test_a_file_opened_before_opens_no_other_folder(opened, tmp_path):
     assert session.editor.document.text == JOB
 
 
-def test_a_new_job_does_not_lose_what_is_not_saved(opened):
+def test_a_new_job_does_not_discard_unsaved_changes(opened):
     session, tab = opened()
     texts = []
     for arm in ("ur5e", "panda"):

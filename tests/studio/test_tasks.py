@@ -61,7 +61,7 @@ runs: {cut: {}}
 
 
 @pytest.mark.parametrize("name_of_job", ["coarse", "square", "gasket"])
-def test_figures_are_those_of_a_run_of_the_saved_job(name_of_job, request):
+def test_the_results_of_a_task_equal_a_run_of_the_saved_job(name_of_job, request):
     data = GASKET if name_of_job == "gasket" else request.getfixturevalue(name_of_job)
     text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
     study = run(parse_job(text, folder=DRAWINGS))
@@ -116,7 +116,7 @@ def test_the_studio_exports_files_of_all_formats(line):
         assert begins in content[:100], options
 
 
-def test_exports_that_do_not_fit_are_refused(line, short):
+def test_exports_that_the_arm_does_not_support_are_refused(line, short):
     hostile = {"format": "/etc/passwd.j2"}
     for task, job, options, words in (
         ("export", line, hostile, "but is '/etc/passwd.j2'"),

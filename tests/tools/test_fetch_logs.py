@@ -29,12 +29,12 @@ def test_velocities_are_integrated_until_a_lost_packet():
     np.testing.assert_allclose(columns, expected)
 
 
-def test_the_second_robot_of_an_abb_log_is_left_out():
+def test_the_second_robot_of_an_abb_log_is_ignored():
     run = "timestamp,cmd_num,J1\n0.1,-1," + ",".join(map(str, range(12))) + "\n"
     np.testing.assert_array_equal(fetch_logs.from_abb(run), [[0.1, -1, *range(6)]])
 
 
-def test_a_table_is_read_back(tmp_path):
+def test_a_converted_log_is_read_back(tmp_path):
     import armcontour as ac
 
     table = np.column_stack([np.arange(60) * 4e-3, np.arange(240).reshape(60, 4)])

@@ -5,7 +5,7 @@ from tools.freeze import differences, renamed
 NAMES = {"taught": "set_points", "--taught": "--set-points", "mac": "paper"}
 
 
-def test_names_are_replaced_as_a_whole_in_keys_values_options_and_files():
+def test_renamed_names_are_replaced_only_as_whole_words():
     old = {"taught": [{"method": "mac", "taught_again": 1.0}], "files": {"taught/a.csv": "macro"}}
     new = {
         "set_points": [{"method": "paper", "taught_again": 1.0}],
@@ -19,7 +19,7 @@ def test_names_are_replaced_as_a_whole_in_keys_values_options_and_files():
     )
 
 
-def test_rows_with_names_are_compared_by_name():
+def test_rows_with_names_are_compared_by_their_names():
     first, second = {"name": "speed", "ratio": 0.5}, {"name": "joint_jerk", "ratio": 0.9}
     assert list(differences([first, second], [second, first])) == []
     (changed,) = differences([first, second], [second, {**first, "ratio": 0.6}])

@@ -59,7 +59,7 @@ def commands(job):
 
 
 @pytest.mark.parametrize("workflow", WORKFLOWS, ids=lambda x: x.stem)
-def test_workflows_name_what_exists(workflow):
+def test_workflows_use_existing_targets_and_files(workflow):
     for name, job in jobs(workflow):
         for command in commands(job):
             assert set(re.findall(r"\bmake ([a-z]+)", command)) <= targets(), command
@@ -76,7 +76,7 @@ def test_workflows_name_what_exists(workflow):
 
 
 @pytest.mark.parametrize("workflow", WORKFLOWS, ids=lambda x: x.stem)
-def test_workflows_have_few_rights_and_end(workflow):
+def test_workflows_have_few_permissions_and_a_time_limit(workflow):
     assert load(workflow)["permissions"] == {"contents": "read"}
     for name, job in jobs(workflow):
         assert "uses" in job or "timeout-minutes" in job, name
@@ -124,7 +124,7 @@ def test_a_release_is_refused_while_the_owner_is_a_placeholder(tmp_path):
 
 
 @pytest.mark.parametrize("name", release.VERSIONS)
-def test_a_release_is_refused_where_versions_differ(tmp_path, name):
+def test_a_release_is_refused_if_versions_differ(tmp_path, name):
     version = without_placeholder(tmp_path)
     replace(tmp_path / name, version, "9.9.9")
     (reason,) = release.faults(root=tmp_path)

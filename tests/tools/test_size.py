@@ -12,7 +12,7 @@ def double(x):
 '''
 
 
-def test_sizes_are_counted_without_texts(tmp_path):
+def test_code_is_counted_without_docstrings_comments_and_generated_pages(tmp_path):
     assert size.code_lines(CODE) == 2
     package = tmp_path / "src/armcontour"
     (package / "static/vendor").mkdir(parents=True)
@@ -27,7 +27,7 @@ def test_sizes_are_counted_without_texts(tmp_path):
     assert list(size.count(tmp_path).values()) == [2, 1, 1, 3, 3]
 
 
-def test_a_larger_size_fails(monkeypatch, capsys):
+def test_a_size_above_its_limit_fails(monkeypatch, capsys):
     limits = size.read_limits(size.LIMITS.read_text(encoding="utf-8"))
     for excess, code in ((0, 0), (1, 1)):
         monkeypatch.setattr(

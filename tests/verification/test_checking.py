@@ -48,7 +48,7 @@ def rounded_to(log, digits):
     return SimpleNamespace(t=log.t, **rounded), dict.fromkeys(rounded, 10.0**-digits)
 
 
-def test_a_law_has_the_ratios_computed_by_hand(arm):
+def test_the_ratios_of_a_law_equal_those_computed_by_hand(arm):
     check = ac.check(JERKY, arm, ac.Limits.only(**BOUNDS))
     assert not check.violated and check.worst is not None
     up = check["joint_acceleration"]
@@ -116,7 +116,7 @@ def test_excesses_within_the_printed_digits_are_tolerated(arm):
 @pytest.mark.parametrize("cycle", [1e-3, 4e-3, 8e-3])
 @pytest.mark.parametrize("derivatives", [0, 1, 2])
 @pytest.mark.parametrize("jerk", [np.inf, 7.2])
-def test_exported_plans_at_their_limits_are_kept(arm, tmp_path, cycle, derivatives, jerk):
+def test_exported_plans_at_their_limits_satisfy_them(arm, tmp_path, cycle, derivatives, jerk):
     limits = ac.Limits.only(joint_acceleration=0.72, joint_jerk=jerk, speed=0.15)
     path = ac.Path(segments=[ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=1.0)])
     planned = ac.plan(path, arm, limits)
@@ -131,7 +131,7 @@ def test_exported_plans_at_their_limits_are_kept(arm, tmp_path, cycle, derivativ
         assert ac.check(samples, arm, reduced).violated
 
 
-def test_digits_of_time_matter_unless_the_samples_are_regular(arm):
+def test_rounded_times_of_irregular_samples_are_tolerated_if_declared(arm):
     t = np.sort(np.random.default_rng(1).uniform(0, JERKY.duration, 400))
     t = t[np.append(True, np.diff(np.round(t, 5)) > 0)]
     log = SimpleNamespace(t=np.round(t, 5), q=JERKY(t), dq=JERKY(t, 1))
@@ -156,7 +156,7 @@ def circle(arm, speed, names):
     return columns(Samples(t=t, q=q, dq=dq, ddq=ddq), names), path
 
 
-def test_a_tool_on_a_circle_has_the_ratios_of_the_closed_form(arm):
+def test_the_ratios_of_a_tool_on_a_circle_have_a_closed_form(arm):
     limits = ac.Limits.only(speed=0.1, tool_acceleration=0.2, centripetal_acceleration=0.2)
     tight = limits.replace(centripetal_acceleration=0.199)
     for names, near in (("q", 1e-5), ("q dq", 1e-5), ("q dq ddq", 1e-9), ("q ddq", 1e-5)):
@@ -183,7 +183,7 @@ def test_the_distance_from_a_path_is_checked(arm):
     assert not ac.check(log, arm, ac.Limits.only(), path).violated
 
 
-def test_laws_are_judged_on_both_sides_of_their_breaks_and_at_jumps(arm):
+def test_laws_are_checked_on_both_sides_of_their_breaks_and_at_jumps(arm):
     """A lap of a nanosecond with too much acceleration hides from any sampling."""
     hidden = laps([0.5, 1e-9, 0.5], [[0.1, 0], [5.0, 0], [-0.1, 0]], (0.3, 0.9))
     check = ac.check(hidden, arm, ac.Limits.only(joint_acceleration=0.1))
@@ -223,7 +223,7 @@ def test_the_papers_method_satisfies_the_limits_of_its_job(mac, rounded, arm, li
     assert 1.005 < sampled["joint_acceleration"].ratio < 1.02
 
 
-def test_the_verdict_depends_on_digits_and_the_worst_limit(arm):
+def test_the_verdict_follows_from_the_digits_and_the_worst_limit(arm):
     """One joint goes 0.1 rad in each second; what is known of it depends on the digits."""
     log = SimpleNamespace(t=np.arange(4.0), q=[[0.1 * i, 0.9] for i in range(4)])
     for limit, digit, verdict in (
@@ -320,7 +320,7 @@ def test_invalid_trajectories_are_refused(arm, refuses):
         refuses(partial(ac.check, log, arm), ac.InvalidInput, words, **data)
 
 
-def test_impossible_checks_are_refused(arm, objective, refuses):
+def test_checks_with_missing_or_contradictory_inputs_are_refused(arm, objective, refuses):
     log, three = SimpleNamespace(**GOOD), ac.Limits.only(joint_acceleration=[1, 1, 1])
     spline = LapLaw(
         breaks=np.array([0, 1.0]), q=np.zeros((2, 3)), dq=np.zeros((1, 3)), ddq=np.zeros((1, 3))
@@ -341,7 +341,7 @@ def test_impossible_checks_are_refused(arm, objective, refuses):
 
 
 @pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq"])
-def test_motions_within_their_limits_are_never_violations(arm, names):
+def test_samples_of_valid_motions_are_never_violations(arm, names):
     """Random jerky motions, sampled at random times and printed with few digits, time included."""
     for seed in range(20):
         random = np.random.default_rng(seed)

@@ -69,7 +69,7 @@ def times(cycle):
 # --- laws
 
 
-def test_a_law_that_is_smooth_uses_its_limit_in_full():
+def test_a_smooth_law_uses_its_jerk_limit_in_full():
     check = ac.check(SMOOTH, ARM, LIMITS)
     assert check.verdict == "kept"
     use = check["joint_jerk"]
@@ -79,7 +79,7 @@ def test_a_law_that_is_smooth_uses_its_limit_in_full():
     assert [(x.name, x.joint) for x in tight.violations] == [("joint_jerk", 1)]
 
 
-def test_a_jump_of_acceleration_is_found_with_its_place():
+def test_a_jump_of_acceleration_is_reported_with_its_position():
     for durations, velocity, jumps, place in (
         ([1.0], 0.0, [0.5], 0.0),  # from rest
         ([1.0], 0.5, [-0.5], 1.0),  # to rest; nobody knows what was before
@@ -132,7 +132,7 @@ def test_samples_of_a_motion_within_its_limits_are_never_violations():
         assert check.violated and check["joint_jerk"].certain == pytest.approx(1.001, abs=1e-6)
 
 
-def test_rounding_is_tolerated_and_few_samples_prove_little():
+def test_rounded_samples_are_tolerated_and_few_samples_prove_no_violation():
     log = sampled(SMOOTH, times(1e-3), ["q"])
     log.q, log.resolution = np.round(log.q, 6), {"q": 1e-6}
     check = ac.check(log, ARM, LIMITS)
@@ -155,7 +155,7 @@ def test_rounding_is_tolerated_and_few_samples_prove_little():
     names=st.sampled_from(COLUMNS),
     clock=st.sampled_from([None, 1e-5]),
 )
-def test_no_motion_within_its_jerk_limit_is_a_violation(durations, seed, digits, names, clock):
+def test_no_motion_within_its_jerk_limit_violates_it(durations, seed, digits, names, clock):
     random = np.random.default_rng(seed)
     law = Phases.of(durations, random.uniform(-1, 1, (len(durations), 2)) * [JERK, 2.0])
     t = np.unique(np.append(random.uniform(0, law.duration, 60), [0, law.duration]))

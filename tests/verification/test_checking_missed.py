@@ -19,7 +19,7 @@ def rounded_motion(arm, objective):
     return ac.plan(ac.round_corners(objective, tolerance=ERROR), arm, LIMITS)
 
 
-def test_a_rounded_corner_is_missed_by_its_corner_error(arm, objective, rounded_motion):
+def test_the_coverage_error_of_a_rounded_corner_is_its_corner_error(arm, objective, rounded_motion):
     # The middles of the arcs are nearer to the lines than to the corners, so the tool alone is
     # within less than the corner error.
     check = partial(ac.check, arm=arm, limits=LIMITS, path=objective)
@@ -41,7 +41,7 @@ def test_a_rounded_corner_is_missed_by_its_corner_error(arm, objective, rounded_
     assert check(rounded_motion.sample(4e-3), coverage_error=0.9 * ERROR).violated
 
 
-def test_a_missed_tip_has_the_coverage_error_computed_by_hand(arm):
+def test_the_coverage_error_of_a_missed_tip_equals_a_hand_calculation(arm):
     """Out and back along a line, but only to 3 mm before its end."""
     path = ac.Path.polyline([[0.30, 0.20], [0.36, 0.20], [0.30, 0.20]])
     x = np.concatenate([np.linspace(0.30, 0.357, 200), np.linspace(0.357, 0.30, 200)[1:]])
@@ -53,7 +53,7 @@ def test_a_missed_tip_has_the_coverage_error_computed_by_hand(arm):
     assert check.verdict == "violated"
 
 
-def test_a_program_counts_all_of_its_contours(arm):
+def test_the_coverage_error_of_a_program_counts_all_contours(arm):
     corner = [[0.30, 0.20], [0.36, 0.20], [0.36, 0.26]]
     other = [[0.30, 0.26], [0.33, 0.26], [0.33, 0.29]]
     moves = [ac.Contour(path=ac.Path.polyline(x)) for x in (corner, other)]

@@ -37,7 +37,7 @@ def sampled(planned, *, cycle=0.002, **without):
     return SimpleNamespace(**{k: v for k, v in columns.items() if k not in without})
 
 
-def test_torque_of_a_law_and_of_samples_is_checked(planned, robot):
+def test_torque_is_checked_for_laws_and_for_samples(planned, robot):
     q, dq, ddq = (planned(np.linspace(0, planned.duration, 20_001), k) for k in (0, 1, 2))
     torque = np.abs(robot.torque(q, dq, ddq))[1:-1].max(axis=0)
     limits = robot.limits.replace(joint_torque=torque * 0.9)
@@ -75,7 +75,7 @@ def test_torque_without_digits_columns_or_masses_is_undecided(planned, robot, ar
     assert ac.check(mac, arm, flat).not_judged == ("angular_speed", "angular_acceleration")
 
 
-def test_ranges_are_counted_from_their_middle(planned, robot):
+def test_the_ratio_of_a_joint_position_counts_from_the_middle_of_its_range(planned, robot):
     q = planned(np.linspace(0, planned.duration, 20_001))
     upper, lower = q.max(axis=0), q.min(axis=0)
     upper[2] -= 0.1
@@ -98,7 +98,7 @@ def test_ranges_are_counted_from_their_middle(planned, robot):
     assert not any(x.name.startswith("joint_") for x in ac.check(planned, robot, endless).uses)
 
 
-def test_rotation_of_a_law_and_of_samples_is_checked(turning, robot):
+def test_angular_speed_and_acceleration_are_checked_for_laws_and_samples(turning, robot):
     t = np.linspace(0, turning.duration, 20_001)
     q, dq, ddq = (turning(t, order) for order in (0, 1, 2))
     rate = np.linalg.norm(robot.tool_twist(q, dq)[:, 3:], axis=1).max()
@@ -115,7 +115,7 @@ def test_rotation_of_a_law_and_of_samples_is_checked(turning, robot):
     assert "angular_acceleration" in positions.not_judged
 
 
-def test_evaluations_count_torque(turning, robot, servo):
+def test_an_evaluation_reports_time_at_the_torque_limit(turning, robot, servo):
     set_points = ac.compensate(turning, servo, cycle=0.002)
     executed = ac.simulate(set_points, ac.ServoPlant(robot, servo))
     torque = np.abs(robot.torque(executed.q, executed.dq, executed.ddq)).max(axis=0)

@@ -40,7 +40,7 @@ T = np.linspace(0, 2, 201)
 ALONG = np.stack([0.3 + 0.1 * T / 2, np.full_like(T, 0.2)], axis=1)
 
 
-def test_on_the_path_there_is_no_contour_error_and_a_delay_is_tracking_error(arm):
+def test_a_delay_along_the_path_is_tracking_error_and_no_contour_error(arm):
     evaluation = ac.evaluate(by_hand(arm, T, ALONG), LINE, objective=LINE)
     assert evaluation.contour_error.max < 1e-15 and evaluation.objective_error.max < 1e-15
     assert evaluation.tracking_error.max < 1e-15
@@ -66,7 +66,7 @@ def test_on_the_path_there_is_no_contour_error_and_a_delay_is_tracking_error(arm
     assert evaluation.tracking_error.rms == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_common_delay_of_the_joints_is_separated_from_the_rest(arm):
+def test_the_common_delay_of_the_joints_is_reported_separately(arm):
     limits = ac.Limits.only(joint_acceleration=2.0, speed=0.1)
     bent = ac.round_corners(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2), (0.4, 0.25)]), tolerance=2e-3)
     plan = ac.plan(bent, arm, limits)
@@ -88,7 +88,7 @@ def test_the_common_delay_of_the_joints_is_separated_from_the_rest(arm):
 
 
 @pytest.mark.parametrize("in_space", [False, True])
-def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_across(arm, in_space):
+def test_unexplained_errors_are_bounded_along_and_across_the_path(arm, in_space):
     path = LINE
     if in_space:
         arm = ac.load_arm("ur5e")
@@ -114,7 +114,7 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
     assert ac.evaluate(plain, path).model_error is None
 
 
-def test_the_tool_is_settled_when_it_stays_slow_and_errors_are_covered_until_then(arm):
+def test_errors_count_until_the_tool_stays_slow(arm):
     # It runs at 50 mm/s, creeps at 0.5 mm/s, runs again until 1.2 s, and creeps.
     speed = np.where((T < 0.4) | ((T > 0.8) & (T <= 1.2)), 0.05, 5e-4)
     x = 0.3 + np.concatenate([[0], np.cumsum(speed[1:] * np.diff(T))])
@@ -136,7 +136,7 @@ def test_the_tool_is_settled_when_it_stays_slow_and_errors_are_covered_until_the
     assert evaluation.duration == 0.5 and evaluation.end_time == evaluation.settled == 2.0
 
 
-def test_the_largest_error_counts_until_rest_and_the_rms_until_the_tool_is_slow(arm):
+def test_the_maximum_counts_until_rest_and_the_rms_until_the_tool_is_slow(arm):
     # It runs along the line for 1 s, and creeps sideways at 0.5 mm/s for another second.
     tool = np.stack([0.3 + 0.1 * np.minimum(T, 1.0), 0.2 + 5e-4 * np.maximum(T - 1.0, 0.0)], axis=1)
     execution = by_hand(arm, T, tool)
@@ -159,7 +159,7 @@ def test_the_largest_error_counts_until_rest_and_the_rms_until_the_tool_is_slow(
     assert until_end.rms == pytest.approx(2.5e-4 / 3, rel=0.03)
 
 
-def test_ratios_to_the_limits_are_counted_in_their_own_direction(arm):
+def test_demands_are_compared_with_the_limit_of_their_direction(arm):
     demand = np.zeros((len(T), 2))
     demand[50] = (1.44, -0.36)
     execution = by_hand(arm, T, ALONG, demand)

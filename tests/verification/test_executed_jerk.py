@@ -28,7 +28,7 @@ def executed(ddq, step, cycle):
 
 
 @pytest.mark.parametrize("step", [1e-3, 2.5e-4])
-def test_ramps_have_their_jerk_and_steps_that_over_a_command_interval(step):
+def test_a_jump_of_acceleration_has_the_jerk_over_one_command_interval(step):
     t = step * np.arange(round(0.2 / step) + 1)
     ramp = 5.0 * np.minimum(t, 0.1) - 8.0 * np.clip(t - 0.1, 0, 0.05)
     jump = np.where(t > 0.05 + step / 4, 0.6, 0.0)
@@ -36,7 +36,7 @@ def test_ramps_have_their_jerk_and_steps_that_over_a_command_interval(step):
     np.testing.assert_allclose(jerk, [8.0, 0.6 / 4e-3], rtol=1e-9)
 
 
-def test_an_arm_that_starts_with_an_acceleration_jumps():
+def test_an_acceleration_at_the_start_counts_as_a_jump():
     jerk = executed_jerk(executed(np.ones((30, 2)) * [0.5, -0.2], 1e-3, 4e-3))
     np.testing.assert_allclose(jerk, [125.0, 50.0])
     # A cycle that is longer than the execution, and an execution of one time.
@@ -44,7 +44,7 @@ def test_an_arm_that_starts_with_an_acceleration_jumps():
     assert not executed_jerk(executed(np.zeros((1, 2)), 1e-3, 4e-3)).any()
 
 
-def test_set_points_have_the_jerk_of_their_third_differences():
+def test_the_jerk_of_set_points_is_their_third_difference():
     cycle = 4e-3
     # Phases of whole cycles, from rest to rest: 7 rad/s³ up, down for twice as long, up.
     jerks = np.repeat([7.0, -7.0, -7.0, 7.0], 10)
@@ -64,7 +64,7 @@ def test_set_points_have_the_jerk_of_their_third_differences():
     assert not commanded_jerk(one).any()
 
 
-def test_a_plan_with_a_limit_of_jerk_is_executed_with_it():
+def test_the_execution_of_a_jerk_limited_plan_stays_near_that_jerk():
     path = ac.Path(segments=[ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=2.0)])
     limits = ac.Limits(joint_acceleration=0.72, joint_jerk=7.2)
     planned = ac.plan(path, ARM, limits)

@@ -50,7 +50,7 @@ def square():
 
 @pytest.mark.filterwarnings("ignore:Limits are above")
 @pytest.mark.parametrize("period", PERIODS)
-def test_deviation_and_acceleration_of_the_interpolation_are_checked(square, period):
+def test_the_interpolation_between_set_points_is_checked(square, period):
     _, limits, plan = square
     for (derivatives, controller), printed in zip(FORMS, PERIODS[period], strict=True):
         table = make_table(plan, name="square", cycle=period * 1e-3, derivatives=derivatives)
@@ -75,7 +75,7 @@ def test_accelerations_of_commands_are_second_differences(square, method, deriva
 
 
 @pytest.mark.filterwarnings("ignore:Limits are above")
-def test_commands_of_other_controllers_are_compared_with_the_path(square):
+def test_set_points_of_other_controllers_are_compared_with_the_path(square):
     path, limits, plan = square
     table = make_table(plan, name="square", derivatives=0)
     lines = check_interpolation(table, ARM, "jtc", 500.0, limits, path, deviation=8e-6)

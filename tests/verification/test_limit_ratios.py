@@ -54,7 +54,7 @@ def measured(plan, path, limits=LIMITS):
 
 
 @pytest.mark.parametrize(("method", "places"), [("optimal", 11), ("conventional", 200)])
-def test_ratios_are_those_of_denser_samples(method, places):
+def test_the_ratios_of_a_plan_equal_those_of_dense_samples(method, places):
     # Limits of jerk are not planned for, but counted.
     task, options = LIMITS.replace(joint_jerk=np.inf), ac.Optimal()
     path = ac.round_corners(PATH, tolerance=5e-3)

@@ -42,7 +42,7 @@ def test_the_contour_error_is_signed_in_the_plane(arm):
     np.testing.assert_allclose(np.abs(error.signed), error.values, atol=1e-15)
 
 
-def test_speed_overshoot_uses_the_speeds_of_segments(arm):
+def test_the_speed_overshoot_is_relative_to_the_speed_of_the_segment(arm):
     slow = ac.SegmentLimits(speed=0.05)
     path = ac.Path(
         segments=[
@@ -60,7 +60,7 @@ def test_speed_overshoot_uses_the_speeds_of_segments(arm):
     assert evaluation.speed_overshoot == pytest.approx(max(speed - 0.05, 0.0), abs=1e-4)
 
 
-def test_the_papers_job_reaches_but_does_not_exceed_its_limits(arm):
+def test_the_paper_job_reaches_but_does_not_exceed_its_limits(arm):
     objective = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
     rounded = ac.round_corners(objective, tolerance=5e-3)
     limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
@@ -151,7 +151,7 @@ def braking(delay_length, acceleration=0.5, cycle=1e-3, lateral=0.0):
 
 
 @pytest.mark.parametrize("delay_length", [0.0, 1e-3, 3.3e-3])
-def test_the_speed_where_the_tool_passes_into_a_slow_segment_counts(delay_length):
+def test_the_speed_at_the_entry_to_a_slow_segment_counts(delay_length):
     tool, speed = braking(delay_length)
     ratios = measure_speed_ratios(path(), follow_path(path(), tool), speed, None)
     at_joint = np.sqrt(SLOW**2 + 2 * 0.5 * delay_length)

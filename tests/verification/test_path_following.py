@@ -90,12 +90,12 @@ def judge_places(seed):
     assert max(matching.coverage_error.max(), 0.0) == pytest.approx(coverage_error, abs=1e-5)
 
 
-def test_arc_lengths_are_those_of_the_motion():
+def test_nearest_points_advance_along_the_path_with_the_motion():
     for seed in range(4):  # tests/slow has more
         judge_places(seed)
 
 
-def test_the_coverage_error_is_exact_where_one_step_passes_a_long_stretch():
+def test_the_coverage_error_is_exact_if_one_step_passes_a_long_stretch():
     for seed in range(40):
         random = np.random.default_rng(seed)
         path = ac.Path.polyline(np.cumsum(random.uniform(0, [0.003, 0.002], (6, 2)), axis=0))
@@ -126,7 +126,7 @@ def run(arm, path, limits, method="none", objective=None, resolution=1e-3):
 
 
 @pytest.mark.parametrize("method", ["none", "pole_placement"])
-def test_a_tip_that_the_tool_does_not_reach_is_missed(arm, method):
+def test_a_tip_that_the_tool_does_not_reach_causes_coverage_error(arm, method):
     path = ac.Path.polyline([(0.30, 0.2), (0.36, 0.2), (0.30, 0.2)])
     limits = arm.limits.replace(speed=0.15, joint_acceleration=3.0)
     _, executed, result = run(arm, path, limits, method, path)

@@ -83,7 +83,7 @@ RUNS = dict(
 # tests/slow has more examples.
 @settings(max_examples=2, phases=[Phase.explicit, Phase.generate])
 @given(**RUNS)
-def test_no_sample_between_is_higher(
+def test_the_reported_maximum_is_not_exceeded_between_samples(
     speed, tolerance, cycle, resolution, kp, kv, dead_time, interpolation, order, method, saturates
 ):
     arm, objective, path, trajectory = plan("pmk3s", speed, tolerance, False)
@@ -118,7 +118,7 @@ def test_the_orientation_error_of_a_tool_in_space_is_exact():
     np.testing.assert_allclose(figures(evaluation), figures(finer), rtol=AGREE)
 
 
-def test_the_motion_between_results_is_that_of_finer_results():
+def test_motions_between_samples_agree_with_a_finer_simulation():
     arm, _, _, trajectory = plan("pmk3s", 0.15, 5e-3, False)
     for interpolation, order, saturates, dead_time in (
         ("linear", "second", True, 0.0037),
@@ -157,7 +157,7 @@ def short_contours(length, resolution):
     return program, ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=resolution)
 
 
-def test_contours_with_few_samples_are_evaluated_at_these():
+def test_contours_with_few_samples_have_the_errors_of_these_samples():
     for length, resolution in product((1e-2, 1e-4, 3e-6, 1e-7), (1e-3, 8e-3)):
         program, executed = short_contours(length, resolution)
         plain = replace(executed, plant=None)

@@ -68,7 +68,7 @@ def nearest(path, points):
     return best
 
 
-def test_every_contour_is_evaluated_while_at_work(execution, program):
+def test_every_contour_is_evaluated_while_its_process_is_on(execution, program):
     evaluation = ac.evaluate(execution, program, limits=LIMITS)
     spans = [x for x in execution.set_points.trajectory.spans if x.kind == "contour"]
     assert len(evaluation.contours) == len(spans) == 2
@@ -114,7 +114,7 @@ def test_a_program_of_one_contour_has_the_evaluation_of_its_path():
         assert [x.max for x in evaluation.contours] == [evaluation.contour_error.max]
 
 
-def test_corners_and_short_contours_are_evaluated(execution, program, objective):
+def test_each_corner_and_each_short_contour_has_an_evaluation(execution, program, objective):
     evaluation = ac.evaluate(execution, program, objective=objective, limits=LIMITS)
     assert evaluation.objective_error is not None
     assert len(evaluation.corners) == 5  # four of the square, which begins on a side, and one
@@ -127,7 +127,7 @@ def test_corners_and_short_contours_are_evaluated(execution, program, objective)
     assert np.isfinite([x.rms for x in evaluation.contours]).all()
 
 
-def test_a_rapid_is_not_judged_by_limits_of_the_tool():
+def test_rapids_are_not_compared_with_limits_of_the_tool():
     limits = LIMITS.replace(speed=0.02, tool_acceleration=0.1)
     trajectory = ac.plan(DRAWN, ARM, limits, ac.Optimal(reserve=0.2))
     (rapid,) = (x for x in trajectory.spans if x.kind == "rapid")
@@ -152,7 +152,7 @@ def test_a_rapid_is_not_judged_by_limits_of_the_tool():
     assert any(a <= slower["speed"].t <= b for a, b in contours)
 
 
-def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
+def test_a_program_that_was_not_planned_is_refused(execution, program, refuses):
     one = Program(moves=program.contours[:1])
     plain = executed(BEND)
     for call, words in (
@@ -171,7 +171,7 @@ def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
     assert deviations[0] == deviations[1]
 
 
-def test_the_mean_speed_is_that_at_work(execution, program):
+def test_the_mean_speed_counts_only_while_the_process_is_on(execution, program):
     evaluation = ac.evaluate(execution, program)
     plan = execution.set_points.trajectory
     works = [x.work for x in plan.contour_spans]

@@ -115,7 +115,7 @@ def test_set_points_for_franky_sim_are_within_libfrankas_limits(square, free, li
     ("reserve", "duration", "rms", "largest"),
     [(0.05, 1.751, 0.249, 1.05), (0.3, 1.816, 0.142, 0.443), (0.5, 1.916, 0.0357, 0.177)],
 )
-def test_the_stated_error_is_that_of_the_execution(arm, reserve, duration, rms, largest):
+def test_the_stated_error_equals_that_of_the_execution(arm, reserve, duration, rms, largest):
     path, plan = planned(arm, reserve)
     plant = ac.ServoPlant(arm, SERVO, saturation="none")
     fast = ac.Limits(joint_velocity=9.0)
@@ -140,7 +140,7 @@ def test_the_stated_error_is_that_of_the_execution(arm, reserve, duration, rms, 
         )
 
 
-def test_set_points_are_the_nearest_ones(free, limited):
+def test_limited_set_points_are_the_nearest_to_the_free_ones(free, limited):
     more = round((free.start_time - limited.start_time) / CYCLE)
     q = np.pad(free.q, ((more, more), (0, 0)), mode="edge")
     np.testing.assert_allclose(limited.q, nearest(q, CYCLE, LIBFRANKA), atol=2e-7)
@@ -150,7 +150,7 @@ def test_set_points_are_the_nearest_ones(free, limited):
     np.testing.assert_array_equal(limited.q[:, 6], q[:, 6])
 
 
-def test_set_points_beyond_a_range_alone_are_moved_to_its_end(square, free):
+def test_set_points_beyond_a_joint_range_are_moved_to_its_end(square, free):
     """Other limits do not bind, so the nearest set-points are those of numpy.minimum."""
     upper = np.full(7, 3.0)
     upper[5] = (free.q[:, 5].max() + square[1](np.linspace(0, 1.75, 999))[:, 5].max()) / 2

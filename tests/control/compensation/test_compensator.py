@@ -74,7 +74,7 @@ def test_set_points_begin_and_end_at_the_rests_of_the_plan():
     assert set_points.trajectory is trajectory
 
 
-def test_the_inverse_undoes_the_servo(arm):
+def test_the_inverse_compensation_cancels_the_servo(arm):
     trajectory = smooth()
     plant = ac.ServoPlant(arm, UNEVEN, ac.Limits.only())
     errors = []
@@ -103,7 +103,7 @@ def test_wrong_options_are_refused(refuses):
     refuses(CompensationOptions, ac.InvalidInput)
 
 
-def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):
+def test_the_inverse_compensates_joints_of_different_orders(refuses):
     servo = ac.ServoModel(
         kp=[25.0, np.inf], kv=[150.0, np.inf], order=("second", "delay"), dead_time=[0.0, 8e-3]
     )

@@ -114,7 +114,7 @@ def test_the_papers_job_and_a_short_line_have_small_contour_errors(arm, rounded,
     assert contour_error(light, path, plan)[0] < 0.001
 
 
-def test_means_of_the_command_equal_those_of_the_exact_command(heavy):
+def test_means_of_the_commands_equal_those_of_the_exact_command(heavy):
     """Means weighted by a triangle about every set-point, from sums over dense times.
 
     Simpson's rule is exact for lines only; of a cubic it leaves a share.
@@ -144,7 +144,7 @@ def test_means_of_the_command_equal_those_of_the_exact_command(heavy):
         np.testing.assert_allclose(set_points.q[k], exact.mean(axis=0), atol=1e-5)
 
 
-def test_the_arm_rests_at_both_ends_of_the_plan_in_spite_of_sag(heavy):
+def test_the_sagging_arm_rests_at_the_planned_positions_at_both_ends(heavy):
     loaded = with_chain(heavy, payload=ac.Payload(mass=3.0, center=(0.02, 0.0, 0.1)))
     plant = strong(loaded, gravity_feedforward=False)
     set_points = compensate(SWING, loaded, gravity_feedforward=False)

@@ -44,7 +44,7 @@ def place(motion, servo, poles=None, **more):
     return ac.compensate(motion, servo, ac.PolePlacement(poles=poles), **more)
 
 
-def test_set_points_are_26_applied_to_the_trajectory():
+def test_pole_placement_equals_equation_26_applied_to_the_trajectory():
     # Straight pieces between multiples of the period: SciPy's first-order hold is exact for them.
     velocities = np.random.default_rng(1).normal(size=(3, 2))
     start = np.array([0.4, -1.1])
@@ -167,7 +167,7 @@ def largest_deviation(arm, servo, cycle, method="inverse", plant=None, **options
     return np.abs(execution.q - SWING(execution.t.clip(0, DURATION))).max()
 
 
-def test_the_joint_follows_the_plan_without_delay(arm):
+def test_the_compensated_joint_follows_the_plan_without_delay(arm):
     bounds = {"linear": 3e-5, "cubic": 2e-5, "step": 2e-4}
     for order, interpolation, dead in product(("second", "first"), bounds, DEAD_TIMES):
         servo = ac.ServoModel(**gains(order), interpolation=interpolation, dead_time=dead)
@@ -178,7 +178,7 @@ def test_the_joint_follows_the_plan_without_delay(arm):
         assert errors[0] / errors[1] > 3, servo
 
 
-def test_set_points_hold_the_ends_and_none_has_no_time_advance():
+def test_the_inverse_holds_the_ends_and_no_compensation_has_no_advance():
     servo = ac.ServoModel(**gains("second"), dead_time=[0.01, 0.035])
     set_points = ac.compensate(SWING, servo, ac.Inverse(), cycle=0.01)
     assert set_points.start_time == pytest.approx(-0.04)

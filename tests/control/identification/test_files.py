@@ -50,7 +50,7 @@ def test_columns_are_recognized_by_their_names():
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_units_order_comments_and_other_columns_are_read(separator):
+def test_logs_with_units_comments_and_other_columns_are_read(separator):
     rows = "\n".join(f"{i * 4},9,{90 + i},{45},{i},{i},{7}" for i in range(60))
     text = (
         "# from a controller\n# interpolation: step\n"
@@ -150,7 +150,7 @@ def test_the_servo_file_contains_the_judged_servo(identification, tmp_path):
     )
 
 
-def test_json_and_report_contain_the_parameters(identification):
+def test_json_and_report_contain_the_identified_parameters(identification):
     data = json.loads(to_json(plain(identification.to_data())))
     first, second = data["joints"]
     assert [x["name"] for x in first["parameters"]] == ["kp", "kv", "dead_time"]

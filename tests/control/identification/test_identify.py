@@ -55,7 +55,7 @@ def fed():
     return identify([log_of(k, **FED) for k in range(2)])
 
 
-def test_a_multisine_determines_the_loop():
+def test_a_multisine_determines_gains_and_noise():
     t = np.arange(3000) * 1e-3
     log = log_of(1, NOISE, t=t, u=2e-2 * multisine(t, 25.0, 1), **TRUTH)
     (joint,) = identify(log).joints
@@ -73,7 +73,7 @@ def test_feed_forward_and_limit_are_identified_together():
     assert_near(joint, truth)
 
 
-def test_the_judged_model_is_written(fed):
+def test_the_reported_errors_are_those_of_the_written_servo(fed):
     """The figures of the result are those of the servo with the digits of the file."""
     joint, log = fed.joints[0], fed.logs[1]
     predictions = [fed.predict(x) for x in fed.logs]
@@ -97,7 +97,7 @@ def test_the_judged_model_is_written(fed):
     )
 
 
-def test_a_cycle_of_the_drive_is_part_of_the_model():
+def test_a_servo_with_a_drive_cycle_is_identified():
     drive_cycle, u = 4e-3, 5e-3 * multisine(np.arange(2500) * 4e-3, 20.0, 5)
     q = w = 0.0
     y = np.zeros(2500)
@@ -158,7 +158,7 @@ def test_a_gap_splits_a_log_and_lost_samples_do_not_matter(fed):
 
 
 @pytest.mark.parametrize("held", [2, 3])
-def test_positions_that_repeat_are_replaced(held):
+def test_repeated_positions_in_a_log_do_not_bias_the_model(held):
     """A log that is sampled faster than its positions are renewed."""
     log = log_of(3, kp=20.0, kv=150.0)
     rows = np.arange(len(log.t)) // held * held
@@ -179,7 +179,7 @@ def test_logs_with_different_joints_are_refused(fed):
         fed.predict(two)
 
 
-def test_a_joint_that_no_model_explains_is_not_written():
+def test_a_joint_that_no_model_explains_is_omitted_from_the_file():
     t, u = shaken(3.0, 4e-3, 3)
     y = move(t, u, kp=25.0, kv=150.0, steps=10)
     other = np.cumsum(np.random.default_rng(4).normal(0, 1, len(t)))
@@ -204,7 +204,7 @@ def test_joints_at_rest_or_at_uniform_velocity_have_no_model():
         assert not joint.written and words in joint.note
 
 
-def test_a_parameter_at_its_bound_is_not_determined():
+def test_a_parameter_at_its_bound_is_reported_as_undetermined():
     """KUKA KR300, axes 1 and 2, program A, a multisine (see its LICENSE)."""
     log = read_log(KR300 / "A.csv")
     fit = identify(Log(t=log.t, command=log.command[:, :2], measured=log.measured[:, :2]))
@@ -219,7 +219,7 @@ def test_a_parameter_at_its_bound_is_not_determined():
     assert predicted.rms[0] < 0.5 * predicted.tracking_rms[0]
 
 
-def test_the_prediction_has_small_errors_at_the_tool(fed):
+def test_the_predicted_tool_positions_have_small_errors(fed):
     log = fed.logs[0]
     both = Log(t=log.t, command=np.tile(log.command, 2), measured=np.tile(log.measured, 2))
     fit = identify(both)
@@ -247,14 +247,14 @@ def test_misread_logs_are_refused(refuses):
     refuses(lambda: identify(fast), InvalidInput, "no joint is faster than 100 rad/s")
 
 
-def test_a_saturating_step_shows_the_limit():
+def test_a_saturated_step_response_determines_the_acceleration_limit():
     t, u = commands("large step", 25.0, 150.0, 12.3e-3, 1)
     log = log_of(1, NOISE, t=t[:1500], u=u[:1500], limit=LIMIT, **TRUTH)
     joint = identify(log, SECOND).joints[0]
     assert joint.acceleration_limit.value == pytest.approx(LIMIT, rel=0.01)
 
 
-def test_a_position_gain_at_its_bound_is_no_model():
+def test_a_model_with_a_position_gain_at_its_bound_is_discarded():
     """The time constant of 50 s is longer than the log: only the feed-forward is visible."""
     t, u = shaken(6.0, 4e-3, 1)
     y = follow(LoggedCommand(t, u), JointServo(0.02, velocity_feedforward=0.9), 0.0, 0.0)
@@ -276,7 +276,7 @@ CASCADE = JointServo(11.6, 99.9, 0.0, 0.0, 2.25e-3, friction=4.25e-4, ki=5.92)
         (JointServo(15.0, 150.0, 0.8, 0.0, 5e-3, friction=3e-4, ki=8.0), 4e-3, 8e-3),
     ],
 )
-def test_a_cascade_is_found_and_predicts_other_programs(truth, interval, drive_cycle):
+def test_an_identified_cascade_predicts_other_programs(truth, interval, drive_cycle):
     logs = []
     for seed in range(3):
         t, u = shaken(6.0, interval, seed)

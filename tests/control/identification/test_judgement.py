@@ -81,7 +81,7 @@ def test_a_joint_whose_contour_error_remains_in_a_log_is_weak(good):
     assert not any(x.note for x in (fit.joints[0], *good.joints))
 
 
-def test_the_contour_error_is_that_at_the_tool_of_the_arm(good):
+def test_the_judged_contour_error_is_that_of_the_tool(good):
     arm = ac.load_arm("pmk3s")
     fit = ac.identify([robot_log(1), robot_log(2)], ac.ServoFit(kinematics=arm))
     assert fit.judgement.ratio < 0.02
@@ -173,7 +173,7 @@ def test_a_fit_of_one_program_is_marked_provisional_in_the_file(good, tmp_path, 
     assert any("may be worse than none" in x for y in study.runs.values() for x in y.warnings)
 
 
-def test_values_of_the_record_are_checked():
+def test_invalid_contour_ratios_and_programs_of_a_servo_are_refused():
     for record in ({"contour_ratio": -0.1}, {"programs": 0}, {"programs": 1.5}):
         with pytest.raises(ac.InvalidInput):
             ac.ServoModel(kp=25.0, kv=150.0, **record)

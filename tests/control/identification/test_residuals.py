@@ -9,7 +9,7 @@ from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 SERVO = JointServo(kp=25.0, kv=150.0, dead_time=6e-3)
 
 
-def test_a_servo_states_the_motion_of_its_logs():
+def test_a_servo_contains_the_largest_velocity_of_its_logs():
     logs = [ac.Log(t=T, command=program(k), measured=program(k)) for k in (1, 2)]
     rates = np.max([np.abs(np.gradient(x.command, T, axis=0)).max(axis=0) for x in logs], axis=0)
     moved = [

@@ -61,7 +61,7 @@ def test_saturation_does_not_change_the_identified_gains(noise, near):
     assert hard.kv.value == pytest.approx(gentle.kv.value, rel=10 * near)
 
 
-def test_a_command_at_a_limit_that_is_followed_does_not_saturate():
+def test_a_command_at_the_limit_that_the_joint_follows_is_not_saturation():
     t, u = moves(0.9)
     a = np.sign(np.diff(u, 2, append=[u[-1]] * 2)) * 0.9
     u = np.cumsum(np.cumsum(a)) * CYCLE**2
@@ -119,7 +119,7 @@ def hal():
     return path, plan, robot, log_of(execution.t, u, execution.q)
 
 
-def test_a_log_of_a_first_run_that_saturates_compensates_the_next_one(hal):
+def test_the_log_of_a_saturated_run_gives_the_compensation_of_the_next_run(hal):
     path, plan, robot, log = hal
     for drive_cycle, bound in ((None, 5e-7), (CYCLE, 1e-7)):
         fit = identify(log, ac.ServoFit(drive_cycle=drive_cycle))

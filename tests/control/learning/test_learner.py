@@ -61,7 +61,7 @@ def test_errors_decrease_from_run_to_run(delayed_runs, path):
         assert run.rms == pytest.approx(error, rel=0.1)
 
 
-def test_a_lesson_is_restored_from_its_arrays(arm, delayed_runs):
+def test_a_learning_result_is_restored_from_its_arrays(arm, delayed_runs):
     """The history of a folder gives the same next set-points as the history in memory."""
     done, lessons = delayed_runs
     lesson = ac.learn(replace(lessons[1], lifted=None), done[2], arm=arm, servo=SERVO)
@@ -92,7 +92,7 @@ def test_learning_ends_with_the_best_run_after_setbacks(arm, set_points, delayed
 
 
 @pytest.mark.parametrize("noise", [1e-6, 1e-4])
-def test_a_recording_with_the_noise_of_encoders_is_learned_from(set_points, path, noise):
+def test_learning_works_with_encoder_noise(set_points, path, noise):
     arm, robot = ac.load_arm("pmk3s"), SERVO.replace(kp=[22.0, 27.0])
     robot = ac.ServoPlant(arm, robot, ac.Limits.only(joint_acceleration=30.0).for_joints(2))
     errors, rng = [], np.random.default_rng(5)
@@ -106,7 +106,7 @@ def test_a_recording_with_the_noise_of_encoders_is_learned_from(set_points, path
     assert errors[1] < 0.1 * errors[0]
 
 
-def test_learning_ends_when_only_noise_remains(arm, set_points):
+def test_learning_ends_if_only_noise_remains(arm, set_points):
     """A robot like its model, but with noise: four runs of equal set-points show it."""
     limits = ac.Limits.only(joint_torque=1e3).for_joints(2)
     lesson = set_points
@@ -144,7 +144,7 @@ def test_learned_set_points_stay_within_the_velocity_limit(arm, set_points, refu
     refuses(slow, ac.CompensationError, "joint_velocity")
 
 
-def test_a_lesson_without_improvement_has_a_note():
+def test_a_learning_result_without_improvement_has_a_note():
     """Set-points that always move at the limit of velocity: no others have the same ends."""
     arm, servo = rods(), ac.ServoModel(kp=25.0, order="first")
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits)

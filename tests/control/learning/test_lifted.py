@@ -79,7 +79,7 @@ def test_the_correction_is_that_of_dense_least_squares(lifted, dense):
         np.testing.assert_allclose(response.ravel(), dense @ expected, atol=1e-7)
 
 
-def test_the_plant_has_the_expected_response(lifted):
+def test_the_lifted_model_has_the_expected_response(lifted):
     arm, servo = rods(), lifted.nominal.servo
     rng = np.random.default_rng(3)
     q = lifted.plan(0.0) + 1e-3 * rng.normal(size=(lifted.count, 2)).cumsum(axis=0)

@@ -50,7 +50,7 @@ class Robot:
         return rms * float(np.sqrt((jacobian**2).sum(axis=(1, 2)).mean()))
 
 
-def test_learning_ends_when_only_differences_remain():
+def test_learning_ends_if_only_differences_between_logs_remain():
     """Four logs of each set-points: the repeating error ends near half of what differs."""
     rms_ratios, stated = [], []
     for seed in range(4):
@@ -68,7 +68,7 @@ def test_learning_ends_when_only_differences_remain():
     assert np.mean(stated) == pytest.approx(0.7, abs=0.25)
 
 
-def test_one_log_of_each_run_shows_no_noise():
+def test_single_logs_of_runs_give_no_noise():
     """Differences of runs with other set-points are no noise."""
     robot = Robot(0)
     set_points = robot.set_points
@@ -89,7 +89,7 @@ def test_noise_is_the_difference_between_logs_of_the_same_set_points():
     assert robot.run(lesson)[1] < 0.8 * SIZE
 
 
-def test_no_log_is_refused(refuses):
+def test_learning_without_a_log_is_refused(refuses):
     robot = Robot(0)
     refuses(lambda: robot.learn(robot.set_points, []), ac.InvalidInput, "but is 0")
 
@@ -124,7 +124,7 @@ class BadLogs(Robot):
 
 
 @pytest.mark.parametrize("kind", ["lost", "gap"])
-def test_bad_logs_increase_the_error_only_slightly(kind):
+def test_logs_with_outliers_increase_the_error_only_slightly(kind):
     clean, bad = (BadLogs(2).best(x)[0] for x in ("none", kind))
     assert bad < 1.5 * clean + 2e-7
 

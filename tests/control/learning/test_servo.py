@@ -22,7 +22,7 @@ def log_of(done, noise=0.0, seed=0):
 
 @pytest.mark.filterwarnings("ignore:Compensation may be worse")
 @pytest.mark.parametrize("feedforward", [0.75, 0.95])
-def test_feed_forward_that_the_servo_lacks_is_a_contradiction(feedforward):
+def test_a_log_with_unmodelled_feed_forward_contradicts_the_servo(feedforward):
     """The servo that `identify` finds in the same log leaves nothing to learn."""
     job_task = task("pmk3s")
     true = {"kp": [28.0, 24.0], "kv": [160.0, 130.0], "velocity_feedforward": feedforward}
@@ -77,6 +77,6 @@ def one_moves(true, noise=1e-5):
     return ac.learn(set_points, log_of(execution, noise), arm=arm, servo=SERVO)
 
 
-def test_a_joint_at_rest_contradicts_no_servo():
+def test_a_joint_at_rest_does_not_contradict_a_servo():
     assert not one_moves(SERVO.replace(kp=20.0)).finished
     assert "joint 1" in one_moves(SERVO.replace(velocity_feedforward=[0.9, 0.0])).reason

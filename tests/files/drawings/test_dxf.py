@@ -400,7 +400,7 @@ def test_a_file_without_a_header_has_no_unit(refuses):
     assert only(bare(*CUT, header=stated)).path.length == pytest.approx(0.254)
 
 
-def test_entities_that_are_no_contours_are_skipped_and_counted():
+def test_entities_that_are_not_contours_are_skipped_and_counted():
     document, space = drawing()
     space.add_line((0, 0), (10, 0))
     space.add_text("gasket").dxf.layer = "notes"
@@ -529,7 +529,7 @@ NUMBERS = [
 
 
 @pytest.mark.parametrize("wrong", ["12,7", "-1.#IND", ""])
-def test_values_that_are_not_numbers_are_refused(wrong):
+def test_dxf_values_that_are_not_numbers_are_refused(wrong):
     blocks = f"0|BLOCK|8|0|2|A|70|0|10|0|20|0|{LINE}0|ENDBLK|8|0|"
     for entity, codes in NUMBERS:
         assert from_hand(entity, blocks).contours
@@ -548,7 +548,7 @@ def test_values_that_are_not_numbers_are_refused(wrong):
 
 
 @pytest.mark.parametrize("version", ["R12", "R2000", "R2004", "R2007", "R2010", "R2013", "R2018"])
-def test_all_versions_are_read_as_text_and_binary(version):
+def test_all_dxf_versions_are_read_as_text_and_binary(version):
     document, space = drawing(version)
     points = [(0, 0, 0.5), (50, 0, 0), (50, 50, 0)]
     add = space.add_polyline2d if version == "R12" else space.add_lwpolyline
@@ -584,7 +584,7 @@ def block(name, *inserts):
     return f"0|BLOCK|8|0|2|{name}|70|0|10|0|20|0|{LINE}{body}0|ENDBLK|8|0|"
 
 
-def test_a_file_of_entities_alone_is_read_and_wrong_ones_are_refused():
+def test_a_dxf_file_with_entities_only_is_read_and_invalid_ones_refused():
     program = from_hand(LINE)
     assert program.contours[0].name == "0-1"
     assert program.path.length == pytest.approx(0.01)

@@ -46,7 +46,7 @@ def gaps(path):
 
 
 @given(order=st.permutations(range(4)), turned=st.lists(st.booleans(), min_size=4, max_size=4))
-def test_pieces_in_any_order_and_direction_are_one_closed_contour(order, turned):
+def test_entities_in_any_order_and_direction_are_one_closed_contour(order, turned):
     given_ = [pieces([*SQUARE, SQUARE[0]])[i] for i in order]
     given_ = [
         piece(x.path.reversed(), x.name) if back else x
@@ -61,7 +61,7 @@ def test_pieces_in_any_order_and_direction_are_one_closed_contour(order, turned)
     assert contour.path.length == pytest.approx(4)
 
 
-def test_an_open_chain_starts_at_an_end_in_the_direction_of_its_first_piece():
+def test_an_open_chain_starts_in_the_direction_of_its_first_entity():
     a, b, c = pieces()
     contour = chained([a, b, c])
     assert (contour.name, contour.layer, contour.closed) == ("a", "0", False)
@@ -73,7 +73,7 @@ def test_an_open_chain_starts_at_an_end_in_the_direction_of_its_first_piece():
     np.testing.assert_allclose(contour.path.vertices, SQUARE[::-1], atol=1e-15)
 
 
-def test_contours_are_in_the_order_of_their_first_pieces_and_layers_stay_apart():
+def test_contours_have_the_order_of_their_first_entities_on_each_layer():
     first = pieces(names="abcd")
     other = [line((1, 0), (2, 0), "x", "other"), line((5, 5), (6, 5), "y")]
     contours, _ = chain_pieces([first[2], other[0], other[1], first[0], first[1]], TOLERANCE)
@@ -158,7 +158,7 @@ def test_gaps_are_closed_and_no_point_moves_by_more_than_the_tolerance(dimension
         assert contour.path.length == pytest.approx(whole.length, rel=1e-12)
 
 
-def test_lines_and_arcs_close_gaps():
+def test_gaps_are_closed_by_moving_the_ends_of_lines_and_arcs():
     given_ = [line((0, 0), (1, 0), "a"), line((1, 1.1e-5), (1, 1), "b")]
     assert len(chain_pieces(given_, TOLERANCE)[0]) == 2
     assert len(chain_pieces(given_, 2e-5)[0]) == 1
@@ -180,7 +180,7 @@ def test_lines_and_arcs_close_gaps():
     np.testing.assert_allclose(contour.path.vertices[[0, -1]], [(0, 2e-6)] * 2, atol=1e-15)
 
 
-def test_pieces_on_top_of_others_are_skipped_and_named():
+def test_duplicate_entities_are_skipped_and_named():
     given_ = [
         *pieces(),
         line((1, 0), (0, 0), "back"),

@@ -72,7 +72,7 @@ def check_points(table, **options):
         assert not missing and (words or "/" in text or not notes), (text, notes)
 
 
-def test_corpus_is_large_cites_its_sources_and_is_refused_with_its_line(refuses):
+def test_the_corpus_cites_sources_and_its_refusals_name_their_line(refuses):
     assert len(FILES) >= 60
     for file in FILES:
         data, name = file.read_bytes(), f"{file.parent.name}/{file.stem}"
@@ -83,14 +83,14 @@ def test_corpus_is_large_cites_its_sources_and_is_refused_with_its_line(refuses)
             refuses(lambda name=name: read(name), InvalidInput, begin, words, index=index)
 
 
-def test_corpus_has_the_points_worked_out_by_hand():
+def test_programs_of_the_corpus_have_the_points_computed_by_hand():
     comments = {f"{x.parent.name}/{x.stem}": VERTICES.findall(x.read_bytes()) for x in FILES}
     table = [f"{name} => {points.decode()}" for name, data in comments.items() for points in data]
     assert len(table) >= 35
     check_points("\n".join(table))
 
 
-def test_corpus_has_the_values_worked_out_by_hand():
+def test_programs_of_the_corpus_have_the_values_computed_by_hand():
     nan, pi = math.nan, math.pi
     for name, kind, expected in (
         ("units/change_on_the_way", "speeds", [0.01, 0.0254, 0.0254]),
@@ -121,7 +121,7 @@ def test_corpus_has_the_values_worked_out_by_hand():
         np.testing.assert_allclose(values, expected, atol=1e-9, err_msg=name)
 
 
-def test_any_height_puts_all_moves_in_space():
+def test_a_program_with_any_height_is_in_space():
     for text in ("F60|G17 G2 X10 R5", "G0 Z5|G0 Z0|G1 X1 F60"):
         assert read(text).dimension == 2, text
     for text in ("F60|G18 G2 X10 R5", "G0 Z5|G1 X1 F60", "G1 X1 F60|G0 Z5|X9|Z0|G1 X10"):
@@ -181,7 +181,7 @@ def test_arcs_with_rounded_centres_stay_near_them_and_meet_their_ends(
     assert np.abs(distance - radius).max() <= 2 * abs(offset) + 1e-9
 
 
-def test_helices_and_ends_next_to_their_circles_are_read():
+def test_helices_and_arcs_with_rounded_ends_are_read():
     for tolerance in (1e-4, 1e-6):
         path = read("G0 X10 Y0 F60|G3 I-10 Z4", chord_tolerance=tolerance).contours[0].path
         points = path(np.linspace(0, path.length, 20_001))

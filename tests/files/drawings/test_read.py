@@ -40,7 +40,7 @@ def names(program):
     return [x.name for x in program.contours]
 
 
-def test_every_file_comes_in_metres(read):
+def test_every_file_format_is_read_in_metres(read):
     for name, units in (("w.csv", "mm"), ("part.ngc", None), ("PART.SVG", None)):
         program = read(name, units=units)
         assert program.source == name
@@ -51,7 +51,7 @@ def test_every_file_comes_in_metres(read):
     assert read(units=0.0254).contours[0].path.length == pytest.approx(20 * 0.0254)
 
 
-def test_a_drawing_is_scaled_and_then_placed(read):
+def test_a_drawing_is_scaled_before_it_is_placed(read):
     frame = ac.Frame.rpy((0.3, 0.1, 0.0), (0, 0, np.pi / 2))
     program = read(units="mm", scale=2.0, frame=frame)
     assert program.dimension == 2
@@ -129,7 +129,7 @@ TOLERANCE = 1e-5
 
 @given(seed=st.integers(0, 2**32), degree=st.integers(2, 5), extra=st.integers(0, 6))
 @settings(max_examples=15)
-def test_a_b_spline_with_any_knots_and_weights_is_followed(seed, degree, extra):
+def test_the_path_of_a_b_spline_follows_any_knots_and_weights(seed, degree, extra):
     rng = np.random.default_rng(seed)
     n = degree + 1 + extra
     points, weights = rng.uniform(-0.05, 0.05, (n, 2)), rng.uniform(0.3, 3.0, n)

@@ -109,7 +109,7 @@ def test_printed_curves_have_no_corners(read, shape):
         assert printed.path.project(mended.path(s)).distance.max() <= min(rounding, 1e-5), decimals
 
 
-def test_tolerances_of_the_file_and_of_the_layer_bound_it(read, refuses):
+def test_tolerances_of_file_and_layer_limit_the_repair_of_vertices(read, refuses):
     # Exact stop.
     assert kinks(read(rectangle(3).replace("G64 P0.1", "G61"))) >= 5
     tight = read(rectangle(2).replace("P0.1", "P0.00001"))
@@ -138,7 +138,7 @@ def test_corners_that_rounding_does_not_explain_remain(read):
     assert read(text, mend_vertices=5e-5).notes
 
 
-def test_collinear_waypoints_are_aligned(read):
+def test_rounded_collinear_waypoints_are_aligned(read):
     places = np.linspace(0, 70, 8)
     rows = [f"{100 + x * np.cos(0.4):.3f},{50 + x * np.sin(0.4):.3f}" for x in places]
     text = "x [mm],y [mm]\n" + "\n".join(rows) + "\n"
@@ -146,7 +146,7 @@ def test_collinear_waypoints_are_aligned(read):
     assert len(read(text, ".csv").path.stops) == 0
 
 
-def test_bulges_of_dxf_become_tangent(tmp_path):
+def test_rounded_bulges_of_dxf_become_tangent(tmp_path):
     document = pytest.importorskip("ezdxf").new(units=4)
     bulge = np.tan(np.pi / 8)
     c, s = np.cos(0.4), np.sin(0.4)

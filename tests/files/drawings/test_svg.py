@@ -369,7 +369,7 @@ def test_hidden_or_clipped_elements_are_skipped():
     assert len(read(body, unknown="skip").contours) == 2
 
 
-def test_nested_drawings_end_at_their_viewport():
+def test_nested_drawings_are_clipped_at_their_viewport():
     place = 'x="10" y="10" width="20" height="20"'
     for y, drawn in ((5, 1), (-9, 0)):
         body = f'<rect x="0" y="{y}" width="20" height="5"/><path d="M1 1h1"/>'
@@ -460,7 +460,7 @@ def random_transform(rng, similar):
 
 
 @given(seed=st.integers(0, 2**32 - 1), similar=st.booleans())
-def test_paths_are_those_of_svgpathtools(seed, similar):
+def test_svg_paths_equal_those_of_svgpathtools(seed, similar):
     rng = np.random.default_rng(seed)
     d = random_path_data(rng)
     text, matrix = random_transform(rng, similar)

@@ -26,7 +26,7 @@ def refused(text, call=read, **reading):
     return str(caught.value)
 
 
-def test_dialects_units_speeds_and_tolerances_are_read():
+def test_csv_dialects_and_units_and_speeds_and_tolerances_are_read():
     for names, separator in itertools.product(
         ("x [mm],y [mm]", "X(mm),Y (mm)", "x_mm,y_mm", "x [cm],y [cm]"), ",;\t"
     ):
@@ -52,7 +52,7 @@ def test_dialects_units_speeds_and_tolerances_are_read():
     np.testing.assert_allclose(path.tolerances, [1e-3, 5e-4, np.nan])
 
 
-def test_waypoints_keep_their_numbers_if_rounded_coordinates_are_repaired():
+def test_repaired_coordinates_keep_the_numbers_of_their_waypoints():
     moves = [(0, 0), (10, 0.001), (20, 0), (30, 0.001), (40, 0), (40, 40), (80, 40.001), (90, 40)]
     closed = [(20, 0), (40, 0), (40, 40), (0, 40), (0, 0.001), (20, 0)]
     for points, gone in ((moves, (1, 2, 3, 6)), (closed, ())):
@@ -174,7 +174,7 @@ def test_written_waypoints_are_read_again(points, seed):
     np.testing.assert_allclose(held, turned.as_matrix()[:-1], atol=1e-9)
 
 
-def test_columns_may_be_named_for_files_with_other_first_lines_or_none(tmp_path):
+def test_an_option_names_the_columns_of_files_without_titles(tmp_path):
     file = tmp_path / "part.csv"
     for head, separator in (("", ","), ("count 2\nn,a,b,c\n", ","), ("", " ")):
         file.write_text(head + "1,10,20,9\n2,30,20,9\n".replace(",", separator))

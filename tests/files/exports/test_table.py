@@ -43,7 +43,7 @@ def joined(samples, orders):
     return BPoly.from_derivatives(samples.t, given_of)
 
 
-def test_time_counts_from_the_first_set_point_and_that_of_events_too(set_points):
+def test_times_of_rows_and_events_count_from_the_first_set_point(set_points):
     data = set_points(np.zeros((30, 2)), start_time=-3 * CYCLE)
     exported = make_table(data, name="x")
     assert exported.t[0] == 0 and exported.start_time == -3 * CYCLE
@@ -54,7 +54,7 @@ def test_time_counts_from_the_first_set_point_and_that_of_events_too(set_points)
         assert (after.name, after.value, after.s) == (before.name, before.value, before.s)
 
 
-def test_a_trajectory_is_sampled_with_its_own_derivatives(conventional, arm):
+def test_exported_trajectories_have_exact_derivatives(conventional, arm):
     sampled = make_table(conventional, name="x", arm=arm, cycle=0.05)
     np.testing.assert_array_equal(sampled.q, conventional(sampled.t))
     np.testing.assert_array_equal(sampled.dq, conventional(sampled.t, 1))
@@ -81,7 +81,7 @@ def smooth():
     return ac.plan(path, ac.load_arm("pmk3s"), ac.Limits(joint_acceleration=0.72, joint_jerk=JERK))
 
 
-def test_a_plan_with_a_limit_of_jerk_keeps_it_from_point_to_point(smooth, tmp_path):
+def test_points_of_a_jerk_limited_plan_satisfy_the_limit_between_points(smooth, tmp_path):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     set_points = ac.compensate(smooth, servo, ac.NoCompensation(), cycle=CYCLE)
     for data, cycle in ((smooth, CYCLE), (set_points, None)):
@@ -117,7 +117,7 @@ def early(t):
     return (TimedEvent(name="gas", value=True, t=t, due=0.0, s=0.0, point=(0.0, 0.0)),)
 
 
-def test_refuses_invalid_tables(set_points, conventional, arm):
+def test_invalid_tables_are_refused(set_points, conventional, arm):
     data, three = set_points(np.zeros((3, 2))), set_points(np.zeros((3, 3)))
     too_early = set_points(np.zeros((3, 2)), events=early(-0.05))
     table = [
@@ -157,7 +157,7 @@ def events_in(cell):
 
 
 @pytest.mark.parametrize("dof", [2, 7])
-def test_pandas_reads_the_same_csv(table, tmp_path, dof):
+def test_pandas_reads_an_exported_csv_file(table, tmp_path, dof):
     exported = table(dof)
     for decimals, cycle in ((7, 0.008), (9, 0.001), (12, CYCLE), (9, CYCLE)):
         limits = ac.Limits() if decimals == 12 else None
@@ -199,12 +199,12 @@ def by_numpy(header, rows):
         elements=st.floats(-1e18, 1e18, allow_subnormal=True),
     )
 )
-def test_text_is_that_of_numpy(rows):
+def test_csv_text_equals_that_of_numpy(rows):
     header = ["t [s]", *(f"joint {i} [rad]" for i in range(rows.shape[1]))]
     assert csv_text(header, [rows]) == by_numpy(header, rows)
 
 
-def test_blocks_of_the_text_are_joined_without_a_gap(monkeypatch):
+def test_csv_text_of_many_blocks_equals_that_of_one_block(monkeypatch):
     monkeypatch.setattr(table_module, "FORMAT_BLOCK", 30)
     for count in (9, 10, 11, 30):
         rows = np.random.default_rng(0).normal(size=(count, 3))
@@ -226,7 +226,7 @@ def ros_yaml(table, file):
     return documents[0], text
 
 
-def test_yaml_is_a_joint_trajectory(table, tmp_path):
+def test_exported_yaml_is_a_joint_trajectory_message(table, tmp_path):
     types = get_typestore(Stores.ROS2_HUMBLE).types
     point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
     fields = {x.name for x in dataclasses.fields(point)} - {"__msgtype__"}
@@ -247,7 +247,7 @@ def test_yaml_is_a_joint_trajectory(table, tmp_path):
         assert [json.loads(x) for x in lines] == [event_data(x) for x in original.events]
 
 
-def test_refuses_times_beyond_the_range_of_ros(table, tmp_path):
+def test_times_beyond_the_range_of_ros_are_refused(table, tmp_path):
     words = {1e-10: "at least 1 ns apart", 3e9: "at most 2147483647 s"}
 
     def write(t):
@@ -272,7 +272,7 @@ def rounded():
 
 @pytest.mark.parametrize("derivatives", [0, 1, 2])
 @pytest.mark.parametrize("tolerance", [2e-5, 3e-4])
-def test_few_points_stay_within_the_tolerance_between_points_too(
+def test_a_reduced_export_stays_within_the_tolerance_between_points(
     rounded, tmp_path, derivatives, tolerance
 ):
     for data in rounded:
@@ -324,7 +324,7 @@ def bytes_of(place):
 
 
 @pytest.mark.filterwarnings("ignore:.*does not switch ")
-def test_the_format_follows_from_ending_or_class_and_bytes_are_reproducible(six, tmp_path):
+def test_exported_bytes_depend_only_on_format_and_data(six, tmp_path):
     for kind, form in PLAIN.items():
         first, second = (tmp_path / f"{x}{kind}" / f"part{ENDINGS[kind]}" for x in "ab")
         for place in (first, second):
@@ -338,7 +338,7 @@ def test_the_format_follows_from_ending_or_class_and_bytes_are_reproducible(six,
         assert [x.name for x in first.parent.iterdir()] == [first.name]
 
 
-def test_events_without_an_output_are_warned_of_once(set_points, six, tmp_path):
+def test_a_warning_names_events_without_an_output_once(set_points, six, tmp_path):
     kuka = TemplateFormat(template="kuka", outputs={"tool": 17})
     abb = TemplateFormat(template="abb", outputs={"tool": "doTool"})
     with pytest.warns(UserWarning, match="does not switch gas,"):
@@ -373,7 +373,7 @@ def test_programs_that_do_not_set_an_analog_output_warn(set_points, tmp_path, en
     assert re.search(r"ANOUT\[1\]|analog_out\(1,", (tmp_path / f"part{ending}").read_text())
 
 
-def test_refuses_other_formats_and_wrong_options(six, tmp_path):
+def test_unknown_formats_and_invalid_options_are_refused(six, tmp_path):
     cases = [
         ("a.txt", {}, "The extension of a.txt does not belong to a format"),
         ("a.csv", {"format": "xml"}, "There is no format"),

@@ -50,7 +50,7 @@ def counted(lines, start, condition):
     return [(sum(x.startswith(start) for x in lines[:i]), lines[i]) for i in indices]
 
 
-def test_kuka_has_every_point_its_time_and_the_events_in_order(table, tmp_path):
+def test_a_kuka_program_has_all_points_and_times_and_events_in_order(table, tmp_path):
     exported = table(6, count=9)
     text = made(exported, tmp_path, "kuka", outputs={"tool": 17})
     lines = [x.strip() for x in text.splitlines()]
@@ -70,7 +70,7 @@ def test_kuka_has_every_point_its_time_and_the_events_in_order(table, tmp_path):
     assert lines[-4:-1] == ["WAIT SEC 0.013500", "; tool=on at 0.045500 s", "$OUT[17] = TRUE"]
 
 
-def test_abb_has_every_point_its_time_and_the_events_in_order(table, tmp_path):
+def test_an_abb_program_has_all_points_and_times_and_events_in_order(table, tmp_path):
     exported = table(6, count=9)
     text = made(exported, tmp_path, "abb", outputs={"tool": "doTool"})
     lines = [x.strip() for x in text.splitlines()]
@@ -86,7 +86,7 @@ def test_abb_has_every_point_its_time_and_the_events_in_order(table, tmp_path):
     assert lines[-5:-3] == ["WaitTime 0.013500;", "! tool=on at 0.045500 s"]
 
 
-def test_analog_outputs_are_set_where_they_change(table, tmp_path):
+def test_analog_outputs_of_a_program_are_set_where_they_change(table, tmp_path):
     power = np.array([0.0, 0.2, 0.2, 0.6, 1.0, 1.0, 0.3, 0.3, 0.1])
     exported = dataclasses.replace(
         table(6, count=9, events=()), analog={"power": power, "gas": power}
@@ -127,7 +127,7 @@ def test_built_in_templates_refuse_other_arms_and_outputs(table, tmp_path):
     refusals(lambda x: made(table(6), tmp_path, "abb", outputs=x), outputs)
 
 
-def test_a_kuka_program_is_called_like_its_file(table, tmp_path):
+def test_a_kuka_program_has_the_name_of_its_file(table, tmp_path):
     text = made(table(6), tmp_path, "kuka", stem="a_7" + 21 * "b")
     assert f"\nDEF a_7{21 * 'b'}( )\n" in text and "\n; part 7: " in text
 
@@ -136,7 +136,7 @@ def test_a_kuka_program_is_called_like_its_file(table, tmp_path):
     refusals(lambda x: made(table(6), tmp_path, "kuka", stem=x), bad)
 
 
-def test_an_abb_module_has_a_name_that_rapid_takes(table, tmp_path):
+def test_an_abb_module_has_a_valid_rapid_name(table, tmp_path):
     for name, module in (
         ("7 holes", "m_7_holes"),
         ("ö", "m_"),
@@ -148,7 +148,7 @@ def test_an_abb_module_has_a_name_that_rapid_takes(table, tmp_path):
         assert text.splitlines()[:2] == [f"MODULE {module}", about]
 
 
-def test_the_template_of_the_guide_writes_the_stated_program(table, tmp_path):
+def test_the_template_of_the_guide_writes_the_program_in_the_guide(table, tmp_path):
     guide = FilePath(__file__).parents[3] / "docs" / "guides" / "export.md"
     template = guide.read_text(encoding="utf-8").split("```jinja\n")[1].split("```")[0]
     exported = table(6, count=9)
@@ -172,7 +172,7 @@ ALL = """\
 """
 
 
-def test_a_house_template_sees_all_of_the_table(table, tmp_path):
+def test_a_user_template_can_use_all_data_of_the_table(table, tmp_path):
     ddq = np.array([[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]])
     exported = dataclasses.replace(table(2, count=3), ddq=ddq, start_time=-0.008)
     text = made(exported, tmp_path, house(tmp_path, ALL), outputs={"tool": 4})
@@ -198,7 +198,7 @@ def test_an_error_in_a_template_is_reported_with_its_line(table, tmp_path):
     refusals(lambda x: made(table(), tmp_path, house(tmp_path, x)), WRONG)
 
 
-def test_refuses_missing_templates(table, tmp_path):
+def test_missing_templates_are_refused(table, tmp_path):
     os.mkfifo(tmp_path / "pipe.j2")
     places = [
         (tmp_path / "no.j2", "There is no template"),
@@ -260,7 +260,7 @@ def program(table, tmp_path, **options):
     st.lists(st.floats(0.0, 0.08), max_size=8),
     st.sampled_from([0.002, 0.004, 0.008]),
 )
-def test_any_events_come_in_order_within_half_an_interval(tmp_path_factory, count, times, cycle):
+def test_exported_events_are_within_half_an_interval(tmp_path_factory, count, times, cycle):
     q, t = np.arange(6.0 * count).reshape(count, 6), np.arange(count) * cycle
     events = tuple(x for time in times for x in timed_events("tool", True, time))
     table = SetPointTable(
@@ -297,7 +297,7 @@ def timed_events(name, value, t=0.0):
     return (TimedEvent(name=name, value=value, t=t, due=t, s=0.0, point=(0.0, 0.0)),)
 
 
-def test_refuses_motions_that_the_program_cannot_express(table, tmp_path):
+def test_motions_that_the_program_cannot_express_are_refused(table, tmp_path):
     cases = [
         ((table(2), {}), "6 joints, but 'part 7' has 2"),
         ((dataclasses.replace(table(), cycle=0.001), {}), "multiple of 2 ms"),

@@ -55,7 +55,7 @@ def loaded(file, **options):
     return arm
 
 
-def test_every_link_has_its_shapes_where_it_is(tmp_path):
+def test_collision_shapes_are_at_the_poses_of_their_links(tmp_path):
     arm = loaded(described(tmp_path))
     shapes = [(x.link, x.name, x.tool, type(x.shape)) for x in arm.shapes.shapes]
     capsules = [(1, "post", False, Cylinder), (1, "post", False, Capsule)]
@@ -141,7 +141,7 @@ def names(pairs):
     return {frozenset((getattr(x, "name", x), getattr(y, "name", y))) for x, y in pairs}
 
 
-def test_pairs_of_an_srdf_file_are_ignored_with_its_reasons(tmp_path):
+def test_pairs_disabled_in_an_srdf_file_are_ignored_with_its_reasons(tmp_path):
     (tmp_path / "small.srdf").write_text(SRDF)
     file = described(tmp_path)
     bare, arm = loaded(file), loaded(file, srdf=tmp_path / "small.srdf")

@@ -57,7 +57,7 @@ def write(tmp_path, data):
     return file
 
 
-def test_the_papers_arm_has_the_printed_values(arm):
+def test_the_paper_arm_has_the_printed_values(arm):
     assert ac.arm_names() == ("fr3", "panda", "pmk3s", "ur10e", "ur5e")
     assert (arm.name, arm.base, arm.link1, arm.link2) == ("PMK-3s", 0.135, 0.250, 0.215)
     np.testing.assert_array_equal(arm.limits.joint_acceleration, [0.72, 0.72])
@@ -222,7 +222,7 @@ def test_arms_are_made_from_dh_parameters(name):
 
 
 @pytest.mark.parametrize("name", ac.arm_names())
-def test_every_arm_can_be_planned_with(name):
+def test_every_built_in_arm_can_be_planned(name):
     arm = ac.load_arm(name)
     assert arm.source and arm.chain.assumed
     assert arm.limits.joint_acceleration is not None and arm.limits_hint == ""
@@ -238,7 +238,7 @@ def test_every_arm_can_be_planned_with(name):
 
 
 @pytest.mark.parametrize("name", ac.arm_names())
-def test_every_number_has_a_unit_and_a_source(name):
+def test_every_number_of_a_built_in_arm_has_a_unit_and_a_source(name):
     file = resources.files("armcontour.files.robots") / "library" / f"{name}.yaml"
     queue, numbers = [yaml.safe_load(file.read_text("utf-8"))], 0
     while queue:
@@ -288,7 +288,7 @@ def test_every_link_of_a_built_in_arm_has_a_hull(name):
     assert f"{name}.json" in text and license in ("BSD-3-Clause", "Apache-2.0")
 
 
-def test_capsules_of_the_planar_arm_are_marked_as_assumed():
+def test_assumed_capsules_of_the_planar_arm_are_marked():
     arm = ac.load_arm("pmk3s")
     assert arm.shapes is not None and "assumed" in arm.shapes.source
     first, second = arm.shapes.shapes
@@ -298,7 +298,7 @@ def test_capsules_of_the_planar_arm_are_marked_as_assumed():
     assert second.place.position[1] + second.shape.length / 2 + 0.03 == pytest.approx(0.215)
 
 
-def test_shapes_are_read_once_and_when_asked_for():
+def test_shapes_are_read_once_and_only_when_used():
     calls = []
 
     def read(link=6):
@@ -340,7 +340,7 @@ def for_all(lines):
     return "joint_limits:\n" + "".join(f"  {joint}: {{{lines}}}\n" for joint in JOINTS)
 
 
-def test_limits_apply_to_all_or_some_joints(tmp_path):
+def test_limits_of_an_arm_file_apply_to_all_or_some_joints(tmp_path):
     no_limits = "has_velocity_limits: false, max_velocity: 1, has_position_limits: false, "
     no_limits += "has_effort_limits: false, has_jerk_limits: true, max_jerk: 100"
     limits = with_text(tmp_path, for_all(no_limits)).limits
@@ -392,7 +392,7 @@ joint_limits: {tilt: {min_position: 2, max_position: 1}} => range of joint tilt 
 """
 
 
-def test_files_that_limit_nothing_are_refused(tmp_path):
+def test_invalid_files_of_joint_limits_are_refused(tmp_path):
     refusals(lambda x: with_text(tmp_path, x), BAD)
     refusals(load, [(tmp_path / "no.yaml", "no file of joint limits")])
 
@@ -456,7 +456,7 @@ def test_a_calibrated_arm_moves_by_the_transforms_of_its_file(tmp_path):
     np.testing.assert_allclose(same.forward(q), nominal.forward(q), atol=2e-9)
 
 
-def test_calibrations_of_other_forms_and_robots_are_refused(tmp_path):
+def test_invalid_calibrations_and_those_of_other_robots_are_refused(tmp_path):
     file = tmp_path / "own.yaml"
     table = [
         (("ur5e", "kinematics: {}"), "kinematics.shoulder must have the numbers x, y"),

@@ -110,14 +110,14 @@ def refuse_differences(arm, text, held):
         same(arm.dynamics.torque(q, dq, ddq) / 100, torque / 100)
 
 
-def test_frames_bodies_and_torques_are_those_of_pinocchio(tmp_path):
+def test_frames_and_bodies_and_torques_equal_those_of_pinocchio(tmp_path):
     arm = load(tmp_path, base=None)
     assert arm.chain.prismatic == (True, False, False, False, False)
     refuse_differences(arm, TEXT, {"left": 0.0, "right": 0.01})
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_random_descriptions_are_read_as_by_pinocchio(tmp_path, seed):
+def test_random_urdf_files_are_read_like_pinocchio_does(tmp_path, seed):
     rng = np.random.default_rng(seed)
 
     def words(low, high, count=3):
@@ -167,7 +167,7 @@ def test_the_arm_has_the_values_of_its_description():
     assert arm.source.endswith("robot.urdf")
 
 
-def test_the_chain_may_end_early_and_begin_late():
+def test_the_chain_can_begin_and_end_at_chosen_links():
     flange, whole = original_arm(tip="flange"), original_arm()
     q, dq, ddq = np.random.default_rng(1).normal(size=(3, 20, 4))
     # Where the tip is makes no difference to the drives.
@@ -182,7 +182,7 @@ def test_the_chain_may_end_early_and_begin_late():
     np.testing.assert_allclose(torque, expected, atol=1e-9)
 
 
-def test_without_any_inertial_only_kinematics_are_known(tmp_path):
+def test_a_description_without_inertial_elements_has_kinematics_only(tmp_path):
     text = re.sub("<inertial>.*?</inertial>", "", TEXT, flags=re.DOTALL)
     arm, whole = load(tmp_path, (TEXT, text)), original_arm()
     assert arm.chain.masses is None
@@ -243,7 +243,7 @@ def test_unknown_attributes_are_refused(tmp_path):
     assert load(tmp_path, (kind, f'{kind} dont_collapse="true"')).dof == 4
 
 
-def test_accelerations_and_jerks_of_a_description_are_read(tmp_path):
+def test_acceleration_and_jerk_limits_of_a_description_are_read(tmp_path):
     elbow = 'effort="40" velocity="2.5"'
     more = 'acceleration="8" deceleration="6" jerk="50"'
     arm = load(tmp_path, (elbow, f"{elbow} {more}"))
@@ -287,7 +287,7 @@ solid gripper => is not valid XML ... line 1
 """
 
 
-def test_descriptions_of_no_arm_are_refused(tmp_path):
+def test_descriptions_without_an_arm_are_refused(tmp_path):
     table = [((old, new), words) for old, new, words in rows(BAD)]
     table += [((TEXT, text), words) for text, words in rows(NO_ROBOTS)]
     refusals(lambda x: load(tmp_path, x), table, "robot.urdf")
@@ -422,7 +422,7 @@ CHOICES = """
 """
 
 
-def test_options_that_do_not_fit_the_description_are_refused(tmp_path):
+def test_options_that_contradict_the_description_are_refused(tmp_path):
     refusals(lambda x: load(tmp_path, **yaml.safe_load(x)), CHOICES)
 
 
@@ -521,7 +521,7 @@ def load_joints(tmp_path, joints, **options):
     return ac.load_arm(tmp_path / "r.urdf", ac.ArmOptions(**options))
 
 
-def test_the_tip_is_tool0_else_flange(tmp_path):
+def test_the_default_tip_is_tool0_or_else_flange(tmp_path):
     for joints, tip in (
         ([*SIX, *FRAMES, TOOL, SENSOR], "tool0"),
         ([*SIX, *FRAMES, SENSOR], "flange"),

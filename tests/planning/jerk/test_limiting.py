@@ -48,7 +48,7 @@ def largest(planned, limits):
     return max(float(np.max(used / limit)) for used, limit in peaks.values())
 
 
-def test_a_plan_may_be_stopped_after_any_iteration():
+def test_a_jerk_limited_plan_is_valid_after_any_iteration():
     durations = []
     for iterations in (1, 2, 5, 12, 150):
         trajectory = ac.plan(
@@ -78,7 +78,7 @@ def test_motion_rests_where_the_second_derivative_jumps():
     np.testing.assert_allclose(law.s[1:-1][law.speeds[1:-1] == 0], [0.5])
 
 
-def test_speeds_at_the_ends_are_refused(refuses):
+def test_nonzero_end_speeds_are_refused_with_jerk_limits(refuses):
     for name in ("start_speed", "end_speed"):
         options = ac.Optimal(**{name: 0.05})
         refuses(lambda x=options: ac.plan(LINE, None, LIMITS, x), ac.InvalidInput, "limits of jerk")
@@ -97,7 +97,7 @@ def test_an_hour_of_motion_has_no_jumps_that_a_check_refuses(arm, rounded):
     ("name", "seed", "jerk"),
     [("pmk3s", 0, 100), ("pmk3s", 1, 10), ("ur5e", 2, 50), ("panda", 3, 10)],
 )
-def test_splines_are_passed_without_a_stop_as_fast_as_splines_of_the_joints(name, seed, jerk):
+def test_tool_splines_are_passed_without_stops_as_fast_as_joint_splines(name, seed, jerk):
     rng = np.random.default_rng(seed)
     turn = np.linspace(0, rng.uniform(2, 5), int(rng.integers(5, 12)))
     radius = 0.06 * (1 + 0.25 * rng.normal(size=len(turn))).clip(0.5, 1.5)
@@ -123,7 +123,7 @@ def test_splines_are_passed_without_a_stop_as_fast_as_splines_of_the_joints(name
     assert durations[1] < 1.01 * ac.plan(joints, arm, limits).duration
 
 
-def test_a_plan_warns_of_stops_that_limits_of_jerk_add(arm):
+def test_a_warning_counts_the_stops_that_jerk_limits_add(arm):
     path = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])
     arcs = ac.round_corners(path, tolerance=5e-3)
     limits = arm.limits.replace(speed=0.15, joint_jerk=36.0)

@@ -42,7 +42,7 @@ def planned(problem):
     return ac.plan(shaped, problem.arm, problem.limits)
 
 
-def test_the_judge_reports_only_exceeded_limits(problem, planned):
+def test_the_independent_check_reports_only_exceeded_limits(problem, planned):
     assert judge(planned, problem) == []
     for limit in ("joint_acceleration", "speed", "centripetal_acceleration"):
         limit_value = getattr(problem.limits, limit)
@@ -55,7 +55,7 @@ def test_the_judge_reports_only_exceeded_limits(problem, planned):
         assert any("by differences" in x for x in judge(planned, tight)), limit
 
 
-def test_the_judge_reports_points_vertices_and_lines_outside(problem, planned):
+def test_the_independent_check_reports_parts_outside_the_tube(problem, planned):
     judgement = judge(planned, replace(problem, options={"tolerance": TOLERANCE - 1e-8}))
     # The arc is nearer to the lines than to the vertex, but its middle belongs to the vertex.
     assert len(judgement) == 2 and "too far from its place" in judgement[0]
@@ -64,7 +64,7 @@ def test_the_judge_reports_points_vertices_and_lines_outside(problem, planned):
     assert any(x.startswith("no way along the objective") for x in judgement)
 
 
-def test_no_motion_may_change_to_a_line_that_it_crosses(arm, limits):
+def test_the_independent_check_refuses_a_change_to_a_crossing_line(arm, limits):
     points = np.array([(0.30, 0.20), (0.36, 0.20), (0.36, 0.26), (0.33, 0.26), (0.33, 0.14)])
     pieces = pieces_of(problem_of(points, arm, limits, tolerance=1e-4))
     along = ac.Path.polyline(points)(np.linspace(0, 0.27, 9001))

@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from armcontour.planning.shaping.quadratic_program import solve_program
 
 
-def test_nearly_linear_programs_are_solved():
+def test_quadratic_programs_with_tiny_quadratic_terms_are_solved():
     """Rows with and without zeros at their ends, between the first node and the last."""
     for n, k in itertools.product((1, 2, 7), (1, 2, 3)):
         rng = np.random.default_rng(10 * n + k)
@@ -83,7 +83,7 @@ def solve_by_clarabel(cost, rows, bounds, weight):
 
 
 @pytest.mark.parametrize("n", [1, 2, 30])
-def test_the_solution_is_that_of_another_solver(n):
+def test_the_solution_equals_that_of_another_solver(n):
     for k, m, seed in itertools.product((2, 3), (4, 10), range(2)):
         cost, rows, bounds, weight = random_program(seed, n, k, m)
         solution, iterations = solve_program(cost, rows, bounds, weight)

@@ -44,7 +44,7 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
     assert durations[-1] < 0.97 * search.start.duration
 
 
-def test_unsupported_paths_are_not_shaped(arm, limits):
+def test_unsupported_paths_keep_their_start_with_a_note(arm, limits):
     exact = ac.Path.polyline(LINES.vertices, segment_limits=ac.SegmentLimits(tolerance=0.0))
     path = ac.shape(exact, arm, limits, ac.Shaped(tolerance=1e-3))
     assert "a line has no tolerance" in path.outcome.note
@@ -61,7 +61,7 @@ def tube_of(path, options):
     return Tube.around(path, options.tolerance)
 
 
-def test_starts_use_all_of_the_tolerance():
+def test_the_starts_of_the_search_use_the_whole_tolerance():
     options = ac.Shaped(tolerance=5e-3)
     starts = make_starts(LINES, tube_of(LINES, options), options)
     assert set(starts) == {STOPS, ARCS, PARABOLAS}
@@ -79,7 +79,7 @@ def test_starts_use_all_of_the_tolerance():
     np.testing.assert_allclose(start_path.corners.error, 0.7e-3, rtol=1e-9)
 
 
-def test_the_nearest_point_moves_past_a_corner():
+def test_the_middle_of_a_starting_arc_belongs_to_its_corner():
     options = ac.Shaped(tolerance=2e-3)
     for turn in (0.3, 1.5, 2.6, 3.0):
         end = np.array([0.1, 0]) + 0.1 * np.array([np.cos(turn), np.sin(turn)])
@@ -150,7 +150,7 @@ def moving(request):
     return arm, JointSpline(q=q, h=random.uniform(0.02, 0.05, N), rest=rest)
 
 
-def test_the_program_has_the_derivatives_by_offsets_and_span_times(moving):
+def test_the_derivatives_of_the_program_agree_with_differences(moving):
     arm, spline = moving
     k = arm.dimension - 1
     steps = np.random.default_rng(5).normal(size=(N, arm.dof, k))

@@ -33,7 +33,7 @@ def pickled(monkeypatch):
     monkeypatch.setattr(shaper, "MANY_CONTOURS", 2)
 
 
-def test_other_processes_shape_the_same(arm, limits, pickled, monkeypatch):
+def test_shaping_in_other_processes_gives_the_same_paths(arm, limits, pickled, monkeypatch):
     program = ac.Program(moves=(square(0.2), square(0.3)))
     steps = []
     there = shape(
@@ -72,7 +72,7 @@ def program():
     return rng.normal(size=(n, k)), rows, rng.uniform(0.1, 1.0, (n, 8)), np.full((n, k), 0.1)
 
 
-def test_a_long_path_is_about_as_fast_as_in_one_piece(arm, limits, monkeypatch):
+def test_a_long_path_shaped_in_parts_is_about_as_fast_as_in_one_part(arm, limits, monkeypatch):
     corners = np.stack([np.linspace(0.15, 0.35, 9), 0.22 + 0.02 * (-1.0) ** np.arange(9)], axis=1)
     options = {"tolerance": 2e-3}
     path = ac.Path.polyline(corners)

@@ -49,7 +49,7 @@ def test_a_corner_is_faster_and_the_tool_keeps_its_orientation(name):
     assert objective.project(points).distance.max() <= TOLERANCE
 
 
-def test_a_turning_tool_has_the_orientation_of_the_place(ur5e):
+def test_a_turning_tool_stays_within_the_angular_tolerance(ur5e):
     objective = ac.Path.polyline(POINTS).oriented([DOWN, TILTED, DOWN])
     limits = ur5e.limits.replace(angular_speed=1.0, angular_acceleration=8.0, joint_torque=np.inf)
     seed = ac.trace(objective, ur5e)(0.0)
@@ -64,7 +64,7 @@ def test_a_turning_tool_has_the_orientation_of_the_place(ur5e):
     assert report.verdict == "kept"
 
 
-def test_what_is_not_shaped_keeps_the_best_start(ur5e):
+def test_paths_that_cannot_be_shaped_keep_the_fastest_start(ur5e):
     following = ac.Path.polyline(POINTS).following_tangent((0.0, 0.0, 1.0))
     exact = {"tolerance": 0.0}
     for objective, options, start in (

@@ -58,7 +58,7 @@ def motions(path, count=20):
         yield x[..., None], u[..., None], np.stack(bounds, axis=1)
 
 
-def test_sampled_coefficients_and_friction_rise_within_the_bounds_of_their_forms():
+def test_dense_samples_stay_within_the_bounds_of_sampled_forms():
     viscous = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
     chain = UR5E.chain.replace(viscous=viscous)
     arm = ac.SerialArm(name="rubbing", chain=chain, limits=UR5E.limits)
@@ -123,7 +123,7 @@ def largest_by_programs(path, ends):
     return x
 
 
-def test_the_pass_finds_what_linear_programs_find():
+def test_the_forward_pass_equals_linear_programs():
     path = on_grid(60)
     (motion,) = optimal.constraints_of(PATH, UR5E, LIMITS)
     law = plan_on_grid(path.intervals, limits_on(path, [motion]), Rules(tries=1))
@@ -153,7 +153,7 @@ RIGHT = {
 
 
 @pytest.mark.parametrize("form", RIGHT, ids=lambda x: x.__name__)
-def test_arrays_of_another_shape_are_refused_with_their_name(form):
+def test_arrays_of_the_wrong_shape_are_refused_with_their_name(form):
     """Compiled functions would read beyond them."""
     line = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
     path = OnGrid(place_grid(line, 5))

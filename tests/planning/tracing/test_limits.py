@@ -29,7 +29,7 @@ def ranges(arm, joint, low, high):
     return arm.limits.replace(joint_lower=lower, joint_upper=upper)
 
 
-def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
+def test_joint_ranges_of_the_limits_replace_those_of_the_arm(ur5e):
     limits = ranges(ur5e, 4, 3.2, 6.28).replace(joint_acceleration=5.0)
     candidates = trace_all(LINE, ur5e, limits=limits)
     assert len(candidates) >= 2
@@ -50,7 +50,7 @@ def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
     assert ac.plan(LINE, tight, ur5e.limits.replace(joint_acceleration=5.0)).duration > 0
 
 
-def test_joint_velocities_of_the_limits_define_the_shortest_way(ur5e):
+def test_configurations_are_ordered_by_travel_relative_to_the_velocity_limits(ur5e):
     for joint in range(6):
         velocity = np.full(6, 3.0)
         velocity[joint] = 0.01
@@ -59,7 +59,7 @@ def test_joint_velocities_of_the_limits_define_the_shortest_way(ur5e):
         assert (np.diff(ways) > -1e-3 * max(ways)).all(), joint
 
 
-def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
+def test_a_planar_arm_stays_within_its_joint_ranges(arm, refuses):
     free = ac.trace(FLAT, arm)
     low, high = (getattr(free(free.breaks), x)(axis=0) for x in ("min", "max"))
     inside = ac.Limits.only(joint_lower=low - 1e-6, joint_upper=high + 1e-6)
@@ -88,7 +88,7 @@ def bump(height):
     return ac.JointPath(breaks=np.array([0.0, 2.0]), coefficients=coefficients)
 
 
-def test_the_peak_between_samples_counts(refuses):
+def test_a_joint_beyond_its_range_between_samples_is_refused(refuses):
     limits = ac.Limits.only(joint_upper=[2.0, 0.5], joint_lower=[-0.1, -0.1])
     check_joint_range(bump(0.5), limits, UR5E)
     upper = {"limit": "joint_upper", "needed": 0.500001, "allowed": 0.5}

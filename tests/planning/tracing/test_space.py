@@ -142,7 +142,7 @@ def test_redundant_joints_move_smoothly_between_stops(name):
         assert (len(path.stops) > 0) == (kind == "stopping")
 
 
-def test_a_start_selects_the_configuration_and_the_turn(ur5e):
+def test_a_seed_selects_the_configuration_and_the_turn(ur5e):
     path = PATHS["held"]
     candidates = trace_all(path, ur5e)
     assert len(candidates) == 8
@@ -157,7 +157,7 @@ def test_a_start_selects_the_configuration_and_the_turn(ur5e):
     np.testing.assert_allclose(again(path.length)[:5], candidates[0](path.length)[:5], atol=1e-9)
 
 
-def test_the_refusal_of_a_start_names_one_that_works(ur5e, refuses):
+def test_a_refused_seed_names_one_that_works(ur5e, refuses):
     path = ac.Path.polyline([(0.8, 0, 0.3), (0.75, 0, 0.3)]).oriented(DOWN)
     pose = np.column_stack([DOWN, path(0.0)])
     random = np.random.default_rng(0)

@@ -41,7 +41,7 @@ def test_the_tool_stays_on_the_path(arm, rounded, configuration):
     assert (BRANCHES[configuration] * traced(traced.breaks)[:, 1] > 0).all()
 
 
-def test_derivatives_agree_with_exact_kinematics(arm):
+def test_derivatives_of_the_joint_path_agree_with_exact_kinematics(arm):
     for name in ("line", "full circle", "around the base", "close past the base"):
         path, h = PATHS[name], 1e-5
         traced = ac.trace(path, arm, tolerance=1e-10)

@@ -118,7 +118,7 @@ def test_set_points_compensate_drives_with_a_cycle(plan, drive_cycle, feed):
     )
 
 
-def test_the_response_is_that_of_a_sine():
+def test_the_frequency_response_equals_a_simulated_sine():
     servo = ac.ServoModel(
         kp=12.0, kv=80.0, ki=6.0, velocity_feedforward=0.7, acceleration_feedforward=0.3,
         dead_time=5e-3, interpolation="linear",

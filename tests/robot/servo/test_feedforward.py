@@ -65,7 +65,7 @@ def rates(q, k, x, kind, cubic):
 
 @pytest.mark.parametrize("limit", [1e3, 4.0])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_response_is_that_of_the_differential_equation(kind, limit, arm, plan):
+def test_the_response_solves_the_differential_equation(kind, limit, arm, plan):
     """Integrated from event to event of the command, in the words of the model's docstring."""
     first = kind == "first order"
     if first and limit < 100:
@@ -102,7 +102,7 @@ def test_the_response_is_that_of_the_differential_equation(kind, limit, arm, pla
     assert first or execution.saturated.any() == (limit < 100)
 
 
-def test_the_transfer_function_is_that_of_the_model():
+def test_the_response_equals_the_transfer_function_of_scipy():
     omega = np.array([0.0, 1.0, 30.0, 500.0])
     for kind in KINDS:
         servo = servo_of(kind)
@@ -121,7 +121,7 @@ def follow(plan, arm, servo, limits, method):
 
 @pytest.mark.parametrize("method", ["inverse", "pole_placement"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_compensated_joints_follow_the_plan_as_well_as_without_feedforward(kind, method, arm, plan):
+def test_feedforward_does_not_change_the_error_of_compensated_joints(kind, method, arm, plan):
     servo = servo_of(kind)
     if servo.kv is None and method == "pole_placement":
         return
@@ -147,7 +147,7 @@ def test_compensated_joints_follow_the_plan_as_well_as_without_feedforward(kind,
 OMEGA = np.array([0.0, 1.0, 30.0, 500.0])
 
 
-def test_the_response_is_5_and_the_slowest_rate_that_of_its_slowest_pole():
+def test_the_response_equals_equation_5_and_its_rate_that_of_the_slowest_pole():
     for kp, kv in ((25.0, 150.0), (25.0, 100.0), (60.0, 40.0)):
         response = ac.ServoModel(kp=kp, kv=kv).response(1j * OMEGA)[:, 0]
         _, expected = signal.freqresp(([kp * kv], [1.0, kv, kp * kv]), OMEGA)

@@ -67,7 +67,7 @@ def test_joints_without_a_model_follow_their_command(execute):
     np.testing.assert_allclose(execution.q[: len(Q), 1], Q[:, 1], atol=1e-12)
 
 
-def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
+def test_the_servo_model_follows_an_irregular_log_like_the_plant(execute):
     servo = ac.ServoModel(kp=20.0, kv=90.0, dead_time=5.3e-3, velocity_feedforward=0.9)
     execution = execute(servo)
     more = np.sort(np.concatenate([T, T[:-1] + np.random.default_rng(0).uniform(0, CYCLE, 59)]))
@@ -112,7 +112,7 @@ def test_parameters_of_joint_servos_are_refused(refuses):
     )
 
 
-def test_a_cycle_does_not_change_joints_of_order_delay(execute):
+def test_a_drive_cycle_does_not_change_joints_of_order_delay(execute):
     dead_time = 5e-3
     servo = ac.ServoModel(
         order=("delay", "first"), kp=(np.inf, 20.0), dead_time=(dead_time, 0.0), drive_cycle=1e-3
@@ -127,7 +127,7 @@ def test_a_cycle_does_not_change_joints_of_order_delay(execute):
     np.testing.assert_allclose(execution.q[: n - 1, 1], positions[::4], atol=1e-12)
 
 
-def test_jumps_of_acceleration_do_not_saturate_a_drive_with_a_cycle():
+def test_acceleration_jumps_do_not_saturate_a_drive_with_a_cycle():
     points = [(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)]
     path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
     arm = ac.load_arm("pmk3s")

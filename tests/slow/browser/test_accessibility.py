@@ -7,7 +7,7 @@ pytestmark = pytest.mark.browser
 TABS = ("charts", "runs", "waypoints", "tasks", "text", "notes", "contours")
 
 
-def test_axe_reports_a_fault(browser):
+def test_the_accessibility_checker_reports_a_fault(browser):
     page = browser.new_page()
     page.set_content("<img src='data:,'><button></button>")
     load_axe(page)
@@ -17,7 +17,7 @@ def test_axe_reports_a_fault(browser):
 
 
 @pytest.mark.parametrize(("colours", "width"), [("light", 1400), ("dark", 1400), ("light", 500)])
-def test_the_page_has_no_serious_fault(pages, colours, width):
+def test_the_studio_page_is_accessible(pages, colours, width):
     studio = pages(colours=colours, size=(width, 900))
     studio.begin()
     studio.wait_for("#view2d[data-tier='2']")

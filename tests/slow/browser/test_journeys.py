@@ -87,7 +87,7 @@ def test_j11_a_dropped_drawing_is_played(pages, judge):
     np.testing.assert_allclose(joints, planned, atol=1e-4)
 
 
-def test_j13_a_draft_survives_the_end_of_page_and_server(pages, tmp_path):
+def test_j13_a_draft_survives_closing_the_page_and_the_server(pages, tmp_path):
     file = write_job(tmp_path / "job.yaml", "optimal")
     with serving(file, folder=tmp_path) as server:
         studio = pages(server)

@@ -171,7 +171,7 @@ def open_all(page):
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_a_report_has_no_serious_fault_and_no_truncated_text(browser, tmp_path, name):
+def test_a_report_is_accessible_and_no_text_is_truncated(browser, tmp_path, name):
     page_faults = []
     for width, colours in ((1400, "light"), (900, "dark"), (500, "light")):
         with opened(browser, text_of(name), tmp_path, width, color_scheme=colours) as page:

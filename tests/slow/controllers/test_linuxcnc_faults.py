@@ -43,7 +43,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_machine_that_differs_from_the_simulation_is_not_kept(fault, tmp_path):
+def test_a_linuxcnc_machine_that_differs_from_the_simulation_is_not_kept(fault, tmp_path):
     changes, verdict, words = FAULTS[fault]
     text = HAL
     for old, new in changes.items():

@@ -107,7 +107,7 @@ def test_the_papers_job_is_certified_at_4_ms_with_the_parts_of_its_budget(certif
     assert 0 < certificate.headroom.max() < 1
 
 
-def test_an_experiment_judges_a_certificate_too(certified):
+def test_a_certificate_that_fails_in_its_experiment_is_not_kept(certified):
     """On rigid bodies, the same set-points exceed 2 um, but not 5 mm."""
     error = certified.result.experiment.evaluation.contour_error.max
     assert error > 2e-6 > certified.budget.executed
@@ -141,7 +141,7 @@ def test_a_certificate_states_that_rigid_bodies_are_not_covered(certified):
     assert f"the contour error is {error}" in certified.rigid_body_warning
 
 
-def test_without_compensation_the_plan_is_derated_until_it_satisfies_its_budget():
+def test_a_plan_without_compensation_is_derated_to_its_budget():
     # Slowly: what is derated at one place leaves the lag of what came before.
     certificate = ac.certify(parse_job(LAG))
     judged(certificate, loaded=True)
@@ -153,7 +153,7 @@ def test_the_papers_job_is_certified_at_10_ms():
     assert certificate.duration <= 5.40 and judged(certificate).speed <= 0.15 * (1 + 1e-3)
 
 
-def test_a_wrong_search_gets_no_certificate(monkeypatch):
+def test_a_result_of_the_search_that_fails_the_proof_is_refused(monkeypatch):
     """The judge rejects the plan without derating, which a wrong search proposes."""
     ratios = []
 
@@ -176,7 +176,7 @@ def test_a_cascade_stays_within_its_budget(more):
     assert 0 < judged(certificate).contour_error.max <= 2e-5
 
 
-def test_jerk_limits_are_satisfied():
+def test_certified_plans_satisfy_jerk_limits():
     base = job(SHORT)
     limits = base.runs[0].limits.replace(joint_jerk=36.0)
     certificate = ac.certify(
@@ -222,7 +222,7 @@ def test_gains_with_an_error_of_ten_percent_are_certified():
             assert error == pytest.approx(expected, rel=1e-3)
 
 
-def test_wrong_dead_times_are_certified():
+def test_errors_of_the_dead_time_are_certified():
     delayed = job(SHORT, servo=", dead_time: 40 ms")
     # Shared by all joints, it costs nothing.
     shared = Uncertainty(dead_time=2e-3, dead_time_shared=True)
@@ -323,7 +323,7 @@ def test_invalid_goals_are_refused_before_the_search(refuses):
         refuses(call, ac.InvalidInput, words)
 
 
-def test_job_files_have_goals_of_certificates(refuses):
+def test_a_job_file_can_state_the_goal_of_a_certificate(refuses):
     keys = "certificate: {tolerance: 5 mm, servo_error: 2 um, run: only, box: {"
     text = LINE + keys + "gains: 10 %, dead_time: 2 ms, shared: false}}\n"
     goal = parse_job(text).certificate

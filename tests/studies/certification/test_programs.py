@@ -55,7 +55,7 @@ def executed(certificate, servo=None):
     return execution, evaluation
 
 
-def test_every_contour_satisfies_its_goal_without_its_leads(certified):
+def test_every_certified_contour_satisfies_its_goal_without_its_leads(certified):
     execution, result = executed(certified)
     assert [x.name for x in certified.contours] == ["contour 1 (bend)", "contour 2 (line)"]
     for x, error in zip(certified.contours, result.contours, strict=True):
@@ -96,7 +96,7 @@ def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
     assert np.linalg.norm(execution.tool[index] - certificate.contours[1].path(0.0)) > 0.1e-3
 
 
-def test_robots_of_a_box_satisfy_the_goal_on_every_contour():
+def test_every_robot_of_the_box_satisfies_the_goal_on_every_contour():
     box = Uncertainty(gains=0.05)
     certificate = ac.certify(job(), goal=ac.CertificateGoal(servo_error=0.5e-3, box=box))
     servo = certificate.job.plant_servo.for_joints(2)
@@ -140,7 +140,7 @@ def test_the_stated_sum_bounds_the_distance_from_the_drawing(certified):
     assert page["units"]["budget.left"] == page["units"]["off_drawing"] == "m"
 
 
-def test_a_certificate_names_the_limits_of_the_duration(certified):
+def test_a_certificate_names_the_limit_that_determines_the_duration(certified):
     data, run = certified.to_data(), certified.result
     assert sum(x.time for x in run.explanation.shares) == pytest.approx(certified.duration)
     assert data["time_limit"].value == run.explanation.longest[0]

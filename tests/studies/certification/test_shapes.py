@@ -37,7 +37,7 @@ def certified(job):
     return ac.certify(job, goal=ac.CertificateGoal(tolerance=TOLERANCE))
 
 
-def test_shape_and_servo_share_the_tolerance(certified):
+def test_shape_and_servo_together_stay_within_the_tolerance(certified):
     """Judged against the objective, in both directions, by nothing of the search."""
     certificate = certified
     arm, limits = certificate.job.arm, certificate.result.run.limits
@@ -65,7 +65,7 @@ def test_shape_and_servo_share_the_tolerance(certified):
     )
 
 
-def test_a_note_reports_that_arcs_are_not_faster(job, certified):
+def test_a_note_states_if_shaping_is_not_faster_than_arcs(job, certified):
     arcs = ac.certify(with_arcs(job), goal=ac.CertificateGoal(tolerance=TOLERANCE))
     assert arcs.shapes == {} and arcs.contours[0].shape == "arc"
     assert certified.duration <= arcs.duration

@@ -44,7 +44,7 @@ A = np.array([0.0, -1.2, 1.5, -1.8, -1.57, 0.0])
 B = np.array([0.9, -1.0, 1.2, -1.5, -1.3, 0.5])
 
 
-def test_the_least_distance_is_bracketed():
+def test_the_smallest_distance_is_between_the_stated_bounds():
     motion = sweep_of(A, B, 1.0)
     scene = Scene(obstacles=(ball("wall", 0.05, [0.3, 0.5, 0.4]),))
     clearance = check_clearance(motion, BALL, scene, resolution=1e-4)
@@ -133,7 +133,7 @@ def test_the_nearest_pair_of_every_kind_is_reported():
     assert clearance.nearest[0] is clearance.least
 
 
-def test_links_without_shape_contacts_at_rest_and_held_parts_are_handled():
+def test_missing_shapes_contacts_at_rest_and_obstacles_on_the_part_count():
     ignored = check_clearance(sweep_of(A, A, 1.0), BALL).left_out
     assert [x.first for x in ignored] == [f"the link after {x}" for x in UR5E.joint_names[:-1]]
     assert {(x.second, x.reason) for x in ignored} == {("everything", "no shape of it is known")}
@@ -148,7 +148,7 @@ def test_links_without_shape_contacts_at_rest_and_held_parts_are_handled():
     assert moved.pairs[0].high == pytest.approx(true, abs=1e-6)
 
 
-def test_pairs_are_ignored_with_reasons():
+def test_each_ignored_pair_has_its_reason():
     shapes = tuple(
         LinkShape(name=name, link=k, shape=Sphere(radius=0.02))
         for k, name in enumerate(("base", "one", "two", "three"))
@@ -177,7 +177,7 @@ def test_invalid_scenes_are_refused(refuses):
         refuses(lambda x=scene: check_clearance(motion, BALL, x), InvalidInput, words)
 
 
-def test_the_mesh_decides_where_its_hull_is_too_near():
+def test_a_mesh_is_checked_if_its_convex_hull_is_too_near():
     # A frame of four bars, whose hull is a full plate, around the ball.
     bars = [((-0.2, 0, 0), (0.02, 0.4, 0.02)), ((0.2, 0, 0), (0.02, 0.4, 0.02))]
     bars += [((0, -0.2, 0), (0.4, 0.02, 0.02)), ((0, 0.2, 0), (0.4, 0.02, 0.02))]

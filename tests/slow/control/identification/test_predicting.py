@@ -39,7 +39,7 @@ def contour_error(log, rest, use):
     return np.sqrt(np.mean(np.square(away)))
 
 
-def test_a_real_robot_is_predicted_or_refused():
+def test_a_real_robot_is_predicted_or_its_model_is_marked_doubtful():
     """KUKA KR300, programs A and B, both multisines (see its LICENSE)."""
     logs = [read_log(KR300 / f"{x}.csv") for x in "AB"]
     both = ac.identify(logs)
