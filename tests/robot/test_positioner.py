@@ -6,12 +6,14 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 from tests.dynamics_extra import needs_dynamics, pinocchio
+from tests.files.tables import refusals, rows
 
 import armcontour as ac
 from armcontour.core.frames import Frame, exp
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_model import ArmModel
 from armcontour.files.keys import read_keys
+from armcontour.files.scene_file import LinkShapeModel, more_link_shapes
 from armcontour.robot import Payload
 from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import Box, Obstacle, Scene, Sphere
@@ -229,3 +231,124 @@ def test_shapes_of_a_job_are_in_the_frame_of_the_base_with_the_axes_at_zero():
     for x in added:
         point = poses[x.link, :, :3] @ x.place.position + poses[x.link, :, 3]
         np.testing.assert_allclose(point, [0.5, 0.0, 0.2], atol=1e-12)
+
+
+ROBOT = FilePath(__file__).parents[1] / "files" / "robots" / "data" / "robot.urdf"
+# A post that is fixed to the floor, and a frame and a table that turn.
+POST = Frame.rpy((0.9, 0.1, 0.3), (0.1, 0.2, 0.3))
+FRAME = Frame.rpy((0.0, 0.05, 0.2), (0.3, 0.0, 0.1))
+TABLE = Frame.rpy((0.02, 0.0, 0.05), (0.0, 0.1, 0.4))
+POSITIONER = """
+<link name="post"/><link name="frame">{frame}{ball}</link><link name="turned">{turned}</link>
+<link name="table">{ball}</link>
+<joint name="stand" type="fixed"><origin xyz="0.9 0.1 0.3" rpy="0.1 0.2 0.3"/>
+  <parent link="world"/><child link="post"/></joint>
+<joint name="swing" type="revolute"><parent link="post"/><child link="frame"/><axis xyz="0 2 0"/>
+  <limit lower="-2" upper="1.5" effort="300" velocity="1.2"/></joint>
+<joint name="turn" type="revolute"><origin xyz="0 0.05 0.2" rpy="0.3 0 0.1"/>
+  <parent link="frame"/><child link="turned"/><axis xyz="0 0 1"/>
+  <limit lower="-7" upper="7" effort="200" velocity="1.5"/><dynamics damping="0.4"/></joint>
+<joint name="plate" type="fixed"><origin xyz="0.02 0 0.05" rpy="0 0.1 0.4"/>
+  <parent link="turned"/><child link="table"/></joint></robot>"""
+BODY = """<inertial><origin xyz="0.01 0.02 0.03" rpy="0.2 0 0.1"/><mass value="{}"/>
+<inertia ixx="0.5" ixy="0.01" ixz="0" iyy="0.6" iyz="0" izz="0.7"/></inertial>"""
+BALL = "<collision><geometry><sphere radius='0.05'/></geometry></collision>"
+
+
+def described_cell(folder, *changes, **options):
+    """The lifter as an arm on a rail, with a positioner, from one file."""
+    text = ROBOT.read_text().replace("</robot>", POSITIONER)
+    changes = (
+        ('name="lift"', 'name="rail"'), ('rpy="0 0 0.7"', ""), ("{ball}", BALL),
+        ("{frame}", BODY.format(30)), ("{turned}", BODY.format(20)),
+        ('<link name="world"/>', f'<link name="world">{BALL}</link>'),
+        ('<link name="column">', f'<link name="column">{BALL}'),
+        ('<link name="upper">', f'<link name="upper">{BALL}'), *changes,
+    )  # fmt: skip
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "cell.urdf").write_text(text)
+    keys = {"file": "cell.urdf", "tip": "tcp", "part": "table"} | options
+    return arm_of(read_keys(ArmModel, keys), folder)
+
+
+@needs_dynamics
+def test_a_description_of_the_cell_is_the_arm_with_rail_and_positioner(tmp_path):
+    described = described_cell(tmp_path, tilt="10 deg")
+    turned = POST @ FRAME
+    body = Frame.rpy((0.01, 0.02, 0.03), (0.2, 0.0, 0.1))
+    tensor = np.array([[0.5, 0.01, 0], [0.01, 0.6, 0], [0, 0, 0.7]])
+    axes = []
+    for name, frame, along, *values in (
+        ("swing", POST, (0, 1, 0), -2, 1.5, 1.2, 300, 30),
+        ("turn", turned, (0, 0, 1), -7, 7, 1.5, 200, 20),
+    ):
+        lower, upper, speed, torque, mass = values
+        place = frame @ body
+        axes.append(
+            ac.PositionerAxis(
+                name=name, axis=frame.rotation @ along, origin=frame.position, lower=lower,
+                upper=upper, velocity=speed, acceleration=speed, torque=torque, mass=mass,
+                center=place.position, inertia=place.rotation @ tensor @ place.rotation.T,
+            )
+        )  # fmt: skip
+    rail = ac.Rail(
+        axis=(0, 0, 1), origin=(0.1, 0.2, 0.7), upper=0.5, velocity=0.2, acceleration=0.2,
+        force=900, mass=30,
+    )  # fmt: skip
+    lifter = ac.load_arm(ROBOT, ac.ArmOptions(base="base_link", tip="tcp"), work=turned @ TABLE)
+    arm = lifter.with_rail(rail).with_positioner(ac.Positioner(axes=axes, tilt=TILT))
+    arm = arm.with_dynamics(viscous=[0.4, *[0] * 2, *lifter.chain.viscous])
+    assert described.joint_names == arm.joint_names
+    assert described.chain.positioner.tilt == pytest.approx(TILT)
+    at_zero = (
+        ("swing", "frame", POST), ("turn", "table", turned @ TABLE), ("base", "world", Frame()),
+        ("rail", "column", Frame((0, 0, 0.4))), ("tilt", "upper", Frame()),
+    )  # fmt: skip
+    balls = [
+        {"link": x, "name": name, "type": "sphere", "radius": 0.05, "at": frame.position.tolist()}
+        for x, name, frame in at_zero
+    ]
+    balls = more_link_shapes([read_keys(LinkShapeModel, x) for x in balls], tmp_path, arm)
+    found = sorted(described.shapes.shapes, key=lambda x: x.name)
+    expected = sorted(balls, key=lambda x: x.name)
+    assert [(x.name, x.link) for x in found] == [(x.name, x.link) for x in expected]
+    for q, dq, ddq in np.random.default_rng(2).normal(size=(20, 3, arm.dof)):
+        np.testing.assert_allclose(described.forward(q), arm.forward(q), atol=1e-12)
+        torques = [x.torque(q, dq, ddq) for x in (described, arm)]
+        np.testing.assert_allclose(*torques, rtol=1e-12, atol=1e-9)
+        centers = [
+            [poses[x.link] @ [*x.place.position, 1] for x in shapes]
+            for shapes, poses in (
+                (found, link_poses(described.chain, q[None])[0]),
+                (expected, link_poses(arm.chain, q[None])[0]),
+            )
+        ]
+        np.testing.assert_allclose(*centers, atol=1e-12)
+    for name in ("lower", "upper", "velocity", "acceleration", "torque"):
+        values = [getattr(x.limits, f"joint_{name}") for x in (described, arm)]
+        np.testing.assert_array_equal(*values)
+
+
+NO_CELLS = """
+table => tabel => part must be a link of ... 'tabel'
+table => upper => part upper ... on the branch of the arm ... tilt
+table => post => No joint moves between base and part
+<axis xyz="0 2 0"/> => <axis xyz="0 2 0"/><mimic joint="turn"/> => swing ... mimics
+name="swing" type="revolute" => name="swing" type="prismatic" => swing ... prismatic
+name="turn" type="revolute" => name="turn" type="continuous" => turn ... range ... continuous
+"""
+
+
+def test_descriptions_without_a_branch_for_the_part_are_refused(tmp_path):
+    table = [(x, words) for *x, words in rows(NO_CELLS)]
+
+    def load(change):
+        if change[0] == "table":
+            return described_cell(tmp_path, part=change[1])
+        return described_cell(tmp_path, change)
+
+    refusals(load, table)
+    with pytest.raises(ac.InvalidInput, match="requires part"):
+        ac.ArmOptions(tilt=0.1)

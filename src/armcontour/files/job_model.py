@@ -116,7 +116,8 @@ class ArmModel(ArmOptions):
         name: A built-in arm: `armcontour arms` lists them.
         file: A .urdf or .yaml file.
         tool: The tool: its frame relative to the tip, and its shapes.
-        work: The frame of the path relative to the base.
+        work: The frame of the path relative to the base; by default that of the link `part`, or the
+            base.
         payload: Payload at the tip.
         shapes: Additional shapes of links, such as hoses and cameras, in the frames of the links.
         rail: A linear axis that carries the arm.

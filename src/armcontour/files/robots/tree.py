@@ -12,6 +12,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.file_access import ENDINGS
 from armcontour.core.text import list_some, plain_number, show
+from armcontour.robot.external_axes import Tilt
 
 # Extension of robot descriptions.
 DESCRIPTION = ".urdf"
@@ -34,6 +35,10 @@ class ArmOptions(Checked):
         tip: Link at the end of the arm, for a robot description (.urdf); by default `tool0`, or
             `flange` if there is no `tool0`.
         base: Fixed link at the start of the arm, for a robot description; by default the root.
+        part: Link that carries the part, for a robot description of a cell: the joints between it
+            and the base are the axes of a positioner, and its frame is the default work frame.
+        tilt: Largest angle between the tool axis and gravity [rad]: the positioner turns the part
+            so that the tool points downwards. By default any angle is allowed.
         joint_limits: A joint_limits.yaml of MoveIt, which replaces limits of the arm's own file.
             Its default scaling factors are not applied.
         calibration: File of UR's `ur_calibration` for a built-in UR arm (.yaml): the transforms of
@@ -47,9 +52,15 @@ class ArmOptions(Checked):
 
     tip: str | None = None
     base: str | None = None
+    part: str | None = None
+    tilt: Tilt | None = None
     joint_limits: str | FilePath | None = None
     calibration: str | FilePath | None = None
     srdf: str | FilePath | None = None
+
+    def _check_together(self) -> None:
+        if self.tilt is not None and self.part is None:
+            raise InvalidInput("tilt requires part, the link of a description that carries a part.")
 
 
 def check_options(options: ArmOptions, arm: str) -> None:
@@ -141,16 +152,16 @@ class Tree:
             waiting += [joint.child for joint in nearest]
         return joints
 
-    def between(self, base: str, tip: str) -> list[Joint]:
+    def between(self, base: str, tip: str, role: str = "tip") -> list[Joint]:
         """Joints on the path from the link `base` to the link `tip`, in this order."""
-        link, start = self.check_link("tip", tip), self.check_link("base", base)
+        link, start = self.check_link(role, tip), self.check_link("base", base)
         joints: list[Joint] = []
         # The joints are collected from the tip to the base, and reversed at the end.
         while link != start:
             if link not in self.parent_joints:
                 raise InvalidInput(
-                    f"The tip {tip} is not below the base {start} in {self.file}. Choose another "
-                    f"base, such as {self.root}."
+                    f"The {role} {tip} is not below the base {start} in {self.file}. Choose "
+                    f"another base, such as {self.root}."
                 )
             joints.append(self.parent_joints[link])
             link = joints[-1].parent

@@ -82,11 +82,15 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     route = tree.between(start, options.tip or _default_tip(tree, start))
     moving = [x for x in route if x.kind != "fixed"]
     _check_moving_joints(tree, moving)
-    description = Description(tree, route, moving, start)
+    turning = [] if options.part is None else _part_joints(tree, start, options.part, moving)
+    moving = turning + moving
+    description = Description(tree, route, moving, start, len(turning))
     chain = description.chain()
     limits, lacking, assumed = _limits(
         tree, moving, options.joint_limits, has_bodies=chain.masses is not None
     )
+    if options.part is not None:
+        chain = description.cell(chain, limits, options.part, options.tilt)
     missing = missing_meshes(tree)
     notes = (*description.notes, lacking, missing)
     arm = SerialArm(
@@ -110,11 +114,12 @@ def _shapes(arm: SerialArm, description: Description) -> ArmShapes:
     from armcontour.files.robots.urdf_chain import Description
     from armcontour.verification.clearance.distances import exclude_touching
 
-    tree, carried = description.tree, description.link_frames()
+    tree, carried = description.tree, description.shape_frames(arm.chain)
     # Links that are not below the base are fixed, because their joints do not move.
     others = Description(tree, (), (), tree.root).link_frames()
-    back = others[description.base][1].inverse
-    still = {name: (0, back @ place) for name, (_, place) in others.items() if name not in carried}
+    floor, back = carried[description.base][0], others[description.base][1].inverse
+    back = arm.chain.floor @ back
+    still = {x: (floor, back @ place) for x, (_, place) in others.items() if x not in carried}
     last = description.moving[-1].child
     shapes = link_shapes(tree, {**still, **carried}, last)
     source = f"collision elements of {FilePath(tree.file).name}"
@@ -134,23 +139,42 @@ def _default_tip(tree: Tree, base: str) -> str:
     )
 
 
-def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
+def _part_joints(tree: Tree, base: str, part: str, arm: list[Joint]) -> list[Joint]:
+    """Joints of a positioner, from the part to the base; checks that they are a branch."""
+    joints = [x for x in tree.between(base, part, "part") if x.kind != "fixed"][::-1]
+    shared = next((x.name for x in joints if x in arm), None)
+    if shared is not None:
+        raise InvalidInput(
+            f"The part {part} of {tree.file} is on the branch of the arm, because joint {shared} "
+            "moves both. Choose another part or base."
+        )
+    _check_moving_joints(tree, joints, "part")
+    sliding = next((x.name for x in joints if x.kind == "prismatic"), None)
+    if sliding is not None:
+        raise InvalidInput(
+            f"Joint {sliding} of {tree.file} is prismatic, but the joints that move a part must be "
+            "revolute. Make it fixed in the file."
+        )
+    return joints
+
+
+def _check_moving_joints(tree: Tree, moving: list[Joint], end: str = "tip") -> None:
     """Check that there are moving joints, and that they have one position and are independent."""
     if not moving:
         raise InvalidInput(
-            f"No joint moves between base and tip in {tree.file}. Choose another base or tip."
+            f"No joint moves between base and {end} in {tree.file}. Choose another base or {end}."
         )
     for joint in moving:
         if joint.kind not in ARM_TYPES:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} is {joint.kind}, but the joints of an arm must "
-                "be revolute or prismatic. Choose a base and a tip without it between "
+                f"be revolute or prismatic. Choose a base and a {end} without it between "
                 f"them, or make it fixed in the file."
             )
         if joint.master is not None:
             raise InvalidInput(
                 f"Joint {joint.name} of {tree.file} mimics another joint, but the joints of an arm "
-                "must be independent. Choose a base and a tip without it between "
+                f"must be independent. Choose a base and a {end} without it between "
                 f"them, or make it fixed in the file."
             )
 

@@ -15,6 +15,8 @@ from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.tree import Joint, Tree
 from armcontour.robot.bodies import check_inertia, merge_bodies
 from armcontour.robot.chain import Chain
+from armcontour.robot.external_axes import Positioner, PositionerAxis
+from armcontour.robot.limits import Limits
 
 # Maximum length of a sequence of joints in which each mimics the next; grippers have about 3.
 MAX_MIMICS = 50
@@ -31,8 +33,9 @@ class Description:
     Args:
         tree: The robot description.
         route: All joints from the base to the tip.
-        moving: The joints of the arm.
+        moving: The joints of the arm; first those of a positioner, from the part to the base.
         base: Name of the base link.
+        axes: Number of joints of the positioner.
     """
 
     def __init__(
@@ -41,17 +44,19 @@ class Description:
         route: Sequence[Joint],
         moving: Sequence[Joint],
         base: str,
+        axes: int = 0,
     ) -> None:
         self.tree = tree
         self.moving = moving
         self.base = base
         self.tip = route[-1].child if route else base
         self.below = tree.below(base)
+        self.axes = axes
         self.notes: list[str] = []
         self._names = {joint.name for joint in moving}
 
     def chain(self) -> Chain:
-        """Chain of the moving joints, with the bodies that move with each joint if known."""
+        """Moving joints with the bodies that move with each; both branches from the base."""
         carried = self.link_frames()
         has_bodies = self._has_bodies(carried)
         self._note_held_joints()
@@ -91,6 +96,74 @@ class Description:
                 link, place = frames[joint.parent]
                 frames[joint.child] = link, place @ self._joint_frame(joint)
         return frames
+
+    def cell(self, rows: Chain, limits: Limits, part: str, tilt: float | None) -> Chain:
+        """The chain from the part over the base to the tip, from the rows of both branches."""
+        lower, upper = limits.joint_range(len(rows))
+        speeds, accelerations = (
+            np.abs(limits.bounds(x, len(rows))).min(axis=0)
+            for x in ("joint_velocity", "joint_acceleration")
+        )
+        frames, carried, axes = self.axis_frames(), self.link_frames(), []
+        for k in range(self.axes - 1, -1, -1):
+            frame, bodies = frames[k + 1], {}
+            values = {
+                "lower": lower[k],
+                "upper": upper[k],
+                "velocity": speeds[k],
+                "acceleration": accelerations[k],
+            }
+            if not np.isfinite([*values.values()]).all():
+                raise InvalidInput(
+                    f"Joint {rows.joints[k]} of {self.tree.file} requires a range, a velocity and "
+                    "an acceleration, because it moves the part. Specify them in the file (the "
+                    "joint must not be continuous) or with joint_limits."
+                )
+            if rows.masses is not None:
+                assert rows.centers is not None and rows.inertias is not None
+                bodies = {
+                    "mass": rows.masses[k],
+                    "center": frame.position + frame.rotation @ rows.centers[k],
+                    "inertia": frame.rotation @ rows.inertias[k] @ frame.rotation.T,
+                }
+            axes.append(
+                PositionerAxis(
+                    name=rows.joints[k],
+                    axis=frame.rotation @ rows.axes[k],
+                    origin=frame.position,
+                    **values,
+                    **bodies,
+                )
+            )
+        link, place = carried[part]
+        arm = rows.replace(
+            **rows.rows(np.arange(self.axes, len(rows))), base=(frames[link] @ place).inverse
+        )
+        cell = arm.on_positioner(Positioner(axes=tuple(axes), tilt=tilt))
+        # An axis of a positioner has no friction.
+        return cell.replace(viscous=rows.viscous, coulomb=rows.coulomb)
+
+    def axis_frames(self) -> dict[int, Frame]:
+        """Frames of the joints of a positioner (1: next to the part) and of the base (0) in it."""
+        carried, frames = self.link_frames(), {0: Frame()}
+        for k in range(self.axes, 0, -1):
+            joint = self.moving[k - 1]
+            link, place = carried[joint.parent]
+            frames[k] = frames[link] @ place @ self._joint_frame(joint)
+        return frames
+
+    def shape_frames(self, chain: Chain) -> dict[str, tuple[int, Frame]]:
+        """`link_frames` by the links of the chain, whose first link carries the part."""
+        found, frames = {}, self.axis_frames()
+        for name, (number, place) in self.link_frames().items():
+            link = number
+            if number in frames:
+                link = number - 1 if number else self.axes
+                # The links of a positioner and the base have parallel frames at 0.
+                moved = Frame(position=-chain.positions[:link].sum(axis=0))
+                place = moved @ frames[number] @ place
+            found[name] = link, place
+        return found
 
     def _joint_frame(self, joint: Joint) -> Frame:
         """Frame of the child link in the parent link, at position 0 or at its own position."""
