@@ -7,7 +7,6 @@ import pytest
 
 import armcontour as ac
 from armcontour.motion import LapLaw, LawPhase
-from armcontour.motion.log_checks import find_misreading
 
 
 def lap(duration, q, dq, ddq):
@@ -106,44 +105,6 @@ def test_an_execution_is_interpolated_only_at_multiples_of_its_interval(conventi
         cut = dataclasses.replace(whole, **{name: getattr(whole, name)[part] for name in names})
         assert (cut.between(interval) is not None) == is_known, part
     assert dataclasses.replace(whole, plant=None).between(interval) is None
-
-
-T = np.arange(4000) * 2e-3
-WANTED = np.stack(
-    [np.sin(2 * T) + 0.4, 0.5 * np.sin(3.1 * T + 1) - 1.0, 0.3 * np.cos(1.3 * T) + 2.0], axis=1
-)
-CHANGES = {
-    "in the order b, a, c,": lambda q: q[:, [1, 0, 2]],
-    "of b have opposite signs": lambda q: q * [1, -1, 1],
-    "measured positions look like degrees": np.degrees,
-    "look like radians, but the expected ones like degrees": np.radians,
-}
-
-
-def _follow(u, lag=0.05, delay=0.02):
-    delayed = np.stack([np.interp(T - delay, T, x) for x in u.T], axis=1)
-    response = np.array(delayed)
-    for i in range(len(T) - 1):
-        response[i + 1] += np.exp(-2e-3 / lag) * (response[i] - delayed[i + 1])
-    return response
-
-
-@pytest.mark.parametrize("delay", [None, 0.25])
-def test_misread_columns_are_named(delay):
-    q = WANTED if delay is None else _follow(WANTED) + [0.01, 0.0, -0.02]
-    for words, change in CHANGES.items():
-        assert words in find_misreading(T, change(q), WANTED, names="abc", longest_delay=delay)
-    for right in (q, np.roll(q[::-1], 777, axis=0) ** 3):
-        assert not find_misreading(T, right, WANTED, names="abc", longest_delay=delay)
-
-
-def test_exchanged_columns_are_found_and_delays_are_not_sign_errors():
-    q = _follow(WANTED)
-    assert "are exchanged" in find_misreading(T, WANTED, q, longest_delay=0.25)
-    assert not find_misreading(T, WANTED, q)
-    u = np.sin(2 * np.pi * 2.0 * T)[:, None]
-    delayed = np.interp(T - 0.25, T, u[:, 0])[:, None]
-    assert not find_misreading(T, delayed, u, longest_delay=0.25)
 
 
 def test_a_law_that_starts_late_has_both_sides_of_its_breaks():

@@ -111,8 +111,8 @@ def test_logs_of_another_job_are_refused(ask, robot, done, tmp_path):
         (both, rows[::30], HEAD, "60 ms"),
         (every, rows * [1e3, 1, 1, 1, 1], HEAD, "s"),
         (both, rows[: len(rows) // 2], HEAD, "Record the whole run"),
-        (both, rows[:, [0, 2, 1, 4, 3]], HEAD, "in the order 2, 1"),
-        (both, turned, HEAD, "degrees"),
+        (both, rows[:, [0, 2, 1, 4, 3]], HEAD, "another unit, sign or order"),
+        (both, turned, HEAD, "another unit|degrees"),
         (("identify",), rows[:, [0, 3, 4]], "t,q1,q2", "no command column"),
         (every, rows[:20], HEAD, "at least 50"),
     ):

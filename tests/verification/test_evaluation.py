@@ -66,27 +66,6 @@ def test_a_delay_along_the_path_is_tracking_error_and_no_contour_error(arm):
     assert evaluation.tracking_error.rms == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_common_delay_of_the_joints_is_reported_separately(arm):
-    limits = ac.Limits.only(joint_acceleration=2.0, speed=0.1)
-    bent = ac.round_corners(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2), (0.4, 0.25)]), tolerance=2e-3)
-    plan = ac.plan(bent, arm, limits)
-    set_points = ac.compensate(plan, ac.ServoModel(order="delay"), ac.NoCompensation())
-    for delays in ([0.05, 0.05], [0.05, 0.054]):
-        servo = ac.ServoModel(order="delay", dead_time=delays)
-        evaluation = ac.evaluate(ac.simulate(set_points, ac.ServoPlant(arm, servo)), bent)
-        assert evaluation.tracking_error.max > 4e-3
-        if delays[0] == delays[1]:
-            assert evaluation.common_delay == pytest.approx(0.05, abs=1e-6)
-            assert evaluation.error_without_delay.max < 1e-5
-        else:
-            assert 0.05 < evaluation.common_delay < 0.054
-            # Differences of 4 ms at most, at 0.1 m/s; they are contour errors, too.
-            assert evaluation.contour_error.rms <= evaluation.error_without_delay.rms < 0.4e-3
-            assert evaluation.error_without_delay.rms > 1e-5
-    still = ac.evaluate(by_hand(arm, T, np.tile((0.3, 0.2), (len(T), 1))), LINE)
-    assert still.common_delay == 0.0
-
-
 @pytest.mark.parametrize("in_space", [False, True])
 def test_unexplained_errors_are_bounded_along_and_across_the_path(arm, in_space):
     path = LINE

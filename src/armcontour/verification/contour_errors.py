@@ -36,11 +36,6 @@ from armcontour.verification.error_profile import (
 Errors = tuple[FloatArray, FloatArray]
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
-# Maximum number of iterations of the search for a common delay, and its tolerance [s].
-MAX_DELAYS = 20
-SAME_DELAY = 1e-7
-# Prevents a division by zero if the arm does not move [m²/s²].
-TINY = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,10 +123,10 @@ class ContourExecution:
         """Ratios of the tool speed to the assigned velocity, (n,); see `measure_speed_ratios`."""
         return measure_speed_ratios(self.path, self.followed, self.speed, limit, between=between)
 
-    def tracking_error(self, delay: float = 0.0) -> ErrorProfile:
-        """Profile of the distance to the planned position a time `delay` earlier [m]."""
+    def tracking_error(self) -> ErrorProfile:
+        """Profile of the distance to the planned position at the same time [m]."""
         trajectory = self.executed.set_points.trajectory
-        planned = trajectory(np.clip(self.t - delay, 0.0, trajectory.duration))
+        planned = trajectory(np.clip(self.t, 0.0, trajectory.duration))
         distance = length(self.tool - self.executed.arm.tool_position(planned))
         return self._over_time(distance, self.followed.s)
 
@@ -357,26 +352,6 @@ def settling_time(executed: Execution, speed: FloatArray) -> float:
     moving = np.flatnonzero(speed > REST_SPEED)
     last = float(executed.t[moving[-1]]) if len(moving) else 0.0
     return max(last, executed.set_points.trajectory.duration)
-
-
-def common_delay(executed: Execution) -> float:
-    """Delay of the plan that minimizes the RMS tracking error [s]."""
-    trajectory, t, tool = executed.set_points.trajectory, executed.t, executed.tool
-    q, dq = (trajectory(np.clip(t, 0.0, trajectory.duration), order) for order in (0, 1))
-    planned, velocity = executed.arm.tool_position(q), executed.arm.tool_velocity(q, dq)
-    best, delay = (np.inf, 0.0), 0.0
-    for _ in range(MAX_DELAYS):
-        delayed, rate = (
-            np.stack([np.interp(t - delay, t, x) for x in columns.T], axis=1)
-            for columns in (planned, velocity)
-        )
-        best = min(best, (float(((tool - delayed) ** 2).sum()), delay))
-        # Gauss-Newton step of the least squares in the delay.
-        step = float((rate * (delayed - tool)).sum() / max((rate**2).sum(), TINY))
-        delay += step
-        if abs(step) < SAME_DELAY:
-            break
-    return best[1]
 
 
 def evaluated_times(executed: Execution, until: float | None) -> tuple[float, float]:

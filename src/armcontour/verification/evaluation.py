@@ -25,7 +25,6 @@ from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import use_of
 from armcontour.verification.contour_errors import (
     CornerDeviation,
-    common_delay,
     evaluated_times,
     pieces_of,
     settling_time,
@@ -50,10 +49,6 @@ class Evaluation(Result, Frozen):
         coverage_error: Largest distance from the path to the tool, including parts of the path that
             the tool does not reach.
         tracking_error: Distance from the tool to its planned position at the same time [m].
-        common_delay: Delay of the plan at which the RMS tracking error is smallest, common to all
-            joints [s].
-        error_without_delay: Tracking error after removal of this delay: distance from the tool to
-            its planned position at a time earlier by `common_delay` [m].
         model_error: First-order bounds of the tool errors along and across the path due to the
             servo's `model_error` [m]; None if it is unknown.
         objective_error: Distance from the tool to the objective path [m]; None if unknown.
@@ -92,8 +87,6 @@ class Evaluation(Result, Frozen):
     contour_error: ErrorProfile
     coverage_error: Coverage
     tracking_error: ErrorProfile
-    common_delay: float
-    error_without_delay: ErrorProfile
     model_error: tuple[float, float] | None
     objective_error: ErrorProfile | None
     objective_coverage_error: Coverage | None
@@ -146,13 +139,6 @@ class Evaluation(Result, Frozen):
             *error_rows("contour_error", "contour error", self.contour_error, FIRST, FIRST),
             *error_rows("coverage_error", "path missed", self.coverage_error),
             *error_rows("tracking_error", "tracking error", self.tracking_error, max_level=FILE),
-            Row("common_delay", self.common_delay, "s", "delay of all joints"),
-            *error_rows(
-                "error_without_delay",
-                "without this delay",
-                self.error_without_delay,
-                max_level=FILE,
-            ),
             *model_error,
             *error_rows("objective_error", "", self.objective_error, FILE, FILE),
             *error_rows("objective_coverage_error", "", self.objective_coverage_error, FILE, FILE),
@@ -290,7 +276,7 @@ def evaluate(
     contours = tuple(x.contour_error for x in pieces)
     shares = [x.speed_ratios(bounds.speed) for x in pieces]
     ratio = max(float(x.max()) for x in shares)
-    delay, jerk = common_delay(executed), executed_jerk(executed)
+    jerk = executed_jerk(executed)
     times = [(t[moved], speed[moved])]
     if program.single_path is None:
         times = [(x.t, x.speed) for x in pieces]
@@ -301,8 +287,6 @@ def evaluate(
         contour_error=ErrorProfile.join(contours),
         coverage_error=max((x.coverage_error for x in pieces), key=lambda x: x.max),
         tracking_error=ErrorProfile.join([x.tracking_error() for x in pieces]),
-        common_delay=delay,
-        error_without_delay=ErrorProfile.join([x.tracking_error(delay) for x in pieces]),
         model_error=_largest_errors([x.model_error for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
         objective_coverage_error=max(

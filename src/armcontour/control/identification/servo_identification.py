@@ -37,15 +37,10 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Options, checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Choice, Interval, Quantity
-from armcontour.core.sampled_data import white_noise
+from armcontour.core.sampled_data import interpolate, white_noise
 from armcontour.core.text import show
 from armcontour.motion.log import FEWEST, INTERPOLATIONS, Log, renew_positions
-from armcontour.motion.log_checks import (
-    check_interval,
-    check_range_of_log,
-    check_speeds,
-    find_misreading,
-)
+from armcontour.motion.log_checks import check_interval, check_range_of_log, check_speeds
 from armcontour.robot import Arm
 from armcontour.robot.servo.simulation import JointServo
 
@@ -101,7 +96,7 @@ SERVO_FIT = ServoFit()
 # times the encoder noise. A weak model is written only if its error is at most GOOD_SHARE times the
 # motion.
 GOOD_SHARE, NOISE_MULTIPLE = 0.3, 3.0
-# The order, unit and sign of the columns are checked if the error exceeds this share of the motion.
+# The columns are checked if the error exceeds this share of the motion.
 MISREAD_SHARE = 0.1
 # A joint is at rest if the standard deviation of its measured positions is at most REST_SIGMAS
 # times that of the noise, or if their range is at most LEAST_MOTION [rad] (a 32-bit encoder has a
@@ -224,7 +219,7 @@ def identify_joint(
     motion = _rms([s.y for s in segments], segments)[0]
     if selected is None or selected.rms > MISREAD_SHARE * motion:
         for log in logs:
-            _check_columns(log, search.longest, j)
+            _check_columns(log, j, lag)
     if selected is None:
         note = (
             f"{name} has no model, because fitted gains (at most {search.fastest:g} 1/s) or "
@@ -283,17 +278,17 @@ def identify_joint(
     return write_servo(joint, segments, servo, order, search.drive_cycle, float(np.abs(used).max()))
 
 
-def _check_columns(log: Log, longest: float, j: int) -> None:
-    """Raise InvalidInput if another order, unit or sign of columns explains joint j."""
-    # Joint j is also tested alone for another unit or sign.
-    for some in (slice(None), slice(j, j + 1)):
-        q, u, names = log.measured[:, some], log.command[:, some], log.joint_names[some]
-        if reading := find_misreading(log.t, q, u, names=names, longest_delay=longest):
-            raise InvalidInput(
-                f"{log.source}: {log.joint_names[j]} does not follow its commands, because "
-                f"{reading}.",
-                joint=j,
-            )
+def _check_columns(log: Log, j: int, lag: float) -> None:
+    """Raise InvalidInput if joint j follows other commands, or its own with the opposite sign."""
+    commands = interpolate(log.t - lag, log.t, log.command - log.command.mean(axis=0))
+    products = (log.measured[:, j] - log.measured[:, j].mean()) @ commands
+    similar = products / np.maximum(np.linalg.norm(commands, axis=0), LEAST_LAG)
+    if similar[j] < np.abs(similar).max():
+        raise InvalidInput(
+            f"{log.source}: {log.joint_names[j]} does not follow its commands. Correct the order "
+            "and the signs of the columns.",
+            joint=j,
+        )
 
 
 def _mark_unknown(

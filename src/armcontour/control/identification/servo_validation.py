@@ -24,8 +24,8 @@ from armcontour.robot.servo.simulation import JointServo
 
 # Remedy for a weak or missing model.
 RECORD = (
-    "Record the program also at half its speed, and motions of this joint alone, to see whether "
-    "gravity, friction or other joints cause the error."
+    "Check the unit, sign and order of the columns. Record the program also at half its speed, and "
+    "motions of this joint alone, to see whether gravity, friction or other joints cause the error."
 )
 # Spacing of the samples from which contour errors are computed [s].
 SPACING = 4e-3

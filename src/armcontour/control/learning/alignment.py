@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampled_data import interpolate, white_noise
 from armcontour.motion import SetPoints
-from armcontour.motion.log_checks import check_completeness, find_misreading
+from armcontour.motion.log_checks import check_completeness
 
 # Largest relative difference of the rates of two clocks. A larger difference means that the log is
 # of another job or has another unit of time.
@@ -94,16 +94,10 @@ def align(
     apart = recording.q - lifted.interpolate_at(t, expected)
     deviation = rms(apart)
     if deviation > MAX_DIFFERENCE * moved:
-        # The normalized distance from the start does not depend on the order or unit of columns.
-        gone, due = (np.linalg.norm(x - x[0], axis=1)[:, None] for x in (recording.q, expected))
-        gone, due = (x / max(float(x.max()), 1e-300) for x in (gone, due))
-        start = (
-            0.0 if recording.in_plan_time else approximate_offset(recording.t, gone, lifted.t, due)
+        reason = " ".join(recording.notes) or (
+            "it is a log of another job, of other set-points or of another arm, or its columns "
+            "have another unit, sign or order."
         )
-        shifted = lifted.interpolate_at(recording.t + start, expected)
-        reason = find_misreading(recording.t, recording.q, shifted)
-        reason = f"{reason}." if reason else " ".join(recording.notes)
-        reason = reason or "it is a log of another job, of other set-points or of another arm."
         raise InvalidInput(
             f"{source} differs by {deviation:.3g} rad RMS from the motion that the set-points "
             f"cause, although the whole motion is only {moved:.3g} rad RMS: {reason}"
