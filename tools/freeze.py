@@ -96,8 +96,8 @@ GROUPS = [
     [
         "run {drawings}/gasket.dxf --cell {drawings}/laser.yaml --out out --export csv",
         "export out cut.script",
-        "export out cut.src --reference --cycle '48 ms' --force",
-        "export out cut.mod --reference --cycle '48 ms'",
+        "export out cut.src --force",
+        "export out cut.mod",
         "export out cut.yaml",
         "export out cut.txt",
         "check out/compensated/planned.csv --arm ur5e --json",

@@ -14,7 +14,6 @@ G1 X30 Y20
 M5
 M2
 """
-REFERENCE = ("--reference", "--cycle", "48 ms")
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +61,7 @@ def test_export_uses_the_period_and_the_outputs_of_the_job(result, call, folder)
     # This controller plans between the points: it gets the plan only.
     assert not (exports / "set_points.mod").exists()
     # An earlier result has the outputs of its job.
-    call("export", "out", "again.mod", "--reference", "--cycle", "48 ms", "--force")
+    call("export", "out", "again.mod", "--force")
     assert (folder / "again.mod").read_text().count("SetDO") == abb.count("SetDO") > 0
 
 
@@ -92,14 +91,12 @@ def test_a_warning_of_accelerations_names_command_limits(call, folder):
     assert len(free) == 6 and len(kept) == 0
 
 
-@pytest.mark.parametrize("name", ["set_points", "reference"])
 @needs_dynamics
-def test_exporting_an_earlier_result_gives_the_files_of_its_run(name, result, call, folder):
-    options = REFERENCE if name == "reference" else ()
-    printed = call("export", "out", f"{name}.csv", *options)
-    assert f"Exported {name} of run compensated" in printed
-    table = pd.read_csv(folder / f"{name}.csv")
-    before = pd.read_csv(result / "compensated" / "export" / f"{name}.csv")
+def test_exporting_an_earlier_result_gives_the_file_of_its_run(result, call, folder):
+    printed = call("export", "out", "set_points.csv")
+    assert "Exported set_points of run compensated" in printed
+    table = pd.read_csv(folder / "set_points.csv")
+    before = pd.read_csv(result / "compensated" / "export" / "set_points.csv")
     shared = [x for x in before.columns if x in table.columns]
     assert shared == list(table.columns) and "events" in shared
     assert table["events"].equals(before["events"])
@@ -137,8 +134,7 @@ def test_an_exported_goal_has_tolerances_and_reduced_points(result, call, folder
 def test_invalid_exports_are_refused_and_write_nothing(result, folder, refused, call, tmp_path):
     rows = [
         ("a.csv --run none", ["'none'", "'compensated'"]),
-        ("a.csv --cycle 48ms", ["--cycle requires --reference"]),
-        ("a.csv --reference --cycle 1ms", ["multiple", "4 ms", "1 ms"]),
+        ("a.csv --cycle 48ms", ["--cycle applies to run"]),
         ("a.yaml --points 9", ["point_tolerance", "Specify both"]),
         ("a.csv --call", ["call requires the format urscript"]),
         ("a.npz", ["a.npz does not belong to a format"]),

@@ -305,7 +305,6 @@ class Export:
         result: Folder of a result, of `run`, `certify` or `learn`.
         file: File to write; its extension determines the format.
         run_name: Run of the result.
-        reference: Export the plan, without compensation for the servo.
         format: Format of the file: csv, ros-yaml, urscript, kuka, abb, or a .j2 file; by default
             determined by its extension.
         force: Replace a file of that name.
@@ -315,7 +314,6 @@ class Export:
     file: Argument
     keys: Annotated[Keys, POINTS] = field(default_factory=dict)
     run_name: Name = None
-    reference: bool = False
     format: Text = None
     force: bool = False
 

@@ -94,8 +94,8 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
 
 
 def export(options: Export, _: None, progress: Progress) -> Outcome:
-    """Export the set-points or the plan of an earlier result for a robot controller."""
-    file, reference = options.file, options.reference
+    """Export the set-points of an earlier result for a robot controller."""
+    file = options.file
     kind = options.format or formats.format_of(file)
     # Imported here, because `run` uses this module and reads no trajectory.
     from armcontour.files.trajectory_file import read_run
@@ -106,13 +106,9 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
     with name_options(names), error_context("export"):
         chosen = read_keys(Exports, {"formats": [kind], **data})
     format = formats.format_named(kind, chosen)
-    if chosen.cycle is not None and not reference:
-        raise InvalidInput("--cycle requires --reference, because set-points have a fixed cycle.")
-    table = (
-        run.reference(chosen.cycle, derivatives=chosen.derivatives)
-        if reference
-        else run.set_points(derivatives=chosen.derivatives)
-    )
+    if chosen.cycle is not None:
+        raise InvalidInput("--cycle applies to run, because set-points have a fixed cycle.")
+    table = run.set_points(derivatives=chosen.derivatives)
     known = {*formats.names_of(table), *run.analog}
     formats.check_outputs(
         formats.outputs_of(format), known, option="outputs", owner=f"the run {run.name}"
@@ -126,9 +122,9 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
             f"The analog outputs {', '.join(run.analog)} are not exported, because a stored result "
             "does not contain their values. Export them with armcontour run."
         )
-    what, size = REFERENCE if reference else SET_POINTS, count_noun(len(table.t), "point")
-    motion = figure(duration_row(table.duration))
-    return Outcome(lines=[*lines, f"Exported {what} of run {run.name}: {size}, {motion}: {file}"])
+    size, motion = count_noun(len(table.t), "point"), figure(duration_row(table.duration))
+    line = f"Exported {SET_POINTS} of run {run.name}: {size}, {motion}: {file}"
+    return Outcome(lines=[*lines, line])
 
 
 def _acceleration_warnings(table: SetPointTable, result: RunResult) -> list[str]:

@@ -28,7 +28,6 @@ from armcontour.files.csv_table import (
 from armcontour.files.exports.table import (
     EVENT_KEYS,
     SetPointTable,
-    check_export_cycle,
     equals_plan,
     regular_times,
     sample_spline,
@@ -354,40 +353,6 @@ class StoredRun:
             prismatic=tuple(x is True for x in stored.prismatic),
             derivatives=derivatives,
             command_limits=Limits() if self.limited else None,
-        )
-
-    def reference(
-        self, cycle: float | None = None, derivatives: int | None = None
-    ) -> SetPointTable:
-        """Table of the plan, sampled with the period `cycle` [s]; by default that of the run."""
-        step = self.cycle if cycle is None else cycle
-        every = round(step / self.cycle)
-        if every < 1 or abs(step - every * self.cycle) > 1e-9 * step:
-            example = max(1, int(step / self.cycle)) * self.cycle
-            raise InvalidInput(
-                f"The cycle must be a multiple of {self.cycle * 1e3:g} ms, the cycle of the plan "
-                f"in {self.folder}, such as {example * 1e3:g} ms, but is {step * 1e3:g} ms.",
-                needed=step,
-                allowed=example,
-            )
-        planned = self._read("planned.csv")
-        if planned.dq is None or planned.ddq is None:
-            raise InvalidInput(
-                f"{planned.source} of {self.folder} must have velocities and accelerations. Run "
-                "the job again."
-            )
-        check_export_cycle(step, float(planned.t[-1]), f"{self.title} reference")
-        rows = np.unique(np.append(np.arange(0, len(planned.t), every), len(planned.t) - 1))
-        return tabulate(
-            Samples(
-                t=planned.t[rows], q=planned.q[rows], dq=planned.dq[rows], ddq=planned.ddq[rows]
-            ),
-            name=f"{self.title} reference",
-            cycle=step,
-            events=self.events,
-            joint_names=self.joint_names,
-            prismatic=tuple(x is True for x in planned.prismatic),
-            derivatives=derivatives,
         )
 
     def _set_points(self, set_points: TrajectoryFile, derivatives: int | None) -> Samples:

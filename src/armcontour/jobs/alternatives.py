@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -17,27 +16,21 @@ from armcontour.jobs.job import Job, Run
 from armcontour.motion import JointPath, Span, Trajectory, dwell_law
 from armcontour.planning import Tracing, trace_program
 from armcontour.planning.duration_bound import bound_duration
-from armcontour.planning.program_tracing import ends_of, find_starts
-from armcontour.planning.tracing import trace
+from armcontour.planning.program_tracing import find_starts
 from armcontour.program import Contour, Program, contour_called
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import ASSUMED_GAP, ASSUMED_RADIUS
 from armcontour.verification.clearance import Cell, Clearance
 from armcontour.verification.clearance.distances import can_measure
 
-# Retract distances along the tool axis that are tried for rapids with a collision [m].
-RETRACTS = (0.02, 0.05, 0.1, 0.2)
-# Number of points of a retract move, which is a straight line of the tool but not of the joints.
-RETRACT_POINTS = 8
-# Length that a rounding of a rapid occupies on each line at its corner, as a share of half of the
-# shorter line; tried in this order. With 0, the motion stops at the corners.
-ROUNDED = (0.9, 0.5, 0.2, 0.0)
 # Number of rotations about a free tool axis that are tried.
 TURNS = 8
 REST = "at rest"
 OTHER_CONFIGURATION = (
     "the arm uses another configuration, because the contours are collision-free in it"
 )
+# Remedy for collisions of moves other than contours.
+RAISE = "Set process.approach and process.retract, or move the obstacle"
 # If the tool point is nearer to the flange than this [m], the arm counts as having no tool.
 MIN_TOOL_LENGTH = 1e-3
 # Task dimension of position and orientation, including the rotation about the tool axis.
@@ -62,8 +55,7 @@ def alternatives(
     Use the next alternative if the plan along the previous joint paths has a collision. If no
     alternative is free of collisions, the last one has the longest collision-free part.
     """
-    # Alternatives for contours: another configuration, or another rotation about a free tool axis.
-    # Alternative for rapids: retract along the tool axis, move, and approach along it.
+    # Alternatives are another configuration, or another rotation about a free tool axis.
     if not _is_checked(job):
         yield traced, _explain_unchecked(job.arm)
         return
@@ -72,24 +64,11 @@ def alternatives(
         return
     notes = ((OTHER_CONFIGURATION,) if traced.faster_rejected else ()) + _about_tool(job.arm)
     yield traced, notes
-    cell, others = job.cell, list[str]()
-    if (reached := _count_clear(traced, cell)) < np.inf:
+    if (reached := _count_clear(traced, job.cell)) < np.inf:
         other = _other_start(job, run, traced, reached, progress)
-        if other is None:
-            return
-        if _count_clear(other, cell, np.inf) < np.inf:
-            # Other rapids cannot avoid a collision of a contour. The check of the plan reports it.
-            yield other, notes
-            return
-        traced = other
-        others.append(OTHER_CONFIGURATION)
-    around = _rapids_around(job, run, traced, cell, progress)
-    count = sum(x is not y for x, y in zip(around.steps, traced.steps, strict=True))
-    if count:
-        message = "1 rapid avoids" if count == 1 else f"{count} rapids avoid"
-        others.append(f"{message} obstacles of the direct move by a retract")
-    if others:
-        yield around, tuple(dict.fromkeys((*others, *notes)))
+        if other is not None:
+            clear = _count_clear(other, job.cell, np.inf) == np.inf
+            yield other, tuple(dict.fromkeys((*[OTHER_CONFIGURATION] * clear, *notes)))
 
 
 def clearance_of(job: Job, motion: Trajectory | JointPath) -> Clearance | None:
@@ -157,7 +136,7 @@ def _about_tool(arm: Arm) -> tuple[str, ...]:
 
 def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
     """Raise Collision for the first contour with a collision, else for the first such move."""
-    # Contours have priority, because rapids can avoid obstacles by a retract, but contours cannot.
+    # Contours have priority, because users can raise rapids by an approach and a retract.
     contours = iter(enumerate(program.contours))
     moves: list[tuple[str, Span]] = []
     called = contour_called(program.contours[0], 0)
@@ -170,22 +149,9 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
         clearance = None if span.trajectory is None else job.cell.check(span.trajectory)
         if clearance is not None and not clearance.satisfied:
             with error_context(name):
-                clearance.later(span.t[0]).refuse()
+                near = clearance.later(span.t[0])
+                near.refuse() if span.kind == "contour" else near.refuse(RAISE)
     job.cell.check(trajectory).refuse()
-
-
-def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Progress) -> Tracing:
-    """Joint paths in which rapids with a collision have retracts at both ends, if possible."""
-    steps = []
-    for k, step in enumerate(traced.steps):
-        progress(Step(("clearance",), k / len(traced.steps)))
-        path = step.joint_path
-        if path is not None and not traced.is_contour(step) and not cell.keeps(path):
-            lifted = _rapid_around(job.arm, run, cell, path)
-            if lifted is not None:
-                step = dataclasses.replace(step, joint_path=lifted)
-        steps.append(step)
-    return dataclasses.replace(traced, steps=tuple(steps))
 
 
 def _other_start(
@@ -259,78 +225,6 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
     yield turned
 
 
-def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath | None:
-    """Collision-free joint path with retracts at the ends of a rapid; None if none is found."""
-    first, last = ends_of(path)
-    if not isinstance(arm, SerialArm):
-        return None
-    if not (cell.keeps(_rest_at(first)) and cell.keeps(_rest_at(last))):
-        return None
-    for height in RETRACTS:
-        up, down = _retract(arm, run, first, height), _retract(arm, run, last, height)
-        if up is not None and down is not None:
-            rapid = _path_through(cell, np.concatenate([up, down[::-1]]))
-            if rapid is not None:
-                return rapid
-    return None
-
-
-def _path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
-    """Make a collision-free joint path through postures; None if no rounding is collision-free.
-
-    `postures` are the joint positions [rad], (n, dof).
-    """
-    apart = np.append(True, np.abs(np.diff(postures, axis=0)).max(axis=1) > 1e-9)
-    for share in ROUNDED if apart.sum() > 2 else ROUNDED[-1:]:
-        path = round_postures(postures[apart], share)
-        if cell.keeps(path):
-            return path
-    return None
-
-
-def round_postures(postures: FloatArray, share: float) -> JointPath:
-    """Make a joint path of straight lines between postures, with parabolas at the corners.
-
-    A parabola occupies the fraction `share` of half of the shorter line at its corner; 0 stops at
-    every corner.
-    """
-    steps = np.diff(postures, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    directions = steps / lengths[:, None]
-    cut = np.zeros(len(postures))
-    cut[1:-1] = share * np.minimum(lengths[:-1], lengths[1:]) / 2
-    rows, widths = [], []
-    for k, (direction, length) in enumerate(zip(directions, lengths, strict=True)):
-        line = length - cut[k] - cut[k + 1]
-        rows.append([postures[k] + cut[k] * direction, line * direction, 0 * direction])
-        widths.append(line)
-        if cut[k + 1] > 0:
-            r = cut[k + 1]
-            # The parabola extends from r before to r after the corner and connects both directions.
-            rows.append(
-                [
-                    postures[k + 1] - r * direction,
-                    2 * r * direction,
-                    r * (directions[k + 1] - direction),
-                ]
-            )
-            widths.append(2 * r)
-    coefficients = np.zeros((len(rows), 6, postures.shape[1]))
-    coefficients[:, :3] = rows
-    return JointPath(breaks=np.concatenate([[0.0], np.cumsum(widths)]), coefficients=coefficients)
-
-
 def _rest_at(q: FloatArray) -> Trajectory:
     """Trajectory that rests at joint positions [rad], (dof,), for 1 s."""
     return Trajectory(laws=(dwell_law(q, 1.0),), method=REST)
-
-
-def _retract(arm: SerialArm, run: Run, q: FloatArray, height: float) -> FloatArray | None:
-    """Joint positions of a retract along the tool axis [rad], (n, dof); None if out of reach."""
-    point, rotation = (x[0] for x in arm.pose(q[None]))
-    line = Path.polyline([point, point - height * rotation[:, 2]])
-    try:
-        retraction = trace(line.oriented(rotation), arm, limits=run.limits, seed=q)
-    except ArmContourError:
-        return None
-    return retraction(np.linspace(0.0, retraction.length, RETRACT_POINTS))

@@ -144,8 +144,11 @@ class Clearance(Result):
         pairs, below = (tuple(x.later(by) for x in own) for own in (self.pairs, self.below))
         return replace(self, pairs=pairs, below=below)
 
-    def refuse(self) -> None:
+    def refuse(self, remedy: str = "Move the part, the obstacle or the start posture") -> None:
         """Raise an error if a margin is violated.
+
+        Args:
+            remedy: A remedy for the message.
 
         Raises:
             Collision: A margin is violated; the error has the first time.
@@ -157,7 +160,7 @@ class Clearance(Result):
         raise Collision(
             f"{first}, but must not come nearer than {number(first.margin, 'm')}"
             f"{f' (also {names})' if others else ''}. "
-            "Move the part, the obstacle or the start posture, or allow them to touch.",
+            f"{remedy}, or allow them to touch.",
             t=first.first_time,
             point=first.points[1].tolist(),
             limit="clearance",
