@@ -22,8 +22,9 @@ ROOT = Path(__file__).parents[1]
 FILES = (ROOT / "docs" / "benchmarks.md", ROOT / "README.md")
 MARK = re.compile(r"(<!-- (lines|faster|sessions): (.+?) -->)(.*?)(<!-- end -->)", re.S)
 NOT_YET = "not measured yet"
-HEADS = ("line", "ours", "against", "ratio", "bar")
-RIGHT = ("ours", "ratio")
+HEADS = ("line", "armcontour", "compared with", "result")
+RIGHT = ("armcontour",)
+REFERENCE = "the reference work"
 
 
 def write(lines: Sequence[Line], sessions: Sequence[Session]) -> list[str]:
@@ -73,20 +74,21 @@ def _table(lines: Iterable[Line], baselines: Mapping[str, Known]) -> str:
 def _cells(line: Line, baseline: Known | None) -> tuple[str, ...]:
     if baseline is None:
         more = " (only if asked for)" if line.full else ""
-        return NOT_YET + more, line.peer, "-", str(line.bar)
-    bar = str(line.bar)
-    if baseline.of_bar != "-":
-        bar += f" ({baseline.of_bar}{', missed' if baseline.missed else ''})"
+        return NOT_YET + more, line.peer, "-"
     ours = "-" if baseline.ours is None else in_words(baseline.ours)
-    ratio = f"{baseline.ratio:.3g}"
-    if baseline.ratio < 1:
-        ratio += f": {faster(baseline.ratio)}"
-    return ours, baseline.peer, ratio, bar
+    peer, result = baseline.peer, faster(baseline.ratio)
+    if peer == REFERENCE:
+        peer, result = "-", "-"
+    if baseline.missed:
+        result = "goal missed" if result == "-" else f"{result}, goal missed"
+    return ours, peer, result
 
 
 def faster(ratio: float) -> str:
     """A ratio of times as a speed, such as "38 times faster"."""
-    return f"{1 / ratio:.2g} times {'faster' if ratio < 1 else 'the speed'}"
+    if 0.95 <= ratio <= 1.05:
+        return "equal"
+    return f"{max(ratio, 1 / ratio):.2g} times {'faster' if ratio < 1 else 'slower'}"
 
 
 def _plain(text: str) -> str:
