@@ -13,8 +13,7 @@ from tests.dynamics_extra import needs_dynamics
 import armcontour as ac
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import Motion, Ur, play
-from armcontour.controllers.commands import Stopper
-from armcontour.controllers.player import approach_of
+from armcontour.controllers.player import Stopper, approach_of
 from armcontour.core.errors import ControllerLost, ControllerRefused
 from armcontour.files import parse_job
 from armcontour.motion import SetPoints

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -9,10 +10,18 @@ from pathlib import Path as FilePath
 from armcontour.cli.commands import Identify
 from armcontour.cli.console import ProgressDisplay, data_lines, print_lines
 from armcontour.cli.execution import REPORT, Outcome
-from armcontour.cli.inputs import NEEDS_ON, OF_CONTROLLER, read_option, read_window, refuse_given
+from armcontour.cli.inputs import (
+    NEEDS_ON,
+    OF_CONTROLLER,
+    open_job,
+    read_option,
+    read_window,
+    refuse_given,
+)
 from armcontour.control import identification
 from armcontour.control.identification import Identification, ServoFit
-from armcontour.core.quantities import Interval
+from armcontour.core.checks import raise_if
+from armcontour.core.quantities import Interval, Reserve
 from armcontour.core.render import plain
 from armcontour.core.result import Data, Row
 from armcontour.files import ResultFolder
@@ -34,15 +43,7 @@ def identify(options: Identify, folder: ResultFolder | None, progress: ProgressD
         drive_cycle=read_option("--drive-cycle", options.drive_cycle, Interval),
     )
     if options.on is not None:
-        # The adapters of controllers take as long to load as an identification takes.
-        from armcontour.cli.identify_robot import identify_robot
-
-        result = identify_robot(options, fitting, folder, progress)
-        if isinstance(result, Outcome):
-            return result
-        assert result.fit is not None and result.prediction is not None
-        prediction = result.prediction.to_data(result.played["run"].job.arm)
-        return _outcome(result.fit, folder, result.logs, [prediction])
+        return _identify_robot(options, fitting, folder, progress)
     needing = (*OF_CONTROLLER, "run_name", "sets")
     refuse_given(options, needing, NEEDS_ON)
     arm = None
@@ -57,6 +58,45 @@ def identify(options: Identify, folder: ResultFolder | None, progress: ProgressD
     printed = validated or [fit.predict(log) for log in fit.logs if arm is not None]
     predictions = (Row("predictions", [plain(x.to_data()) for x in validated]),) * bool(validated)
     return _outcome(fit, folder, {}, [x.to_data(arm) for x in printed], predictions)
+
+
+def _identify_robot(
+    options: Identify, fitting: ServoFit, folder: ResultFolder | None, progress: ProgressDisplay
+) -> Outcome:
+    """Identify the servos of a robot from motions that it executes."""
+    # The adapters of controllers take as long to load as an identification takes.
+    from armcontour.cli import play_command as playing
+    from armcontour.controllers import robot_identification
+    from armcontour.controllers.player import Player
+
+    count = len(options.logs)
+    raise_if(count != 1, f"--on requires exactly one job, but {count} files are given.")
+    of_logs = ("arm", "validate", "columns", "start", "end")
+    refuse_given(options, of_logs, "applies only to logs. Remove it, or remove --on.")
+    raise_if(
+        options.execute and folder is None,
+        "--execute requires --out, the folder for servo.yaml and the logs.",
+    )
+    playing.refuse_without_terminal(options)
+    reserve = read_option("--reserve", options.reserve, Reserve)
+    job = open_job(options.logs[0], options, progress)
+    controller = playing.controller_of(job, options)
+    motions = robot_identification.prepare_identification(
+        job, controller, options.run_name, reserve, progress
+    )
+    fitting, stop = replace(fitting, kinematics=job.arm), threading.Event()
+    result = robot_identification.play_identification(
+        motions, Player(controller, progress=progress), fitting
+    )
+    if options.execute:
+        player = Player(controller, True, stop.is_set, progress)
+        with playing.confirmed(result.played["run"], stop, progress):
+            result = robot_identification.play_identification(motions, player, fitting)
+    if result.fit is None or result.prediction is None:
+        data, code = result.to_data(), playing.STOPPED if result.stopped else playing.DONE
+        end = "Stopped: nothing was identified." if result.stopped else playing.DRY
+        return Outcome(lines=[*data_lines(data), end], page=plain(data), code=code)
+    return _outcome(result.fit, folder, result.logs, [result.prediction.to_data(job.arm)])
 
 
 def _read(log: FilePath, options: Identify) -> Log:

@@ -10,9 +10,15 @@ from scipy.interpolate import make_interp_spline
 
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
-from armcontour.controllers.commands import UNKNOWN_LAG, uncompensated_motion
 from armcontour.controllers.controller import Controller, Motion, PlayedMotion
-from armcontour.controllers.player import Played, Player, plan_played, prepare_motion
+from armcontour.controllers.player import (
+    UNKNOWN_LAG,
+    Played,
+    Player,
+    plan_played,
+    prepare_motion,
+    uncompensated_motion,
+)
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.core.fields import checked

@@ -8,9 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour.control.learning import LearningResult
-from armcontour.controllers.commands import commands_at
 from armcontour.controllers.controller import Controller
-from armcontour.controllers.player import ATTEMPTS, Played, Player, plan_played, prepare_motion
+from armcontour.controllers.player import (
+    ATTEMPTS,
+    Played,
+    Player,
+    commands_at,
+    plan_played,
+    prepare_motion,
+)
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress

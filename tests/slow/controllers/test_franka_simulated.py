@@ -18,9 +18,8 @@ from tests.oracle.test_franka_limiter import commands_changed, fast_line, recipe
 import armcontour as ac
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import Franka, Motion, play
-from armcontour.controllers.commands import Stopper
 from armcontour.controllers.controller import START
-from armcontour.controllers.player import approach_of
+from armcontour.controllers.player import Stopper, approach_of
 from armcontour.files import parse_job
 from armcontour.motion import SetPoints
 

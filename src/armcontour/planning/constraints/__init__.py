@@ -4,10 +4,11 @@ from armcontour.planning.constraints.constraint import (
     CONSTRAINTS,
     Constraint,
     IntervalEnds,
+    JointMotion,
+    JointTorque,
     SecondOrder,
     limits_on,
 )
-from armcontour.planning.constraints.joint_limits import JointMotion, JointTorque
 from armcontour.planning.constraints.tool_limits import (
     RapidSpeed,
     ToolConstraint,

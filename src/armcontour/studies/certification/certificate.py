@@ -27,7 +27,7 @@ from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.simulation.rigid_body_plant import can_simulate
 from armcontour.studies.certification.derating import DeratedInterval, Derating
-from armcontour.studies.certification.judge import BoxErrors
+from armcontour.studies.certification.search import BoxErrors
 from armcontour.verification import Check
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
 from armcontour.verification.evaluation import duration_row

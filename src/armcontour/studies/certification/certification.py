@@ -40,8 +40,14 @@ from armcontour.studies.certification.certificate import (
     Uncertified,
 )
 from armcontour.studies.certification.derating import DeratedLimits, derated_intervals
-from armcontour.studies.certification.judge import BoxErrors, Verdict, execute_box, judge
-from armcontour.studies.certification.search import attempts, worst_robots
+from armcontour.studies.certification.search import (
+    BoxErrors,
+    Verdict,
+    attempts,
+    execute_box,
+    judge,
+    worst_robots,
+)
 from armcontour.verification.contour_errors import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
