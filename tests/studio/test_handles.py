@@ -21,8 +21,8 @@ runs: {own: {}}
 """
 
 
-def handles(path, arm="ur5e", folder=None):
-    text = f"name: a\narm: {arm}\npath: {path}{TAIL}"
+def handles(path, arm="ur5e", folder=None, more=""):
+    text = f"name: a\narm: {arm}\npath: {path}{TAIL}{more}"
     return handles_of(parse_job(text, folder=folder), load(text, ""))
 
 
@@ -72,18 +72,34 @@ def test_drawings_and_obstacles_have_their_positions(tmp_path):
     np.testing.assert_allclose(parsed.plane.normal, [0, -1, 0], atol=1e-12)
     np.testing.assert_allclose(parsed.plane.uv([0.45, 0.1, 0.23]), [0.45, 0.23], atol=1e-12)
     assert parsed.plane.flat
-    text = """
+
+
+def test_obstacles_have_their_outline_in_the_picture():
+    path = "{points: [[0.3, 0.2, 0], [0.36, 0.25, 0]], orientation: {axis: [0, 0, -1]}}"
+    scene = """
 scene:
   obstacles:
-    - {type: box, name: b, size: [1 cm, 0.1, 1 m], at: [0, 5 mm, 0]}
+    - {type: box, name: b, size: [1 cm, 0.1, 1 m], at: [0, 5 mm, 0], rpy: [0.3, -0.5, 1.1]}
     - {type: halfspace, name: t}
 """
-    box, table = obstacles_of(load(text, ""))
+    parsed = handles(path, more=scene)
+    box, table = obstacles_of(load(scene, ""), parsed.job, parsed.plane)
     assert (box["type"], box["index"], box["size"], box["at"]) == (
         "box", 0, [0.01, 0.1, 1.0], [0.0, 0.005, 0.0],
     )  # fmt: skip
     assert box["written"]["size"] == ["1 cm", 0.1, "1 m"]
-    assert table["name"] == "t" and obstacles_of({}) == []
+    assert table["name"] == "t" and "outline" not in table
+    (pose,) = (x.place for x in parsed.job.scene.obstacles if x.name == "b")
+    signs = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, -1).T
+    corners = (parsed.job.arm.chain.base @ pose).position + (signs * box["size"]) @ (
+        parsed.job.arm.chain.base @ pose
+    ).rotation.T
+    projected, hull = parsed.plane.uv(corners), box["uv"] + box["outline"]
+    # Every corner of the outline is one of the box, and no corner of the box is outside of it.
+    assert np.linalg.norm(hull[:, None] - projected, axis=2).min(axis=1).max() < 1e-12
+    sides = np.roll(hull, -1, axis=0) - hull
+    away = projected[:, None] - hull
+    assert (sides[:, 0] * away[..., 1] - sides[:, 1] * away[..., 0]).min() > -1e-12
 
 
 @pytest.mark.parametrize(

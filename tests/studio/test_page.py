@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
-from armcontour.core.frames import Frame as Pose
 from armcontour.report.message_frame import MessageFrame
 
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
@@ -58,30 +57,6 @@ def test_no_older_frame_is_shown_after_a_newer_one():
         orders,
     )
     assert values == [[1, 5], [1, 6], [2, 6], [2, None], [2, 7]]
-
-
-def test_obstacles_are_drawn_where_their_corners_are():
-    random = np.random.default_rng(7)
-    turn, position, size = (
-        random.uniform(-3, 3, 3),
-        random.normal(size=3),
-        random.uniform(0.1, 1, 3),
-    )
-    plane = {"origin": [0.1, 0.2, 0.0], "x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0]}
-    box = {"type": "box", "index": 0, "at": position, "rpy": turn, "size": size}
-    outline = compute(
-        'const { outlineOf } = await import("./footprint.js"); tell(outlineOf(...given));',
-        [box, plane],
-    )
-    signs = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, -1).T
-    corners = position + (signs * size) @ Pose.rpy([0, 0, 0], turn).rotation.T
-    projected = corners[:, :2] - plane["origin"][:2]
-    hull = np.array(outline)
-    # Every corner of the outline is one of the box, and no corner of the box is outside of it.
-    assert np.linalg.norm(hull[:, None] - projected, axis=2).min(axis=1).max() < 1e-12
-    sides = np.roll(hull, -1, axis=0) - hull
-    away = projected[:, None] - hull
-    assert (sides[:, 0] * away[..., 1] - sides[:, 1] * away[..., 0]).min() > -1e-12
 
 
 def test_rounded_zeros_are_shown_without_a_sign():

@@ -25,7 +25,7 @@ from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.document import Document
 from armcontour.studio.edits.keys import run_of, value_of
 from armcontour.studio.edits.layout import tilt_of
-from armcontour.studio.handles import LENGTH, Handles, obstacles_of
+from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_on_base
 
 # Labels of edits in the undo list, by `do` of the edit.
 LABELS = {
@@ -142,7 +142,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "values": {} if state.job is None else slider_rows(data, state.job, run),
         "layers": [] if state.job is None else _layers(state.job),
         "tilt": None if handles is None else tilt_of(handles, data),
-        "obstacles": [] if state.job is None else obstacles_of(data),
+        **_scene(data, state.job, handles),
         "text": document.text,
         # Name of the document if it has a draft of an earlier session.
         "draft": None if document.earlier is None else document.source,
@@ -151,6 +151,14 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "line": None if state.error is None else line_of(document.text, state.error.key),
     }
     return MessageFrame("document", header)
+
+
+def _scene(data: Mapping[str, Any], job: Job | None, handles: Handles | None) -> dict[str, Any]:
+    """Obstacles, and the plane of the picture in their frame."""
+    if job is None or handles is None:
+        return {"obstacles": []}
+    plane = plane_on_base(handles.plane, job.arm.chain.base)
+    return {"obstacles": obstacles_of(data, job, handles.plane), "plane": plane}
 
 
 def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ from armcontour.core.result import FIRST, Data
 from armcontour.jobs.rows import allowed_error, verdict_rows
 from armcontour.motion import Execution
 from armcontour.report.message_frame import MessageFrame
-from armcontour.report.plan_frames import signed_shares
+from armcontour.report.plan_frames import Preview, signed_shares
 from armcontour.report.view import (
     View,
     drawing_error,
@@ -43,7 +43,7 @@ def execution_frame(executed: PreviewExecution, view: View) -> MessageFrame:
         "run": planned.run.name,
         "rows": frame(_figures(executed)),
         "centre": view.centre,
-        "allowed": allowed_error(planned),
+        "allowed": _allowed_distance(planned),
         "tier": planned.tier,
     }
     arrays = {**_execution_lines(executed, view), **_poses(executed.execution)}
@@ -60,14 +60,16 @@ def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
     samples = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])
     distance = np.concatenate([x.followed.distance for x in pieces])
+    # Without an objective, the drawing is the path.
+    off = np.concatenate([(x.followed_objective or x.followed).distance for x in pieces])
     demand = signed_shares("joint_acceleration", limits, executed.execution.demand)[samples]
     offset = view.screen_vectors(tool - base)
     indices = np.arange(len(samples))
     if len(indices) > MAX_SAMPLES:
         error = drawing_error(view.uv(base))
         weight = np.where(essential_points(base, ends, error), np.inf, 0.0)
-        weight[np.argmax(distance)] = np.inf
-        shown = [*offset.T.astype(np.float64), distance, *demand.T]
+        weight[[np.argmax(distance), np.argmax(off)]] = np.inf
+        shown = [*offset.T.astype(np.float64), distance, off, *demand.T]
         indices = select_points(weight, shown, MAX_SAMPLES)
     return {
         "base": view.screen_points(base[indices]),
@@ -75,8 +77,16 @@ def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
         "breaks": np.searchsorted(indices, ends[:-1]).astype(np.uint32),
         "t": to_float32(np.concatenate([x.t for x in pieces])[indices]),
         "error": to_float32(distance[indices]),
+        "off": to_float32(off[indices]),
         "demand": to_float32(demand[indices]),
     }
+
+
+def _allowed_distance(planned: Preview) -> float | None:
+    """Distance from the drawing that the run allows [m]; None if nothing limits it."""
+    if planned.run.accuracy is not None or planned.tolerance is None:
+        return planned.run.accuracy
+    return planned.tolerance + (allowed_error(planned) or 0.0)
 
 
 def _figures(executed: PreviewExecution) -> Data:

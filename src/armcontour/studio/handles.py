@@ -24,7 +24,9 @@ from armcontour.files.scene_file import SceneModel
 from armcontour.geometry import Segments
 from armcontour.jobs import Job
 from armcontour.program import Program
+from armcontour.report.arm_frame import triangles_of
 from armcontour.report.view import Plane, View, in_space
+from armcontour.robot.scene import BASE, HalfSpace, Obstacle
 
 # Role, keys, position in the part frame [m] (None if computed) and coordinates as written.
 PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
@@ -197,15 +199,43 @@ def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Ha
     return replace(handles_of(make_job(drawn), drawn), kind=BLANK, waypoints=())
 
 
-def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Obstacles in the job file."""
+def obstacles_of(data: Mapping[str, Any], job: Job, plane: Plane) -> list[dict[str, Any]]:
+    """Obstacles in the job file, those on the base with their outline in the picture."""
     scene = data.get("scene") or {}
     written = scene.get("obstacles") or []
     si = in_si(scene, SceneModel).get("obstacles") or []
+    bodies = {} if job.scene is None else {x.name: x for x in job.scene.obstacles}
     return [
-        {**x, "index": k, "written": written[k], "unit": _unit(written[k])}
+        {
+            **{**x, "index": k, "written": written[k], "unit": _unit(written[k])},
+            **_outline(bodies[x["name"]], job.arm.chain.base, plane),
+        }
         for k, x in enumerate(si)
     ]
+
+
+def _outline(obstacle: Obstacle, base: Frame, plane: Plane) -> dict[str, Any]:
+    """Position and outline of an obstacle in the picture [m], and its axes; {} without an outline.
+
+    The outline, (n, 2), and the axes, (3, 2), are relative to the position.
+    """
+    if obstacle.fixed_to != BASE or isinstance(obstacle.shape, HalfSpace):
+        return {}
+    from scipy.spatial import ConvexHull
+
+    pose = base @ obstacle.place
+    corners = triangles_of(obstacle.shape).reshape(-1, 3) @ pose.rotation.T
+    flat, axes = (plane.uv(plane.origin + x) for x in (corners, pose.rotation.T))
+    outline = flat[ConvexHull(flat).vertices]
+    return {"uv": plane.uv(pose.position), "outline": outline, "axes": axes}
+
+
+def plane_on_base(plane: Plane, base: Frame) -> dict[str, Any]:
+    """The plane of the picture in the frame of the base, which obstacles are given in."""
+    back = base.inverse
+    x, y, normal = (back.rotation @ axis for axis in (plane.x, plane.y, plane.normal))
+    origin = back.position + back.rotation @ plane.origin
+    return {"origin": origin, "x": x, "y": y, "normal": normal}
 
 
 def _unit(body: Mapping[str, Any]) -> tuple[str, float]:

@@ -89,7 +89,7 @@ class PreviewExecution:
     @classmethod
     def of(cls, planned: Preview, execution: Execution, contour_errors: Errors) -> PreviewExecution:
         """Compute the contour errors of an execution over time."""
-        pieces = tuple(pieces_of(execution, planned.path, None, planned.run.end_time))
+        pieces = tuple(pieces_of(execution, planned.path, planned.objective, planned.run.end_time))
         return cls(
             planned=planned,
             execution=execution,

@@ -117,7 +117,7 @@ class ArmView {
     const errors = this.store.latest("executed")?.arrays;
     const [fastest, farthest] = [largest(speed), scaleOf(this.store.latest("executed"))];
     const colourAt = (/** @type {number} */ t) => {
-      if (options.colour === "error" && errors?.t.length) return shadeOf(along(errors.t, errors.error, t)[0] / farthest, theme);
+      if (options.colour === "error" && errors?.t.length) return shadeOf(along(errors.t, errors.off, t)[0] / farthest, theme);
       const k = indexAt(times, t);
       return options.colour === "speed" ? heat(speed[k] / (fastest || 1), theme) : styleOf(kindAt(picture, k), theme).colour;
     };

@@ -102,8 +102,8 @@ export class Layers {
     const { part } = this;
     return this.keep("strokes", [picture, errors, theme, options.colour, part], () => {
       if (errors) {
-        const { base, error, breaks } = errors.arrays;
-        return strokesByHeat(base, error, scaleOf(errors), theme, new Set(breaks), null);
+        const { base, off, breaks } = errors.arrays;
+        return strokesByHeat(base, off, scaleOf(errors), theme, new Set(breaks), null);
       }
       if (options.colour !== "speed") return strokesByLimit(picture, theme, part);
       return strokesByHeat(picture.arrays.path, picture.arrays.speed, this.most("picture", "speed"), theme, startsOf(picture), part);

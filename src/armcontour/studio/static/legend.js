@@ -41,8 +41,8 @@ function colouringOf(store, layers) {
   const shades = Array.from({ length: SHADES }, (_, k) => heat(k / (SHADES - 1), store.theme));
   if (executed && colour === "error") {
     const { allowed } = executed.head;
-    const scale = { shades, from: "error 0", to: `${mm(scaleOf(executed), 3)} mm, ${allowed == null ? "the largest" : "100 % of the allowed"}` };
-    const isOver = allowed != null && layers.most("executed", "error") > allowed;
+    const scale = { shades, from: "off the drawing 0", to: `${short(1000 * scaleOf(executed), 3)} mm ${allowed == null ? "at most" : "allowed"}` };
+    const isOver = allowed != null && layers.most("executed", "off") > allowed;
     return [scale, ...(isOver ? [sample(themed("--alarm"), [], 3, "more than allowed")] : [])];
   }
   return [{ shades, from: `${colour} 0`, to: `${mm(layers.most("picture", "speed"), 1)} mm/s` }];

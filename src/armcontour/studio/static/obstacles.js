@@ -2,13 +2,17 @@
 
 import { show } from "./dialog.js";
 import { draw, find, grip, make, mark } from "./dom.js";
-import { axesOf, dot, outlineOf, planeOf, standing } from "./footprint.js";
 import { mm } from "./format.js";
 import { tellEarly } from "./messages.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./pointer.js").Pointer} Pointer */
-/** @typedef {import("./footprint.js").Obstacle} Obstacle */
+/**
+ * An obstacle of the job on the base, in SI units; the file has another unit. Its outline and its axes in the plane are
+ * relative to `uv`, where it is.
+ * @typedef {{type: string, index: number, unit: [string, number], name?: string, at?: number[], size?: number[],
+ *   uv: Point, outline: Point[], axes: Point[]}} Obstacle
+ */
 /** @typedef {[number, number]} Point */
 /** What a drag of an obstacle changes. @typedef {"at" | "size"} What */
 
@@ -18,6 +22,12 @@ const LEAST_SIZE = 1e-3; // m
 const BESIDE = 0.14; // m
 /** Free of rounding errors. @param {number} metres */
 const round = (metres) => Number(metres.toFixed(9));
+
+/** @param {number[]} a @param {number[]} b */
+const dot = (a, b) => a.reduce((sum, x, k) => sum + x * (b[k] ?? 0), 0);
+
+/** Corners of the outline in the plane [m]. @param {Obstacle} obstacle @returns {Point[]} */
+const cornersOf = ({ uv, outline }) => outline.map(([u, v]) => [uv[0] + u, uv[1] + v]);
 
 class Obstacles {
   /** @param {Store} store @param {Pointer} pointer */
@@ -35,16 +45,21 @@ class Obstacles {
     this.view.followers.add(() => this.place());
   }
 
-  /** The plane of the picture. @returns {any} */
+  /** The plane of the picture in the frame of the base. @returns {any} */
   get plane() {
-    return planeOf(this.store);
+    return this.store.latest("picture") && this.store.document?.plane;
   }
 
   /** Obstacles as they are drawn: one that is held where it is held. @returns {Obstacle[]} */
   list() {
-    return standing(this.store).map((x, k) => {
+    const { x, y } = this.plane;
+    const all = this.store.document.obstacles.filter((/** @type {Obstacle} */ body) => body.outline);
+    return all.map((/** @type {Obstacle} */ body, /** @type {number} */ k) => {
       const { at, size } = this.elements[k]?.held ?? {};
-      return { ...x, at: (at && this.pointer.held(at)) ?? x.at, size: (size && this.pointer.held(size)) ?? x.size };
+      const held = at && this.pointer.held(at);
+      const by = held?.map((value, j) => value - (body.at?.[j] ?? 0)) ?? [0, 0, 0];
+      const uv = [body.uv[0] + dot(by, x), body.uv[1] + dot(by, y)];
+      return { ...body, uv, at: held ?? body.at, size: (size && this.pointer.held(size)) ?? body.size };
     });
   }
 
@@ -75,7 +90,7 @@ class Obstacles {
       ([a, b]) => /** @type {Point} */ ([u + (left + right) / 2 + a * ((right - left) / 2 + away), v + (bottom + top) / 2 + b * ((top - bottom) / 2 + away)]),
     );
     spots.sort((p, q) => far(q) - far(p));
-    const others = this.list().flatMap((other) => outlineOf(other, this.plane) ?? []);
+    const others = this.list().flatMap(cornersOf);
     return spots.find(([a, b]) => others.every((p) => Math.abs(p[0] - a) > side || Math.abs(p[1] - b) > side)) ?? spots[0];
   }
 
@@ -104,9 +119,8 @@ class Obstacles {
 
   /** A point in space from one of the plane, which has round numbers there. @param {Point} uv @param {number} above m @param {number} step m @returns {number[]} */
   lift([u, v], above, step) {
-    const { origin, x, y } = this.plane;
-    const across = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-    return [0, 1, 2].map((k) => round(step * Math.round((origin[k] + u * x[k] + v * y[k]) / step) + above * across[k]));
+    const { origin, x, y, normal } = this.plane;
+    return [0, 1, 2].map((k) => round(step * Math.round((origin[k] + u * x[k] + v * y[k]) / step) + above * normal[k]));
   }
 
   place() {
@@ -125,11 +139,8 @@ class Obstacles {
 
   /** @param {Obstacle} obstacle @param {{body: SVGGElement, shape: SVGElement, sizer: SVGGElement}} element */
   placeOne(obstacle, { body, shape, sizer }) {
-    const outline = outlineOf(obstacle, this.plane);
-    body.toggleAttribute("hidden", !outline);
-    sizer.toggleAttribute("hidden", !outline || obstacle.type !== "box");
-    if (!outline) return;
-    const points = outline.map((p) => this.pointer.screen(p));
+    sizer.toggleAttribute("hidden", obstacle.type !== "box");
+    const points = cornersOf(obstacle).map((p) => this.pointer.screen(p));
     mark(shape, "points", points.map((p) => p.map((x) => x.toFixed(1)).join()).join(" "));
     const corner = points.reduce((best, p) => (p[0] - p[1] > best[0] - best[1] ? p : best));
     mark(sizer, "transform", `translate(${corner[0].toFixed(1)} ${corner[1].toFixed(1)})`);
@@ -185,14 +196,8 @@ class Obstacles {
 
   /** The middle stays where it is. @param {Obstacle} from @param {number} du @param {number} dv @returns {number[]} m */
   sized(from, du, dv) {
-    const { x, y } = this.plane;
-    const by = [0, 1, 2].map((k) => du * x[k] + dv * y[k]);
     // The grip is at the corner that is farthest to the right and below.
-    const grip = [0, 1, 2].map((k) => x[k] - y[k]);
-    return axesOf(from).map((axis, k) => {
-      const grown = 2 * dot(by, axis) * Math.sign(dot(grip, axis));
-      return (from.size?.[k] ?? 0) + grown;
-    });
+    return from.axes.map(([u, v], k) => (from.size?.[k] ?? 0) + 2 * (du * u + dv * v) * Math.sign(u - v));
   }
 }
 

@@ -181,8 +181,8 @@ export function strokesByLimit(picture, theme, part) {
   });
 }
 
-/** The error of 100 % in the scale of colours: the allowed one, or else the largest [m]. @param {Frame | null} executed @returns {number} */
-export const scaleOf = (executed) => executed?.head.allowed ?? largest(executed?.arrays.error ?? []);
+/** The distance from the drawing of 100 % in the scale of colours: the allowed one, or else the largest [m]. @param {Frame | null} executed @returns {number} */
+export const scaleOf = (executed) => executed?.head.allowed ?? largest(executed?.arrays.off ?? []);
 
 /**
  * @param {Numbers} points pairs @param {Numbers} values one per point @param {number} most value of the last shade; larger ones are alarms

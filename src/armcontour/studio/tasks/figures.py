@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.report.message_frame import MessageFrame, bytes_array
+from armcontour.robot.scene import BASE, HalfSpace
 from armcontour.studio.tasks.request import Request
+
+if TYPE_CHECKING:
+    from armcontour.jobs import RunResult
+    from armcontour.verification.clearance import PairClearance
 
 # Maximum size of a plan that the Studio shows [bytes]; for a larger one, it shows the preview.
 MAX_PLAN = 200_000_000
@@ -17,6 +22,7 @@ MAX_PLAN = 200_000_000
 def figures(request: Request) -> MessageFrame:
     """Frame with the exact figures and the plan of a run, or a refusal with its position."""
     from armcontour.core.render import frame
+    from armcontour.core.result import VERDICT, Row
     from armcontour.jobs.rows import judging_rows
     from armcontour.report.arm_frame import nearest_pair
     from armcontour.report.plan_frames import Tier, refusal_header, time_header
@@ -30,11 +36,16 @@ def figures(request: Request) -> MessageFrame:
             # The data are not a valid job, so there is no picture in which to mark a position.
             refusal = {"tier": 3, "run": request.run, "sentence": str(error), "at": {}}
         return MessageFrame("refusal", refusal)
-    data = result.to_data()
+    data, obstacle = result.to_data(), _nearest_to_obstacles(request, result)
+    rows = judging_rows(result, data.rows)
+    if obstacle is not None:
+        row = Row("obstacle", obstacle.low, "m", "to the obstacles", obstacle.bodies, VERDICT)
+        rows = (*rows, row)
     header = {
         "run": result.run.name,
         "tier": Tier.EXACT,
-        "rows": frame(replace(data, rows=judging_rows(result, data.rows))),
+        "rows": frame(replace(data, rows=rows)),
+        "obstacle_t": obstacle and obstacle.t,
         **time_header(result.explanation),
         "nearest": nearest_pair(result),
         "warnings": data.warnings,
@@ -44,6 +55,15 @@ def figures(request: Request) -> MessageFrame:
     return MessageFrame(
         "figures", header, {"plan": bytes_array(plan)} if len(plan) < MAX_PLAN else {}
     )
+
+
+def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance | None:
+    """Nearest pair with an obstacle on the base; pairs of links can be nearer."""
+    scene = request.job.scene
+    bodies = () if scene is None else scene.obstacles
+    names = {x.name for x in bodies if x.fixed_to == BASE and not isinstance(x.shape, HalfSpace)}
+    pairs = () if result.clearance is None else result.clearance.pairs
+    return min((x for x in pairs if names & {x.first, x.second}), key=lambda x: x.low, default=None)
 
 
 def changes(request: Request) -> MessageFrame:

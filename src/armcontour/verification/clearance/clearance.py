@@ -82,6 +82,12 @@ class PairClearance:
         return f"{self.second} and {self.first} {verb}, {self.place}"
 
     @property
+    def bodies(self) -> str:
+        """Names of the two bodies as words."""
+        names = (self.second, self.first)
+        return " and ".join(re.sub("(_link|_inertia)+$", "", x).replace("_", " ") for x in names)
+
+    @property
     def place(self) -> str:
         """Time and place of the smallest distance, or of the first violation, as a phrase."""
         t = self.t if self.first_time is None else self.first_time
@@ -171,8 +177,7 @@ class Clearance(Result):
     def to_data(self) -> Data:
         """The verdict, and the pairs, sorted by distance above the margin."""
         below = None if not self.below else -self.below[0].high
-        names = () if self.least is None else (self.least.second, self.least.first)
-        note = " and ".join(re.sub("(_link|_inertia)+$", "", x).replace("_", " ") for x in names)
+        note = "" if self.least is None else self.least.bodies
         if self.too_near:
             note = str(self.too_near[0])
         return Data(
