@@ -271,7 +271,7 @@ def _learn_next(
     for k in range(setbacks, setbacks + TRIALS):
         requested = best.q + SETBACK_STEP**k * change
         q, reason = _keep_limits(set_points, requested, best.q, applied, fastest)
-        expected = lifted.judge(estimate.error + lifted.respond(q - best.q)).rms
+        expected = float(lifted.judge(estimate.error + lifted.respond(q - best.q)).rms)
         if useful := expected * USEFUL_FACTOR < estimate.repeats:
             break
     end = _reason_to_finish(lifted, runs, estimate, setbacks)
@@ -283,7 +283,7 @@ def _learn_next(
         method="learning", start_time=set_points.start_time, command_limits=command_limits,
         servo=lifted.nominal.servo, lifted=lifted, runs=runs, best=estimate.best,
         repeats=estimate.repeats, noise=estimate.noise, setbacks=setbacks, finished=bool(end),
-        reason=end or reason,
+        reason=end or reason, expected=None if end else expected,
     )  # fmt: skip
 
 

@@ -208,6 +208,7 @@ class LearningResult(Result, SetPoints):
         finished: True if no further improvement is expected. The set-points are then those of the
             best run.
         reason: Reason why learning is finished, or limit that restricts the step; may be empty.
+        expected: RMS error that the linear model predicts for the next run [m]; None if finished.
         lifted: The linear model, reused from run to run because computing it takes most of the
             time; None computes it again.
 
@@ -223,6 +224,7 @@ class LearningResult(Result, SetPoints):
     setbacks: int = 0
     finished: bool = False
     reason: str = ""
+    expected: float | None = None
     lifted: Lifted | None = field(default=None, repr=False)
 
     def _check_together(self) -> None:
@@ -237,6 +239,10 @@ class LearningResult(Result, SetPoints):
             f"Learning from {count_noun(len(self.runs), 'run')}: "
             f"{count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}",
             (
+                Row(
+                    "expected", self.expected, "m", "next run, RMS",
+                    "expected; play its set-points and add the log", FIRST,
+                ),
                 Row("finished", self.finished, "", "finished", self.reason, VERDICT),
                 Row("first", self.runs[0].rms, "m", "before learning, RMS", level=FIRST),
                 Row("remaining", self.remaining, "m", "best run, RMS", best, FIRST),
@@ -248,7 +254,7 @@ class LearningResult(Result, SetPoints):
             ),
             (Table.from_results("runs", [x.to_data() for x in self.runs]),),
             notes=self.runs[-1].notes,
-        )
+        )  # fmt: skip
 
     __repr__ = short_repr
 

@@ -2,6 +2,7 @@
 
 import { styleOf } from "./colours.js";
 import { find } from "./dom.js";
+import { layers, runLayer } from "./form.js";
 import { contourLabel, seconds } from "./format.js";
 import { kindAt } from "./polylines.js";
 import { nowAndThen, READING } from "./state.js";
@@ -52,14 +53,17 @@ export function init(store) {
     const contours = /** @type {Contour[]} */ (store.latest("picture")?.head.contours ?? []);
     if (region.hidden) return;
     const more = contours.length - MOST;
+    const all = layers();
     render(
-      html`<ol class="contours" onKeyDown=${walk}>${contours.slice(0, MOST).map(row)}</ol>
+      html`${all.length > 1 && html`<div class="layers" role="group" aria-label="Layers that are run">${all.map(([name, is]) =>
+        html`<label class="field"><input type="checkbox" checked=${is} onChange=${(/** @type {any} */ e) => runLayer(name, e.target.checked)} />${name}${!is && html` <small>not run</small>`}</label>`)}</div>`}
+        <ol class="contours" onKeyDown=${walk}>${contours.slice(0, MOST).map(row)}</ol>
         ${!contours.length && html`<p class="quiet">No contour yet: draw one, or open a drawing.</p>`}
         ${more > 0 && html`<p class="quiet">${more} more: click them in the drawing.</p>`}`,
       region,
     );
   });
-  for (const event of ["picture", "view", "theme"]) store.on(event, update);
+  for (const event of ["document", "picture", "view", "theme"]) store.on(event, update);
   let shown = -1;
   /** A contour that is selected elsewhere comes into sight: the list is scrolled, and not the page. */
   const reveal = () => {

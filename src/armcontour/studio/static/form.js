@@ -139,6 +139,21 @@ function listed(key) {
   return [{ do: "set", key: READ.split("."), value }];
 }
 
+/** Names of the layers of the drawing, each with whether it is run. @returns {[string, boolean][]} */
+export function layers() {
+  if (!head.value) return [];
+  const { written } = writtenAt(READ.split("."));
+  const given = written && (Array.isArray(written) ? written : Object.keys(written));
+  return head.value.layers.map((/** @type {string} */ name) => [name, !given || given.includes(name)]);
+}
+
+/** @param {string} name of a layer @param {boolean} is whether it is to be run */
+export function runLayer(name, is) {
+  const key = [...READ.split("."), name];
+  if (is) set(key, {});
+  else unset(key);
+}
+
 /** @param {Key} key */
 const unset = (key) => send(key, [...listed(key), { do: "unset", key }]);
 
@@ -356,8 +371,7 @@ function Named({ f, at }) {
   const each = f.each ?? f;
   const entry = (/** @type {string} */ name) => {
     if (!each.fields) return html`<${Leaf} key=${name} f=${{ ...each, unit: f.unit, text: f.text }} at=${[...at, name]} label=${name} />`;
-    const isRun = written === null || given.includes(name);
-    const tick = html`<label class="field"><input type="checkbox" checked=${isRun} onChange=${() => (isRun ? unset([...at, name]) : set([...at, name], {}))} /> run this layer</label>`;
+    const tick = html`<label class="field"><input type="checkbox" checked=${written === null || given.includes(name)} onChange=${(/** @type {any} */ e) => runLayer(name, e.target.checked)} /> run this layer</label>`;
     return html`<${Part} key=${name} f=${{ ...each, needed: key === READ, text: f.text }} at=${[...at, name]} label=${name} more=${key === READ && tick} />`;
   };
   const add = (/** @type {any} */ event) => {

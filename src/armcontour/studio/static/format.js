@@ -30,9 +30,10 @@ export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m :
  * @param {{text: string, unit: string} | undefined} a @param {{text: string, unit: string} | undefined} b @returns {string}
  */
 export function difference(a, b) {
-  if (!a || !b || a.unit !== b.unit) return "";
+  const by = Number(a?.text) - Number(b?.text);
+  if (!a || !b || a.unit !== b.unit || !Number.isFinite(by)) return "";
   const decimals = Math.min(...[a, b].map((x) => x.text.split(".")[1]?.length ?? 0));
-  const text = fixed(Number(a.text) - Number(b.text), decimals);
+  const text = fixed(by, decimals);
   return `${Number(text) > 0 ? "+" : ""}${text} ${a.unit}`;
 }
 

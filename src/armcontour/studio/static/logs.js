@@ -53,9 +53,9 @@ export function Logs({ store }) {
   const tick = (/** @type {string} */ name, /** @type {boolean} */ on) => (ticked.value = [...ticked.value.filter((x) => x !== name), ...(on ? [name] : [])]);
   return html`<section class="task logs" aria-label="Logs of the robot">
     <div class="task-head"><button type="button" onClick=${add}>Add a log</button>
-      <p class="quiet">Or drop it: time and joint positions of a robot, as a table. Ticked logs are of successive runs.</p></div>
+      <p class="quiet">A table of time and joint positions that your robot recorded. Identify measures its servo with it, Learn corrects the next run; ticked logs are of successive runs.</p></div>
     ${all.value.length > 0 && html`<div class="task-fields" role="group" aria-label="Logs that are used">
       ${all.value.map((name) => html`<label class="field" key=${name}><input type="checkbox" checked=${ticked.value.includes(name)} onChange=${(/** @type {any} */ e) => tick(name, e.target.checked)} /> ${name}</label>`)}
-      <label class="field">columns <input type="text" size="16" placeholder="u#=command_#,q#=actual_#" onChange=${(/** @type {any} */ e) => (columns.value = e.target.value.trim())} /></label></div>`}
+      <label class="field" title="Names of the columns, # is the number of a joint: u# are commands, q# are measured. Empty if the log names them as usual">columns <input type="text" size="16" placeholder="u#=command_#,q#=actual_#" onChange=${(/** @type {any} */ e) => (columns.value = e.target.value.trim())} /></label></div>`}
   </section>`;
 }

@@ -2,7 +2,7 @@
 
 import { ask } from "./dialog.js";
 import { find, whileSeen } from "./dom.js";
-import { knownOf } from "./figures.js";
+import { knownOf, past } from "./figures.js";
 import { difference, textOf } from "./format.js";
 import { Heads } from "./components.js";
 import { html, render } from "./vendor/preact.js";
@@ -37,16 +37,16 @@ export function init(store, link) {
     const name = await ask(`A new run like ${run}`, "Its name", `${run}-2`);
     if (name) link.edit([{ do: "add_run", name }]);
   };
-  const row = (/** @type {any} */ { name, timing, compensation, corners }) => {
+  const row = (/** @type {any} */ { name, timing, compensation, corners }, /** @type {Known | undefined} */ figures = known.get(name)) => {
     const { run, runs } = store.document;
     const isShown = name === run;
-    const [duration, rms, largest] = ["duration", "contour_error.rms", "contour_error.max"].map((x) => known.get(name)?.get(x));
+    const [duration, rms, largest] = ["duration", "contour_error.rms", "contour_error.max"].map((x) => figures?.get(x));
     const delta = (/** @type {any} */ x) => (isShown ? "" : difference(x, known.get(run)?.get(x?.name)));
     const act = (/** @type {string} */ title, /** @type {() => void} */ does) => html`<button type="button" aria-label=${`${title} run ${name}`} onClick=${does}>${title}</button>`;
     return html`<tr key=${name} aria-current=${isShown && "true"}>
       <th scope="row">${name}</th>${[timing, compensation, corners].map((x) => html`<td class="words">${x}</td>`)}
       ${[textOf(duration), delta(duration), textOf(rms), delta(rms), textOf(largest)].map((x) => html`<td>${x}</td>`)}
-      <td class="acts">${!isShown && act("Show", () => link.send({ op: "select", run: name }))}${runs.length > 1 && act("Remove", () => link.edit([{ do: "unset", key: ["runs", name] }]))}</td>
+      <td class="acts">${!isShown && figures !== past.before && act("Show", () => link.send({ op: "select", run: name }))}${runs.length > 1 && figures !== past.before && act("Remove", () => link.edit([{ do: "unset", key: ["runs", name] }]))}</td>
     </tr>`;
   };
   for (const event of EVENTS) store.on(event, learn);
@@ -54,7 +54,7 @@ export function init(store, link) {
     if (!store.document) return;
     render(
       html`<p class="acts"><button type="button" onClick=${add}>New run like this one</button></p>
-        <table><caption class="unseen">Runs</caption><${Heads} names=${COLUMNS} words=${4} /><tbody>${store.document.runs.map(row)}</tbody></table>`,
+        <table><caption class="unseen">Runs</caption><${Heads} names=${COLUMNS} words=${4} /><tbody>${store.document.runs.map((/** @type {any} */ run) => row(run))}${past.before && row({ name: `${past.run}, before the last change` }, past.before)}</tbody></table>`,
       region,
     );
   });

@@ -29,8 +29,8 @@ import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js
 const [MAX_RESULTS, MAX_ROWS, LONG] = [12, 200, 24];
 
 const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
-/** Joints of the arm, and whether the server hears. */
-const [joints, isOpen] = [signal(0), signal(false)];
+/** Joints of the arm, whether the server hears, and the revision of the job. */
+const [joints, isOpen, newest] = [signal(0), signal(false), signal(-1)];
 /** The newest first. */
 const results = signal(/** @type {Result[]} */ ([]));
 
@@ -51,8 +51,8 @@ const tasks = () => [
   },
   { task: "changes", title: "Improve", what: "Finds changes that save time, or that make the run keep its accuracy." },
   { task: "report", title: "Report", what: "The page with all figures, to keep and to print." },
-  { task: "identify", title: "Identify", what: "Finds the servo of every joint from the logs.", onLogs: true, options: logOptions },
-  { task: "learn", title: "Learn", what: "Makes the set-points of the next run, with a smaller error.", onLogs: true, options: logOptions },
+  { task: "identify", title: "Identify", what: "Finds kp, kv and the dead time of your robot's servo from the logs.", onLogs: true, options: logOptions },
+  { task: "learn", title: "Learn", what: "Corrects the set-points of the next run by the errors of this one.", onLogs: true, options: logOptions },
 ];
 
 /** A task's button, sentence and choices. @param {Task & {start: (task: Task, options: object) => void}} props */
@@ -78,7 +78,7 @@ function Form({ start, ...task }) {
 }
 
 /** @param {{result: Result, store: Store, link: Link}} props */
-function Outcome({ result: { id, task, title, time, state, told, frame, sentence }, store, link }) {
+function Outcome({ result: { id, task, title, time, state, told, frame, sentence, rev }, store, link }) {
   const { steps = [], share, eta } = told ?? {};
   const { sentence: said = sentence, rows = [], tables = [], changes = [], notes = [], warnings = [], file } = frame?.head ?? {};
   const step = told ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
@@ -89,7 +89,8 @@ function Outcome({ result: { id, task, title, time, state, told, frame, sentence
     <div class="task-body">
       ${rows.length > 0 && html`<${Tiles} rows=${rows} theme=${store.theme} />`}
       ${said && html`<p class="task-sentence">${said}</p>`}
-      ${changes.length > 0 && html`<p class="task-file"><${Changes} changes=${changes} link=${link} /></p>`}
+      ${task === "changes" && changes.length > 0 && rev !== newest.value && html`<p class="quiet">The job has changed since: search again for what saves time now.</p>`}
+      ${changes.length > 0 && (task !== "changes" || rev === newest.value) && html`<p class="task-file"><${Changes} changes=${changes} link=${link} /></p>`}
       ${file && html`<${Download} file=${frame?.head} link=${link} />`}
       ${tables.map((/** @type {Table} */ { title: of, cells: [columns, ...all] }) => all.length > 0 && html`<div class="task-table" tabindex="0" role="group" aria-label=${of}>
         <table><caption>${of}</caption><${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
@@ -163,6 +164,7 @@ export function init(store, link) {
   });
   const update = () => {
     joints.value = store.latest("arm")?.head.joints.length ?? 0;
+    newest.value = store.latest("document")?.rev ?? -1;
     isOpen.value = link.state.state === "open" && store.document !== null;
     if (!isOpen.value) for (const { id } of results.value) renew(id, { state: "failed", sentence: "The connection was lost, and this work with it." });
   };

@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.progress import Step
 from armcontour.core.render import cells, frame
-from armcontour.core.result import TABLE, Data
+from armcontour.core.result import TABLE, VERDICT, Data, Row
+from armcontour.files.job_model import IDENTIFIED
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
+    from armcontour.control.identification import Identification
     from armcontour.jobs.run_learning import LearningStudy
 
 # Format whose file names must be KRL identifiers, and the maximum length of these names.
@@ -79,8 +81,14 @@ def export(request: Request) -> MessageFrame:
 
     Options: `format`, `of` (set_points, planned or learned), `cycle` [s].
     """
-    from armcontour.files.exports.formats import WITH_ANALOG, format_named, write_destination
+    from armcontour.files.exports.formats import (
+        WITH_ANALOG,
+        format_named,
+        outputs_of,
+        write_destination,
+    )
     from armcontour.files.exports.table import make_table
+    from armcontour.files.exports.template import OUTPUT_EXAMPLES
     from armcontour.jobs import analog_outputs
     from armcontour.jobs.job import ENDINGS
 
@@ -116,26 +124,75 @@ def export(request: Request) -> MessageFrame:
         notes = format.describe(table)
         write_destination(file, lambda path: format.write(table, path))
         content = file.read_bytes()
+    switches = dict.fromkeys(x.name for x in table.events if isinstance(x.value, bool))
+    missing = [x for x in switches if kind in OUTPUT_EXAMPLES and x not in outputs_of(format)]
     header = {
         "sentence": f"{len(plan.set_points.q)} set-points.",
+        "changes": [_name_output(x, OUTPUT_EXAMPLES[kind]) for x in missing],
         "warnings": (*plan.warnings, *(f"Format {format.label}: {said}" for said in notes)),
     }
     return MessageFrame.of_file(file.name, content, header)
+
+
+def _name_output(event: str, output: int | str) -> dict[str, Any]:
+    """Change that names the output of an event; the user can change it in the settings."""
+    edit = {"do": "set", "key": ["export", "outputs", event], "value": output}
+    return {"label": f"Output {output} for {event}", "edits": [edit]}
 
 
 def identify(request: Request) -> MessageFrame:
     """Identify the servo of each joint; the frame has the edit that writes servos into the job."""
     from armcontour.control.identification import ServoFit, identify
     from armcontour.files.robot_file import servo_values
+    from armcontour.report.identification import render_identification
 
     logs = read_logs(request, commanded=True)
     identification = identify(logs, ServoFit(kinematics=request.job.arm), progress=request.progress)
     data, changes = identification.to_data(), []
     if any(y.written for y in identification.joints):
-        edit = {"do": "set", "key": "servo", "value": servo_values(identification)}
+        servo = servo_values(identification)
+        edit = {"do": "set", "key": "servo", "value": servo}
         changes = [{"label": "Use this servo", "edits": [edit]}]
-    facts = {"kept": identification.trusted, "changes": changes}
-    return MessageFrame("result", {**facts, **_shown(data, logs)})
+        expected = (*_expected_errors(request, servo), *_gains(identification))
+        # The gains of each joint are what the user needs.
+        data = replace(data, rows=(*expected, *data.rows), tables=data.tables[::-1])
+    facts = {"kept": identification.trusted, "changes": changes, "label": "Download report"}
+    page = render_identification(identification).encode()
+    name = f"{request.job.name}-identification.html"
+    return MessageFrame.of_file(name, page, {**facts, **_shown(data, logs)})
+
+
+def _expected_errors(request: Request, servo: dict[str, Any]) -> list[Row]:
+    """Simulated contour errors of the run on the identified servo, now and if the job uses it."""
+    plant = {name: x for name, x in servo.items() if name not in IDENTIFIED}
+    job = {name: x for name, x in request.data.items() if name not in ("servo", "plant")}
+    now = {**job, "servo": request.data["servo"], "plant": plant}
+    rows = []
+    try:
+        for name, keys in (
+            ("contour error now", now),
+            ("with this servo", {**job, "servo": servo}),
+        ):
+            planned = request.previewer.plan(keys, request.run)
+            if not request.previewer.may_execute(planned):
+                return []
+            error = request.previewer.execute(planned).errors.max
+            rows.append(Row(name, error, "m", name, "simulated", VERDICT))
+    except ArmContourError:
+        # The run may need gains that the log does not determine.
+        return []
+    return rows
+
+
+def _gains(identification: Identification) -> Iterator[Row]:
+    """Rows of the gains, each with its range over the joints."""
+    for name in ("kp", "kv"):
+        found = [x.parameters[name] for x in identification.joints if name in x.parameters]
+        if found:
+            values = [x.value for x in found]
+            ends = dict.fromkeys(f"{x:.3g}" for x in (min(values), max(values)))
+            text = f"{' to '.join(ends)} {found[0].unit}"
+            yield Row(name, text, "", name, "all joints", VERDICT)
 
 
 def learn(request: Request) -> MessageFrame:
