@@ -63,7 +63,7 @@ def test_place_writes_a_map_and_a_table_and_a_valid_job(job, tmp_path, placed):
 
 def test_a_placement_grid_out_of_reach_has_a_map_and_an_exit_code(job, tmp_path, command):
     ended = command("place", job, "--x", "1 m .. 2 m, 2", "--out", tmp_path / "far")
-    assert ended.code == 1 and "No place of the grid is feasible." in ended.out
+    assert ended.code == 1 and "No position of the grid is feasible." in ended.out
     data = summary(tmp_path / "far")
     assert data["refused"] == {"reach": 2} and "job.yaml" not in data["files"]
     page = (tmp_path / "far" / "report.html").read_text(encoding="utf-8")

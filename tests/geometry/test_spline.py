@@ -116,8 +116,8 @@ def test_invalid_splines_are_refused():
         ([(0, 0), (1, 0)], {"tolerance": 0.0}, "tolerance must"),
         ([(0, 0), (1, 0), (1, 1)], {"closed": True}, "must end at its first point"),
         ([(0, 0), (1, np.inf)], {}, "finite"),
-        ([(0, 0), (1, 0), (0, 0)], {}, "turns back on the spot near"),
-        ([(0, 0), (1, 0), (0.2, 0), (1, 0)], {}, "turns back on the spot near"),
+        ([(0, 0), (1, 0), (0, 0)], {}, "reverses its direction near"),
+        ([(0, 0), (1, 0), (0.2, 0), (1, 0)], {}, "reverses its direction near"),
     )
     refused(*((lambda x=x, y=y: ac.Path.spline(x, **y), word) for x, y, word in options))
 

@@ -160,8 +160,8 @@ def test_obstacles_of_the_cell_exclude_positions_and_those_of_the_part_move(squa
 def test_a_grid_without_a_feasible_position_is_a_result(square):
     placement = ac.place(square, {"x": [1.0, 2.0]}, processes=1)
     assert placement.best is None and placement.refusals == {"reach": 2}
-    assert "No place of the grid is feasible." in placement.to_data().notes
-    with pytest.raises(NotRealizable, match="No place of the grid is feasible"):
+    assert "No position of the grid is feasible." in placement.to_data().notes
+    with pytest.raises(NotRealizable, match="No position of the grid is feasible"):
         placement.placed()
 
 
@@ -170,8 +170,8 @@ def test_invalid_placement_grids_are_refused(square):
     for job, grid, more, words in (
         (square, {"tilt": [0.0]}, {}, "no axis 'tilt'. Its axes are x, y, z, yaw"),
         (plane, {"z": [0.0]}, {}, "no axis 'z'. Its axes are x, y, yaw"),
-        (square, {}, {}, "The grid has no places"),
-        (square, {"x": []}, {}, "The grid has no places|axis x"),
+        (square, {}, {}, "The grid has no positions"),
+        (square, {"x": []}, {}, "The grid has no positions|axis x"),
         (square, {"x": 0.1}, {}, "The axis x of the grid must be a list"),
         (square, {"x": [np.nan]}, {}, "axis x"),
         (square, {"x": [0.0]}, {"run": "first"}, "no run 'first'. Its runs are compensated"),

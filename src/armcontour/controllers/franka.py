@@ -106,9 +106,10 @@ class Franka(Controller):
                 unit = UNITS[name]
                 raise ControllerRefused(
                     f"The {name} of joint {j + 1} is {number(values[i, j], unit)} at "
-                    f"{number(i * CYCLE, 's')}, above the {number(most[i, j], unit)} of the FCI. "
-                    f"Reduce the limit joint_{name}, or increase timing.reserve. Compensated "
-                    "set-points need more jerk than the FCI allows. Use compensation method none.",
+                    f"{number(i * CYCLE, 's')}, but the limit of the FCI is "
+                    f"{number(most[i, j], unit)}. Reduce the limit joint_{name}, or increase "
+                    "timing.reserve. For compensated set-points, use compensation method none, "
+                    "because they need more jerk.",
                     joint=j,
                     needed=float(values[i, j]),
                     allowed=float(most[i, j]),

@@ -206,7 +206,7 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
             return uncompensated_motion(trajectory, job.arm, cycle)
         columns = [x / 2 for x in columns]
     reason = clearance.sentence if within and clearance is not None else "a limit is active."
-    raise ControllerRefused(f"The joints cannot be excited about the begin of the run: {reason}")
+    raise ControllerRefused(f"The joints cannot be excited at the start of the run: {reason}")
 
 
 def _sines(dof: int, t: FloatArray) -> FloatArray:

@@ -101,7 +101,7 @@ def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]
 
 
 def read_list(kind: Which) -> dict[Key, list[str]]:
-    """Argument types of the functions that a kind of run calls, in the order of the list."""
+    """Read kernels.txt: argument types of the functions that a kind of run calls, in order."""
     listed: dict[Key, list[str]] = {}
     for line in LIST.read_text(encoding="utf-8").splitlines():
         runs, call = line.split(" ", 1)

@@ -336,7 +336,7 @@ def _convert(text: str, unit: str) -> float:
         return float(_registry().Quantity(text).to(unit).magnitude)
     except pint.DimensionalityError:
         raise ValueError(f"must be a quantity in {unit}, but is {text!r}") from None
-    except Exception as error:  # the parser of pint can raise tokenizer and syntax errors
+    except Exception as error:  # The parser of pint can raise tokenizer and syntax errors.
         raise ValueError(f"{text!r} is not a quantity in {unit}: {error}") from None
 
 

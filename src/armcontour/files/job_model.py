@@ -57,8 +57,8 @@ def _run_name(name: str) -> str:
     """Check the name of a run."""
     if not re.match(RUN_NAME, name):
         raise ValueError(
-            "the name must be letters, digits, - and _, 64 at most, with a letter or digit first, "
-            f"but is {show(name)}"
+            "the name must consist of at most 64 letters, digits, - and _, and must begin with a "
+            f"letter or a digit, but is {show(name)}"
         )
     return name
 

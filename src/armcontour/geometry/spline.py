@@ -80,7 +80,7 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
         if stuck.any():
             point = tuple(np.round(cubics[stuck, 0][0], 6).tolist())
             raise InvalidInput(
-                f"The spline turns back on the spot near {point} m. Move the points apart, or "
+                f"The spline reverses its direction near {point} m. Move the points apart, or "
                 "split the spline there."
             )
         if count > MAX_PIECES:

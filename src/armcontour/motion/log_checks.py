@@ -142,9 +142,9 @@ def check_interval(source: str, t: FloatArray) -> None:
     # The factors allow for rounded times.
     if not low * (1 - 1e-6) <= interval <= high * (1 + 1e-6):
         raise InvalidInput(
-            f"{source} has a sample every {interval:.3g} s and lasts {t[-1] - t[0]:.3g} s, but the "
-            f"sample interval must be from {low:g} to {high:g} s. Specify the unit of the column "
-            "of times, such as t [s], or record at another rate.",
+            f"The sample interval of {source} must be from {low:g} to {high:g} s, but is "
+            f"{interval:.3g} s, so the log lasts {t[-1] - t[0]:.3g} s. Specify the unit of the "
+            "column of times, such as t [s], or record at another rate.",
             needed=interval,
             allowed=high if interval > high else low,
         )

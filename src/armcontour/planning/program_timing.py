@@ -231,10 +231,10 @@ class JoinedMoves:
                 and event.value != before.value
             ):
                 raise InvalidInput(
-                    f"The event {event.name} to {event.value} at {event.s:.6g} m would be "
-                    f"switched at {event.t:.6g} s because of its advance, before the event to "
-                    f"{before.value} at {before.s:.6g} m, which is switched at {before.t:.6g} s. "
-                    "Reduce its advance, or increase the distance or time between the events.",
+                    f"Because of its advance, the event at {event.s:.6g} m would switch "
+                    f"{event.name} to {event.value} at {event.t:.6g} s, before the previous event "
+                    f"at {before.s:.6g} m switches it to {before.value} at {before.t:.6g} s. "
+                    "Reduce the advance, or increase the distance or time between the events.",
                     s=event.s,
                     t=event.t,
                     allowed=before.t,

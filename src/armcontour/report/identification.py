@@ -50,7 +50,7 @@ def _front(result: Identification, data: Data) -> Front:
 
 
 def _sections(identification: Identification, data: Data) -> list[Section]:
-    """Section with the parameters and notes of the joints."""
+    """List of one section, with the parameters and notes of the joints."""
     tables = [x for x in data.tables if x.level <= TABLE][1:]
     of_joints = (
         f"{x.title}: {y}"

@@ -112,7 +112,7 @@ class Placement(Result):
         """
         chosen = place or self.best
         if chosen is None:
-            raise NotRealizable("No place of the grid is feasible. Use a larger grid.")
+            raise NotRealizable("No position of the grid is feasible. Use a larger grid.")
         return place_job(self.job, displacement(chosen.values, self.about), self.moved)
 
     @checked
@@ -243,7 +243,7 @@ def _read_grid(grid: Mapping[str, Any], dimension: int) -> dict[str, FloatArray]
             raise InvalidInput(f"The axis {name} of the grid must be a list, such as [-0.1, 0.1].")
         axes[name] = checks.frozen_array(values)
     if not axes or not all(map(len, axes.values())):
-        raise InvalidInput(f"The grid has no places. Specify values of {', '.join(names)}.")
+        raise InvalidInput(f"The grid has no positions. Specify values of {', '.join(names)}.")
     return axes
 
 

@@ -82,7 +82,7 @@ def all_recent() -> Iterator[Recent]:
 
 
 def listed_recent() -> list[Recent]:
-    """Documents of the start page: all drafts, and the newest files that exist."""
+    """Return all drafts and the newest existing files, and delete the other entries."""
     drafts, files = list[Recent](), dict[tuple[str | None, str | None], Recent]()
     for x in all_recent():
         if x.text is not None:

@@ -414,7 +414,7 @@ class Scheduler:
         *,
         at_once: bool = False,
     ) -> None:
-        """Send progress at intervals."""
+        """Send progress after a delay, then at intervals."""
         with self._lock:
             now = time.monotonic()
             due = state.start_time + PROGRESS_DELAY

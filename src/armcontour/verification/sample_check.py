@@ -54,7 +54,7 @@ class SampledMotion:
         return span, (self.t_error[k:] + self.t_error[:-k])[:, None] + self.clock * span
 
     def middles(self, k: int = 1) -> tuple[FloatArray, FloatArray]:
-        """Middle times of every `k` intervals [s], and joint positions near them [rad]."""
+        """Middle times of all runs of `k` intervals [s], and the nearest joint positions [rad]."""
         return (self.t[k:] + self.t[:-k]) / 2, self.q[k // 2 : len(self.q) - k + k // 2]
 
     def mean(self, column: Column, order: int, *, both_ways: bool = False) -> Column:

@@ -239,7 +239,7 @@ def test_misread_columns_are_refused(refuses):
         log = Log(t=t, command=u, measured=measured, source="log.csv")
         refuses(lambda log=log: identify(log), InvalidInput, "order and the signs")
     late = Log(t=t * 1e-3, command=u, measured=q, source="log.csv")  # seconds labelled ms
-    refuses(lambda: identify(late), InvalidInput, "a sample every 4e-06 s and lasts 0.006 s")
+    refuses(lambda: identify(late), InvalidInput, "4e-06 s, so the log lasts 0.006 s")
     fast = Log(t=t / 40, command=20 * u, measured=20 * q, source="log.csv")
     refuses(lambda: identify(fast), InvalidInput, "no joint is faster than 100 rad/s")
 

@@ -122,7 +122,7 @@ def test_invalid_tables_are_refused(set_points, conventional, arm):
     too_early = set_points(np.zeros((3, 2)), events=early(-0.05))
     table = [
         ((data, {"cycle": 0.008}), "have a cycle of 0.004 s"),
-        ((three, {"arm": arm}), "has 2 joints, but 'x' has 3"),
+        ((three, {"arm": arm}), "has 2 joints, but the motion of 'x' has 3"),
         ((data, {"joint_names": ["a", "b" * 81]}), "81 characters, more than 80"),
         (([1, 2], {}), "but is of type list"),
         ((too_early, {}), "0.05 s before the first set-point"),

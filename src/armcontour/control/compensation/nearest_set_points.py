@@ -56,9 +56,9 @@ def limit_set_points(
         assert joint is not None
         _check_plan(set_points, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
         raise CompensationError(
-            f"No set-points of joint {joint + 1} satisfy command_limits between the ends of the "
-            f"plan, even if they begin {LONGEST_TAIL:g} s earlier and end {LONGEST_TAIL:g} s "
-            "later. Increase command_limits, or plan a slower motion.",
+            f"No set-points of joint {joint + 1} satisfy command_limits and reach the ends of the "
+            f"plan, even with {LONGEST_TAIL:g} s more before and after the plan. Increase "
+            "command_limits, or plan a slower motion.",
             joint=joint,
         )
     longer = replace(

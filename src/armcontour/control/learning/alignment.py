@@ -105,9 +105,8 @@ def align(
     if abs(rate - 1) > MAX_RATE_DIFFERENCE:
         raise InvalidInput(
             f"The clock of {source} may differ from the time of the plan by at most "
-            f"{100 * MAX_RATE_DIFFERENCE:g} %, but differs by {100 * abs(rate - 1):.3g} %. Either "
-            "it is a log of another job or another speed, or the unit of its times must be "
-            "specified."
+            f"{100 * MAX_RATE_DIFFERENCE:g} %, but differs by {100 * abs(rate - 1):.3g} %. Specify "
+            "the unit of the times, or a log of this job at the same speed."
         )
     check_completeness(source, t, duration, 2 * recording.interval)
     apart = recording.q - lifted.interpolate_at(t, expected)

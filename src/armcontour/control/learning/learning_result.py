@@ -56,7 +56,7 @@ class Recording(Checked):
 
     def _check_together(self) -> None:
         if len(self.t) < 2 or (np.diff(self.t) <= 0).any():
-            raise InvalidInput(f"{self.source} must have at least two times, which must increase.")
+            raise InvalidInput(f"{self.source} must have at least two times that increase.")
 
     __repr__ = short_repr
 

@@ -100,7 +100,7 @@ class Lifted:
         settling = float(nominal.servo.dead_time.max()) + SETTLING / float(nominal.servo.kp.min())
         intervals = self.count - 1 + int(np.ceil(settling / self.cycle))
         step, drive_cycle = self.cycle / parts, nominal.servo.drive_cycle
-        # The time step is the drive cycle unless the drive cycle is short.
+        # Drives update once per drive cycle, so a drive cycle that is not short is the time step.
         step = drive_cycle if drive_cycle > LONGEST_STEP / 2 else step
         t = set_points.times(times or int(np.ceil(intervals * self.cycle / step - 1e-9)) + 1, step)
         self.t, self.step = t, float(t[1] - t[0])

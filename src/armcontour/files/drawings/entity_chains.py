@@ -211,7 +211,7 @@ class EntitySegments:
 
     def join(self, entries: Sequence[int], closed: bool, tolerance: float) -> Path:
         """The path through pieces in a given order, with the gaps between the pieces closed."""
-        # Entry 2 i is piece i forwards, 2 i + 1 piece i backwards.
+        # Entry 2 i is piece i forwards; entry 2 i + 1 is the same piece backwards.
         entered = np.asarray(entries, dtype=np.intp)
         piece, backwards = entered // 2, entered % 2 == 1
         count = self.first[piece + 1] - self.first[piece]

@@ -32,7 +32,7 @@ FURTHER = {"M": "L", "m": "l"}
 LETTERS = "".join(ARGUMENT_COUNTS) + "".join(ARGUMENT_COUNTS).lower()
 _LETTER = re.compile(r"([A-DF-Za-df-z])")
 _NO_COMMAND = re.compile(r"[^\WMmLlHhVvCcSsQqTtAaZzEe\d_]")
-# The flags of an arc need no separators.
+# Separators of path data; possibly none, because the flags of an arc need none.
 _GAP = r"[\s,]*+"
 _ARC = re.compile(
     rf"{_GAP}({NUMBER}){_GAP}({NUMBER}){_GAP}({NUMBER}){_GAP}([01]){_GAP}([01]){_GAP}({NUMBER})"

@@ -251,7 +251,9 @@ def tabulate(
     if arm is not None:
         checks.check_type("arm", arm, Arm)
         if arm.dof != dof:
-            raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
+            raise InvalidInput(
+                f"The arm {arm.name} has {arm.dof} joints, but the motion of {name!r} has {dof}."
+            )
     if joint_names is None:
         joint_names = arm.joint_names if arm else [f"joint {i}" for i in range(1, dof + 1)]
     if arm is not None:

@@ -76,7 +76,7 @@ def template_of(
         return str(_environment().from_string(text).render(variables))
     except _Refused as error:
         raise InvalidInput(f"{source}: {_error_text(error)}.") from None
-    except Exception as error:  # a user's template can raise any exception
+    except Exception as error:  # A user's template can raise any exception.
         raise InvalidInput(f"{_error_line(error, source)}: {_error_text(error)}.") from None
 
 

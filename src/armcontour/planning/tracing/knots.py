@@ -193,13 +193,14 @@ def _refuse_jump(path: Path, orientation: Orientation) -> None:
             "Put the segments into one plane, or join them by an arc that touches both"
         )
     cause = (
-        f", because it follows the tangent {remedy}"
+        f", because it follows the tangent {remedy}, or use a constant orientation"
         if orientation.follows
-        else ". Make the orientation continuous"
+        else ". Specify an orientation without jumps there. A woven path cannot follow the tangent "
+        "around a corner (follow_tangent): specify one orientation per waypoint, or a constant one"
     )
     raise InvalidInput(
         f"At {s:.6g} m along the path the tool's orientation jumps by "
-        f"{np.degrees(jumps[i]):.3g}°{cause}, or keep the orientation constant there.",
+        f"{np.degrees(jumps[i]):.3g}°{cause}.",
         s=s,
         point=path(s).tolist(),
     )

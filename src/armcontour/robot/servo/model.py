@@ -223,7 +223,7 @@ class ServoModel(Checked):
         if ((feed > 0) & (self.velocity_feedforward == 0)).any():
             raise InvalidInput(
                 "acceleration_feedforward without velocity_feedforward would cause long "
-                "oscillations. Specify velocity_feedforward too, such as 1."
+                "oscillations. Also specify velocity_feedforward, such as 1."
             )
         object.__setattr__(self, "order", orders[0] if same else orders)
         object.__setattr__(self, "kp", _check_gain("kp", self.kp, lagged, same))
