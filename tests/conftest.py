@@ -1,4 +1,4 @@
-"""What all tests share: the paper's job, a check of refusals, and Hypothesis without chance."""
+"""Shared fixtures: the paper's job, a check of refusals, and deterministic Hypothesis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A small job that is certified by two plans: two lines with one rounded corner."""
+"""A small job for certificates: two lines with a rounded corner, certified by two plans."""
 
 CORNER_JOB = """
 name: corner

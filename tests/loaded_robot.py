@@ -1,4 +1,4 @@
-"""A robot with a load, friction, gains and noise that the controller of the corner job ignores."""
+"""A robot with a load, friction, gains and noise that its controller does not model."""
 
 from armcontour.robot import Payload
 from armcontour.simulation import RigidBodyPlant

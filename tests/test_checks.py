@@ -1,4 +1,4 @@
-"""Checks, errors, frames and small numerics that all of the package uses."""
+"""Checks, errors, frames and small numerical functions."""
 
 import copy
 import pickle

@@ -1,4 +1,4 @@
-"""Figures of the README and of some guides are computed again."""
+"""Numbers of the README and of some guides are computed again."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The pages: links, and entries of the site."""
+"""Links between pages, tables, and entries of the site."""
 
 import functools
 import re

@@ -1,4 +1,4 @@
-"""Examples print what docs/gallery/printed.yaml says; the longer ones are in tests/slow."""
+"""Examples print the lines in docs/gallery/printed.yaml; tests/slow has the longer ones."""
 
 import contextlib
 import io

@@ -1,4 +1,4 @@
-"""Calls that users write without the manual: they work, or the error states the right form."""
+"""Calls that users guess work, or the error states the right form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled functions, and the list of what they are called with."""
+"""Compiled functions, and the list of their argument types."""
 
 import ast
 import errno

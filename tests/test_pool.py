@@ -1,4 +1,4 @@
-"""Work on many items in threads, processes and executors; tests/slow ends and delays processes."""
+"""Work on many items in threads, processes and executors."""
 
 import os
 import sys

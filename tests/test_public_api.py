@@ -1,4 +1,4 @@
-"""The public names: they exist, load lazily, and refuse what they do not take."""
+"""Public names exist, load lazily, and refuse wrong arguments."""
 
 import importlib
 import inspect

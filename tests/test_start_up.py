@@ -1,4 +1,4 @@
-"""What start-up loads, counted in modules: times depend on the machine."""
+"""Modules that are loaded at start-up."""
 
 import os
 import subprocess

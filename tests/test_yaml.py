@@ -1,4 +1,4 @@
-"""YAML that is made to do harm, and work on too many values."""
+"""Hostile YAML, YAML 1.2 values, and limits on the number of values."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""Faults of accessibility of a page in a browser, as axe-core finds them."""
+"""Accessibility faults of a page in a browser, as reported by axe-core."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One browser and one server for all tests of the page; what no page may do fails its test."""
+"""One browser and one server for all page tests; errors on a page fail its test."""
 
 import dataclasses
 import functools

@@ -1,4 +1,4 @@
-"""A log of the robot that is dropped on the page: learned from, or refused."""
+"""Robot logs dropped on the page: learning from them, and refusals."""
 
 import pytest
 from playwright.sync_api import expect

@@ -1,4 +1,4 @@
-"""Settings are changed by mouse and keys in the form of the page, and the plan follows."""
+"""Settings changed by mouse and keys in the form of the page, and the resulting plan."""
 
 import pytest
 from playwright.sync_api import expect

@@ -1,4 +1,4 @@
-"""`armcontour certify`."""
+"""The command `certify`: its files and its refusals."""
 
 import json
 from functools import reduce

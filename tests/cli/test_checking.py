@@ -1,4 +1,4 @@
-"""`armcontour check`: the table, JSON, exit codes."""
+"""The command `check`: table, JSON, exit codes."""
 
 import json
 from pathlib import Path as FilePath

@@ -1,4 +1,4 @@
-"""Text of files on a terminal: no control sequence gets through."""
+"""Terminal output escapes control sequences in texts of files."""
 
 import ast
 from pathlib import Path as FilePath

@@ -1,4 +1,4 @@
-"""Drawings from the command line: results, refusals, a run that fails while it writes."""
+"""Drawings on the command line: results, refusals, and runs that fail while writing."""
 
 import numpy as np
 import pytest

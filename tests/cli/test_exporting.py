@@ -1,4 +1,4 @@
-"""Exports from the command line: their options, and `export` of an earlier result."""
+"""Exports on the command line: options, and `export` of an earlier result."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""The command line around commands: extras, compiling, printing, progress, and the Studio."""
+"""Optional dependencies, compilation, printing and progress of commands."""
 
 import sys
 import tomllib

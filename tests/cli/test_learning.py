@@ -1,4 +1,4 @@
-"""`armcontour learn`: from log files of a robot."""
+"""The command `learn` with log files of a robot."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The lines of a feeder, with a device of pure Python and without a clock."""
+"""Commands and events of a feeder, with a simulated device and without a clock."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""Franka's adapter: its checks, and its feeder's device with a library in place of libfranka's."""
+"""Franka's adapter: its checks, and its feeder with a double of libfranka."""
 
 import enum
 import importlib

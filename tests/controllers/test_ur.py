@@ -1,4 +1,4 @@
-"""UR's adapter against a double of the controller, on a loopback address."""
+"""UR's adapter with a double of the controller on a loopback address."""
 
 import os
 import subprocess

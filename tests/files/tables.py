@@ -1,4 +1,4 @@
-"""Tables of what is read and of what is refused: one row a line, one test for a table."""
+"""Tables of valid and refused inputs: one row per line, one test per table."""
 
 import tempfile
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Batches: rows of `run` for all combinations, wherever they are computed and however often."""
+"""Batches: rows of `run` for all combinations, with any executor."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""Wrong edits of job files: the error has the key that was edited, and the line of that key."""
+"""Errors of wrong edits of job files state the edited key and its line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Keys of job files are set in their text; the rest stays as it was written."""
+"""Editing keys in the text of job files; other text does not change."""
 
 import copy
 from difflib import SequenceMatcher, ndiff

@@ -1,4 +1,4 @@
-"""Job files of arms in space: the arm's equipment, paths with orientation, limits, experiments."""
+"""Job files of arms in space: tools, oriented paths, limits, experiments."""
 
 import dataclasses
 import shutil

@@ -1,4 +1,4 @@
-"""Tables of joint motion as programs and controllers write them, read as logs and trajectories."""
+"""Joint tables of programs and controllers, read as logs and trajectories."""
 
 import numpy as np
 import pytest

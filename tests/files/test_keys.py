@@ -1,4 +1,4 @@
-"""Keys of files from dataclasses, their quantities in SI units, and data as JSON."""
+"""Keys of files and dataclasses, quantities in SI units, and data as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values of keys in the place of those of a job file: which of them each run sees."""
+"""Patches of job files: which value each run gets."""
 
 import numpy as np
 import pytest

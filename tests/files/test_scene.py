@@ -1,4 +1,4 @@
-"""Obstacles in job files, files of obstacles (URDF, scenes of MoveIt in both dialects), meshes."""
+"""Obstacles of job files, descriptions and MoveIt scenes; meshes."""
 
 import struct
 

@@ -1,4 +1,4 @@
-"""Trajectory files, limits files and logs of a run: what they give, and what is refused."""
+"""Files of trajectories, limits and logs: values and refusals."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""Quantities with units, titles of columns, and keys of files."""
+"""Quantities with units, and units in column titles."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""Every wrong value of a job file is refused with its key, its line and its value."""
+"""Refusals of wrong values in job files state key, line and value."""
 
 import pickle
 import re

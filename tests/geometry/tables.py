@@ -1,4 +1,4 @@
-"""Tables of rows that one test goes through, and short ways to write lines, arcs and refusals."""
+"""Helpers for tables of test cases, and short forms of lines, arcs and refusals."""
 
 import functools
 import inspect

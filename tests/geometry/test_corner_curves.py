@@ -1,4 +1,4 @@
-"""Corners as parabolas: closed forms of one corner, room, stops, orientation."""
+"""Corners as parabolas: closed forms, short lines, stops, orientation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Paths with continuous curvature: transitions along them and at corners beside arcs."""
+"""Paths with continuous curvature: transitions, and corners next to arcs."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Parts of paths, joined, placed and reversed, and transitions."""
+"""Parts of paths; joined, placed and reversed paths; transitions."""
 
 import numpy as np
 import pytest

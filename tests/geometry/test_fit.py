@@ -1,4 +1,4 @@
-"""Curves as tangent arcs, against the curves themselves at thousands of places."""
+"""Curves as tangent arcs, compared with the curves at thousands of points."""
 
 from math import comb
 

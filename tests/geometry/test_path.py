@@ -1,4 +1,4 @@
-"""Paths, their segments and arcs: evaluation by formulas, what is merged and refused."""
+"""Paths, segments and arcs: formulas, merged points and refusals."""
 
 import dataclasses
 from itertools import pairwise

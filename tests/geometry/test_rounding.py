@@ -1,4 +1,4 @@
-"""Corner rounding: closed forms of one corner, the shrink rule, and what it refuses."""
+"""Corner rounding: closed forms of one corner, shrinking, and refusals."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tool orientation of shaped paths: within the tolerance of the objective's, without stops."""
+"""Orientation of shaped paths stays within its tolerance and needs no stops."""
 
 import numpy as np
 from hypothesis import given

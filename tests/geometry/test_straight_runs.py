@@ -1,4 +1,4 @@
-"""Lines divided into collinear pieces: corners, durations and files are those of whole lines."""
+"""Lines divided into collinear parts give the same corners as whole lines."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Weaving along seams, against the sine of a formula, sampled much denser than the arcs."""
+"""Weaving along seams, compared with densely sampled sines."""
 
 import itertools
 

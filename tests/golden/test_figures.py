@@ -1,4 +1,4 @@
-"""The published and converged figures of figures.yaml, measured one by one."""
+"""The published and converged values in figures.yaml, each computed again."""
 
 from functools import cache
 from pathlib import Path

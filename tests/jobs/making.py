@@ -1,4 +1,4 @@
-"""Jobs and runs of the tests, made of the values that matter to a test."""
+"""Helpers that make jobs and runs with few arguments."""
 
 import armcontour as ac
 from armcontour.jobs import Job, Run

@@ -1,4 +1,4 @@
-"""A new limit is one record and one class: planner, stops, check and all others follow."""
+"""A new limit needs one record and one class; all parts of the package support it."""
 
 from __future__ import annotations
 

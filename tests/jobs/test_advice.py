@@ -1,4 +1,4 @@
-"""What to change: each change gains what is stated, and a repair makes a run kept."""
+"""Suggested changes save the stated time, and repairs make a run kept."""
 
 from pathlib import Path
 

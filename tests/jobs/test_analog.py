@@ -1,4 +1,4 @@
-"""Analog outputs, and single corners with a tolerance of their own."""
+"""Analog outputs over the time of a plan, and their exports."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Runs keep clear: other configurations, raised rapids, refusals."""
+"""Runs avoid collisions: other configurations, raised rapids, refusals."""
 
 import dataclasses
 import pickle

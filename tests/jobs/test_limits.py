@@ -1,4 +1,4 @@
-"""Limits mean one thing in job files and in Python: they replace those of the arm one by one."""
+"""Limits have the same meaning in job files and in Python."""
 
 from __future__ import annotations
 

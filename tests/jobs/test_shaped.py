@@ -1,4 +1,4 @@
-"""Runs whose corners have the shape free: paths, shared plans, verdicts and notes."""
+"""Runs with corners of shape free: paths, shared plans, verdicts and notes."""
 
 import numpy as np
 import pytest

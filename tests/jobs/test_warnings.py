@@ -1,4 +1,4 @@
-"""Warnings of runs, and axes of places."""
+"""Warnings of runs."""
 
 import dataclasses
 

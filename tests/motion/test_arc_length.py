@@ -1,4 +1,4 @@
-"""Arc length over time of every kind of trajectory, against the motion of the tool itself."""
+"""Arc length over time of all trajectories, compared with the motion of the tool."""
 
 import dataclasses
 from functools import cache

@@ -1,4 +1,4 @@
-"""Laws and joint paths: closed forms, derivatives, bounds, and many laws together."""
+"""Laws and joint paths: closed forms, derivatives, proven bounds."""
 
 import numpy as np
 import pytest

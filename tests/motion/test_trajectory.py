@@ -1,4 +1,4 @@
-"""Trajectories, executions and logs."""
+"""Trajectories, executions and column errors of logs."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Hard cases of the guarantee between grid points, each once a real violation or a near miss."""
+"""Hard cases for limits between grid points; each was a violation or nearly one."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Stops on the path: limits, path and plan before the stop are kept, and the arm ends at rest."""
+"""Stops on the path, within the limits, with the plan unchanged before the stop."""
 
 import numpy as np
 import pytest

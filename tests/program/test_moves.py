@@ -1,4 +1,4 @@
-"""Programs as values: what they refuse, and what selecting, placing and flattening keep."""
+"""Programs: refusals, selection, placement and projection."""
 
 import numpy as np
 import pytest

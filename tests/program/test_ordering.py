@@ -1,4 +1,4 @@
-"""The order of contours, and a little of the soaks of programs."""
+"""Order of contours, and the first problems of the soak of programs."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""What a process adds around contours, against arithmetic of its own."""
+"""Leads, starts, overlaps and events of a process, compared with hand calculations."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Programs as values, their nesting, tabs and switched outputs."""
+"""Nesting of contours, and requirements of a pierce."""
 
 import numpy as np
 from hypothesis import given, settings

@@ -1,4 +1,4 @@
-"""Outputs that are on along contours only, with the gaps of the program."""
+"""Outputs are on only along contours, with the gaps of the program."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tabs: where the process is off along closed contours, by geometry of their own."""
+"""Tabs, at which the process is off along closed contours."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The first broken files of the readers' soak; `make soak` reads a hundred times as many."""
+"""The first broken files of the readers' soak; `make soak` reads many more."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Calls with wrong arguments end in a result or in one sentence; `make soak` makes all of them."""
+"""Calls with wrong arguments give a result or one sentence; `make soak` makes all."""
 
 import numpy as np
 import pytest

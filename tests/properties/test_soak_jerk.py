@@ -1,4 +1,4 @@
-"""The first problems of the soak of limits of jerk, and whether its judge sees faults."""
+"""The first problems of the soak of jerk limits, and tests of its checker."""
 
 import pytest
 from soak.jerk import early, run, run_tool

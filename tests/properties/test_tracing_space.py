@@ -1,4 +1,4 @@
-"""Tracing in space: any path gives joint paths that keep to it, or a sentence that says why."""
+"""Any path in space is traced within its tolerance or refused with a reason."""
 
 import numpy as np
 import pytest

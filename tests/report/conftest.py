@@ -1,4 +1,4 @@
-"""A check of all pages."""
+"""A check of every rendered page."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""The report: its numbers, its figures, and its sections."""
+"""The report: values, figures and sections."""
 
 import base64
 import dataclasses

@@ -1,4 +1,4 @@
-"""Figures, tables and reports of single results, as of a plan that was made in Python."""
+"""Figures, tables and reports of single results in Python."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""The nominal robot's command and its response, against the plant of MuJoCo."""
+"""Command and response of the nominal robot, compared with MuJoCo."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Joint positions of a pose in closed form, against the search that other arms take."""
+"""Closed-form inverse kinematics, compared with the search for other arms."""
 
 import numpy as np
 import pytest

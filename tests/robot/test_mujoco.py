@@ -1,4 +1,4 @@
-"""Built-in arms against MuJoCo, whose models of them are made from the files by other means."""
+"""Built-in arms compared with MuJoCo, whose models are made from the files independently."""
 
 from importlib import resources
 

@@ -1,4 +1,4 @@
-"""Arms in the plane against the paper's equations, and arms that users make."""
+"""Planar arms compared with the paper's equations, and arms that users make."""
 
 import copy
 import pickle

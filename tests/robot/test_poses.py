@@ -1,4 +1,4 @@
-"""Poses, Jacobians and inverse kinematics as users call them, against pinocchio."""
+"""Public functions for poses, Jacobians and inverse kinematics, against pinocchio."""
 
 from types import SimpleNamespace
 

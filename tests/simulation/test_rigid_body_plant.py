@@ -1,4 +1,4 @@
-"""The rigid-body plant against what can be said of it with pencil and paper."""
+"""The rigid-body plant compared with hand calculations."""
 
 import sys
 from functools import partial

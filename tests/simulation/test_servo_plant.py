@@ -1,4 +1,4 @@
-"""The servo plant: rest, settling, saturation figures, independence of the resolution, refusals."""
+"""The servo plant: rest, settling, saturation, sample interval and refusals."""
 
 from dataclasses import replace
 from functools import partial

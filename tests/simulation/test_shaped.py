@@ -1,4 +1,4 @@
-"""The paper's job along its shaped path, executed: the bars of the fastest path in a tolerance."""
+"""The execution of the paper's job along its shaped path stays in the tolerance."""
 
 import pytest
 

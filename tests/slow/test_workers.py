@@ -1,4 +1,4 @@
-"""Processes and clusters: order, errors, and processes that end, that are slow or killed."""
+"""Processes and executors: order, errors, and processes that end."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Placements: every place against a plan of the moved path, refusals, obstacles and bases."""
+"""Placements compared with plans of the moved path; obstacles, bases and refusals."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

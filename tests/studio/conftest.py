@@ -1,4 +1,4 @@
-"""What the tests of the studio share: jobs as data, and the plane that they are drawn in."""
+"""Fixtures of the Studio's tests: jobs as data, and the plane of the picture."""
 
 import copy
 from importlib.resources import files

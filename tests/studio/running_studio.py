@@ -1,4 +1,4 @@
-"""A Studio that runs in this process, and somebody who talks with it; no wait has a time limit."""
+"""A Studio that runs in this process, and a client of its server."""
 
 import http.client
 import json

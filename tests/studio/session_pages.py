@@ -1,4 +1,4 @@
-"""Pages that talk with a session in this process, without a server."""
+"""Pages that exchange messages with a session in this process, without a server."""
 
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.document import Document

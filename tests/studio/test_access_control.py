@@ -1,4 +1,4 @@
-"""Who may talk to the Studio, its files, and the arm on its page."""
+"""Access to the Studio: hosts, origins, tokens and sizes of requests."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""What the page computes by itself, run by node: kinematics, and where a part was moved."""
+"""Kinematics that the page computes, run by node."""
 
 import atexit
 import json

@@ -1,4 +1,4 @@
-"""The text of a job that is changed, its file and its draft on disk."""
+"""The text of an edited job, its file, its history and its drafts."""
 
 import os
 import random

@@ -1,4 +1,4 @@
-"""Plans and executions while a person edits, as frames."""
+"""Message frames of plans and executions."""
 
 import copy
 import pickle

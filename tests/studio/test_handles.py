@@ -1,4 +1,4 @@
-"""What can be grabbed: planes, points, obstacles; and drawings that become waypoints."""
+"""Handles: planes, waypoints and obstacles that can be edited."""
 
 from dataclasses import replace
 

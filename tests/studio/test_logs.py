@@ -1,4 +1,4 @@
-"""Logs of the robot in the Studio: kept, identified, learned from."""
+"""Logs of a robot in the Studio: storage, identification, learning."""
 
 from dataclasses import replace
 from pathlib import Path

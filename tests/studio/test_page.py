@@ -1,4 +1,4 @@
-"""What the page computes, run by node: frames, their order, edits on their way, drawing."""
+"""Computations of the page, run by node: frames, their order, and drawing."""
 
 import numpy as np
 import pytest

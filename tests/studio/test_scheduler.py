@@ -1,4 +1,4 @@
-"""The machine of tiers: what pages see while somebody edits, and when nothing moves."""
+"""The scheduler: order and accuracy of the pictures during and after edits."""
 
 import dataclasses
 import pickle

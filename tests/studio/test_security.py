@@ -1,4 +1,4 @@
-"""A server that is attacked: by other pages of the web, and by a page that has the token."""
+"""Attacks on the server, by other web pages and by a page that has the token."""
 
 import logging
 import socket

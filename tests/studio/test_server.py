@@ -1,4 +1,4 @@
-"""Pages and the server: its start and end, what it gives, and the session that pages join."""
+"""The server: start and end, files, and pages that join the session."""
 
 import asyncio
 import contextlib

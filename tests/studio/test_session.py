@@ -1,4 +1,4 @@
-"""One document on pages: who listens, what pages say, and gestures."""
+"""A session: pages, their messages, gestures, and undo."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tasks as the other process does them."""
+"""Tasks of the task process: exact results, exports and reports."""
 
 import numpy as np
 import pytest

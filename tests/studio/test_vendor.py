@@ -1,4 +1,4 @@
-"""The page's files fit together, ask for nothing from elsewhere, and are in the wheel."""
+"""Files of the page: bundles, licences, sizes, and no requests to other hosts."""
 
 import hashlib
 import json

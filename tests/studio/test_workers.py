@@ -1,4 +1,4 @@
-"""Previews in a thread, and other work in a process; waits have no time limit."""
+"""Workers: previews in a thread, and tasks in a process."""
 
 from threading import Condition, Event
 

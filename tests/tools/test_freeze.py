@@ -1,4 +1,4 @@
-"""Records of an earlier commit are compared under the names of this one."""
+"""Stored results of an earlier commit are compared under their present names."""
 
 from tools.freeze import differences, renamed
 

@@ -1,4 +1,4 @@
-"""Files that code hosts and package indexes read: workflows, hooks, forms, recipe, release."""
+"""Files for code hosts and package indexes: workflows, hooks, recipe, release."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""`tools.size` counts what it says, and the numbers of size.txt are for these sizes."""
+"""`tools.size` counts lines and words, and fails above the limits in size.txt."""
 
 from tools import size
 

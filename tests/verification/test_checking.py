@@ -1,4 +1,4 @@
-"""The independent checker: hand-computed motions, what it claims, and what it refuses."""
+"""The independent checker: hand-computed motions, verdicts and refusals."""
 
 import math
 from functools import partial

@@ -1,4 +1,4 @@
-"""Jerk judged: of laws and their jumps, and of samples by what every motion through them needs."""
+"""Jerk of laws with jumps, and lower bounds of the jerk of samples."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Checks of missed places, of the tool's orientation, and of samples of a program."""
+"""Checks of coverage, of the tool orientation, and of samples of a program."""
 
 from functools import partial
 from types import SimpleNamespace

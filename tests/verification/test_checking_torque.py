@@ -1,4 +1,4 @@
-"""Checks of torque, of joints' ranges and of how the tool turns."""
+"""Checks of torque, joint ranges and angular limits."""
 
 from functools import partial
 from types import SimpleNamespace

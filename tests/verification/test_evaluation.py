@@ -1,4 +1,4 @@
-"""Evaluation on executions made by hand, whose worth is known."""
+"""Evaluation of executions with known errors."""
 
 from dataclasses import replace
 from functools import partial

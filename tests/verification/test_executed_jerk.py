@@ -1,4 +1,4 @@
-"""Executed and commanded jerk, against motions whose jerk is known."""
+"""Executed and commanded jerk of motions whose jerk is known."""
 
 import numpy as np
 import pytest

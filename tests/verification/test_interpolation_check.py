@@ -1,4 +1,4 @@
-"""Commands of controllers for a square on a UR5e, against figures of an independent program."""
+"""Set-points of controllers, compared with values of an independent program."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The largest shares of limits in a planned motion, against places that are denser."""
+"""Largest ratios to limits in a plan, compared with denser samples."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Metrics of an execution: profiles of errors, corners, speeds, jerk and shares of limits."""
+"""Metrics of an execution: errors, corners, speeds, jerk and use of limits."""
 
 import numpy as np
 import pytest

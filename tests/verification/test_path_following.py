@@ -1,4 +1,4 @@
-"""Places at which a tool follows a path that runs over itself."""
+"""Path points of a tool that follows a path that crosses itself."""
 
 import numpy as np
 import pytest

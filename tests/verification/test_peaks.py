@@ -1,4 +1,4 @@
-"""The largest errors are those of the motion, not only those of its samples."""
+"""The largest errors are those of the motion between samples."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""Programs judged contour by contour, against projections by hand."""
+"""Programs are evaluated contour by contour."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""`check` between samples: the smallest peaks with which any motion connects two samples."""
+"""`check` between samples: the smallest peaks of all motions through two samples."""
 
 from types import SimpleNamespace
 

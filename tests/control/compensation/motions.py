@@ -1,4 +1,4 @@
-"""Motions by hand."""
+"""Motions with known formulas."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Identification of servos: parameters, intervals, selection, and what is written."""
+"""Servo identification: parameters, intervals, selection, and written files."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""Files of servos are judged by the contour error on motion that was not fitted."""
+"""Servo files are rated by the contour error on motion that was not fitted."""
 
 import dataclasses
 import warnings

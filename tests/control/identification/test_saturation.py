@@ -1,4 +1,4 @@
-"""Logs in which a drive saturates, residuals that are not white, and cycles that are not given."""
+"""Logs with saturated drives, coloured residuals, and unknown drive cycles."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Robots that are not quite their models: with a load, friction and other gains."""
+"""Simulated robots that differ from their models in load, friction and gains."""
 
 import numpy as np
 

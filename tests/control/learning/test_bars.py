@@ -1,4 +1,4 @@
-"""The figures of docs/guides/learn.md: contour errors over runs.
+"""Contour errors over runs, as stated in docs/guides/learn.md.
 
 Bounds are 1.5 to 4 times what was measured: 0.00035 mm, and 0.054 and 0.0057 mm.
 """

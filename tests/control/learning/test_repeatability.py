@@ -1,4 +1,4 @@
-"""Errors that differ between runs of equal set-points are stated and averaged."""
+"""Errors that differ between runs with equal set-points are reported and averaged."""
 
 import numpy as np
 import pytest

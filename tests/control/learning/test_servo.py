@@ -1,4 +1,4 @@
-"""Learning uses the given servo, and ends where the first log contradicts it."""
+"""Learning uses the given servo, and ends if the first log contradicts this servo."""
 
 import numpy as np
 import pytest

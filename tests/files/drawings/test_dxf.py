@@ -1,4 +1,4 @@
-"""DXF drawings made with ezdxf, read back, and compared with formulas and ezdxf's own lines."""
+"""DXF drawings made with ezdxf, compared with formulas and ezdxf's own polylines."""
 
 import io
 import itertools

@@ -1,4 +1,4 @@
-"""Drawings: one entry point, tables of waypoints, shapes, and pieces chained into contours."""
+"""Entry point of all readers: units, scale, frame, selection and refusals."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""Printed vertices of files are tangent again, and curvature is continuous if required."""
+"""Rounded vertices of files become tangent; curvature is continuous if required."""
 
 from functools import partial
 

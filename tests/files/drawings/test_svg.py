@@ -1,4 +1,4 @@
-"""SVG drawings."""
+"""SVG drawings: units, shapes, styles, references, clips and refusals."""
 
 import math
 import warnings

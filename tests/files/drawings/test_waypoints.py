@@ -1,4 +1,4 @@
-"""Tables of waypoints."""
+"""CSV tables of waypoints: columns, orientations, events and refusals."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""Tables to export: of any number of joints, with events between, on and after the points."""
+"""Tables to export, with any number of joints and events at and between points."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Exports: tables, formats by name and ending, and what is read back."""
+"""Exports to tables: formats, decimals, events, and reading the files again."""
 
 import dataclasses
 import io

@@ -1,4 +1,4 @@
-"""Robot programs: URScript and templates, read back by the tests' own parsers."""
+"""Robot programs of URScript and templates, read again by independent parsers."""
 
 import dataclasses
 import os

@@ -1,4 +1,4 @@
-"""Collision elements of robot descriptions, and files of pairs that may touch (SRDF)."""
+"""Collision elements of robot descriptions, and excluded pairs of SRDF files."""
 
 import re
 

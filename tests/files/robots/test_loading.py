@@ -1,4 +1,4 @@
-"""Arm files, the built-in arms against their makers, and files of joint limits."""
+"""Arm files, built-in arms compared with data of their makers, and joint limit files."""
 
 import copy
 import json

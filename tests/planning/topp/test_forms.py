@@ -1,4 +1,4 @@
-"""The forms of limits and the compiled pass, each against a reference in plain NumPy."""
+"""Forms of limits and the compiled pass, compared with references in NumPy."""
 
 import numpy as np
 import pytest

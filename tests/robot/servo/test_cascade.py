@@ -1,4 +1,4 @@
-"""The P-PI cascade: compensated, limited, and in a job."""
+"""The P-PI cascade: simulation, compensation, saturation."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Joints of different orders, dry friction, drives with a cycle, and logs, each by its own law."""
+"""Joints of different orders, dry friction, drive cycles and logs."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""500 random servos against an own Runge-Kutta method, whose steps are halved until it is exact."""
+"""Random servos compared with a Runge-Kutta method whose steps are halved."""
 
 import numpy as np
 from numba import njit

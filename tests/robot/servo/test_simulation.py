@@ -1,4 +1,4 @@
-"""Ranges of the demand over all time, and time steps that make no progress."""
+"""Held set-points during saturation."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The browser, its server and its pages, as for the journeys of the suite."""
+"""Browser, server and pages, as in tests/browser."""
 
 from tests.browser.conftest import browser, job, judge, page, pages, server, state, studio
 

@@ -1,4 +1,4 @@
-"""Faults of accessibility, as axe-core finds them, on light and dark pages and on narrow ones."""
+"""Accessibility faults on light, dark and narrow pages, as reported by axe-core."""
 
 import pytest
 from tests.browser.axe_faults import faults, load_axe

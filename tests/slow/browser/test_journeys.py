@@ -1,4 +1,4 @@
-"""What a person does in the Studio, in a real browser; the page is held to the library."""
+"""Journeys of users in the Studio in a real browser; values are those of the library."""
 
 import json
 import subprocess

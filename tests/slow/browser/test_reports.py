@@ -1,4 +1,4 @@
-"""Reports in a real browser: no serious fault of accessibility, nothing cut off at any width."""
+"""Reports in a real browser: accessible, and no text truncated at any width."""
 
 import dataclasses
 import functools

@@ -1,4 +1,4 @@
-"""Nothing of the current folder, or of the folder of a file that is named, is imported."""
+"""No module is imported from the current folder or from the folder of a file."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Signals: every command ends within a second and leaves nothing half-written."""
+"""After a signal, each command ends within a second without incomplete files."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""Machines of LinuxCNC that move otherwise than simulated: the HAL file of the page, changed."""
+"""LinuxCNC machines that differ from the simulation."""
 
 import pytest
 from tests.controllers.test_linuxcnc import HAL, needs_linuxcnc, needs_own_hal, play_own_file

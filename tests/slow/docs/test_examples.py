@@ -1,4 +1,4 @@
-"""All examples that the suite does not run."""
+"""The examples that the fast suite does not run."""
 
 import pytest
 from docs.gallery import pages

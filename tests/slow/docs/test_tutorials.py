@@ -1,4 +1,4 @@
-"""The tutorials, done as a reader does them."""
+"""The tutorials, executed step by step."""
 
 import pytest
 from tests.test_docs_code import DONE, QUICK, do_page

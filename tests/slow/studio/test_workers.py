@@ -1,4 +1,4 @@
-"""A real process of the worker of tasks that is cancelled, killed or left alone."""
+"""The process of the task worker: cancelled, killed, and orphaned."""
 
 import os
 import signal

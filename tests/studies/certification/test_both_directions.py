@@ -1,4 +1,4 @@
-"""Certificates keep the velocity of every segment, and reach every part of the path."""
+"""Certificates satisfy segment speeds and reach every part of the path."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Certificates: jobs within stated tolerances, on the model that is named."""
+"""Certificates of jobs within tolerances, for the stated robot model."""
 
 from dataclasses import replace
 from functools import partial

@@ -1,4 +1,4 @@
-"""Certificates of programs: every contour holds its goal in the execution of the whole."""
+"""Certificates of programs: every contour satisfies its goal."""
 
 from dataclasses import replace
 from functools import partial

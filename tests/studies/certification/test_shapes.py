@@ -1,4 +1,4 @@
-"""Certificates of the shape free: shape and servo share the tolerance; arcs are never faster."""
+"""Certificates with corners of shape free, whose tolerance shape and servo share."""
 
 from dataclasses import replace
 

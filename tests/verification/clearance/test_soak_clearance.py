@@ -1,4 +1,4 @@
-"""A little of `soak.clearance`: other kinematics, triangles, and MuJoCo as judges."""
+"""Clearance compared with independent kinematics, triangles and MuJoCo."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A model of six axes of a real robot."""
+"""A servo model of six axes of a real robot."""
 
 from pathlib import Path
 
