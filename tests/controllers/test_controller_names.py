@@ -38,6 +38,6 @@ def test_a_controller_gets_the_address_of_its_robot():
         ("kuka", "192.0.2.7", None, "--on must be one of linuxcnc, franka, ur"),
     ],
 )
-def test_controllers_without_an_address_are_refused(name, address, hal, reason):
+def test_invalid_combinations_of_controller_options_are_refused(name, address, hal, reason):
     with pytest.raises(ac.InvalidInput, match=reason):
         controller_of(job("ur5e"), ControllerOptions(on=name, address=address, hal=hal))

@@ -171,7 +171,7 @@ def test_a_wrong_start_and_swapped_joints_are_refused(job, planned, refuses):
         ("addf sampler.0 servo", "addf sampler.0 slow", ["sampler.0", "addf sampler.0 servo"]),
     ],
 )
-def test_a_hal_file_of_another_robot_is_refused(job, tmp_path, refuses, old, new, words):
+def test_an_incomplete_or_different_hal_file_is_refused(job, tmp_path, refuses, old, new, words):
     """Before LinuxCNC is looked for."""
     file = tmp_path / "machine.hal"
     assert old in HAL

@@ -176,7 +176,7 @@ def test_repeated_and_rounded_times_are_read():
             read(table(titles, U[:, 0], Q[:, 0], time=rounded))
 
 
-def test_bursts_of_samples_are_named_in_the_refusal(tmp_path):
+def test_bursts_of_samples_are_reported_in_a_note(tmp_path):
     time = [f"{k // 4 * 0.032 + k % 4 * 1e-4:.6f}" for k in range(COUNT)]
     text = table(["t", "u1", "q1"], U[:, 0], Q[:, 0], time=time)
     for read in (parse_log, parse_trajectory):

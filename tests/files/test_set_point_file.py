@@ -90,7 +90,7 @@ def changed(plan, where=slice(None), by=1e-6, **fields):
                          | {"q": q} | fields))  # fmt: skip
 
 
-def test_set_points_of_another_plan_are_refused(job, plan, tmp_path):
+def test_set_points_that_do_not_belong_to_the_job_are_refused(job, plan, tmp_path):
     still, lesson = changed(plan, by=0.0), learned(plan)
     other = dataclasses.replace(lesson.runs[0], q=lesson.runs[0].q + 1e-6)
     other = dataclasses.replace(lesson, runs=(other,))

@@ -152,7 +152,7 @@ speed: 0 => speed: must be above zero
 """
 
 
-def test_limits_are_quantities_with_units_or_none(tmp_path, arm):
+def test_a_limits_file_contains_quantities_or_none(tmp_path, arm):
     def read(text):
         (tmp_path / "limits.yaml").write_text(text)
         return read_limits(tmp_path / "limits.yaml", arm)

@@ -11,7 +11,7 @@ pytest.importorskip("casadi")
 PAPER = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
 
 
-def test_a_wide_tube_is_as_fast_as_its_slower_joint(arm):
+def test_the_slower_joint_determines_the_time_in_a_wide_tube(arm):
     points = np.array([(0.30, 0.20), (0.34, 0.22)])
     step = np.abs(np.diff(arm.joint_position(points), axis=0)).max()
     optimum = solve(Job(points=points, tolerance=0.05, speed=10.0), 40, ["stops"])
@@ -19,7 +19,7 @@ def test_a_wide_tube_is_as_fast_as_its_slower_joint(arm):
 
 
 @pytest.mark.parametrize(("line", "tolerance", "rel"), [(0, 1e-4, 1e-5), (1, 3e-5, 3e-3)])
-def test_a_narrow_tube_is_as_fast_as_the_line(arm, line, tolerance, rel):
+def test_motion_in_a_narrow_tube_is_as_fast_as_along_the_line(arm, line, tolerance, rel):
     job = Job(points=PAPER[line : line + 2], tolerance=tolerance)
     planned = ac.plan(
         ac.Path.polyline(job.points), arm, job.limits, ac.Optimal(configuration="positive")

@@ -64,7 +64,7 @@ def read_text(text, folder):
     return None
 
 
-def test_the_schema_states_the_ranges_of_numbers():
+def test_the_number_fields_of_jobs_are_found_in_the_schema():
     assert len(FIELDS) >= 142
     for place in [("servo", "kp"), ("servo", "kp", 0), ("runs", "*", "timing", "reserve")]:
         assert place in FIELDS

@@ -116,7 +116,7 @@ def test_the_studio_exports_files_of_all_formats(line):
         assert begins in content[:100], options
 
 
-def test_exports_that_the_arm_does_not_support_are_refused(line, short):
+def test_invalid_options_of_tasks_are_refused(line, short):
     hostile = {"format": "/etc/passwd.j2"}
     for task, job, options, words in (
         ("export", line, hostile, "but is '/etc/passwd.j2'"),

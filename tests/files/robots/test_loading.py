@@ -340,7 +340,7 @@ def for_all(lines):
     return "joint_limits:\n" + "".join(f"  {joint}: {{{lines}}}\n" for joint in JOINTS)
 
 
-def test_limits_of_an_arm_file_apply_to_all_or_some_joints(tmp_path):
+def test_a_joint_limits_file_can_limit_all_or_some_joints(tmp_path):
     no_limits = "has_velocity_limits: false, max_velocity: 1, has_position_limits: false, "
     no_limits += "has_effort_limits: false, has_jerk_limits: true, max_jerk: 100"
     limits = with_text(tmp_path, for_all(no_limits)).limits

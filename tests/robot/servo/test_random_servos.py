@@ -86,7 +86,7 @@ def integrate(gains, q, kind, delay, divisions):
     return positions
 
 
-def test_random_servos_move_as_by_runge_kutta():
+def test_random_servos_match_runge_kutta():
     rng = np.random.default_rng(0)
     saturated = 0
     for n in range(50):
