@@ -150,9 +150,9 @@ class Paper(PlanOptions):
     <Method.PAPER: 'paper'>
 
     Args:
-        knots: Laps of equal length per line. By default the distance between knots is at most the
-            travel of the tool in one cycle at the assigned velocity. A lap next to a rest is
-            subdivided.
+        knots: Intervals of equal length per line. By default the distance between knots is at most
+            the travel of the tool in one cycle at the assigned velocity. An interval next to a rest
+            is subdivided.
         cycle: Cycle [s].
 
     Raises:

@@ -311,8 +311,8 @@ class PaperLine:
         allowed = float(self.limit[run.joint])
         raise NotRealizable(
             f"On {self.name} at {s:.4g} m along the path, joint {run.joint + 1} would need "
-            f"{run.needed:.4g} rad/s² within one lap, but its limit is {allowed:g} rad/s². The "
-            "joint cannot reverse in time, because the method does not look ahead. Reduce the "
+            f"{run.needed:.4g} rad/s² within one interval, but its limit is {allowed:g} rad/s². "
+            "The joint cannot reverse in time, because the method does not look ahead. Reduce the "
             "assigned velocity, or plan by the method optimal.",
             point=point,
             s=s,
@@ -407,7 +407,7 @@ def _default_laps(length: float, speed: float, cycle: float, number: int) -> int
     count = length / (speed * cycle)
     if not count <= MAX_LAPS:
         raise InvalidInput(
-            f"Line {number + 1} would have {count:.3g} laps at {speed:g} m/s and a cycle of "
+            f"Line {number + 1} would have {count:.3g} intervals at {speed:g} m/s and a cycle of "
             f"{cycle:g} s, but at most {MAX_LAPS} are supported. Specify knots."
         )
     return max(FEWEST_LAPS, int(np.ceil(count)))
