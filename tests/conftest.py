@@ -71,7 +71,7 @@ def trackers() -> None:
 
 # Dask keeps the thread in which it packs messages until Python ends.
 KEPT_THREADS = ("Dask-Offload",)
-# Longest time for which a thread that was told to end is waited for [s].
+# Longest time to wait for a thread to end [s].
 ENDING = 20.0
 
 
@@ -104,7 +104,7 @@ def nothing_left_open() -> Iterator[None]:
             with suppress(RuntimeError):
                 thread.join(ENDING)
     if _resources() - before:
-        # A file or socket that nobody closed warns when it is collected, and fails here.
+        # A file or socket that is not closed causes a warning, which fails the test here.
         gc.collect()
     leaks = sorted(_resources() - before)
     assert not leaks, "Left open by the tests of this module:\n" + "\n".join(leaks)

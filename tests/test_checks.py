@@ -50,7 +50,7 @@ from armcontour.robot.scene import Box, Obstacle, Scene
 
 
 def test_invalid_numbers_are_refused(refuses):
-    # A value that is missing must not come back as whatever stands below the mask.
+    # A masked value must not be replaced by the value below the mask.
     masked = np.ma.masked_array([0.1, 0.2], mask=[False, True])
     for wrong in (masked, None, "5 mm", [0.1, np.nan]):
         refuses(lambda x=wrong: checks.check_numbers("x", x, "m"), InvalidInput)

@@ -28,7 +28,7 @@ from armcontour.files.drawings.read import READERS
 from armcontour.files.robot_file import read_limits
 
 ROOT = Path(__file__).parents[1]
-# Where `make docs` writes pages: what it copies is judged here as it stands in the repository.
+# `make docs` copies pages; the originals in the repository are tested.
 BUILT = ("docs/_build/", "docs/gallery/", "docs/reference/pages/", "docs/reference/job_keys.md")
 FOUND = [
     *ROOT.glob("*.md"),
@@ -42,7 +42,7 @@ SCHEMA = json_schema()
 # is one is checked in tests/files/test_job_file.py.
 PART = jsonschema.Draft202012Validator({**SCHEMA, "required": []})
 BLOCKS = [x for file in PAGES.values() for x in blocks(file)]
-# Pages that a reader does from begin to end, and that say what their blocks print.
+# Pages that are executed from begin to end, with the output that they print.
 DONE = [
     *("docs/start/first_result.md", "docs/start/ur5e.md"),
     *(x for x in PAGES if x.startswith(("docs/tutorials/", "docs/processes/"))),

@@ -17,7 +17,7 @@ QUICK = (
 # either, by the rounding of another version of a library: one unit of its last digit. Counts and
 # names are exact.
 UNITS = 1.0001
-# MuJoCo promises no more digits from one of its versions to the next.
+# Results of different versions of MuJoCo agree only to these digits.
 OF_RIGID_BODIES = 1e-2
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+(?![\w.])| (?=m[ms]\b)|(?![\w.]))")
 

@@ -81,7 +81,7 @@ def test_j3_a_refusal_is_shown_at_the_waypoint_out_of_reach(studio, judge):
         studio.page.mouse.move(x, y, steps=6)
         studio.wait("body", refused="false")
     assert studio.text == original
-    # Left there, the file has it, and the library says the same sentence.
+    # After the drop, the file has this point, and the library gives the same message.
     studio.drag(handle, (320, 0))
     studio.wait("body", refused="true", dirty="true", busy="false")
     expect(studio.find("#undo")).to_be_enabled()

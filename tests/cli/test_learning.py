@@ -72,7 +72,7 @@ def test_learn_continues_from_the_set_points_of_an_earlier_result(
     assert not data["learning"]["finished"]
     assert 'id="learning"' in (out / "report.html").read_text(encoding="utf-8")
 
-    # The file of set-points alone finds what was learned beside it.
+    # The file of set-points is sufficient to find the lesson in its folder.
     second = written(tmp_path, shop.executed(out, 1), name="run2.csv")
     options = ("--set-points", out / "only/set_points.csv", "--out", third)
     shown = done(*learn, second, *options)

@@ -57,7 +57,7 @@ def run(tmp_path, command, monkeypatch):
 
 def test_run_writes_a_report_and_the_listed_files(tmp_path, run, refused):
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(JOB))
-    # The only run of a file in a process of its own.
+    # Only this run starts a separate process.
     command = [sys.executable, "-m", "armcontour", "run", "job.yaml", "--out", "out"]
     outcome = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert outcome.returncode == 0, outcome.stderr

@@ -222,7 +222,7 @@ def test_ctrl_c_on_a_terminal_stops(tmp_path):
     assert summary["completed"] in (False, None)
 
 
-# A HAL of its own, for files of a machine.
+# A separate HAL, for HAL files of a machine.
 APART = ["unshare", "--ipc", sys.executable]
 needs_own_hal = pytest.mark.skipif(
     os.geteuid() != 0, reason="needs a HAL apart from that of the machine"

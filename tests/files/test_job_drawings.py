@@ -239,7 +239,7 @@ def test_invalid_jobs_of_drawings_are_refused_in_one_sentence(folder):
         ({"title": "x" * 201}, "title of a job has 201 characters, more than 200"),
     ]
     refusals(lambda x: job(folder, **x), long, "plate.yaml")
-    # What is said of files needs one.
+    # Options for files require a file.
     points, repeat = POINTS["path"], {"columns": 2, "column_spacing": 1}
     table = [(points | {"ignore_z": True}, "path.ignore_z ... path.file"),
              (points | {"repeat": repeat}, "path.repeat ... path.file")]  # fmt: skip

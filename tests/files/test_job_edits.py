@@ -75,7 +75,7 @@ def test_file_names_are_adapted_to_another_folder(tmp_path):
     assert "srdf: ../a.srdf" in moved and "files: [../s.urdf]" in moved and "file: p.dxf" in moved
 
 
-# Values as somebody writes them, with what they are.
+# Values as users write them, and the data.
 SCALARS = st.sampled_from([
     ("5 mm", "5 mm"), ("0.350", 0.35), ("'it''s'", "it's"), ('"a # b: \\u00e9"', "a # b: é"),
     ("größe µm", "größe µm"), ("-3", -3), ("true", True), ("null", None), ("1.0e-05", 1e-5),
@@ -300,7 +300,7 @@ def test_aliases_are_replaced_by_their_values_or_refused():
     assert change_text(text, [Change(("b", 0), 5)]) == text.replace("*x", "[5, 2]")
     changed = text.replace("[1, 2]", "[1, 3]").replace("*x", "[1, 2]")
     assert change_text(text, [Change(("a", 1), 3)]) == changed
-    # What is merged can be had as a key of its own, but not removed.
+    # A merged key can be overridden, but not removed.
     assert "c: {<<: &y {k: 1}, l: 2, k: 3}" in change_text(text, [Change(("c", "k"), 3)])
     shared = [(x, "other keys share a value ... by hand") for x in (("a",), ("c", "k"))]
     refusals(lambda x: change_text(text, [Change(x)]), shared)

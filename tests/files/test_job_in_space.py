@@ -136,7 +136,7 @@ def test_orientations_are_read_in_all_forms():
     np.testing.assert_allclose(orientation(0.15)[:, 0], [0, 1, 0], atol=1e-12)
 
 
-# P stands for three points.
+# P is replaced by three points.
 BAD_PATHS = """
 points: P, orientation: {} => requires exactly one of rpy, ... has none
 points: P, orientation: {rpy: [0, 0, 0], axis: [0, 0, 1]} => path.orientation ... has rpy and axis

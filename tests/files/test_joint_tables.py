@@ -12,7 +12,7 @@ COUNT = 60
 T = 0.008 * np.arange(COUNT)
 U = np.column_stack([0.3 * np.sin(9 * T), 0.2 * np.cos(7 * T)])
 Q = 0.98 * U
-# Columns of other quantities: were they taken for joints, their values would stand out.
+# Columns of other quantities, with values that no joint has.
 OTHER = 7.5
 ARM = ("shoulder_pan_joint", "elbow_joint")
 
@@ -142,7 +142,7 @@ def test_values_that_look_like_another_unit_are_refused():
                 read(text)
             parsed = read(text, columns=f"t [{unit}]=time")
             np.testing.assert_allclose(parsed.t, T, atol=1e-12)
-            # As the user says.
+            # The order of the option applies.
             assert read(text, columns="t [s]=time").t[1] == time[1]
     for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns")):
         unix_times = [f"{factor * (1_700_000_000 + x):.0f}" for x in T]

@@ -74,7 +74,7 @@ def test_keys_of_a_mapping_become_fields_of_a_dataclass():
     assert read({"gains": [1, "2 1/s"]}).gains.tolist() == [1.0, 2.0]
     # Where the default is made anew, null is that default.
     np.testing.assert_array_equal(read({"gains": 1, "axis": None}).axis, np.zeros(3))
-    # What is given is told from defaults, in the order of the fields.
+    # Specified keys are distinguished from defaults, in the order of the fields.
     specified = read_keys(PartialFields(Driven), {"slip": 0.5, "speed": None})
     assert list(specified.items()) == [("speed", None), ("slip", 0.5)]
     assert read_keys(PartialFields(Driven), {}) == {}

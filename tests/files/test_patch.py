@@ -181,7 +181,7 @@ def test_keys_of_the_previous_choice_are_removed():
     runs = read("{timing.method: optimal}", job)
     assert [x.timing.method for x in runs.values()] == ["optimal"] * 2
     assert runs["a"].timing.reserve == 0.1
-    # But nothing that is given beside it.
+    # But keys that are specified together with it stay.
     words = "runs.a.timing ... knots requires the method paper, not optimal"
     both = "{timing.knots: 40, timing.method: optimal}"
     refusals(lambda x: read(x, job), [(both, words)])

@@ -196,7 +196,7 @@ def test_units_and_scales_of_meshes_are_read(tmp_path):
     assert read_mesh(large, unit="mm").size == pytest.approx(0.4)
     assert read_mesh(large, scale=1e-3).size == pytest.approx(0.4)
     assert read_mesh(large, scale=[1e-3, 1e-3, 2e-3]).size == pytest.approx(0.8)
-    # Whoever says the unit is believed.
+    # A specified unit is used.
     assert read_mesh(small, unit="m").size == pytest.approx(4e-4)
     table = [
         ((large,), "400 m large ... unit: mm"),

@@ -119,7 +119,7 @@ def test_missing_and_binary_files_are_refused(tmp_path, read):
     ]
     refusals(lambda x: read_trajectory(tmp_path / x), places)
     lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
-    # Some stand for other files.
+    # Some columns occur in files of other programs.
     contents = [
         (b"\xff\xfe\x00", "not UTF-8"),
         (b"t,q1\n0,\xff\0\n", "UTF-8"),

@@ -62,7 +62,7 @@ def test_parabolas_keep_the_plane_and_speeds_and_corners_next_to_arcs():
     rounded = round_path(path, tolerance=[0.02, 0.05], curve="parabola")
     distances = np.linalg.norm(rounded(rounded.place(path.breaks)) - path.vertices, axis=1)
     np.testing.assert_allclose(distances, [0, 0.02, 0.05, 0], atol=1e-12)
-    # Corners beside arcs are those of round_corners.
+    # Corners next to arcs equal those of round_corners.
     path = path_of(ac.Arc.through((0, 0), (1, 0.3), (2, 0)), line((2, 0), (3, 0)))
     parabola, same = (round_path(path, tolerance=0.01, curve=x) for x in ("parabola", "arc"))
     np.testing.assert_array_equal(parabola.starts, same.starts)

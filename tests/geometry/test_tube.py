@@ -179,7 +179,7 @@ def test_a_printed_rounded_rectangle_is_tangent_again(decimals):
     assert (repair.path.turns <= 1e-9).all() and seam_kink(repair.path) <= 1e-9
     assert repair.count == (path.turns > 1e-9).sum() + (seam_kink(path) > 1e-9)
     assert repair.kink == pytest.approx(max(path.turns.max(), seam_kink(path)), rel=1e-6)
-    # Both ways, the paths are as near as it says, and nearer than printing moves a point.
+    # In both directions, the distance is at most the stated one and the printing error.
     assert repair.deviation <= np.sqrt(0.5) * step
     s = np.linspace(0, repair.path.length, 2001)
     there = path.project(repair.path(s)).distance.max()
@@ -199,7 +199,7 @@ def test_exact_paths_and_corners_do_not_change():
     bend = np.radians(1.0)
     points = [(0, 0), (0.05, 0), (0.05 + 0.05 * np.cos(bend), 0.05 * np.sin(bend)), (0.05, 0.2)]
     assert repair_tangents(ac.Path.polyline(points), PRINTED) is None
-    # A micrometre holds any turn, but nothing above 0.05 rad is mended.
+    # The tolerance of 1 um allows any turn, but turns above 0.05 rad are not repaired.
     short = ac.Path.polyline([(0, 0), (1e-6, 0), (1e-6, 1e-6), (0, 1e-6), (0, 2e-6)])
     assert repair_tangents(short, PRINTED) is None
     # One corner and one printed vertex: only that one changes.

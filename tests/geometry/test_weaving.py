@@ -157,7 +157,7 @@ def test_the_tool_stays_at_the_edges_for_the_dwell():
     y = woven((woven.breaks[1:] + woven.breaks[:-1]) / 2)[:, 1]
     at_edge = np.abs(np.abs(y - 0.2) - WIDTH / 2) < 1e-5
     times = (woven.lengths / woven.speeds)[at_edge]
-    # Ten waves at 5 mm/s, of which a sine has its full width at all but the first and last crest.
+    # Ten waves at 5 mm/s; a sine has its full width except at the first and last crest.
     assert times.sum() == pytest.approx(0.1 * 18, rel=0.03)
     np.testing.assert_allclose(woven.speeds[at_edge], 0.005, rtol=1e-3)
 

@@ -56,7 +56,7 @@ def test_job_files_and_the_form_of_the_studio_have_the_added_limit(facts):
 
 
 def test_every_limit_is_planned_by_a_constraint_or_a_part_of_its_own():
-    # The ranges belong to tracing, the jerk to a planner of its own.
+    # Tracing checks the ranges, and a separate planner limits the jerk.
     served = [*JOINT_RANGE, "joint_jerk", *(x for kind in CONSTRAINTS for x in kind.serves)]
     assert sorted(served) == sorted(LIMITS)
 

@@ -198,7 +198,7 @@ def test_a_tool_without_shapes_is_a_capsule_from_the_flange():
     far = CLAMPED.replace("0.43, 0.1, 0.26", "0.43, 0.4, 0.26")
     clear = clamped(far, "")
     assert clear.clearance.satisfied and any("capsule" in x for x in clear.avoided)
-    # Own shapes, or none at all, take its place.
+    # Specified shapes, or an empty list, replace it.
     tip = ", shapes: [{type: sphere, name: tip, at: [0, 0, 150 mm], radius: 5 mm}]"
     assert not [x for x in clamped(far, tip).avoided if "tool" in x]
     thin = clamped(CLAMPED, ", shapes: []")

@@ -146,7 +146,7 @@ def test_limits_above_those_of_the_arm_cause_one_warning():
     np.testing.assert_array_equal(planned.limits.joint_velocity, above.joint_velocity)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        # The arm's own value in four digits, a lower one, and no limit at all.
+        # The arm's value with four digits, a lower value, and no limit.
         ac.plan(path, arm, ac.Limits(joint_velocity=3.1416, joint_torque=20.0))
         ac.plan(path, arm, ac.Limits(joint_velocity=math.inf, joint_lower=math.inf))
     specified = {"joint_velocity": 3.5}

@@ -272,7 +272,7 @@ def test_a_run_is_chosen_by_its_name_and_the_only_run_by_default():
     )
 
 
-# A square of 40 mm beside the base of the planar arm, whose reach is 465 mm, and far from it.
+# A square of 40 mm near the base of the planar arm (reach 465 mm), and one far from it.
 SQUARE = [[0, 0], [0.04, 0], [0.04, 0.04], [0, 0.04], [0, 0]]
 
 

@@ -58,7 +58,7 @@ def test_limits_that_change_nothing_are_not_reported():
     assert warnings_of(job(single)) == ()
     half = arc((0.3, 0.2), (0.3, 0.21), np.pi, segment_limits=ac.SegmentLimits(tolerance=0.5e-3))
     assert warnings_of(job(path_of(half))) == ()
-    # A corner has the smaller one of the two tolerances beside it.
+    # A corner has the smaller tolerance of its two segments.
     first = line((0.3, 0.2), (0.34, 0.2), tolerance=0.5e-3)
     assert warnings_of(job(path_of(first, line((0.34, 0.2), (0.34, 0.24), tolerance=1e-4)))) == ()
 

@@ -239,7 +239,7 @@ def limits_of(law):
     """Limits that the densest look at a law takes in full, each by a joint of its own or by ds."""
     ends, ds = dense(law)
     pieces, sign = len(law.joint_path.breaks) - 1, np.array([[-1], [1], [-1], [1]])
-    # A joint that stands still takes rounding only.
+    # A joint at rest has only rounding errors.
     return sign * np.maximum(sign * ends, 1e-4), np.tile([ds, 2 * ds], (pieces, 1))
 
 
@@ -249,7 +249,7 @@ def test_proven_ratios_are_not_exceeded_at_random_times(case):
     assert (shares <= 1 + NEAR).all()
     # Of what is proven, the share is that in the middles of intervals.
     assert shares == pytest.approx([1, 1, 1, 1, 1, 0.5], rel=5e-3)
-    # At random times it is no more.
+    # At random times the ratio is not larger.
     t = np.random.default_rng(0).uniform(0, law.breaks[-1], 50_000)
     i = np.clip(np.searchsorted(law.breaks, t) - 1, 0, len(law.breaks) - 2)
     for values, bounds in ((law.on_interval(i, t, k), limits[4 - 2 * k :][:2]) for k in (1, 2)):

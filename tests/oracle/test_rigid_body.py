@@ -64,7 +64,7 @@ def by_pinocchio(chain, inertia, q, step, cycle, limit):
     return np.array(states)
 
 
-def taught_data(q, cycle):
+def make_set_points(q, cycle):
     still = np.zeros((1, q.shape[1]))
     law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, q.shape[1])), dq=still, ddq=still)
     trajectory = ac.Trajectory(laws=(law,), method="hand")
@@ -77,7 +77,7 @@ def error(step, limit):
     q = np.array([0.3, -0.4, 0.6]) + np.array([0.8, -1.1, 1.3]) * (1 - np.cos(5 * t))
     servo, limits = ac.ServoModel(kp=KP, kv=KV), ac.Limits.only(joint_torque=limit)
     plant = ac.RigidBodyPlant(arm, servo, limits, step=step)
-    execution = ac.simulate(taught_data(q, cycle), plant, resolution=step)
+    execution = ac.simulate(make_set_points(q, cycle), plant, resolution=step)
     expected = by_pinocchio(arm.chain, plant.nominal_inertia, q, step, cycle, limit)
     n = len(expected)
     assert np.abs(execution.dq).max() > 3 and (execution.saturated_time > 0.01).any()
@@ -86,6 +86,6 @@ def error(step, limit):
 
 def test_rigid_bodies_move_as_in_pinocchio():
     errors = [error(step, np.array([90.0, 60.0, 40.0])) for step in (8e-3, 4e-3, 2e-3)]
-    # What is left is the integrator's, of fourth order: at the standard step, 1e-14 rad.
+    # The remaining error is of fourth order in the step: 1e-14 rad at the standard step.
     assert errors[2] < 1e-10
     np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 16, rtol=0.1)

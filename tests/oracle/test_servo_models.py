@@ -18,7 +18,7 @@ GAINS = ((25.0, 150.0), (25.0, 100.0), (60.0, 40.0))
 LINEAR_GAINS = (*GAINS, (25.0, 100.0000001), (500.0, 5.0), (5.0, 2000.0))
 
 
-def taught_data(q, cycle=CYCLE):
+def make_set_points(q, cycle=CYCLE):
     rest = np.zeros((1, 2))
     law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, 2)), dq=rest, ddq=rest)
     trajectory = ac.Trajectory(laws=(law,), method="hand")
@@ -73,7 +73,7 @@ def test_unsaturated_servos_match_scipy_lsim(arm, interpolation, cycle):
         q = np.random.default_rng(2).normal(size=(40, 2))
         servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
         plant = ac.ServoPlant(arm, servo, ac.Limits.only())
-        execution = ac.simulate(taught_data(q, cycle), plant, resolution=cycle)
+        execution = ac.simulate(make_set_points(q, cycle), plant, resolution=cycle)
         matrices = [[0, 1], [-kp * kv, -kv]], [[0], [kp * kv]], [[1, 0], [0, 1]], [[0], [0]]
         system, t = signal.StateSpace(*matrices), np.arange(40) * cycle
         for j in range(2):
@@ -92,7 +92,7 @@ def test_saturated_servos_match_a_numerical_integration(arm, gains, interpolatio
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation, dead_time=dead).for_joints(2)
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 0.72], [-1.0, 3.0]])
     q = np.cumsum(np.random.default_rng(4).normal(size=(12, 2)), axis=0) * (3e-3, 1e-2)
-    execution = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=2e-4)
+    execution = ac.simulate(make_set_points(q), ac.ServoPlant(arm, servo, limits), resolution=2e-4)
     n = round(0.3 / execution.t[1])
     every = 100
     lower, upper = limits.acceleration_bounds(2)
@@ -119,9 +119,11 @@ def test_brief_saturation_on_a_cubic_is_found(arm):
         dead = rng.uniform(0, 0.03)
         servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=dead)
         plant = ac.ServoPlant(arm, servo, ac.Limits.only())
-        free, fine = (ac.simulate(taught_data(q), plant, resolution=x) for x in (CYCLE, 1e-5))
+        free, fine = (ac.simulate(make_set_points(q), plant, resolution=x) for x in (CYCLE, 1e-5))
         peaks = np.abs(fine.demand).max(axis=0)
         np.testing.assert_allclose(free.peak_demand, peaks, rtol=1e-6)
         limits = ac.Limits.only(joint_acceleration=free.peak_demand * (1 - 1e-9))
-        execution = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=CYCLE)
+        execution = ac.simulate(
+            make_set_points(q), ac.ServoPlant(arm, servo, limits), resolution=CYCLE
+        )
         assert (execution.saturated_time > 0).all() and (execution.saturated_time < 1e-3).all()

@@ -39,7 +39,7 @@ def test_the_papers_job_is_as_fast_as_the_oracle(tolerance, duration):
 )
 def test_shaped_paths_are_nearly_as_fast_as_the_oracle(seed, start, recorded):
     """Durations of 180 steps a line; `python -m soak shaping-oracle` compares many jobs."""
-    # Fewer steps are slower, most of all with a centripetal limit, which holds at all nodes.
+    # With fewer steps the motion is slower, mostly with a centripetal limit at all nodes.
     again = solve(draw(seed), 40, [start]) / recorded
     assert 1 - 1e-4 < again < (1.01 if seed % 2 else 1.001)
     assert -5e-3 < gap(seed, recorded) < 0.015

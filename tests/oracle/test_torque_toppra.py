@@ -185,7 +185,7 @@ def test_viscous_friction_is_respected_at_a_small_cost():
     ratios = largest_ratios(planned, case, 10)
     assert max(ratios.values()) <= 1 + 1e-9
     assert ratios["torque"] > 0.9999
-    # The lines that stand for friction cost nothing to speak of.
+    # The linear bounds of friction cost almost no time.
     finer = ac.plan(path, case.arm, case.limits, ac.Optimal(intervals=40_000))
     assert planned.duration == pytest.approx(finer.duration, rel=2e-4)
     free = ac.plan(path, problem(seed).arm, case.limits)

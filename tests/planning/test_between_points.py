@@ -171,7 +171,7 @@ def test_wrong_planning_options_are_refused(refuses):
             lambda x=options: plan_optimal(path, TwoJoints(), limits, ac.Optimal(**x)),
             ac.InvalidInput,
         )
-    # A constraint that limits nothing says so.
+    # A constraint without an effect has no forms.
     more = ac.Optimal(constraints=[JointMotion((-np.ones(2), np.ones(2)))])
     words = "Nothing limits the acceleration"
     refuses(lambda: plan_optimal(path, TwoJoints(), ac.Limits.only(), more), ac.InvalidInput, words)

@@ -136,7 +136,7 @@ def test_a_path_takes_the_specified_duration_within_its_limits(
         )
         assert projection.distance.max() < 1e-7
         np.testing.assert_allclose(projection.s[[0, -1]], [0, rounded.length], atol=1e-7)
-    # It moves as it says: velocities and accelerations are the derivatives, by differences.
+    # Velocities and accelerations agree with differences of the positions.
     planned, step = ac.plan(rounded, arm, limits, ac.Optimal(duration=9.0)), 1e-6
     middle = (planned.breaks[:-1] + planned.breaks[1:]) / 2
     for order in (0, 1):

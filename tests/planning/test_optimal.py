@@ -350,7 +350,7 @@ def test_a_mirrored_path_with_exchanged_bounds_takes_the_same_time(assert_within
     assert_within_limits(planned, limits)
     low, high = limits.velocity_bounds(3)
     dq = planned(np.linspace(0, planned.duration, 20001), 1)
-    # Each way binds somewhere, and none is taken for both.
+    # Each direction is limited somewhere by its own bound.
     assert ((dq / low).max(), (dq / high).max()) == pytest.approx((1, 1), abs=1e-2)
     smaller = np.minimum(-low, high)
     slow = ac.plan(ac.JointPath.spline(points), robot(3), limits.replace(joint_velocity=smaller))

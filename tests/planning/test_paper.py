@@ -162,7 +162,7 @@ def test_a_short_line_reduces_the_speed_of_its_corner(arm, limits):
         others = (np.delete(x, lowered) for x in (corner_speeds, nominal))
         np.testing.assert_allclose(*others, rtol=1e-5)
         assert_accelerations_kept(planned, limits.joint_acceleration)
-        # The line's own acceleration carries the tool from one speed to the other, no more.
+        # The acceleration along the line only suffices to change from one speed to the other.
         breaks = planned.breaks[1:-1]
         assert np.abs(planned(breaks, 1) - planned(breaks, 1, side="left")).max() < 2e-3, points
 

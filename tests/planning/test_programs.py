@@ -385,7 +385,7 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
         # Straight down and then along the level.
         high = tool[:, 2] > tool[-1, 2] + 1e-9
         np.testing.assert_allclose(tool[high, :2], pierced[0, :2] + 0 * tool[high, :2], atol=1e-9)
-        # The pierce is beside the contour, at the size of the quarter circle.
+        # The pierce is next to the contour, at the distance of the quarter circle.
         nearest = contour.path(np.linspace(*contour.at_work, 4000))[:, :2] - pierced[0, :2]
         radius = lead.length / (np.pi / 2)
         assert np.linalg.norm(nearest, axis=1).min() == pytest.approx(radius, rel=1e-3)

@@ -98,7 +98,7 @@ def test_a_layer_can_have_its_own_kerf():
     other = circle(0.1025, 0, 0.05, layer="B")
     assert len(cut(outline, other, kerf=1e-3).contours) == 2
     refused((lambda: cut(outline, other, kerf=1e-3, by_layer=by_layer),))
-    # A kerf of zero says that the process cuts.
+    # A kerf of zero states that the process cuts.
     cut_program = cut(outline, hole, kerf=0.0)
     assert [x.layer for x in cut_program.contours] == ["B", "A"] and cut_program.contours[
         0

@@ -77,7 +77,7 @@ def test_arcs_of_leads_lie_in_the_waste():
         inside = [((ends(x) > 0) & (ends(x) < [0.1, 0.06])).all() for x in (hole, outline)]
         assert inside == [True, False]
         assert (np.linalg.norm(ends(hole) - CENTER, axis=1) < 0.01).all()
-    # Where it is resumed, the sides are those of what is left.
+    # After a resume, the remaining contours determine the sides.
     rest = prepared(
         contours(OUTLINE, HOLE), lead_in=lead(), order="drawn", resume_at=OUTLINE.length
     )

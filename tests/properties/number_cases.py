@@ -33,7 +33,7 @@ HOSTILE: dict[str, Any] = {
 }
 # Any key of a mapping.
 ANY = "*"
-# The files that the bases name, beside the job.
+# Files next to the job, to which the base jobs refer.
 DRAWING = b"""<svg xmlns="http://www.w3.org/2000/svg"
 width="100mm" height="100mm" viewBox="0 0 100 100"
 xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"><g inkscape:groupmode="layer"
@@ -250,14 +250,14 @@ def _body(kind: str, **more: Any) -> list[dict[str, Any]]:
 
 
 _MOVING = ("box", "capsule")
-# The schema allows them, but what they stand in is refused whatever the number is.
+# The schema allows these keys, but their mapping is refused for any number.
 NEVER: set[Place] = {
     # The drawing has no colour.
     ("path", "colors", 0),
     ("path", "orientation", 0, "follow_tangent", "rpy", 0),
     ("path", "orientation", 0, "follow_tangent", "quaternion", 0),
     ("path", "orientation", 0, "follow_tangent", "up", 0),
-    # Half-spaces stand still.
+    # Half-spaces cannot move.
     ("arm", "tool", "shapes", 0, "normal", 0),
 }
 _COMMANDS = {

@@ -31,7 +31,7 @@ SLOW = [("path.spline.points.0.0", "1e9")]
 MAY_BE_ENDLESS = {"limits", "command_limits", "kp", "kv", "acceleration_limit"}
 
 
-# Refusals that need not say the key: they name the file, the run, or the option that is a key too.
+# Refusals without the key: they name the file, the run, or an option.
 WITHOUT_KEY = (
     "job: Run one: At its assigned velocities",
     "robot.urdf has no arguments",

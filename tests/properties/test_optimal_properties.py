@@ -115,7 +115,7 @@ def test_random_polylines_are_planned_within_their_limits_or_refused(arm, batch)
             if "at rest next to an arc" in str(error):  # the arc used up the first or last line
                 assert 0 in path.corners.start or path.length in path.corners.end
                 continue
-            # Laps of full acceleration keep the limit by construction, or stop and say so.
+            # Intervals of full acceleration satisfy the limit or are refused.
             assert "(MAC)" not in str(error) and "(MDC)" not in str(error)
             assert error.limit == "joint_acceleration" and error.joint in (0, 1)
             assert error.needed > error.allowed

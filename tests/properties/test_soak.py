@@ -6,7 +6,7 @@ import pytest
 from soak import check, corners, timing
 
 BATCH, CHECKS, CORNERS = 200, 25, 150
-# Random places per interval of a law, beside its ends; `make soak` looks at 8.
+# Random times per interval of a law, in addition to its ends; `make soak` uses 8.
 PLACES = 3
 
 
@@ -36,6 +36,6 @@ def test_random_corners_next_to_arcs_are_tangent_and_within_their_tolerance():
 def test_no_verdict_on_printed_trajectories_contradicts_the_samples(violating):
     outcomes = [check.judge(check.draw(seed, violating)) for seed in range(CHECKS)]
     assert [(x.case.seed, x.case.kind, x.said, x.proof) for x in outcomes if x.wrong] == []
-    # Most are decided, so that "cannot tell" is no way out.
+    # Most must be decided; "cannot tell" is not accepted for all.
     verdicts = Counter(x.said for x in outcomes)
     assert verdicts["violated" if violating else "kept"] > CHECKS * 0.6

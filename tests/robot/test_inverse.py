@@ -6,7 +6,7 @@ import pytest
 import armcontour as ac
 from armcontour.robot.inverse import configurations, search
 
-# Six joints with a wrist, as of usual industrial arms; z axes of frames by URDF.
+# Six joints with a spherical wrist, as in usual industrial arms; z axes as in URDF.
 WRIST = """<robot name="wrist"><link name="l0"/>{links}<link name="l6"/>{joints}</robot>"""
 
 

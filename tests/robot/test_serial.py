@@ -92,7 +92,7 @@ def test_work_frame_and_tool_change_only_the_ends_of_the_chain(arm3, states):
         equipped.tool_position(q), position + axes @ tool.position, atol=1e-12
     )
     np.testing.assert_allclose(equipped.pose(q)[1], axes @ tool.rotation, atol=1e-12)
-    # Nor do torques know of either.
+    # Torques do not depend on either.
     expected = arm3.torque(q, dq, ddq)
     np.testing.assert_allclose(moved.torque(q, dq, ddq), expected, rtol=1e-12)
     np.testing.assert_allclose(equipped.torque(q, dq, ddq), expected, rtol=1e-12)

@@ -72,7 +72,7 @@ def two_link(limits=None, **changes):
     return SerialArm(name="two rods", chain=chain, limits=limits or ac.Limits())
 
 
-def taught_data(q, cycle=0.004):
+def make_set_points(q, cycle=0.004):
     q = np.asarray(q, float)
     still = np.zeros((1, q.shape[1]))
     law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, q.shape[1])), dq=still, ddq=still)
@@ -92,13 +92,13 @@ def plant(arm, limits=None, kp=KP, kv=KV, interpolation="linear", **options):
 
 
 def run(arm, q, limits=None, cycle=0.004, resolution=0.004, **options):
-    set_points = taught_data(q, cycle)
+    set_points = make_set_points(q, cycle)
     return ac.simulate(set_points, plant(arm, limits, **options), resolution=resolution)
 
 
 def by_servo(arm, q, cycle=0.004, kv=KV, interpolation="linear"):
     simulated = ac.ServoPlant(arm, ac.ServoModel(kp=KP, kv=kv, interpolation=interpolation))
-    return ac.simulate(taught_data(q, cycle), simulated, resolution=cycle)
+    return ac.simulate(make_set_points(q, cycle), simulated, resolution=cycle)
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "step"])
@@ -136,11 +136,11 @@ def test_an_execution_starts_in_equilibrium_and_sags_as_predicted():
 def test_an_integrator_compensates_gravity_without_sag():
     servo = ac.ServoModel(kp=KP, kv=KV, ki=8.0)
     sagging = {"gravity_feedforward": False}
-    set_points = taught_data(swing(1.2))
+    set_points = make_set_points(swing(1.2))
     execution = ac.simulate(set_points, ac.RigidBodyPlant(pendulum(), servo, **sagging))
     assert execution.q[0, 0] == 0.0 and execution.q[-1, 0] == pytest.approx(1.2, abs=1e-6)
     assert run(pendulum(), swing(1.2), **sagging).q[-1, 0] < 1.2 - 1e-3
-    still = ac.simulate(taught_data([[0.3]]), ac.RigidBodyPlant(pendulum(), servo, **sagging))
+    still = ac.simulate(make_set_points([[0.3]]), ac.RigidBodyPlant(pendulum(), servo, **sagging))
     assert np.ptp(still.q) < 1e-12
     np.testing.assert_allclose(still.torque, WEIGHT * np.cos(still.q), rtol=1e-9)
 
@@ -223,7 +223,7 @@ def test_a_payload_unknown_to_the_controller_causes_sag():
     without = run(loaded, [[0.3]], controller=pendulum(), gravity_feedforward=False).q[0, 0]
     weight = (WEIGHT + LOAD_WEIGHT) * np.cos(without)
     assert without == pytest.approx(0.3 - weight / STIFFNESS, abs=1e-12)
-    # And one that knows of a load that is not there lifts the arm.
+    # A controller that assumes a missing load lifts the arm.
     lifted = run(pendulum(), [[0.3]], controller=loaded).q[0, 0]
     assert lifted == pytest.approx(0.3 + LOAD_WEIGHT * np.cos(lifted) / STIFFNESS, abs=1e-12)
 
@@ -234,7 +234,7 @@ def test_loop_gains_are_scaled_by_the_masses_that_the_controller_knows():
     simulated = plant(drives, controller=nominal, step=1e-4)
     np.testing.assert_allclose(simulated.nominal_inertia, INERTIA)
     assert simulated.arm is drives
-    execution = ac.simulate(taught_data(swing()), simulated, resolution=0.004)
+    execution = ac.simulate(make_set_points(swing()), simulated, resolution=0.004)
     expected = by_servo(drives, swing(), kv=KV * INERTIA / (INERTIA + 0.3))
     n = len(swing())
     np.testing.assert_allclose(execution.q[:n], expected.q[:n], atol=3e-6)
@@ -278,7 +278,7 @@ def test_every_built_in_arm_is_simulated(name):
 def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
     one = np.ones((1, 1))
     fields = {"q": 0 * one, "dq": 0 * one, "ddq": one, "demand": one, "t": np.zeros(1)}
-    fields |= {"arm": pendulum(), "set_points": taught_data([[0.0]])}
+    fields |= {"arm": pendulum(), "set_points": make_set_points([[0.0]])}
     fields |= {"demand_range": np.ones((2, 1)), "saturated_time": np.zeros(1)}
     torque = np.array([[2.0]])
     execution = ac.Execution(**fields, torque=torque, torque_demand=[[-3.0]])
@@ -312,7 +312,7 @@ def test_joints_that_diverge_or_do_not_settle_are_errors(fails, monkeypatch):
     # The plant looks at no pose before it runs.
     monkeypatch.setattr(mujoco_model, "MAX_CHECKS", 0)
     fails(partial(run, pendulum(), swing(), kv=1000.0, step=4e-3), "runs away")
-    # Saturated, it only rattles within steps: at their ends it seems to stand still.
+    # If saturated, the joint oscillates within steps, and seems to rest at their ends.
     free, weak = pendulum(gravity=WEIGHTLESS), ac.Limits.only(joint_torque=5.0)
     fails(partial(run, free, swing(), weak, kv=1000.0, step=4e-3), "not at rest")
     slow = {"kp": 0.01, "cycle": 0.02, "step": 5e-3, "resolution": 0.02}
@@ -329,7 +329,7 @@ def test_drives_that_are_too_weak_are_errors(fails):
     weak = ac.Limits.only(joint_torque=5.0)
     data = {"limit": "joint_torque", "needed": WEIGHT, "allowed": 5.0, "t": 0.0}
     fails(partial(run, pendulum(), [[0.0]], weak), "against gravity", **data)
-    # What gravity feed-forward holds is no part of a limit that stands for accelerations.
+    # Gravity feed-forward is not part of a torque limit for accelerations.
     slow = ac.Limits.only(joint_acceleration=10.0)
     loaded = pendulum(payload=LOAD)
     assert run(loaded, [[0.0]], slow).torque[0, 0] > 10.0 * INERTIA
@@ -378,10 +378,10 @@ def test_invalid_arms_servos_and_limits_are_refused(refuses, monkeypatch):
 
 
 def test_delayed_and_cubic_commands_move_rigid_bodies_like_the_servo_plant():
-    # Drives so heavy that the joints hardly know of each other, as in the plant of servos.
+    # With heavy drives the joints are almost decoupled, as in the servo plant.
     arm = two_link(centers=np.zeros((2, 3)), positions=np.zeros((2, 3)), armature=[10.0, 10.0])
     t = np.linspace(0, 1, 26)[:, None]
-    set_points = taught_data(np.array([0.3, -0.2]) * t**3 * (10 - 15 * t + 6 * t * t), 0.02)
+    set_points = make_set_points(np.array([0.3, -0.2]) * t**3 * (10 - 15 * t + 6 * t * t), 0.02)
     for interpolation, dead in product(("linear", "step", "cubic"), (0.0, 0.0123, [0.008, 0.0321])):
         prompt = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
         servo = prompt.replace(dead_time=dead)

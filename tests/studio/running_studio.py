@@ -123,7 +123,7 @@ def running(file, *, make=module.open_session, **how):
                 **how,
             )
         finally:
-            # A server that does not start leaves nobody waiting.
+            # If the server does not start, waiting clients are released.
             addresses.put(None)
             addresses.put(None)
 

@@ -76,7 +76,7 @@ def test_colours_are_those_of_the_explanation(shown):
     random = np.random.default_rng(3).uniform(0, planned.path.length, 200)
     names = [x["name"] for x in frame.header["limits"]]
     drawn = a["path_s"].astype(float)
-    # Not where 32 bits cannot tell on which side of a change a place is.
+    # Except where 32 bits do not resolve the side of a change.
     edges = np.array([x.s[0] for x in bindings])
     close = np.abs(random[:, None] - edges).min(axis=1) < 1e-6
     assert close.sum() < 20
@@ -205,7 +205,7 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     assert figure(frame.header, "contour_error.max") == pytest.approx(e.max, rel=1e-12)
     assert frame.arrays["error"].max() == pytest.approx(e.max, rel=1e-6)
     assert figure(frame.header, "settled") == executed.settled
-    # All rows are those of an evaluation, and say the same of it.
+    # All rows equal those of an evaluation.
     figures = {x["name"]: x for x in render.frame(evaluation.to_data())}
     for x in (y for y in frame.header["rows"] if y["name"] not in ("kept", "off_drawing")):
         assert x == figures[x["name"]] | {"value": pytest.approx(figures[x["name"]]["value"])}

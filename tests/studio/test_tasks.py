@@ -141,5 +141,5 @@ def test_reports_of_runs_and_certificates_are_pages(short):
     assert certificate["duration"] in [x["value"] for x in answer.header["rows"]]
     assert certificate["budget"]["left"] >= 0
     assert answer.header["name"] == "paper-certificate.html"
-    # Its answer says for which robots it is true.
+    # The answer states for which robots the certificate is valid.
     assert answer.header["notes"][-1].startswith("Valid for independent joint servos only: ")

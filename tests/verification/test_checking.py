@@ -252,7 +252,7 @@ def test_the_verdict_follows_from_the_digits_and_the_worst_limit(arm):
         (within | unknown, "cannot tell"),
         (within | unknown | broken, "violated"),
         ({}, "kept"),
-        # Nothing in positions tells a torque.
+        # Positions do not determine torques.
         ({"joint_torque": 1.0}, "cannot tell"),
     ):
         assert ac.check(log, arm, ac.Limits.only(**limits), resolution=coarse).verdict == verdict

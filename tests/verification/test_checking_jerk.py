@@ -136,7 +136,7 @@ def test_rounded_samples_are_tolerated_and_few_samples_prove_no_violation():
     log = sampled(SMOOTH, times(1e-3), ["q"])
     log.q, log.resolution = np.round(log.q, 6), {"q": 1e-6}
     check = ac.check(log, ARM, LIMITS)
-    # Six decimals at 1 ms are 4000 rad/s³: what the numbers say is far above the limit.
+    # Six decimals at 1 ms are 4000 rad/s³, so the computed jerk is far above the limit.
     assert check.verdict == "cannot tell" and check["joint_jerk"].highest.ratio > 10
     assert ac.check(log, ARM, LIMITS, resolution={"q": 0.0}).violated
     log = SimpleNamespace(t=[0.0, 1.0], q=[[0.3, 0.9], [0.4, 0.9]], dq=np.zeros((2, 2)))

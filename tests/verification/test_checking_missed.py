@@ -68,7 +68,7 @@ LINE = ac.Path.polyline([(0.4, -0.1, 0.3), (0.45, 0.1, 0.3)])
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
 HELD = LINE.oriented(DOWN)
 ROBOT = ac.load_arm("ur5e")
-# Few random places per interval of a law: angles are the same at all of them.
+# Few random times per interval of a law suffice, because angles are equal at all of them.
 check = partial(ac.check, arm=ROBOT, limits=ROBOT.limits, points=4)
 
 

@@ -107,7 +107,7 @@ def test_errors_count_until_the_tool_stays_slow(arm):
     evaluation = ac.evaluate(replace(creeping, set_points=set_points), LINE)
     assert evaluation.settled == pytest.approx(1.2, abs=0.011)
     assert evaluation.speed == pytest.approx(0.05, rel=1e-3)
-    # Never before the end of the plan, as where the tool slows down to its end or stands still.
+    # Not before the end of the plan, even if the tool is slow or at rest before.
     for tool in (np.tile((0.3, 0.2), (len(T), 1)), creeping.tool):
         evaluation = ac.evaluate(by_hand(arm, T, tool), LINE)
         assert evaluation.duration == evaluation.settled == evaluation.end_time == 2.0

@@ -165,7 +165,7 @@ def test_contours_with_few_samples_have_the_errors_of_these_samples():
             ac.evaluate(x, program, objective=program) for x in (executed, plain)
         )
         assert with_motion.contour_error.max >= sampled.contour_error.max, (length, resolution)
-        # Which places are missed at their ends is told by the samples outside of the contours.
-        # Between samples the way of the tool is taken for straight where no plant tells it.
+        # Samples outside the contours determine which points at their ends are missed.
+        # Without a plant, the tool path between samples is assumed straight.
         share = with_motion.coverage_error.max / sampled.coverage_error.max
         assert 1 - 1e-6 <= share <= 1 + 1e-3, (length, resolution)

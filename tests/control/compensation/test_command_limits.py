@@ -146,7 +146,7 @@ def test_limited_set_points_are_the_nearest_to_the_free_ones(free, limited):
     np.testing.assert_allclose(limited.q, nearest(q, CYCLE, LIBFRANKA), atol=2e-7)
     deviation = np.abs(limited.q - q).max(axis=0)
     np.testing.assert_allclose(limited.limit_cost.deviation, deviation, atol=1e-12)
-    # Joint 7 stands still, and no limit binds.
+    # Joint 7 does not move, and no limit is active.
     np.testing.assert_array_equal(limited.q[:, 6], q[:, 6])
 
 

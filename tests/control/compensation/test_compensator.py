@@ -37,7 +37,7 @@ def test_set_points_of_a_ramp_have_the_closed_form():
     expected = np.array([0.3, -0.2]) + np.outer(t, [0.5, -1.0]) + lead
     inside = (t > 0.125) & (t < 0.875)  # away from the jumps of velocity at both ends
     np.testing.assert_allclose(set_points.q[inside], expected[inside], atol=1e-14)
-    # Before it the arm stands at the start of the plan.
+    # Before the motion, the arm rests at the start of the plan.
     np.testing.assert_array_equal(set_points.q[0], (0.3, -0.2))
     np.testing.assert_allclose(set_points.q[-1], (0.8, -1.2), atol=1e-14)
     assert set_points.start_time == -0.01

@@ -223,7 +223,7 @@ def test_the_inverse_of_a_first_order_servo_has_the_closed_form():
     inside = (set_points.t > 0.035) & (set_points.t < DURATION - 0.035)
     t = set_points.t[inside]
     u, bend = (SWING(t, k) + SWING(t, k + 1) / servo.kp for k in (0, 2))
-    # Lines between points of a curve are beside it by u'' T² / 12 on average.
+    # Lines between points of a curve deviate from it by u'' T² / 12 on average.
     expected = u - bend * 2.5e-3**2 / 12
     np.testing.assert_allclose(set_points.q[inside], expected, atol=3e-7)
     assert np.abs(set_points.q[inside] - u).max() > 5e-6

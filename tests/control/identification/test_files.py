@@ -68,7 +68,7 @@ def numbers(row, count=60):
     return "t,u1,q1\n" + "\n".join(row(i) for i in range(count))
 
 
-# A text, what of it is read, and what is said of it.
+# Text of a log, and the words of its refusal.
 WRONG = (
     ("", {}, "is empty"),
     ("u1,q1" + ROWS, {}, "column t is missing"),

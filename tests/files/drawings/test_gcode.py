@@ -235,7 +235,7 @@ def test_units_come_from_options_if_the_file_has_none():
     assert np.isnan(read("G0 X1|G1 X2").path.speeds).all()
 
 
-# Words that are not supported, and what messages say of them.
+# Unsupported words, and their messages.
 UNSUPPORTED = """
 O100 sub => 'O100SUB'
 o<pocket> call [1] => 'O<POCKET>CALL[1]'

@@ -74,7 +74,7 @@ def test_the_size_of_a_pixel_follows_from_the_program_that_wrote_the_file():
         ("", f'{old} width="50.8mm" height="50.8mm"', inch / 90),
         (illustrator, 'width="180px" height="180px" viewBox="0 0 180 180"', inch / 72),
         (illustrator, 'viewBox="0 0 180 180"', inch / 72),
-        # The page says its size, or the version has pixels of CSS.
+        # The page has a size, or the version uses CSS pixels.
         ("", f'{old} width="180mm" height="180mm" viewBox="0 0 180 180"', 1e-3),
         (illustrator, 'width="180mm" height="180mm" viewBox="0 0 180 180"', 1e-3),
         ("", 'inkscape:version="0.92.4" width="180" height="180"', inch / 96),

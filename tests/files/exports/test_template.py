@@ -63,7 +63,7 @@ def test_a_kuka_program_has_all_points_and_times_and_events_in_order(table, tmp_
     times = np.cumsum([0, *parts]) / 100 * whole
     np.testing.assert_allclose([*times, whole], exported.t, rtol=0, atol=1e-6)
     check_events(text, exported)
-    # Triggers stand before the segment in which they count, with the time since its start.
+    # A trigger precedes the segment to which its time applies.
     assert re.findall(TRIGGER, text) == [("0.000", "17", "TRUE"), ("0.000", "17", "FALSE")]
     before = counted(lines, "SPTP", lambda x: re.match(TRIGGER, x))
     assert [n for n, _ in before] == [0, 3]

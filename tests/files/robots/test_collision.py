@@ -66,7 +66,7 @@ def test_collision_shapes_are_at_the_poses_of_their_links(tmp_path):
     by_name = {x.name: x for x in arm.shapes.shapes}
     # At pan = 90 deg, tilt = 0: places written down by hand from the description.
     pose = link_poses(arm.chain, [[np.pi / 2, 0.0]])[0]
-    # The finger stands at the end of its range that is nearest to 0.
+    # The finger is at the end of its range that is nearest to 0.
     places = {"camera": (-0.1, 0, 0.4), "beam": (0, 0.3, 0.5), "finger": (-0.01, 0.55, 0.5)}
     for name, place in places.items():
         x = by_name[name]
@@ -76,7 +76,7 @@ def test_collision_shapes_are_at_the_poses_of_their_links(tmp_path):
     assert isinstance(by_name["post"].shape, Capsule)
     np.testing.assert_allclose(by_name["post"].place.rotation[:, 2], [1, 0, 0], atol=1e-12)
     assert arm.shapes.source == "collision elements of small.urdf"
-    # Links that the base does not carry stand still.
+    # Links that are not below the base do not move.
     file = described(tmp_path)
     fixed = file.read_text().replace('name="pan" type="revolute"', 'name="pan" type="fixed"')
     file.write_text(fixed)

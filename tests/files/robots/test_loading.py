@@ -253,7 +253,7 @@ def test_every_number_of_a_built_in_arm_has_a_unit_and_a_source(name):
 
 
 IN_SPACE = [x for x in ac.arm_names() if ac.load_arm(x).dimension == 3]
-# Links whose maker publishes a centre of mass outside of the mesh: by 67 mm, as fr3.yaml says.
+# Links whose published centre of mass is outside the mesh, by up to 67 mm (fr3.yaml).
 OUTSIDE = {"fr3_link7"}
 # Distance from the mesh to the flange where it is larger than that of the other arms [m].
 FLANGE_GAP = {"fr3": 2e-3}

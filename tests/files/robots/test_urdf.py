@@ -479,7 +479,7 @@ NAMES = [
     ("joint", "elbow", "&#10;elbow", r"name of a joint of ... '\nelbow'"),
     ("robot", "lifter", "\u202elifter", r"name of the robot of ... '\u202elifter'"),
 ]
-# N stands for what is no number.
+# N is replaced by a text that is no number.
 NUMBERS = """
 velocity="2.5" => velocity="N" => must be one finite number
 <mass value="2"/> => <mass value="N"/> => value of the mass must be a number

@@ -244,7 +244,7 @@ def test_an_arm_with_five_joints_follows_a_tool_axis_but_no_orientation(refuses)
 def test_invalid_orientations_and_corners_are_refused(ur5e, refuses):
     path = ac.Path.polyline(POINTS)
     sharp = path.following_tangent([0, 0, 1])
-    # One that was to be rounded is not told to be rounded.
+    # The message does not suggest rounding for a corner that rounding left sharp.
     begin, turn = (0.4, 0, 0.2), (0.4 + 0.1 * np.sin(1), 0.1 - 0.1 * np.cos(1), 0.2)
     arc = ac.Arc(start=begin, center=(0.4, 0.1, 0.2), angle=1.0, normal=(0, 0, 1))
     lifted = ac.Path(segments=[arc, ac.Line(start=turn, end=(0.5, 0, 0.3))])

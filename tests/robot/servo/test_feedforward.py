@@ -216,7 +216,7 @@ def test_a_slow_transient_is_truncated_with_a_bound_of_the_error(kind, arm, plan
     execution = ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=1e-3)
     error = np.abs(execution.q - end)[execution.t > plan.duration + CYCLE].max(axis=0)
     assert (error > 1e-5).all()
-    # The inverse has errors of its own, of interpolation.
+    # The inverse has interpolation errors.
     simulation_error = 1e-5 if kind != "held" else 2e-4
     assert (error < set_points.truncated + simulation_error).all() and (
         error > 0.5 * set_points.truncated - simulation_error

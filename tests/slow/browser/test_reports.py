@@ -113,7 +113,7 @@ def text_of(name):
     return PAGES[name]()
 
 
-# What lies outside of its page or its figure, but for what has a box of its own to scroll in.
+# Elements outside their page or figure, except inside a box that scrolls.
 CUT_OFF = """() => {
   const found = [], wide = document.documentElement.clientWidth;
   if (document.documentElement.scrollWidth > wide) found.push("the page");
@@ -147,7 +147,7 @@ def opened(browser, text, folder, width, **how):
     page.on("pageerror", lambda x: troubles.append(str(x)))
     page.on("console", lambda x: troubles.append(x.text) if x.type == "error" else None)
     page.on(
-        # What the page has packed is a blob of its own.
+        # Packed data of the page are read as a blob.
         "request",
         lambda x: x.url.startswith((file.as_uri(), "blob:")) or troubles.append(x.url),
     )

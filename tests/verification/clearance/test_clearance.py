@@ -108,7 +108,7 @@ def test_random_motions_keep_their_bounds_at_random_times():
         a = rng.uniform(-2, 2, 6)
         motion = sweep_of(a, a + rng.normal(size=6) * 0.7, 1.0)
         clearance = check_clearance(motion, arm, scene, resolution=2e-3)
-        # One state at a time, at rest: the bracket is then the distance itself.
+        # At rest, both bounds are the distance itself.
         for t in rng.uniform(0, 1, 10):
             q = motion(np.array([t]))[0]
             still = check_clearance(sweep_of(q, q, 1.0), arm, scene)
