@@ -139,7 +139,7 @@ class Placement(Result):
             Row("moved", self.moved),
             *(Row(f"axes.{name}", x, AXES[name]) for name, x in self.axes.items()),
         ]
-        notes = ("No place of the grid is feasible.",) * (best is None)
+        notes = ("No position of the grid is feasible.",) * (best is None)
         title = f"Places of the {self.moved}: {self.job.title}, run {self.run.name}"
         return Data(title, tuple(replace(x, level=VERDICT) for x in rows), notes=notes)
 
