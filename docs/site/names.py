@@ -18,7 +18,7 @@ NO_LIBRARY = ("cli", "studio")
 # Packages whose names the package around them has.
 PARTS = (
     *("files.drawings", "files.robots", "report.sections"),
-    *("planning.constraints", "planning.jerk", "planning.shaping", "planning.topp"),
+    *("planning.jerk", "planning.shaping", "planning.topp"),
 )
 HEAD = """# Python
 

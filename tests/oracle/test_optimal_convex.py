@@ -13,9 +13,10 @@ from scipy import sparse
 
 import armcontour as ac
 from armcontour.planning import optimal
-from armcontour.planning.constraints import OnGrid, limits_on
+from armcontour.planning.constraints import limits_on
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
+from armcontour.planning.topp.on_grid import OnGrid
 
 clarabel = pytest.importorskip("clarabel")
 

@@ -9,9 +9,10 @@ from scipy.special import gamma
 
 import armcontour as ac
 from armcontour.planning import optimal
-from armcontour.planning.constraints import OnGrid, SecondOrder, limits_on
+from armcontour.planning.constraints import SecondOrder, limits_on
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
+from armcontour.planning.topp.on_grid import OnGrid
 
 LEAK = 1e-9  # by how much, relatively, a limit may be exceeded anywhere
 LINE = ((-0.065, 0.300), (0.335, 0.300))  # docs/method.md, "where the method falls short", 1

@@ -17,11 +17,12 @@ from armcontour.core.errors import NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Time
 from armcontour.motion import JointPath, Law, PathLaw, Trajectory, arm_of
-from armcontour.planning.constraints import CONSTRAINTS, Constraint, OnGrid
+from armcontour.planning.constraints import CONSTRAINTS, Constraint
 from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.topp.limit_forms import Ceiling, Form
+from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 from armcontour.robot.limits import reduce_limits

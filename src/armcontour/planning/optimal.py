@@ -21,7 +21,7 @@ from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import choose, highest, load
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.motion.kernels import interval_time
-from armcontour.planning.constraints import CONSTRAINTS, Constraint, OnGrid, limits_on
+from armcontour.planning.constraints import CONSTRAINTS, Constraint, limits_on
 from armcontour.planning.law_checks import raise_too_fast
 from armcontour.planning.options import FASTEST, Optimal, Task
 from armcontour.planning.path_grid import (
@@ -46,6 +46,7 @@ from armcontour.planning.topp.grid_plan import (
     plan_on_grid,
 )
 from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
+from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 

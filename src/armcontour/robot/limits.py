@@ -41,7 +41,7 @@ class Limit:
     """Record of a limit, in the annotation of its field of `Limits`.
 
     Planner, stops, check, certificate, explanation, player and reports read the record. The
-    constraint of the planner names the field (`planning/constraints/`).
+    constraint of the planner names the field (`planning/constraints.py`).
     """
 
     # Without `rate`, the derivative `order` of the joint positions is limited, or the norm of this

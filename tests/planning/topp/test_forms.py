@@ -6,7 +6,7 @@ from scipy.optimize import linprog
 
 import armcontour as ac
 from armcontour.planning import optimal
-from armcontour.planning.constraints import Constraint, JointTorque, OnGrid, limits_on
+from armcontour.planning.constraints import Constraint, JointTorque, limits_on
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.grid_plan import MotionBounds, Rules, plan_on_grid, rows_with_friction
 from armcontour.planning.topp.limit_forms import (
@@ -20,6 +20,7 @@ from armcontour.planning.topp.limit_forms import (
     Rounds,
     Squares,
 )
+from armcontour.planning.topp.on_grid import OnGrid
 
 RNG = np.random.default_rng(4)
 UR5E = ac.load_arm("ur5e")

@@ -1,21 +1,9 @@
 """Compensation of the delay of servos: set-points with which the joints follow a trajectory."""
 
-from armcontour.control.compensation.compensator import (
-    METHODS,
-    CompensationOptions,
-    Inverse,
-    InverseDynamics,
-    NoCompensation,
-    PolePlacement,
-    compensate,
-)
+from armcontour.core.lazy import lazy_names
 
-__all__ = [
-    "METHODS",
-    "CompensationOptions",
-    "Inverse",
-    "InverseDynamics",
-    "NoCompensation",
-    "PolePlacement",
-    "compensate",
-]
+_HOME = {
+    "compensator": "METHODS CompensationOptions Inverse InverseDynamics NoCompensation "
+    "PolePlacement compensate",
+}
+__getattr__, __all__ = lazy_names(__name__, _HOME)

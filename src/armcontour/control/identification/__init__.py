@@ -1,24 +1,11 @@
 """Identification of independent joint servos from logs."""
 
-from armcontour.control.identification.identification_result import (
-    Identification,
-    JointIdentification,
-    Judgement,
-    Prediction,
-)
-from armcontour.control.identification.least_squares import Estimate
-from armcontour.control.identification.servo_identification import ServoFit, identify
-from armcontour.motion.log import INTERPOLATIONS, Log, cut_log
+from armcontour.core.lazy import lazy_names
 
-__all__ = [
-    "INTERPOLATIONS",
-    "Estimate",
-    "Identification",
-    "JointIdentification",
-    "Judgement",
-    "Log",
-    "Prediction",
-    "ServoFit",
-    "cut_log",
-    "identify",
-]
+_HOME = {
+    "identification_result": "Identification JointIdentification Judgement Prediction",
+    "least_squares": "Estimate",
+    "servo_identification": "ServoFit identify",
+    "armcontour.motion.log": "INTERPOLATIONS Log cut_log",
+}
+__getattr__, __all__ = lazy_names(__name__, _HOME)

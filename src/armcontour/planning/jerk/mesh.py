@@ -9,10 +9,11 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampled_data import number_parts
 from armcontour.motion import JointPath, PathLaw
-from armcontour.planning.constraints import JointMotion, OnGrid, limits_on
+from armcontour.planning.constraints import JointMotion, limits_on
 from armcontour.planning.options import Task
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import combine_forms, largest_u
+from armcontour.planning.topp.on_grid import OnGrid
 
 # Shares of the cells that are distributed evenly in time, evenly in arc length, and like the grid
 # of the plan without limits of jerk, which is finer where the joints turn

@@ -10,11 +10,12 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.kernel_cache import compiled
-from armcontour.planning.constraints import Constraint, JointMotion, OnGrid, limits_on
+from armcontour.planning.constraints import Constraint, JointMotion, limits_on
 from armcontour.planning.jerk.interior_point import JerkSection
 from armcontour.planning.jerk.mesh import JerkMesh
 from armcontour.planning.topp.grid_plan import MotionBounds, rows_with_friction
 from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, Intervals, margins_of
+from armcontour.planning.topp.on_grid import OnGrid
 
 # Highest degree of a joint path.
 HIGHEST = 5

@@ -13,11 +13,12 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.render import number
 from armcontour.core.text import joint_label
 from armcontour.motion import JointPath, Trajectory
-from armcontour.planning.constraints import Constraint, IntervalEnds, JointMotion, OnGrid
+from armcontour.planning.constraints import Constraint, IntervalEnds, JointMotion
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.path_grid import Grid, place_grid
 from armcontour.planning.topp.limit_forms import Ceiling, Form
+from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm, Limits
 
 # Causes of derating: acceleration of plan and command, speed of plan and command, speed of the

@@ -1,0 +1,9 @@
+from armcontour.files.exports.formats import CsvFormat as CsvFormat
+from armcontour.files.exports.formats import RosYamlFormat as RosYamlFormat
+from armcontour.files.exports.formats import TemplateFormat as TemplateFormat
+from armcontour.files.exports.formats import URScriptFormat as URScriptFormat
+from armcontour.files.exports.formats import export as export
+from armcontour.files.exports.ros import GoalTolerances as GoalTolerances
+from armcontour.files.exports.ros import predict_tolerances as predict_tolerances
+from armcontour.files.exports.table import SetPointTable as SetPointTable
+from armcontour.files.exports.table import make_table as make_table
