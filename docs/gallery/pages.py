@@ -93,6 +93,10 @@ SHOWN = {
         "Contour error of a robot with the gains of its data sheet and with identified gains",
         {"guide to identification": "../guides/identify.md"},
     ),
+    "15_pipe_saddle": Shown(
+        "A pipe with a branch on a positioner and a UR10e at two times; the torch points down",
+        {"rails and positioners": "../guides/cells.md"},
+    ),
 }
 INTRODUCTION = """\
 # Gallery

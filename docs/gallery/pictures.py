@@ -13,6 +13,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 import armcontour as ac
+from armcontour.robot.chain import floor_poses
 
 # What an example's module has when it has run.
 Names = Mapping[str, Any]
@@ -231,6 +232,41 @@ def draw_13(names: Names) -> Figure:
 def draw_14(names: Names) -> Figure:
     """The error with the gains of the data sheet and with those of the log."""
     return _errors(names["errors"].items(), "Contour error of the same robot")
+
+
+def draw_15(names: Names) -> Figure:
+    """The pipe with its branch as the positioner turns it, and the arm, at two times."""
+    figure = plt.figure(figsize=SIZE, layout="none")
+    figure.suptitle("Pipe and arm at two times, seen from the floor", fontsize=10, weight="bold")
+    result = names["result"]
+    arm, plan, path = result.arm, result.trajectory, result.path.contours[0].path
+    turn, share = np.meshgrid(np.linspace(0, 2 * np.pi, 40), (0.0, 1.0))
+    pipe = 0.3 * share - 0.15, 0.1 * np.sin(turn), 0.1 * np.cos(turn)
+    x, y = 0.05 * np.cos(turn), 0.05 * np.sin(turn)
+    foot = np.sqrt(0.1**2 - y**2)
+    branch = x, y, foot + share * (0.2 - foot)
+    seam = path(np.linspace(0, path.length, PLACES)).T
+    for k, t in enumerate((0.0, 0.25 * plan.duration)):
+        axes = figure.add_axes((0.5 * k - 0.01, 0.0, 0.5, 0.92), projection="3d")
+        floor = floor_poses(arm.chain, plan(t)[None])[0]
+
+        def from_floor(points: Any, floor: np.ndarray = floor) -> np.ndarray:
+            return np.moveaxis((points - floor[:, 3]) @ floor[:, :3], -1, 0)
+
+        for surface in (pipe, branch):
+            # The path begins at (50, 0, 100) mm of the drawing.
+            x, y, z = from_floor(np.stack(surface, axis=-1) + path(0.0) - (0.05, 0.0, 0.1))
+            axes.plot_surface(x, y, z, color=style.SKY, alpha=0.4)
+        axes.plot(*from_floor(seam.T), color=style.BLUE, lw=2)
+        axes.plot(*from_floor(arm.links(plan(t))[3:]), **ARM)
+        axes.set_aspect("equal")
+        axes.view_init(elev=15, azim=-75)
+        axes.set_box_aspect(None, zoom=1.1)
+        axes.set(yticks=(), xlabel="x [m]")
+        axes.locator_params(nbins=4)
+        axes.tick_params(labelsize=6, pad=-2)
+        axes.set_title(f"{t:.0f} s", fontsize=9, y=0.95)
+    return figure
 
 
 def _errors(errors: Any, title: str) -> Figure:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import sys
-from math import cos, pi, sin, tan
+from math import cos, hypot, pi, sin, sqrt, tan
 from pathlib import Path
 from typing import Any
 
@@ -188,7 +188,26 @@ def wall(
     ]
 
 
-FILES = {"plate.dxf": plate, "gasket.dxf": gasket, "lettering.svg": lettering, "pocket.ngc": pocket}
+def pipe_saddle() -> str:
+    """The seam of a branch of 100 mm on a pipe of 200 mm, with the torch between the walls."""
+    lines, pipe, branch = ["x [mm],y [mm],z [mm],ax,ay,az"], 100, 50
+    for k in range(121):
+        x, y = branch * cos(pi * k / 60), branch * sin(pi * k / 60)
+        z = sqrt(pipe**2 - y**2)
+        # The torch points along the sum of the inward normals of the two walls.
+        normal = [-x / branch, -y / branch - y / pipe, -z / pipe]
+        row = [x, y, z, *(v / hypot(*normal) for v in normal)]
+        lines.append(",".join(f"{round(v, 6) + 0.0:.6f}" for v in row))
+    return "\n".join(lines) + "\n"
+
+
+FILES = {
+    "plate.dxf": plate,
+    "gasket.dxf": gasket,
+    "lettering.svg": lettering,
+    "pocket.ngc": pocket,
+    "pipe_saddle.csv": pipe_saddle,
+}
 
 
 def main(folder: Path) -> None:

@@ -48,8 +48,8 @@ class CellOptions:
     """Cell and position of the drawing.
 
     Args:
-        cell: Cell for a drawing: a built-in cell (fr3, panda, pmk3s, ur10e, ur5e), or a job file
-            without a path.
+        cell: Cell for a drawing: a built-in cell (fr3, panda, pmk3s, ur10e, ur10e_positioner,
+            ur5e), or a job file without a path.
     """
 
     cell: Text = None

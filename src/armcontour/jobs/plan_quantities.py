@@ -15,6 +15,7 @@ from armcontour.geometry import count_full_stops
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Trajectory
 from armcontour.planning import Conventional, Tracing, find_jerk_stops
+from armcontour.planning.tracing.tilt import angles_to_gravity
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, SerialArm
 
@@ -193,3 +194,12 @@ def angular_speed(execution: Execution) -> FloatArray | None:
         return None
     twist = execution.arm.tool_twist(execution.q, execution.dq)
     return np.asarray(np.linalg.norm(twist[:, 3:], axis=1))
+
+
+def largest_tilt(arm: Arm, plan: Trajectory) -> float | None:
+    """Largest angle between tool axis and gravity on contours [rad]; None without a positioner."""
+    if not isinstance(arm, SerialArm) or arm.chain.positioner is None:
+        return None
+    laws = [x.trajectory or plan for x in plan.contour_spans]
+    times = [np.linspace(0.0, x.duration, SAMPLES) for x in laws]
+    return max(float(angles_to_gravity(arm, x(t)).max()) for x, t in zip(laws, times, strict=True))

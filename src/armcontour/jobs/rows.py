@@ -21,6 +21,7 @@ from armcontour.jobs.plan_quantities import (
     angular_speed,
     applied_torques,
     full_stops,
+    largest_tilt,
 )
 from armcontour.motion import Execution
 from armcontour.program import Contour, Program
@@ -276,6 +277,9 @@ def _executions(result: RunResult) -> Iterator[Row]:
     if (e := result.evaluation) is not None:
         yield from _shown(result, SERVO, [*e.to_data().rows, *_angular_rows(result.motion)])
         yield Row("unsettled", result.motion.unsettled, unit_of(result.arm, "rad"))
+    tilt = largest_tilt(result.arm, result.trajectory)
+    if tilt is not None:
+        yield Row("tilt", tilt, "rad", "tool axis from gravity, largest", "planned, on contours")
     yield from _torque_rows(result.arm, limit, result.torques, "planned")
     if result.failure is not None:
         label = f"{OTHERS_LABELS[BODIES]}failed"

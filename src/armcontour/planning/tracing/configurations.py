@@ -23,6 +23,7 @@ from armcontour.planning.tracing.knots import (
 from armcontour.planning.tracing.ranges import out_of_range
 from armcontour.planning.tracing.redundancy import null_space, smooth
 from armcontour.planning.tracing.tilt import (
+    check_fixed_tilt,
     follow_level,
     level_positions,
     poses_from_floor,
@@ -120,6 +121,9 @@ def find_solutions(
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
     max_correction = EXACTLY if seed is None else NEARLY
     if tilt_of(arm.chain) is None or not arm.chain.floor_link:
+        if tilt_of(arm.chain) is not None:
+            # No posture of the arm changes the angle, so it is the reason before any other.
+            check_fixed_tilt(arm, np.append(fine.s0, path.length), poses)
         starts = configurations(arm, poses[0], task, seed)
         if len(starts) == 0:
             _refuse_first_pose(path, arm, poses, task, seed)

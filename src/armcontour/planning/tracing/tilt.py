@@ -50,6 +50,16 @@ def turn_down(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray]:
     return down, np.cross(axes, down[:, None])
 
 
+def angles_to_gravity(arm: SerialArm, q: FloatArray) -> FloatArray:
+    """Angles between tool axis and gravity [rad], (n,), at joint positions, (n, dof)."""
+    return _angles(arm.poses(q)[..., 2], turn_down(arm.chain, q)[0])
+
+
+def _angles(axes: FloatArray, down: FloatArray) -> FloatArray:
+    chord = np.linalg.norm(axes - down, axis=1)
+    return np.asarray(2 * np.arcsin(np.minimum(chord / 2, 1.0)))
+
+
 def level_positions(arm: SerialArm, axis: FloatArray) -> FloatArray:
     """Positions of a positioner with the smallest angle of the tool axis, (k, floor_link) [rad].
 
@@ -110,21 +120,25 @@ def poses_from_floor(arm: SerialArm, poses: FloatArray, positions: FloatArray) -
     return np.ascontiguousarray(np.swapaxes(floor[..., :3], 1, 2) @ moved)
 
 
+def check_fixed_tilt(arm: SerialArm, s: FloatArray, poses: FloatArray) -> None:
+    """`check_tilt` of tool poses, (n, 3, 4), on a part that no axis turns."""
+    tilt, down = tilt_of(arm.chain), turn_down(arm.chain, np.zeros((1, 0)))[0]
+    angles = _angles(poses[..., 2], down)
+    k = int(np.argmax(angles))
+    if tilt is not None and angles[k] > tilt:
+        _refuse_tilt(float(s[k]), poses[k, :, 3], float(angles[k]), tilt)
+
+
 def check_tilt(joint_path: JointPath, arm: SerialArm) -> None:
     """Raise Unreachable where the tool axis is too far from gravity, at any point of the path."""
     tilt = tilt_of(arm.chain)
     if tilt is None:
         return
 
-    def angles(s: FloatArray) -> FloatArray:
-        q = joint_path(s)
-        chord = arm.poses(q)[..., 2] - turn_down(arm.chain, q)[0]
-        return np.asarray(2 * np.arcsin(np.minimum(np.linalg.norm(chord, axis=1) / 2, 1.0)))
-
     # The angle changes at most by the travel of the joints that turn the tool against the floor.
     s, travel = joint_travel(joint_path)
     turned = (travel * ~arm.chain.slides)[:, arm.chain.floor_link :].sum(axis=1)
-    at = angles(s)
+    at = angles_to_gravity(arm, joint_path(s))
     intervals = np.stack([s[:-1], s[1:], at[:-1], at[1:], np.diff(turned)])
     while True:
         begin, end, first, last, width = intervals
@@ -138,7 +152,7 @@ def check_tilt(joint_path: JointPath, arm: SerialArm) -> None:
         if not len(begin):
             return
         middle = (begin + end) / 2
-        at = angles(middle)
+        at = angles_to_gravity(arm, joint_path(middle))
         halves = [begin, middle, first, at, width / 2], [middle, end, at, last, width / 2]
         intervals = np.concatenate([np.stack(x) for x in halves], axis=1)
 
