@@ -469,21 +469,6 @@ def _form_of_value(function: Callable[..., Any], slots: Mapping[str, Parameter],
     return ""
 
 
-def hint_attributes(**forms: str) -> Callable[[type[C]], type[C]]:
-    """Decorate a class so that errors about attributes that users guess state the right form."""
-
-    def get(self: Any, name: str) -> Any:
-        words = f"{type(self).__name__!r} object has no attribute {name!r}"
-        form = f": use {forms[name]}" if name in forms else ""
-        raise AttributeError(words + form, name=name, obj=self)
-
-    def decorate(kind: type[C]) -> type[C]:
-        kind.__getattr__ = get  # type: ignore[attr-defined]
-        return kind
-
-    return decorate
-
-
 def kinds_of(annotation: Any) -> tuple[type, ...]:
     """Classes that an annotation allows; empty if it allows numbers, arrays or lists."""
     kind = get_origin(annotation) or annotation

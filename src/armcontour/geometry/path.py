@@ -31,11 +31,6 @@ SAME_BREAK = 1e-12
 
 # The class has no slots, because a frozen class with slots raises an unclear error if a property is
 # assigned.
-@checks.hint_attributes(
-    **dict.fromkeys(("position", "point", "at"), "path(s)"),
-    tangent="path(s, 1), or tangents",
-    points="vertices, or path(s)",
-)
 @declared(eq=False, slots=False)
 class Path(Checked):
     """A continuous chain of lines and arcs in the plane or in space, as a function of arc length.

@@ -141,15 +141,6 @@ class Samples(Frozen):
     __repr__ = short_repr
 
 
-@checks.hint_attributes(
-    **dict.fromkeys(("position", "at"), "trajectory(t)"),
-    velocity="trajectory(t, 1)",
-    acceleration="trajectory(t, 2)",
-    times="t",
-    positions="q",
-    velocities="dq",
-    accelerations="ddq",
-)
 @declared(eq=False, repr=False)
 class Trajectory(Checked):
     """Joint positions over time, made of consecutive time laws; derivatives can jump at breaks.

@@ -42,9 +42,8 @@ def test_csv_dialects_and_units_and_speeds_and_tolerances_are_read():
         path = read(text, **reading).path
         values = (path.length, path.speeds[0], path.tolerances[0])
         np.testing.assert_allclose(values, np.array([10, 5, 0.1]) * unit, rtol=1e-12)
-    values = read("x;y;event\n0;0;gas=2.5\n1,5;-0,25;a,b=on\n").contours[0]
+    values = read("x;y\n0;0\n1,5;-0,25\n").contours[0]
     np.testing.assert_array_equal(values.path.vertices, [[0, 0], [1.5, -0.25]])
-    assert [x.name for x in values.events] == ["gas", "a,b"]
     # They are of the line that ends at the row.
     text = "x,y,speed [mm/s],tolerance_mm\n0,0,,\n1,0,100,1\n1,1,,0.5\n2,1,50,\n"
     path = read(text).path
@@ -62,17 +61,12 @@ def test_repaired_coordinates_keep_the_numbers_of_their_waypoints():
         np.testing.assert_allclose(path.vertices[path.waypoints], remaining, atol=1e-12)
 
 
-def test_names_of_contours_layers_and_events_are_read():
+def test_names_of_contours_and_layers_are_read():
     # A new name begins a contour, and empty cells go on.
     text = "x,y,contour,layer\n0,0,a,one\n1,0,,\n0,1,b,\n1,1,b,one\n0,2,b,two\n1,2,b,two\n"
     contours = read(text).contours
     assert [(x.name, x.layer) for x in contours] == [("a", "one"), ("b", "one"), ("b", "two")]
     assert [x.path.length for x in contours] == [1, 1, 1]
-    # Events come at their rows.
-    text = 'x,y,event\n0,0,laser=on\n2,0,"gas=2.5; mode=fine;beep"\n2,0,repeat=off\n3,0,laser=OFF\n'
-    events = [(x.name, x.value, x.s) for x in read(text).contours[0].events]
-    at_2 = [("gas", 2.5, 2), ("mode", "fine", 2), ("beep", True, 2), ("repeat", False, 2)]
-    assert events == [("laser", True, 0), *at_2, ("laser", False, 3)]
 
 
 def test_quaternions_angles_and_axes_orient_the_tool():
@@ -115,12 +109,12 @@ x,y,z,qx [mm],qy,qz,qw|0,0,0,0,0,0,1|1,0,0,0,0,0,1 => unit 'mm' of the column 'q
 x,y|0,0|1 => line 3: the row has 1 values, but must have 2
 x,y|0,0|# note||1,a => line 5, column 'y': 'a' is not a finite number
 x;y|0;0|1,5,;1 => line 3, column 'x': '1,5,' is not a finite number
-x,y,event|0,0,"gas|1,0, => line 2: ... quotes
+x,y,layer|0,0,"gas|1,0, => line 2: ... quotes
 x,y|0,0|1,1e9 => line 3, column 'y': the value must be within 1e+06 m
 x,y|0,0|,1 => line 3, column 'x': the value must not be empty
 x,y|0,0|0,0 => line 2 has no two different points
 x,y,speed|0,0,1|1,0,0 => line 3, column 'speed': the value must be above zero, but is 0
-x,y,event|0,0,=on|1,0, => line 2, column 'event': '=on' is not a valid event
+x,y,event|0,0,gas=on|1,0, => line 1: unknown column 'event'
 x,y,ax,ay,az|0,0,0,0,1|1,0,0,0,1 => the column z
 x,y,z,qx,qy,qz,qw|0,0,0,0,0,0,2|1,0,0,0,0,0,1 => length 1, but has length 2
 x,y,z,ax,ay,az,roll,pitch,yaw|0,0,0,0,0,1,0,0,0|1,0,0,0,0,-1,0,0,0 => orientation twice
@@ -134,7 +128,6 @@ HOSTILE = [
     (f"x,y,{'q' * 100_000}\n0,0,1\n1,1,1\n", "unknown column 'qqq"),
     ("x,y,contour\n0,0,c\x1b]52;c;\x1b\\\n1,1,\n", "line 2, column 'contour' has the"),
     ("x,y,layer\n0,0,\u202eabc\n1,1,\n", "column 'layer' has the character U+202E"),
-    (f"x,y,event\n0,0,{'e' * 81}=on\n1,1,\n", "81 characters, more than 80"),
 ]
 
 

@@ -1,4 +1,4 @@
-"""Reader for waypoints in CSV tables: points, tool orientations, speeds, tolerances, events."""
+"""Reader for waypoints in CSV tables: points, tool orientations, speeds and tolerances."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import QUATERNION_TOLERANCE, from_rpy
-from armcontour.core.text import plain_number, show
+from armcontour.core.text import show
 from armcontour.files.csv_table import CsvTable, Title, read_table
 from armcontour.files.drawings.read_options import MAX_COORDINATE, ReadOptions, repair_vertices
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.program import Contour, Event, Program
+from armcontour.program import Contour, Program
 
 POINT = ("x", "y", "z")
 QUATERNION = ("qx", "qy", "qz", "qw")
 ANGLES = ("roll", "pitch", "yaw")
 AXIS = ("ax", "ay", "az")
-TEXTS = ("contour", "layer", "event")
+TEXTS = ("contour", "layer")
 KNOWN = (*POINT, *QUATERNION, *ANGLES, *AXIS, "speed", "tolerance", *TEXTS)
 # SI units of the columns with a unit.
 UNITS = {
@@ -32,7 +32,6 @@ UNITS = {
     "speed": "m/s",
 }
 _NAME = re.compile(r"(?P<name>[A-Za-z]+)(?:_(?P<unit>[A-Za-zµ°]\S*))?")
-SWITCHED = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}
 
 
 def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program:
@@ -40,7 +39,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
 
     The columns are `x`, `y` and, in space, `z`. Optional columns are the tool orientation (`qx`,
     `qy`, `qz`, `qw`, or `roll`, `pitch`, `yaw` about fixed axes, or the tool axis `ax`, `ay`, `az`
-    with free rotation about the axis), `speed`, `tolerance`, `contour`, `layer` and `event`. A unit
+    with free rotation about the axis), `speed`, `tolerance`, `contour` and `layer`. A unit
     follows in brackets or as a suffix: `x [mm]`, `x_mm`. Without a unit, lengths are in
     `options.unit` or m, speeds in this unit per second, and angles in rad. Speed and tolerance of a
     row apply to the line that ends at the waypoint of the row. A new name in `contour` or `layer`
@@ -49,8 +48,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     table, notes = _read(data, source, options)
     values = _quantities(table, options)
     orientation = _orientation(table, values)
-    texts = {key: list(_fill_down(_texts(table, key))) for key in ("contour", "layer")}
-    events = _texts(table, "event")
+    texts = {key: list(_fill_down(_texts(table, key))) for key in TEXTS}
     bounds = [0, *_changes(texts), len(table.lines)]
     contours = []
     for k, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
@@ -60,9 +58,8 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
         for key in texts.keys() & table.columns.keys():
             checks.check_name(f"name in {table.place(first, key)}", texts[key][first])
         name = texts["contour"][first] or f"contour {k + 1}"
-        switched = _events(table, events, rows, path)
         layer = texts["layer"][first]
-        contours.append(Contour(path=path, name=name, number=k + 1, layer=layer, events=switched))
+        contours.append(Contour(path=path, name=name, number=k + 1, layer=layer))
     program = Program(moves=tuple(contours), source=source, notes=tuple(notes))
     return repair_vertices(program, options)
 
@@ -101,7 +98,6 @@ def _title(name: str) -> Title[str] | None:
     """Content and unit of a column from its title; None if the title is unknown."""
     match = _NAME.fullmatch(name.strip())
     key = match["name"].lower() if match else ""
-    key = "event" if key == "events" else key
     if match is None or key not in KNOWN:
         return None
     unit = match["unit"]
@@ -242,39 +238,3 @@ def _orient(
     except InvalidInput as error:
         i = rows.start + (error.index or 0)
         raise InvalidInput(f"{table.place(i, *keys)}: {error}", index=i) from None
-
-
-def _events(
-    table: CsvTable[str], texts: Sequence[str], rows: slice, path: Path
-) -> tuple[Event, ...]:
-    """Events of the rows of a contour, parsed from text such as `laser=on; gas=2.5`."""
-    if "event" not in table.columns:
-        return ()
-    # A point that repeats the previous point shares its vertex.
-    repeated = np.zeros(rows.stop - rows.start, dtype=np.intp)
-    repeated[list(path.merged)] = 1
-    vertices = np.arange(len(repeated)) - np.cumsum(repeated)
-    events = []
-    for i in range(rows.start, rows.stop):
-        for part in texts[i].split(";") if texts[i] else ():
-            name, equals, value = (x.strip() for x in part.partition("="))
-            if not name or (equals and not value):
-                raise InvalidInput(
-                    f"{table.place(i, 'event')}: {texts[i][:40]!r} is not a valid event. Write "
-                    "name=value, such as laser=on, and separate events by semicolons.",
-                    index=i,
-                )
-            s = float(path.breaks[vertices[i - rows.start]])
-            try:
-                events.append(Event(name=name, value=_value(value) if equals else True, s=s))
-            except InvalidInput as error:
-                raise InvalidInput(f"{table.place(i, 'event')}: {error}", index=i) from None
-    return tuple(events)
-
-
-def _value(text: str) -> bool | float | str:
-    """Convert the text of an event's value (on, 2.5, a word) to a bool, number or text."""
-    if text.lower() in SWITCHED:
-        return SWITCHED[text.lower()]
-    number = plain_number(text)
-    return text if number is None else number
