@@ -9,7 +9,7 @@ import numpy as np
 import armcontour as ac
 from armcontour.core.checks import FloatArray
 from armcontour.files import parse_job
-from armcontour.files.cell import read_cell
+from armcontour.files.job_file import read_cell
 from soak import Outcome
 
 DRAWINGS = FilePath(__file__).parents[1] / "examples" / "drawings"

@@ -13,7 +13,7 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import MAX_CHARACTERS, load
 from armcontour.files import parse_job
-from armcontour.files.cell import read_cell
+from armcontour.files.job_file import read_cell
 from armcontour.jobs import Experiment, run
 
 

@@ -17,7 +17,7 @@ from armcontour.cli.commands import program_for
 from armcontour.cli.inputs import read_option
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Speed, Time
-from armcontour.files.cell import cell_names
+from armcontour.files.job_file import cell_names
 
 JOB = {
     "name": "bracket",

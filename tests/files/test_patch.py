@@ -7,7 +7,7 @@ from tests.files.tables import refusals, values
 
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job, parse_set
-from armcontour.files.cell import read_cell
+from armcontour.files.job_file import read_cell
 from armcontour.files.job_text_edits import REMOVE, change_data
 from armcontour.files.patch import key_of, locate_key, resolve_patch, write_patch
 from armcontour.jobs import Rounding

@@ -7,8 +7,7 @@ import pytest
 from tests.files.tables import refusals, rows
 
 from armcontour.core.errors import InvalidInput
-from armcontour.files.cell import cell_names, read_cell
-from armcontour.files.job_file import parse_job
+from armcontour.files.job_file import cell_names, parse_job, read_cell
 from armcontour.files.mesh_file import read_mesh
 from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere

@@ -12,7 +12,7 @@ from tests.jobs.making import ARM, a_job, a_run
 import armcontour as ac
 from armcontour.core.errors import Unreachable
 from armcontour.core.progress import Step
-from armcontour.files.cell import read_cell
+from armcontour.files.job_file import read_cell
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Rounding, run, warnings_of
 from armcontour.jobs.plan_quantities import full_stops

@@ -11,7 +11,7 @@ import armcontour as ac
 from armcontour.core import render
 from armcontour.core.render import plain
 from armcontour.files import parse_job
-from armcontour.files.cell import read_cell
+from armcontour.files.job_file import read_cell
 from armcontour.jobs.advice import with_advice
 
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"

@@ -10,7 +10,7 @@ from tests.dynamics_extra import mark_all_but, needs_dynamics
 
 import armcontour as ac
 from armcontour.core.render import LIMITS, number
-from armcontour.files.cell import read_cell
+from armcontour.files.job_file import read_cell
 from armcontour.jobs import run
 from armcontour.program import Lead, Process
 from armcontour.report import render_report

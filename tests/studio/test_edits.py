@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import parse_quantity
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
-from armcontour.files.cell import cell_names, cell_text
+from armcontour.files.job_file import cell_names, cell_text
 from armcontour.files.job_text_edits import change_data, value_at
 from armcontour.files.patch import key_of, locate_key
 from armcontour.studio.description import slider_rows

@@ -11,7 +11,7 @@ from tests.studio.conftest import DRAWINGS
 from tests.studio.session_pages import JOB, ImmediateWorker, RecordingTaskWorker, SessionPage
 
 import armcontour as ac
-from armcontour.files.cell import cell_names, drawing_text
+from armcontour.files.job_file import cell_names, drawing_text
 from armcontour.files.job_text_edits import Change, change_data
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.connection import open_session

@@ -23,8 +23,8 @@ from armcontour.core.render import plain
 from armcontour.core.result import Row
 from armcontour.core.text import digits, joint_label, list_some, show
 from armcontour.core.yaml_loader import load
-from armcontour.files.cell import read_cell_scene
 from armcontour.files.drawings.read import YAML
+from armcontour.files.job_file import read_cell_scene
 from armcontour.files.joint_table import TrajectoryFile
 from armcontour.files.robots.loading import load_arm
 from armcontour.jobs import Job, Run, prepare_program, round_program

@@ -20,8 +20,7 @@ from armcontour.core.quantities import Angle, Length
 from armcontour.core.render import compare, plain, text
 from armcontour.core.result import TABLE
 from armcontour.files import batch as batches
-from armcontour.files.cell import drawing_text
-from armcontour.files.job_file import job_text
+from armcontour.files.job_file import drawing_text, job_text
 from armcontour.files.study_files import certificate_page
 from armcontour.studies import certification
 from armcontour.studies import placement as places

@@ -4,8 +4,7 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "exports.table": "write_planned write_set_points write_torque",
-    "cell": "cell_text read_job",
-    "job_file": "json_schema parse_job",
+    "job_file": "cell_text json_schema parse_job read_job",
     "robot_file": "read_limits",
     "mesh_file": "read_mesh",
     "patch": "parse_set",

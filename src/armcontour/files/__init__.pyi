@@ -1,10 +1,10 @@
-from armcontour.files.cell import cell_text as cell_text
-from armcontour.files.cell import read_job as read_job
 from armcontour.files.exports.table import write_planned as write_planned
 from armcontour.files.exports.table import write_set_points as write_set_points
 from armcontour.files.exports.table import write_torque as write_torque
+from armcontour.files.job_file import cell_text as cell_text
 from armcontour.files.job_file import json_schema as json_schema
 from armcontour.files.job_file import parse_job as parse_job
+from armcontour.files.job_file import read_job as read_job
 from armcontour.files.mesh_file import read_mesh as read_mesh
 from armcontour.files.patch import parse_set as parse_set
 from armcontour.files.result_folder import ResultFolder as ResultFolder

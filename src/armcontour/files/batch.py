@@ -24,7 +24,7 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import compare, jsonable, lay_out
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.text import count_noun, short_repr, show
-from armcontour.files.cell import read_job
+from armcontour.files.job_file import read_job
 from armcontour.files.patch import Patch, key_of
 from armcontour.jobs import Job, run
 

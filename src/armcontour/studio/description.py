@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import About, unit_of
 from armcontour.core.text import Keys
-from armcontour.files.cell import GEOMETRY_KEYS
+from armcontour.files.job_file import GEOMETRY_KEYS
 from armcontour.files.job_model import JobModel, RunModel
 from armcontour.files.job_text_edits import line_of, value_at
 from armcontour.files.keys import key_fields, kinds_of_keys, leaves, quantity_of

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_bytes, write_atomically
-from armcontour.files.cell import drawing_text
-from armcontour.files.job_file import read_data
+from armcontour.files.job_file import drawing_text, read_data
 from armcontour.files.job_text_edits import write_data
 from armcontour.studio.recent import Recent, drop_recent, find_draft
 

@@ -15,8 +15,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Quantity, unit_of, write_like
 from armcontour.core.text import Keys, show
-from armcontour.files.cell import GEOMETRY_KEYS
 from armcontour.files.job_arm import frame_of
+from armcontour.files.job_file import GEOMETRY_KEYS
 from armcontour.files.job_model import FrameModel, PathModel
 from armcontour.files.job_text_edits import Change, change_data
 from armcontour.files.keys import in_si

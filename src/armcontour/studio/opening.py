@@ -12,8 +12,8 @@ from typing import Any
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
-from armcontour.files.cell import cell_names, cell_text, drawing_patch, drawing_text
 from armcontour.files.drawings.read import READERS, YAML
+from armcontour.files.job_file import cell_names, cell_text, drawing_patch, drawing_text
 from armcontour.files.job_text_edits import Change
 from armcontour.files.patch import Patch, key_of, write_patch
 from armcontour.studio.document import Document

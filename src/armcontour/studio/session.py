@@ -20,7 +20,7 @@ from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
 from armcontour.core.text import show
-from armcontour.files.cell import cell_names
+from armcontour.files.job_file import cell_names
 from armcontour.report.message_frame import MessageFrame
 from armcontour.report.plan_frames import drawing_frame, error_place
 from armcontour.report.view import View

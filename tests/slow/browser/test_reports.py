@@ -13,7 +13,7 @@ from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour.files import parse_job
-from armcontour.files.cell import read_cell
+from armcontour.files.job_file import read_cell
 from armcontour.jobs import CertificateGoal
 from armcontour.report import (
     render_demo,
