@@ -1,5 +1,7 @@
 """Exports on the command line: options, and `export` of an earlier result."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -79,6 +81,42 @@ runs:
   free: {timing: {reserve: 20 %}}
   kept: {timing: {reserve: 20 %}, command_limits: {joint_acceleration: 3.14159 rad/s^2}}
 """
+
+
+CELL = """
+name: cell
+arm:
+  name: ur5e
+  work: {position: [0.5, 0, 0.2]}
+  rail: {axis: [0, 1, 0], upper: 1 m, velocity: 1 m/s, acceleration: 2 m/s^2}
+  positioner:
+    axes:
+      - {name: turn, axis: [0, 0, 1], origin: [0.5, 0, 0.2], lower: -3 rad, upper: 3 rad,
+         velocity: 1 rad/s, acceleration: 2 rad/s^2}
+path:
+  points: [[0.05, -0.05, 0.1], [0.05, 0.05, 0.1]]
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 50 mm/s}
+servo: {kp: 25 1/s, kv: 150 1/s}
+cycle: 4 ms
+runs:
+  moved: {}
+"""
+
+
+def test_exporting_an_earlier_result_writes_its_external_axes(call, folder):
+    (folder / "cell.yaml").write_text(CELL)
+    call("run", "cell.yaml", "--force", "--out", "cell")
+    written = pd.read_csv(folder / "cell" / "moved" / "set_points.csv")
+    last = [1e3 * written["q rail [m]"].iloc[-1], np.degrees(written["q turn [rad]"].iloc[-1])]
+    number = r"(-?[0-9.]+)"
+    for ending, form in (
+        ("src", rf"E1 {number}, E2 {number}\}}"),
+        ("mod", rf"\[{number}, {number}, 9E9"),
+    ):
+        call("export", "cell", f"cell.{ending}", "--force")
+        found = re.findall(form, (folder / f"cell.{ending}").read_text())[-1]
+        np.testing.assert_allclose([float(x) for x in found], last, rtol=0, atol=1e-5)
 
 
 def test_a_warning_of_accelerations_names_command_limits(call, folder):

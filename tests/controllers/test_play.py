@@ -15,6 +15,9 @@ from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import play
 from armcontour.core.errors import ControllerRefused
 from armcontour.files import parse_job
+from armcontour.files.log_file import log_text
+from armcontour.files.robot_file import servo_yaml
+from armcontour.jobs.run_learning import learn_logs
 
 JOB = """
 name: line
@@ -85,6 +88,39 @@ def test_reported_differences_are_computed_from_the_log(job):
     path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
     distance = path.project(arm.tool_position(record.measured)).distance.max()
     assert data["contour_error.max"].value == pytest.approx(distance, rel=0.02)
+
+
+RAIL = """
+name: seam
+arm:
+  name: ur5e
+  rail: {axis: [0, 1, 0], upper: 1 m, velocity: 1 m/s, acceleration: 2 m/s^2}
+path:
+  points: [[-0.5, 0, 0.3], [-0.5, 0.4, 0.3], [-0.4, 0.4, 0.3]]
+  orientation: {axis: [0, 0, -1]}
+corners: {tolerance: 5 mm, continuity: curvature}
+limits: {speed: 0.15 m/s}
+servo: {kp: 25 1/s, kv: 150 1/s}
+cycle: 4 ms
+runs: {only: {compensation: {method: inverse}, timing: {reserve: 50 %}}}
+"""
+
+
+def test_values_of_a_rail_are_in_m():
+    job, units = parse_job(RAIL), "m, " + ", ".join(["rad"] * 6)
+    played = run_at(job, simulated(acceleration=3.0, cycle=4e-3, noise=1e-5))
+    data, log = played.to_data(), played.log
+    assert data["difference.joints"].unit == units and data["distance"].unit == "rad, m"
+    assert "command 1 [m],command 2 [rad]" in log_text(log)
+    fit = ac.identify([log], ac.ServoFit(kinematics=job.arm))
+    rail, turned = (x.to_data() for x in fit.joints[:2])
+    assert (rail["unseen_rms"].unit, turned["unseen_rms"].unit) == ("m", "rad")
+    assert f"# {units}" in servo_yaml(fit)
+    learned = learn_logs(job, played.plan, [log])
+    assert learned.runs[0].to_data()["joint_rms"].unit == units
+    servo = job.servo.replace(friction=1e-3, acceleration_limit=3.0)
+    text = servo.describe(job.arm.chain.prismatic)
+    assert "friction 1 mm, 1 mrad" in text and "acceleration limit 3 m/s², 3 rad/s²" in text
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from tests.files.tables import parse_log, refusals
 
 from armcontour.core.errors import InvalidInput
 from armcontour.files import parse_trajectory
-from armcontour.files.log_file import read_run_log
+from armcontour.files.log_file import log_text, read_run_log
 
 COUNT = 60
 T = 0.008 * np.arange(COUNT)
@@ -127,6 +127,13 @@ def test_decimal_commas_and_units_are_read():
         np.testing.assert_allclose(log.command, U, atol=1e-8)
         np.testing.assert_allclose(log.measured, Q, atol=1e-8)
         assert parse_trajectory(text).q.shape == (COUNT, 2)
+    slid = [1e3 * U[:, 0], degrees[1], 1e2 * Q[:, 0], degrees[3]]
+    log = parse_log(table(["t", "u1 [mm]", "u2 [deg]", "q1 [cm]", "q2 [deg]"], *slid))
+    np.testing.assert_allclose(log.measured, Q, atol=1e-8)
+    assert log.prismatic == (True, False)
+    again = parse_log(log_text(log))
+    np.testing.assert_array_equal(again.command, log.command)
+    assert again.prismatic == log.prismatic
     quoted = table(["t", "u1", "q1"], U[:, 0], Q[:, 0], separator='","', comma=False)
     rows = [f'"{x.replace(".", ",")}"' for x in quoted.splitlines()]
     np.testing.assert_allclose(parse_log("\n".join(rows)).command[:, 0], U[:, 0], atol=1e-8)

@@ -355,6 +355,9 @@ def test_a_rail_is_the_first_joint():
         values = getattr(arm.limits, f"joint_{name}")
         np.testing.assert_array_equal(values[0], first)
         np.testing.assert_array_equal(values[1:], getattr(bare.limits, f"joint_{name}"))
+    assert "0.7 m/s, " in str(arm.limits) and "900 N, " in str(arm.limits)
+    slow = ac.Limits(joint_velocity=0.5).over(arm.limits)
+    assert "0.5 m/s, 0.5 rad/s, " in str(slow) and "0.7 m/s" not in str(slow)
     # The force moves the carriage and all links, and holds them against gravity along the axis.
     still = np.zeros(7)
     force = arm.dynamics.torque(q[0], still, np.eye(7)[0])[0]

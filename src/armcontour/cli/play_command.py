@@ -97,10 +97,10 @@ def refuse_without_terminal(options: ControllerOptions) -> None:
 @contextmanager
 def confirmed(dry: Played, stop: threading.Event, progress: ProgressDisplay) -> Iterator[None]:
     """Context of a motion, which a signal stops, after the user has typed the name of the arm."""
-    name = dry.job.arm.name
+    name, distance = dry.job.arm.name, number(dry.distance, player.any_unit(dry.job.arm))
     progress.hide()
     answer = typer.prompt(
-        f"{name} will move on {dry.controller}, first by up to {number(dry.distance, 'rad')} to "
+        f"{name} will move on {dry.controller}, first by up to {distance} to "
         f"the start. Type {name} to continue",
         default="",
     )

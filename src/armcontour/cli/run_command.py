@@ -105,7 +105,8 @@ def write_motions(
 def _result_lines(study: jobs.JobResult) -> Sequence[str]:
     """Verdict, values, remarks and warnings of each run."""
     job, runs = study.job, study.figures
-    title = f"{job.title}, simulated with {job.plant_servo}" if study.simulated else job.title
+    servo = job.plant_servo.describe(job.arm.chain.prismatic)
+    title = f"{job.title}, simulated with {servo}" if study.simulated else job.title
     if len(runs) == 1:
         lines = [title, *text(next(iter(runs.values()))).splitlines()]
     else:

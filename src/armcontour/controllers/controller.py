@@ -27,6 +27,7 @@ from armcontour.core.result import Row
 from armcontour.core.text import count_noun
 from armcontour.motion.nearest_commands import find_excess
 from armcontour.robot import Arm, Limits
+from armcontour.robot.arm import unit_of
 
 # Timeouts of connecting, and of ending the feeder process, which may first stop the robot [s].
 CONNECTING, CLOSING = 20.0, 60.0
@@ -277,6 +278,7 @@ class Controller:
     def __init__(self, address: str = "") -> None:
         self.address = address
         self._channel: _Channel | None = None
+        self._arm: Arm | None = None
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
         """Command of the feeder process, which writes its files to `folder`."""
@@ -309,6 +311,7 @@ class Controller:
         Raises:
             ControllerRefused: The controller cannot be reached, or has other joints.
         """
+        self._arm = arm
         folder = FilePath(tempfile.mkdtemp(prefix="armcontour-play-"))
         try:
             command = self._command(arm, start, folder)
@@ -374,7 +377,7 @@ class Controller:
                 # After a stop by the feeder itself, joints deviate from their predictions.
                 stopping = stopping or "X" in channel.events
                 if not stopping:
-                    deviation = _deviation(rows, motion)
+                    deviation = _deviation(rows, motion, self._arm)
                     reason = deviation or stops.error
                     if reason or stop_requested():
                         channel.send(["S"])
@@ -432,10 +435,11 @@ class Controller:
         distance = np.abs(motion.q[0] - self.position())
         j = int(distance.argmax())
         if distance[j] > START:
+            unit = unit_of(self._arm, "rad", j)
             raise ControllerRefused(
-                f"Joint {j + 1} is commanded to {number(self.position()[j], 'rad')}, "
-                f"{number(distance[j], 'rad')} from the first set-point, but at most "
-                f"{number(START, 'rad')} are allowed. Move the robot there first.",
+                f"Joint {j + 1} is commanded to {number(self.position()[j], unit)}, "
+                f"{number(distance[j], unit)} from the first set-point, but at most "
+                f"{number(START, unit)} are allowed. Move the robot there first.",
                 joint=j,
                 needed=float(distance[j]),
                 allowed=START,
@@ -459,16 +463,18 @@ class Controller:
         # A motion ends with a rest, so repeated samples of the last row are not late.
         late = int((np.diff(k[k < len(q) - 1]) == 0).sum())
         command = table[:, 2 : 2 + dof]
-        deviation = float(np.abs(command - q[np.minimum(k, len(q) - 1)]).max(initial=0.0))
+        deviations = np.abs(command - q[np.minimum(k, len(q) - 1)]).max(axis=0, initial=0.0)
+        deviation = float(deviations.max())
         notes = [*notes, *(x for kind, x in EVENTS.items() if kind in channel.events)]
         if missing:
             notes.append(f"{count_noun(missing, 'sample')} of the record are missing.")
         if late:
             notes.append(f"{count_noun(late, 'set-point')} came late.")
         if deviation > SAME:
+            unit = unit_of(self._arm, "rad", int(deviations.argmax()))
             notes.append(
-                f"The controller used other set-points than those sent, by up to "
-                f"{number(deviation, 'rad')}."
+                "The controller used other set-points than those sent, by up to "
+                f"{number(deviation, unit)}."
             )
         return PlayedMotion(
             t=(clock - (clock[0] if len(clock) else 0.0)) * self.cycle,
@@ -487,7 +493,7 @@ def rows_as_lines(q: FloatArray) -> list[str]:
     return [*("P " + " ".join(map(repr, row)) for row in q[:n].tolist()), f"H {len(q) - n}"]
 
 
-def _deviation(rows: Sequence[Sequence[float]], motion: Motion) -> str:
+def _deviation(rows: Sequence[Sequence[float]], motion: Motion, arm: Arm | None) -> str:
     """A sentence if a joint left the band around its prediction; else an empty text."""
     if not rows or motion.predicted is None or motion.band is None:
         return ""
@@ -498,8 +504,9 @@ def _deviation(rows: Sequence[Sequence[float]], motion: Motion) -> str:
     if (errors <= motion.band).all():
         return ""
     i, j = np.unravel_index(int((errors - motion.band).argmax()), errors.shape)
+    unit = unit_of(arm, "rad", int(j))
     return (
-        f"Joint {j + 1} was {number(errors[i, j], 'rad')} from its predicted position in cycle "
-        f"{k[i]}, above the allowed {number(motion.band[j], 'rad')}. Check its drive, or identify "
+        f"Joint {j + 1} was {number(errors[i, j], unit)} from its predicted position in cycle "
+        f"{k[i]}, above the allowed {number(motion.band[j], unit)}. Check its drive, or identify "
         "its servo."
     )

@@ -19,6 +19,7 @@ from armcontour.core.file_access import read_text
 from armcontour.core.result import Row
 from armcontour.core.text import count_noun
 from armcontour.robot import Arm, Limits
+from armcontour.robot.arm import unit_of
 from armcontour.robot.servo import ServoModel
 
 # Parent folder of the package, for PYTHONPATH of the system's Python.
@@ -75,7 +76,8 @@ class LinuxCNC(Controller):
             return [Row("joints", list(arm.joint_names), "", "joints of the HAL file")]
         assert self.drives is not None
         accelerations = list(_accelerations(self.drives, arm))
-        return [Row("drive_accelerations", accelerations, "rad/s²", "accelerations of the drives")]
+        unit = unit_of(arm, "rad/s²")
+        return [Row("drive_accelerations", accelerations, unit, "accelerations of the drives")]
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
         if self.hal_file is None:

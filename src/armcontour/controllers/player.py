@@ -15,7 +15,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput, NotRealizable
 from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import AngularDistance, Quantity
+from armcontour.core.quantities import AngularDistance, Quantity, joint_units, shared_unit
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.sampled_data import differences
@@ -29,6 +29,7 @@ from armcontour.motion import JointPath, Log, SetPoints, Trajectory
 from armcontour.planning import plan, stop
 from armcontour.planning.options import Optimal
 from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.limits import LIMITS
 from armcontour.robot.servo import ServoModel
@@ -221,12 +222,14 @@ class Played(Result):
             interpolation="linear",
             source=self.controller,
             notes=record.notes,
+            prismatic=self.job.arm.chain.prismatic or (),
         )
 
     def to_data(self) -> Data:
         """Rows on the run, the checks, and the motion if one was executed."""
         record = self.record
         moved = None if record is None else record.stopped is None
+        units = any_unit(self.job.arm)
         rows = [
             Row("executed", bool(record or self.approach), "", "executed", level=VERDICT),
             *self.results,
@@ -234,7 +237,7 @@ class Played(Result):
             Row("run", self.plan.run.name, "", "run", level=FIRST),
             Row("speed_factor", self.speed_factor, "1", "share of the speed", level=FIRST),
             Row("duration", self.plan.trajectory.duration, "s", "duration", level=FIRST),
-            Row("distance", self.distance, "rad", "distance from the start", level=FIRST),
+            Row("distance", self.distance, units, "distance from the start", level=FIRST),
             *self.checks,
             Row("completed", moved, "", "played to its end", level=FIRST),
         ]
@@ -242,7 +245,7 @@ class Played(Result):
         if record is None and self.approach:
             notes = (
                 "Stopped on the way to the start: the joints have moved by up to "
-                f"{number(self.approach, 'rad')}.",
+                f"{number(self.approach, units)}.",
             )
         return Data(f"Run {self.plan.run.name} on {self.controller}", tuple(rows), notes=notes)
 
@@ -407,7 +410,7 @@ class Player:
                 if self.stop_requested():
                     return played
             report(Step(("playing",)))
-            return replace(played, record=self._stream(ready.motion))
+            return replace(played, record=self._stream(ready.motion, ready.job.arm))
 
     def _move_to_start(self, ready: Played) -> None:
         """Move in joint space to the first set-point, again if set-points were late."""
@@ -419,18 +422,18 @@ class Player:
                 # Late set-points stopped the motion at its end.
                 return
             approach = approach_of(job, limits, position, start, controller.cycle)
-            record = self._stream(approach)
+            record = self._stream(approach, job.arm)
             distance = np.abs(record.measured[-1] - start).max()
             if self.stop_requested() or (record.stopped is None and distance <= LEAST):
                 return
             if record.stopped is None or record.deviated:
                 break
         raise ControllerRefused(
-            f"The motion to the start ended {number(distance, 'rad')} from it. "
+            f"The motion to the start ended {number(distance, any_unit(job.arm))} from it. "
             f"{' '.join(record.notes) or 'Check the drives.'}"
         )
 
-    def _stream(self, motion: Motion) -> PlayedMotion:
+    def _stream(self, motion: Motion, arm: Arm) -> PlayedMotion:
         """Play a motion, and refuse drives that have not moved."""
         record = self.controller.stream(motion, self.stop_requested)
         if not len(record.t):
@@ -438,9 +441,10 @@ class Player:
         commanded, moved = (np.ptp(x, axis=0) for x in (record.command, record.measured))
         j = int(commanded.argmax())
         if commanded[j] > LEAST and moved[j] < STILL * commanded[j]:
+            unit = unit_of(arm, "rad", j)
             raise ControllerRefused(
                 f"The drives have not moved: joint {j + 1} was commanded to move by "
-                f"{number(commanded[j], 'rad')}, but has moved by {number(moved[j], 'rad')}. Check "
+                f"{number(commanded[j], unit)}, but has moved by {number(moved[j], unit)}. Check "
                 "that the drives are enabled, and that their positions are measured.",
                 joint=j,
                 needed=float(commanded[j]),
@@ -454,13 +458,15 @@ def _measure_distance(ready: Played, position: FloatArray) -> float:
     low, high = ready.plan.run.limits.joint_range(len(start))
     distance = np.abs(position - start)
     beyond = np.maximum(low - position, position - high) - START
-    j = int(np.maximum(beyond, distance - TURN).argmax())
-    if beyond[j] > 0 or distance[j] >= TURN:
-        where = f"{number(distance[j], 'rad')} from the start, at least a turn"
+    turn = np.where(ready.job.arm.chain.slides, np.inf, TURN)
+    j = int(np.maximum(beyond, distance - turn).argmax())
+    if beyond[j] > 0 or distance[j] >= turn[j]:
+        unit = unit_of(ready.job.arm, "rad", j)
+        where = f"{number(distance[j], unit)} from the start, at least a turn"
         if beyond[j] > 0:
-            where = f"outside its range of {number(low[j], 'rad')} to {number(high[j], 'rad')}"
+            where = f"outside its range of {number(low[j], unit)} to {number(high[j], unit)}"
         raise ControllerRefused(
-            f"Joint {j + 1} is at {number(position[j], 'rad')}, {where}. Check unit and zero of "
+            f"Joint {j + 1} is at {number(position[j], unit)}, {where}. Check unit and zero of "
             "its measured position, or move the joint by other means.",
             joint=j,
             needed=float(position[j]),
@@ -513,7 +519,14 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
     kept: bool | None = False
     reason = " ".join(record.notes) or "stopped on request"
     rows = [
-        Row("difference.joints", joints.max(axis=0), "rad", "joint difference", where, FIRST),
+        Row(
+            "difference.joints",
+            joints.max(axis=0),
+            unit_of(arm, "rad"),
+            "joint difference",
+            where,
+            FIRST,
+        ),
         Row("difference.tool", float(tool.max()), "m", "tool difference", when, FIRST),
     ]
     if record.stopped is None:
@@ -527,9 +540,15 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
         j = int(joints[-1].argmax())
         if joints[-1, j] > (LEAST if band is None else band):
             kept = False
-            reason = f"joint {j + 1} rests {number(joints[-1, j], 'rad')} from its simulated end"
+            rest = number(joints[-1, j], unit_of(arm, "rad", j))
+            reason = f"joint {j + 1} rests {rest} from its simulated end"
     verdict = Row("kept", kept is not False, JUDGED, "verdict", reason, VERDICT)
     return replace(played, results=(verdict, *rows))
+
+
+def any_unit(arm: Arm) -> str:
+    """Unit of the position of any joint; several units if they differ."""
+    return shared_unit("rad", sorted(set(arm.chain.prismatic or ())))
 
 
 def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> Run:
@@ -568,9 +587,10 @@ def _check_accelerations(run_name: str, points: SetPoints, limits: Limits, is_sa
     i, j = divmod(int(use.ratio.argmax()), use.ratio.shape[1])
     needed, ratio = float(use.value[i, j]), float(use.ratio[i, j])
     if ratio > 1 + ROUNDING and not is_safe:
+        unit = joint_units("rad/s^2", limits.prismatic or (False,) * (j + 1))[j]
         raise ControllerRefused(
-            f"The set-points of run {run_name} demand {number(needed, 'rad/s^2')} of joint "
-            f"{j + 1}, above its limit {number(needed / ratio, 'rad/s^2')}, because they "
+            f"The set-points of run {run_name} demand {number(needed, unit)} of joint "
+            f"{j + 1}, above its limit {number(needed / ratio, unit)}, because they "
             "compensate a servo that was not identified. Identify it (armcontour identify --on), "
             "and copy the key servo of servo.yaml, with contour_ratio, to the job. Or play without "
             f"compensation (--set runs.{run_name}.compensation.method=none).",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
@@ -74,6 +74,17 @@ class Quantity:
         if value >= 0 > high:
             return "be below zero"
         return f"be from {low:g} to {high:g}{unit}"
+
+
+def joint_units(unit: str, prismatic: Iterable[bool]) -> list[str]:
+    """Unit of each joint, from that of revolute joints."""
+    return [linear_unit(unit) if x else unit for x in prismatic]
+
+
+def shared_unit(unit: str, prismatic: Iterable[bool]) -> str:
+    """Unit of all joints, from that of revolute joints; a list of units if they differ."""
+    units = joint_units(unit, prismatic)
+    return ", ".join(units) if len(set(units)) > 1 else (units or [unit])[0]
 
 
 def linear_unit(unit: str) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.quantities import joint_units
 from armcontour.core.text import list_some, show
 from armcontour.files.csv_table import MAX_NAMED, CsvTable, read_table
 from armcontour.files.joint_table import (
@@ -49,9 +50,10 @@ def read_log(
     `command shoulder`, and a measured position, `q1`, `measured 1` or `measured shoulder`. The
     column names of UR's RTDE client, ROS 2 in PlotJuggler, KUKA's RSI, ABB's EGM and libfranka are
     also read; `columns` names others. Units are SI unless specified in brackets (`t [ms]`,
-    `command 1 [deg]`). Other columns, and joints with only a command or only a measured position,
-    are ignored. Separators are commas, semicolons, tabs or blanks. Lines that start with # are
-    comments; the comment `# interpolation: step` specifies the interpolation between set-points.
+    `command 1 [deg]`, `command rail [mm]`). Other columns, and joints with only a command or only a
+    measured position, are ignored. Separators are commas, semicolons, tabs or blanks. Lines that
+    start with # are comments; the comment `# interpolation: step` specifies the interpolation
+    between set-points.
 
     >>> log = ac.read_log("log.csv")
     >>> log.measured.shape == (len(log.t), 1)
@@ -76,7 +78,8 @@ def read_log(
 def log_text(log: Log) -> str:
     """CSV text of a log with all digits and its notes, which `read_log` can read."""
     text = io.StringIO()
-    titles = [f"{kind} {j + 1} [rad]" for kind in ROLES for j in range(log.dof)]
+    units = joint_units("rad", log.prismatic)
+    titles = [f"{kind} {j} [{unit}]" for kind in ROLES for j, unit in enumerate(units, start=1)]
     comments = [] if log.interpolation is None else [f"interpolation: {log.interpolation}"]
     comment = "".join(f"# {x}\n" for x in (*comments, *log.notes))
     np.savetxt(
@@ -139,12 +142,23 @@ def _read_log(
         names, notes = _pair_joints(table, joints)
     samples = read_samples(table, [Key("q", x, y) for x in roles for y in names], *window)
     columns_of_roles = np.hsplit(samples.values, len(roles))
+    slides = []
+    for name in names:
+        columns_of_joint = [table.columns[Key("q", x, name)] for x in roles]
+        slides.append(any(x.linear for x in columns_of_joint))
+        angle = next((x for x in columns_of_joint if x.unit is not None and not x.linear), None)
+        if slides[-1] and angle is not None:
+            raise InvalidInput(
+                f"{table.heading}: the column {show(angle.title)} has the unit {show(angle.unit)}, "
+                "but another column of this joint has a unit of length. Correct one of them."
+            )
     log = cut_log(
         samples.t,
         columns_of_roles[0],
         columns_of_roles[-1],
         window,
         joint_names=tuple(f"joint {x}" if x.isdigit() else x for x in names),
+        prismatic=tuple(slides),
         interpolation=_find_interpolation(table.comments),
         source=table.source,
         notes=(*notes, *samples.notes),
@@ -167,12 +181,6 @@ def _pair_joints(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[li
             f"such as {EXAMPLE} (or rename them with {table.suggest('u1', 'q1')}). The known "
             f"formats are {', '.join(FORMATS)}."
         )
-    for column in table.columns.values():
-        if column.linear:
-            raise InvalidInput(
-                f"{table.heading}: the column {show(column.title)} has the unit "
-                f"{show(column.unit)} of a prismatic joint, but logs are of revolute joints."
-            )
     single = [key for key in table.columns if key.kind == "q" and key.joint not in pairs]
     if not pairs:
         key = single[0]

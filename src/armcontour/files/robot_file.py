@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ from armcontour._version import __version__
 from armcontour.core.errors import InvalidInput, error_context, key_context
 from armcontour.core.fields import quantities
 from armcontour.core.file_access import read_text
-from armcontour.core.quantities import Angle, Length, PartialFields
+from armcontour.core.quantities import Angle, Length, PartialFields, shared_unit
 from armcontour.core.render import figure
 from armcontour.core.yaml_loader import load
 from armcontour.files.keys import read_keys
@@ -108,7 +109,7 @@ def servo_yaml(identification: Identification) -> str:
         ),
         *(f"# {x.saturation}" for x in identification.joints if x.saturation),
         *([f"# {servo.doubt}"] if servo.doubt else []),
-        *servo_lines(servo, len(identification.joints)),
+        *servo_lines(servo, [x.prismatic for x in identification.joints]),
     ]
     return "\n".join(lines) + "\n"
 
@@ -118,11 +119,12 @@ def servo_values(identification: Identification) -> dict[str, Any]:
     return dict(load(servo_yaml(identification), "servo")["servo"])
 
 
-def servo_lines(servo: ServoModel, dof: int) -> list[str]:
+def servo_lines(servo: ServoModel, prismatic: Sequence[bool]) -> list[str]:
     """Lines of YAML with the key `servo`, with one value per joint."""
-    orders = [servo.order] * dof if isinstance(servo.order, str) else servo.order
+    orders = [servo.order] * len(prismatic) if isinstance(servo.order, str) else servo.order
     lines = ["servo:", f"  order: [{', '.join(orders)}]", f"  interpolation: {servo.interpolation}"]
     units = {name: x.unit for name, x in quantities(ServoModel).items() if x.unit != "1"}
+    units = {name: shared_unit(x, prismatic) for name, x in units.items()}
     for name in (x.name for x in fields(servo) if x.name not in ("order", "interpolation")):
         value = getattr(servo, name)
         comment = ", ".join(x for x in (units.get(name), COMMENTS.get(name)) if x)

@@ -338,6 +338,7 @@ class StoredRun:
     plain: bool = False  # Whether the set-points are those of the plan, without compensation
     limited: bool = False  # Whether the set-points have command limits
     outputs: Mapping[str, int | str] = field(default_factory=dict)  # Outputs of events by name
+    external: tuple[int, ...] = ()  # Indices of external axes
 
     def set_points(self, derivatives: int | None = None) -> SetPointTable:
         """Table of the set-points; `derivatives` as in `tabulate`."""
@@ -351,6 +352,7 @@ class StoredRun:
             start_time=start,
             joint_names=self.joint_names,
             prismatic=tuple(x is True for x in stored.prismatic),
+            external=self.external,
             derivatives=derivatives,
             command_limits=Limits() if self.limited else None,
         )
@@ -395,6 +397,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             plain=about.get("compensation") == "none",
             limited="command_use" in about,
             outputs=dict(about.get("outputs", {})),
+            external=tuple(data["arm"].get("external", ())),
         )
     except InvalidInput:
         raise

@@ -68,6 +68,7 @@ def job_data(study: JobResult, warnings: Sequence[str], parts: Mapping[str, Data
             Row("arm.name", arm.name),
             Row("arm.source", arm.source),
             Row("arm.joints", arm.joint_names),
+            *([Row("arm.external", arm.chain.external)] if arm.chain.external else ()),
             Row("arm.masses_known", arm.has_bodies),
             Row("arm.assumed", arm.chain.assumed or None),
             Row("arm.notes", arm.notes),

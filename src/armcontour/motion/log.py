@@ -18,6 +18,7 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.text import clock, count_noun, list_some, short_repr, show
 from armcontour.motion.log_checks import GAP, check_samples, refuse_wrapped
+from armcontour.robot import Arm
 
 # Interpolation of the command between two samples of a log.
 INTERPOLATIONS = ("linear", "step")
@@ -45,6 +46,7 @@ class Log(Checked):
             if unknown.
         source: Origin of the log, for messages.
         notes: Notes of a reader on recognised and ignored parts of the file.
+        prismatic: Whether each joint is prismatic, with m instead of rad; by default none is.
 
     Raises:
         InvalidInput: Times do not increase or are too near to each other, angles wrap, or there are
@@ -58,6 +60,7 @@ class Log(Checked):
     interpolation: Annotated[str, Choice(INTERPOLATIONS)] | None = None
     source: str = "the log"
     notes: tuple[str, ...] = ()
+    prismatic: tuple[bool, ...] = ()
 
     def _check_together(self) -> None:
         if len(self.t) < FEWEST:
@@ -78,11 +81,16 @@ class Log(Checked):
             raise InvalidInput(
                 f"{self.source} needs {dof} different joint names, not {', '.join(names)}."
             )
+        slides = self.prismatic or (False,) * dof
+        if len(slides) != dof:
+            raise InvalidInput(f"prismatic of {self.source} must have one value per joint.")
         object.__setattr__(self, "joint_names", names)
+        object.__setattr__(self, "prismatic", slides)
         check_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._name_value)
         for j, name in product(range(dof), POSITIONS):
             position = f"{self.source}: the {name} position of {names[j]}"
-            refuse_wrapped(position, self.t, getattr(self, name)[:, j], j)
+            if not slides[j]:
+                refuse_wrapped(position, self.t, getattr(self, name)[:, j], j)
 
     __repr__ = short_repr
 
@@ -130,6 +138,18 @@ class Log(Checked):
             return f"{self.source}: the time of sample {i + 1}"
         moment = f"at t = {clock(self.t[i])} s"
         return f"{self.source}: the {name} position of {self.joint_names[j]} {moment}"
+
+
+def with_units_of(log: Log, arm: Arm) -> Log:
+    """The log with the units of an arm's joints, of which the columns of a file may have none."""
+    slides = arm.chain.prismatic or log.prismatic
+    for name, linear, expected in zip(log.joint_names, log.prismatic, slides, strict=True):
+        if linear and not expected:
+            raise InvalidInput(
+                f"{log.source}: {name} has a unit of length, but this joint of {arm.name} is "
+                "revolute. Correct the unit in the title."
+            )
+    return log if log.prismatic == slides else replace(log, prismatic=slides)
 
 
 def cut_log(
@@ -306,5 +326,6 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
         command=log.command[:, order],
         measured=log.measured[:, order],
         joint_names=tuple(names[i] for i in order),
+        prismatic=tuple(log.prismatic[i] for i in order),
         notes=(*log.notes, *notes),
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import joint_units
 from armcontour.core.sampled_data import white_noise
 from armcontour.core.text import clock
 from armcontour.robot import Arm
@@ -240,7 +241,13 @@ def check_range_of_log(
         )
 
 
-def check_speeds(source: str, t: FloatArray, q: FloatArray, joint_names: Sequence[str]) -> None:
+def check_speeds(
+    source: str,
+    t: FloatArray,
+    q: FloatArray,
+    joint_names: Sequence[str],
+    prismatic: Sequence[bool],
+) -> None:
     """Raise InvalidInput if a joint is faster than any robot."""
     noise, interval = white_noise(q), float(np.median(np.diff(t)))
     for j, y in enumerate(q.T):
@@ -249,9 +256,10 @@ def check_speeds(source: str, t: FloatArray, q: FloatArray, joint_names: Sequenc
         speeds = np.abs(y[k:] - y[:-k]) / (t[k:] - t[:-k])
         i = int(np.argmax(speeds))
         if speeds[i] > FASTEST:
+            unit = joint_units("rad/s", prismatic)[j]
             raise InvalidInput(
-                f"{source}: {joint_names[j]} moves at {speeds[i]:.3g} rad/s at t = {clock(t[i])} "
-                f"s, but no joint is faster than {FASTEST:g} rad/s. Specify the units of the "
+                f"{source}: {joint_names[j]} moves at {speeds[i]:.3g} {unit} at t = {clock(t[i])} "
+                f"s, but no joint is faster than {FASTEST:g} {unit}. Specify the units of the "
                 "columns, such as t [s].",
                 joint=j,
                 t=float(t[i]),

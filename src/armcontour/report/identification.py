@@ -86,7 +86,8 @@ def _figure(identification: Identification) -> Figure:
         t, measured, predicted = thin(times, measured, measured - residuals)
         positions = (("measured", measured, EXECUTED_COLOUR), (SOURCE, predicted, PLANNED_COLOUR))
         curves = [Curve(x=t, y=y, name=x, colour=colour, width=1.2) for x, y, colour in positions]
-        plots.append(Plot(label=f"joint {j + 1}", curves=tuple(curves), height=HEIGHT))
+        label = f"joint {j + 1}{' [m, mm]' * joint.prismatic}"
+        plots.append(Plot(label=label, curves=tuple(curves), height=HEIGHT))
         t, residuals = thin(times, residuals * 1e3)
         rest = Curve(x=t, y=residuals, name="residual", colour=LIMIT_COLOUR, width=1.2)
         plots.append(Plot(label="", curves=(rest,), height=HEIGHT))

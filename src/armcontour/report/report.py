@@ -109,7 +109,7 @@ def describe(job: Job) -> str:
         f"{number(job.program.length, 'm')} as drawn",
     ]
     if servo.order != "unknown":
-        parts.append(f"servo {servo}")
+        parts.append(f"servo {servo.describe(job.arm.chain.prismatic)}")
     return " · ".join(parts)
 
 

@@ -320,7 +320,7 @@ class Arm(Immutable, ABC):
         self.name = checks.check_name("name of an arm", name)
         self.chain = chain
         self.joint_names = chain.joints
-        self.limits = limits.for_joints(len(chain))
+        self.limits = limits.for_joints(len(chain)).of_chain(chain.prismatic or ())
         self.source = source
         self.limits_hint = limits_hint
         self.link_table = link_table(chain)

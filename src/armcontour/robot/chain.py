@@ -23,7 +23,8 @@ from armcontour.core.quantities import (
     Name,
     Quantity,
     ViscousFrictions,
-    linear_unit,
+    joint_units,
+    shared_unit,
 )
 from armcontour.robot.bodies import INERTIA, Payload, check_inertia
 from armcontour.robot.external_axes import Positioner, PositionerAxis, Rail
@@ -153,11 +154,10 @@ class Chain(Checked):
     def unit(self, unit: str, joint: int | None = None) -> str:
         """Unit of a joint, from that of revolute joints; of all joints, one each if they differ."""
         chosen = self.prismatic or ()
-        units = [linear_unit(unit) if x else unit for x in chosen]
         if joint is not None:
-            checks.raise_if(not 0 <= joint < len(units), f"There is no joint {joint}.")
-            return units[joint]
-        return units[0] if len(set(units)) == 1 else ", ".join(units)
+            checks.raise_if(not 0 <= joint < len(chosen), f"There is no joint {joint}.")
+            return joint_units(unit, chosen)[joint]
+        return shared_unit(unit, chosen)
 
     @property
     def external(self) -> tuple[int, ...]:

@@ -30,6 +30,7 @@ from armcontour.core.quantities import (
     JointVelocities,
     Quantity,
     SpeedLimit,
+    joint_units,
 )
 from armcontour.core.text import digits, format_table, short_repr
 
@@ -94,6 +95,7 @@ class Limits(Checked):
 
     Attributes:
         removed: Names of the limits that are removed.
+        prismatic: Whether each joint of the arm is prismatic; empty for limits without an arm.
 
     Raises:
         InvalidInput: A limit is not positive, bounds do not include zero, or a range is empty.
@@ -124,6 +126,7 @@ class Limits(Checked):
     angular_speed: Annotated[AngularSpeedLimit | None, Limit(1)] = None
     angular_acceleration: Annotated[AngularAccelerationLimit | None, Limit(2)] = None
     removed: frozenset[str] = field(default=frozenset(), init=False)
+    prismatic: tuple[bool, ...] = field(default=(), init=False)
 
     def _check_together(self) -> None:
         values = [(name, x) for name in UNITS if (x := getattr(self, name)) is not None]
@@ -144,13 +147,24 @@ class Limits(Checked):
         """The limits that are specified or removed, with their units."""
         specified = {x: getattr(self, x) for x in UNITS}
         rows = [
-            (x, "none" if values is None else f"{_list_values(values)} {UNITS[x]}")
+            (x, "none" if values is None else self._list_values(x, values))
             for x, values in specified.items()
             if values is not None or x in self.removed
         ]
         return format_table("Limits" if rows else "Limits: none", rows)
 
     __repr__ = short_repr
+
+    def _list_values(self, name: str, values: npt.ArrayLike) -> str:
+        """The values of all joints with their units; one value if they are equal."""
+        units = joint_units(UNITS[name], self.prismatic if name in JOINT_VALUES else ())
+        rows = np.atleast_1d(values)
+        listed = [" to ".join(digits(x) for x in np.atleast_1d(row)) for row in rows]
+        if len(set(units)) > 1:
+            listed = listed * (len(units) if len(listed) == 1 else 1)
+            return ", ".join(f"{x} {unit}" for x, unit in zip(listed, units, strict=True))
+        text = listed[0] if len(set(listed)) == 1 else ", ".join(listed)
+        return f"{text} {units[0] if units else UNITS[name]}"
 
     def _check_range(self) -> None:
         lower, upper = self.joint_lower, self.joint_upper
@@ -165,9 +179,10 @@ class Limits(Checked):
         if empty.any():
             j = int(np.argmax(empty))
             low, high = (float(np.broadcast_to(x, empty.shape)[j]) for x in (lower, upper))
+            unit = "m" if self.prismatic and self.prismatic[j] else "rad"
             raise InvalidInput(
-                f"The range of joint {j + 1} is empty. joint_lower ({low:g} rad) must be less than "
-                f"joint_upper ({high:g} rad)."
+                f"The range of joint {j + 1} is empty. joint_lower ({low:g} {unit}) must be less "
+                f"than joint_upper ({high:g} {unit})."
             )
 
     def replace(self, **changes: Any) -> Limits:
@@ -183,7 +198,8 @@ class Limits(Checked):
         for name in changes:
             if name not in UNITS:
                 raise InvalidInput(f"Unknown limit {name!r}. The limits are {', '.join(UNITS)}.")
-        return dataclasses.replace(self, **(dict.fromkeys(self.removed, math.inf) | changes))
+        new = dataclasses.replace(self, **(dict.fromkeys(self.removed, math.inf) | changes))
+        return new.of_chain(self.prismatic)
 
     @classmethod
     def only(cls, **values: Any) -> Limits:
@@ -211,9 +227,10 @@ class Limits(Checked):
         missing = [x for x in UNITS if getattr(self, x) is None and x not in self.removed]
         added = {x: y for x in missing if (y := getattr(others, x)) is not None}
         removed = others.removed.intersection(missing)
-        if not added and not removed:
+        prismatic = self.prismatic or others.prismatic
+        if not added and not removed and prismatic == self.prismatic:
             return self
-        merged = self._with(added, self.removed | removed)
+        merged = self._with(added | {"prismatic": prismatic}, self.removed | removed)
         if not added.keys().isdisjoint(JOINT_RANGE):
             merged._check_range()
         return merged
@@ -277,6 +294,15 @@ class Limits(Checked):
             one_each = changes[name] = np.full(dof, values)
             one_each.setflags(write=False)
         return self._with(changes, self.removed) if changes else self
+
+    def of_chain(self, prismatic: tuple[bool, ...]) -> Limits:
+        """Return the limits with the units of a chain.
+
+        Args:
+            prismatic: Whether each joint is prismatic.
+        """
+        known = prismatic if any(prismatic) else ()
+        return self if known == self.prismatic else checks.copy_unchecked(self, prismatic=known)
 
     def acceleration_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bounds of the joint accelerations; infinite without a limit.
@@ -387,13 +413,6 @@ def _is_unlimited(values: float | FloatArray) -> bool:
     if math.isfinite(values.item(0)):
         return False
     return bool((values == ((-math.inf, math.inf) if values.ndim == 2 else math.inf)).all())
-
-
-def _list_values(values: npt.ArrayLike) -> str:
-    """The values of all joints as text; one value if they are equal."""
-    rows = np.atleast_1d(values)
-    listed = [" to ".join(digits(x) for x in np.atleast_1d(row)) for row in rows]
-    return listed[0] if len(set(listed)) == 1 else ", ".join(listed)
 
 
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:

@@ -145,7 +145,7 @@ def check_joints(set_points: SetPoints, arm: Arm) -> None:
         )
 
 
-def check_weight(weight: FloatArray, limit: FloatArray, location: str, t: float) -> None:
+def check_weight(arm: Arm, weight: FloatArray, limit: FloatArray, location: str, t: float) -> None:
     """Raise an error if gravity torques exceed torque limits at rest at time t [s].
 
     - `weight`: magnitudes of the gravity torques [N m], (dof,).
@@ -154,10 +154,11 @@ def check_weight(weight: FloatArray, limit: FloatArray, location: str, t: float)
     heavy = weight > limit
     if heavy.any():
         j = int(np.argmax(heavy))
+        unit = arm.chain.unit("N m", j)
         raise ExecutionError(
-            f"Joint {j + 1} requires {weight[j]:.4g} N m against gravity at {location}, but the "
-            f"torque limit of its drive is {limit[j]:.4g} N m. Increase the torque limit or reduce "
-            "the load.",
+            f"Joint {j + 1} requires {weight[j]:.4g} {unit} against gravity at {location}, but the "
+            f"torque limit of its drive is {limit[j]:.4g} {unit}. Increase the torque limit or "
+            "reduce the load.",
             t=t,
             joint=j,
             limit="joint_torque",

@@ -226,6 +226,7 @@ class RigidBodyPlant(LimitedPlant):
                 return logs
         j = int(np.argmax(moved))
         offset = abs(float(log.q[-1, j] - set_points.q[-1, j]))
+        unit = self.chain.unit("rad", j)
         missing = (
             " The inertia of its drive (armature) is missing."
             if np.asarray(self.chain.armature)[j] == 0
@@ -233,7 +234,7 @@ class RigidBodyPlant(LimitedPlant):
         )
         raise ExecutionError(
             f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point. It "
-            f"moves by {moved[j]:.3g} rad in {window:.3g} s, {offset:.3g} rad from the "
+            f"moves by {moved[j]:.3g} {unit} in {window:.3g} s, {offset:.3g} {unit} from the "
             "set-point. With its servo gains, torque limit and friction, the joint does not "
             f"settle.{missing}",
             t=robot.now,
@@ -248,10 +249,11 @@ class RigidBodyPlant(LimitedPlant):
         j = int(np.argmax(weak))
         needed, allowed = (float(abs(x[-1, j])) for x in (log.torque_demand, log.torque))
         offset = log.q[-1] - last
+        unit, force = (self.chain.unit(x, j) for x in ("rad", "N m"))
         raise ExecutionError(
-            f"Joint {j + 1} rests {abs(offset[j]):.3g} rad from its last set-point, because its "
-            f"servo requires {needed:.4g} N m, but the torque limit of its drive is {allowed:.4g} "
-            "N m. Increase the torque limit or reduce the load.",
+            f"Joint {j + 1} rests {abs(offset[j]):.3g} {unit} from its last set-point, because its "
+            f"servo requires {needed:.4g} {force}, but the torque limit of its drive is "
+            f"{allowed:.4g} {force}. Increase the torque limit or reduce the load.",
             t=now,
             joint=j,
             limit="joint_torque",
@@ -441,7 +443,7 @@ class _Robot:
         location, torque = "the first set-point", weight - fed
         if plant._gravity_added and plant.gravity_feedforward:
             weight, location = torque, f"{location}, in addition to gravity feed-forward"
-        check_weight(np.abs(weight), plant.torque_limit, location, self.start)
+        check_weight(plant.arm, np.abs(weight), plant.torque_limit, location, self.start)
         return q, torque
 
     def _weight(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -456,10 +458,10 @@ class _Robot:
         """Raise the error for a joint that is faster than RUNAWAY_SPEED in step k."""
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
-        speed = velocity[j]
+        speed, unit = velocity[j], self.plant.chain.unit("rad/s", j)
         t = self.start + (self.steps + k + 1) * self.step
         raise ExecutionError(
-            f"Joint {j + 1} runs away at t = {t:.4g} s with {speed:.3g} rad/s, because its servo "
+            f"Joint {j + 1} runs away at t = {t:.4g} s with {speed:.3g} {unit}, because its servo "
             f"is unstable with a step of {self.step:.3g} s. Reduce its gains or shorten the step.",
             t=t,
             joint=j,

@@ -75,7 +75,7 @@ WRONG = (
     ("t,speed,torque" + ROWS, {}, "no column is a command"),
     ("t,u1,q2" + ROWS, {}, "no measured column"),
     ("t,u1,command 1" + ROWS, {}, "'u1' and 'command 1'"),
-    ("t,u1 [m],q1" + ROWS, {}, "unit 'm'"),
+    ("t,u1 [m],q1 [deg]" + ROWS, {}, "unit 'deg', but another column"),
     ("t,u1,q1\n0,1,x\n", {}, "line 2"),
     ("t,u1,q1\n0,1,1\n", {}, "1 samples"),
     (numbers(lambda i: f"{i},1,1_0"), {}, "'1_0'"),

@@ -21,6 +21,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.quantities import shared_unit
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
@@ -67,6 +68,7 @@ class JointIdentification(Result, Frozen):
             without compensation, in the worst log.
         offsets: Static deviation of the joint (or offset of its encoder) that was fitted with
             `servo` [rad], by index of the log.
+        prismatic: True for a prismatic joint, with m instead of rad.
     """
 
     name: str
@@ -86,6 +88,7 @@ class JointIdentification(Result, Frozen):
     saturation: str = ""
     contour_ratio: float = math.nan
     offsets: dict[int, float] = field(default_factory=dict)
+    prismatic: bool = False
 
     def __getattr__(self, name: str) -> Estimate:
         """The estimate of a parameter; its value is nan if the model has none."""
@@ -104,17 +107,17 @@ class JointIdentification(Result, Frozen):
         weak = "weak" if self.written and self.note else ""
         delay = "delay only" if not self.written and self.servo.dead_time else ""
         words = (weak, "effective" * self.effective, delay)
-        notes = (self.saturation, self.note)
+        notes, unit = (self.saturation, self.note), shared_unit("rad", (self.prismatic,))
         return Data(
             f"Servo of {self.name}",
             (
                 Row("name", self.name, "", "joint"),
                 Row("share", self.share, "1", "tracking error left"),
                 Row("contour_ratio", self.contour_ratio, "1", "contour error left"),
-                Row("unseen_rms", self.unseen_rms, "rad", "error, RMS"),
-                Row("model_error", self.model_error, "rad", "largest"),
+                Row("unseen_rms", self.unseen_rms, unit, "error, RMS"),
+                Row("model_error", self.model_error, unit, "largest"),
                 Row("order", self.order, "", "model", ", ".join(filter(None, words))),
-                *(Row(x, getattr(self, x), "rad") for x in ("tracking_rms", "rms", "largest")),
+                *(Row(x, getattr(self, x), unit) for x in ("tracking_rms", "rms", "largest")),
                 *(Row(x, getattr(self, x)) for x in ("determined", "effective", "written")),
                 *(Row(x, getattr(self, x)) for x in ("noise", "note", "saturation")),
             ),
@@ -403,10 +406,11 @@ class Prediction(Result):
 
     def to_data(self, arm: Arm | None = None) -> Data:
         """Data of the errors of all joints; the summary shows the joint with the largest error."""
+        unit = shared_unit("rad", self.log.prismatic)
 
         def of_joints(name: str, label: str) -> Row:
             values = getattr(self, name)
-            return Row(name, values, "rad", label, self.log.joint_names[int(values.argmax())])
+            return Row(name, values, unit, label, self.log.joint_names[int(values.argmax())])
 
         rows = [
             Row("log", self.log.source),

@@ -21,6 +21,7 @@ from armcontour.control.identification.joint_fit import (
 )
 from armcontour.control.identification.least_squares import UNITS, Estimate, allowed_deviation
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.quantities import shared_unit
 from armcontour.core.sampled_data import white_noise
 from armcontour.motion.log import FEWEST
 from armcontour.robot.servo.simulation import JointServo
@@ -93,16 +94,18 @@ class Saturation:
         few = self.hides and self.reversals < FEWEST_REVERSALS
         return self.kind == "acceleration" and not few
 
-    def describe(self, name: str) -> str:
+    def describe(self, name: str, *, prismatic: bool = False) -> str:
         """Clause for messages, such as "joint 2 saturates at 3 rad/s² for 0.4 s of 10 s"."""
-        limit = f"{self.limit:.3g} {'rad/s²' if self.kind == 'acceleration' else 'rad/s'}"
+        unit = shared_unit("rad/s²" if self.kind == "acceleration" else "rad/s", [prismatic])
+        limit = f"{self.limit:.3g} {unit}"
         return f"{name} saturates at {limit} for {self.time:.2g} s of {self.duration:.3g} s"
 
-    def explain_no_model(self, name: str) -> str:
+    def explain_no_model(self, name: str, *, prismatic: bool = False) -> str:
         """Note on a joint whose other samples do not determine its servo."""
         lower = "accelerations" if self.kind == "acceleration" else "velocities"
+        cause = self.describe("it", prismatic=prismatic)
         return (
-            f"{name} has no model, because {self.describe('it')}, and the other samples do not "
+            f"{name} has no model, because {cause}, and the other samples do not "
             f"determine its servo. Record more motion at lower {lower}."
         )
 

@@ -38,10 +38,10 @@ from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Options, checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import Choice, Interval, Quantity
+from armcontour.core.quantities import Choice, Interval, Quantity, linear_unit
 from armcontour.core.sampled_data import interpolate, white_noise
 from armcontour.core.text import show
-from armcontour.motion.log import FEWEST, INTERPOLATIONS, Log, renew_positions
+from armcontour.motion.log import FEWEST, INTERPOLATIONS, Log, renew_positions, with_units_of
 from armcontour.motion.log_checks import check_interval, check_range_of_log, check_speeds
 from armcontour.robot import Arm
 from armcontour.robot.servo.model import TRUSTED
@@ -185,8 +185,8 @@ def choose_and_judge(
             note = (
                 f"The model of {joint.name} is weak: {shares[i][j]:.0%} of its deviation from the "
                 f"contour of {logs[i].source} remains with compensation ({left * 1e3:.3g} of "
-                f"{none[i][1][j] * 1e3:.3g} mrad RMS), which is most of the remaining contour "
-                f"error of this log. {RECORD}"
+                f"{none[i][1][j] * 1e3:.3g} {'mm' if joint.prismatic else 'mrad'} RMS), which is "
+                f"most of the remaining contour error of this log. {RECORD}"
             )
             joint = replace(joint, note=note)
         if c != "model":
@@ -406,12 +406,14 @@ def identify(
             f"{first.source} has {first.dof} joints, but the arm {arm.name} has {arm.dof}. Specify "
             "the arm with which the log was recorded."
         )
+    if arm is not None:
+        every = tuple(with_units_of(x, arm) for x in every)
     interpolation = choose_interpolation(every, options.interpolation)
     for log in every:
         if arm is not None:
             both = {"set-point": log.command, "measured position": log.measured}
             check_range_of_log(log.source, log.t, both, log.joint_names, arm)
-        check_speeds(log.source, log.t, log.measured, log.joint_names)
+        check_speeds(log.source, log.t, log.measured, log.joint_names, log.prismatic)
     report, joints = subprogress(progress), []
     # The dead time must be short compared with the logs.
     shortest = min(float(x.t[-1] - x.t[0]) for x in every)
@@ -439,14 +441,16 @@ def identify_joint(
     segments = split_logs(logs, j, interpolation)
     lag = find_lag(segments, search.longest)
     segments = [x.after(lag) for x in segments]
-    joint = JointIdentification(name=name)
+    slides = logs[0].prismatic[j]
+    joint = JointIdentification(name=name, prismatic=slides)
     if reason := _explain_no_model(segments):
         return _mark_unknown(joint, segments, f"{name} has no model, because {reason}")
     saturation, selected = find_saturation(segments), None
     if saturation is not None:
         selected = select_unsaturated(segments, saturation, search)
         if selected is None and not saturation.determines_servo:
-            return _mark_unknown(joint, segments, saturation.explain_no_model(name))
+            note = saturation.explain_no_model(name, prismatic=slides)
+            return _mark_unknown(joint, segments, note)
         # Models have no velocity limit, so samples at this limit are neither fitted nor predicted.
         if selected is not None and saturation.kind == "velocity":
             segments = list(selected.segments)
@@ -486,25 +490,28 @@ def identify_joint(
         t = logs[s.log].t - logs[s.log].t[s.start]
         some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
         rests[s.log][some] = np.interp(t[some], s.command.t, errors)
+    described = saturation.describe(name, prismatic=slides) if saturation else ""
+    estimates = estimate_parameters(selected.fit, selected.without, unknown_cycle, rivals) | limit
+    if slides:
+        estimates = {x: replace(y, unit=linear_unit(y.unit)) for x, y in estimates.items()}
     joint = replace(
         joint,
-        parameters=estimate_parameters(selected.fit, selected.without, unknown_cycle, rivals)
-        | limit,
+        parameters=estimates,
         effective=effective,
-        saturation=f"{saturation.describe(name)}, which the fit allows for." if saturation else "",
+        saturation=f"{described}, which the fit allows for." if described else "",
         unseen_rms=error,
         share=error / tracking,
         noise=noise,
         rests=tuple(rests),
     )
     if saturation is not None and saturation.hides and not joint.kp.determined:
-        note = saturation.explain_no_model(name)
+        note = saturation.explain_no_model(name, prismatic=slides)
         return _mark_unknown(replace(joint, saturation=""), segments, note)
     note, advice, share = "", "", worst[0] / worst[1]
     if worst[0] > max(GOOD_SHARE * worst[1], NOISE_MULTIPLE * noise):
         note = (
             f"on motion that was not fitted, {share:.0%} of the tracking error remains "
-            f"({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} mrad RMS)"
+            f"({worst[0] * 1e3:.3g} of {worst[1] * 1e3:.3g} {'mm' if slides else 'mrad'} RMS)"
         )
         advice = f" {RECORD}"
     if note and (share > MAX_WEAK or selected.rms > GOOD_SHARE * motion):

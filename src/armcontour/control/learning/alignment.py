@@ -12,6 +12,7 @@ from armcontour.control.learning.learning_result import LearningResult, Learning
 from armcontour.control.learning.lifted_model import REST_TIME, Lifted, rms
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import shared_unit
 from armcontour.core.sampled_data import interpolate, white_noise
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import check_completeness
@@ -146,12 +147,13 @@ def require_same_set_points(recording: Recording, run: LearningRun, set_points: 
     error, noise = rms(run.error), rms(run.noise)
     allowed = max(SET_POINT_TOLERANCE, ERROR_SHARE * error, NOISE_MULTIPLE * noise)
     if run.set_points_off > allowed:
+        unit = shared_unit("mrad", sorted(set(run.prismatic)))
         raise InvalidInput(
             f"{run.source} is the log of another run, because its set-points differ from those of "
-            f"this run by {run.set_points_off * 1e3:.3g} mrad RMS. At most {allowed * 1e3:.3g} "
-            f"mrad is allowed with a noise of {noise * 1e3:.2g} mrad. Specify the set-points that "
-            "the robot executed. If the controller logs filtered set-points, specify a log without "
-            "set-points.",
+            f"this run by {run.set_points_off * 1e3:.3g} {unit} RMS. At most {allowed * 1e3:.3g} "
+            f"{unit} is allowed with a noise of {noise * 1e3:.2g} {unit}. Specify the set-points "
+            "that the robot executed. If the controller logs filtered set-points, specify a log "
+            "without set-points.",
             limit="set_points",
             needed=run.set_points_off,
             allowed=allowed,

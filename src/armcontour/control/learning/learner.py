@@ -228,6 +228,7 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
         before = set_points.runs[set_points.best]
         added = lifted.respond(set_points.q - before.q)
         expected = lifted.planned + smooth_error(lifted, before.error, before.noise) + added
+    arm = set_points.trajectory.arm
     aligned = alignment.align(recording, lifted, set_points, expected)
     offset, rate, measured, noise = aligned
     error = measured - lifted.planned
@@ -240,6 +241,7 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
         offset=offset, rate=rate, source=recording.source, notes=recording.notes,
         set_points_off=alignment.set_points_off(plan_times, recording.command, set_points),
+        prismatic=() if arm is None or arm.chain.prismatic is None else arm.chain.prismatic,
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip
 
@@ -313,9 +315,10 @@ def _contradiction(lifted: Lifted, run: LearningRun) -> str:
     j = int(np.argmax(ratios))
     if not ratios[j] > MAX_MISFIT:
         return ""
+    unit = "mm" if any(run.prismatic[j : j + 1]) else "mrad"
     return (
-        f"{run.source} contradicts the servo: joint {j + 1} deviates by {misfit[j] * 1e3:.3g} mrad "
-        f"RMS from the simulation with the servo, but by {lag[j] * 1e3:.3g} mrad from its "
+        f"{run.source} contradicts the servo: joint {j + 1} deviates by {misfit[j] * 1e3:.3g} "
+        f"{unit} RMS from the simulation with the servo, but by {lag[j] * 1e3:.3g} {unit} from its "
         "set-points. Identify the servo first"
     )
 

@@ -13,7 +13,7 @@ from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
-from armcontour.core.quantities import Axes, Quantity
+from armcontour.core.quantities import Axes, Quantity, shared_unit
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
@@ -115,9 +115,10 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
 
 def _describe_saturation(log: Log) -> list[str]:
     """Sentences about the joints that saturate in a log."""
-    every = [(x, split_logs([log], j, "linear")) for j, x in enumerate(log.joint_names)]
-    found = [(name, find_saturation(segments)) for name, segments in every if segments]
-    return [f"{x.describe(name)}. {SATURATED}" for name, x in found if x]
+    every = [split_logs([log], j, "linear") for j in range(log.dof)]
+    found = [find_saturation(x) if x else None for x in every]
+    joints = zip(log.joint_names, log.prismatic, found, strict=True)
+    return [f"{x.describe(n, prismatic=slides)}. {SATURATED}" for n, slides, x in joints if x]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -143,6 +144,7 @@ class LearningRun(Result, Checked):
             if the log has no set-points.
         source: Source of the log, for messages.
         notes: Sentences on the log, such as joints that saturate.
+        prismatic: Whether each joint is prismatic, with m instead of rad; by default none is.
     """
 
     q: FloatArray
@@ -159,9 +161,11 @@ class LearningRun(Result, Checked):
     set_points_off: float = 0.0
     source: str = "the execution"
     notes: tuple[str, ...] = ()
+    prismatic: tuple[bool, ...] = ()
 
     def to_data(self) -> Data:
         """Data of the errors of the run."""
+        unit = shared_unit("rad", self.prismatic)
         level = FIRST if self.contour_rms is None else TABLE
         rms, largest = (
             ("contour error, RMS", "contour error, largest") if level == TABLE else ("", "")
@@ -177,10 +181,10 @@ class LearningRun(Result, Checked):
                 Row("offset", self.offset, "s"),
                 Row("begin", -self.offset / self.rate, "s", "begins in the log at", "", FIRST),
                 Row("rate", self.rate),
-                Row("joint_rms", self.joint_rms, "rad", "joint error, RMS"),
-                Row("joint_max", self.joint_max, "rad", "joint error, largest"),
-                Row("noise", self.noise, "rad", "noise"),
-                Row("set_points_off", self.set_points_off, "rad"),
+                Row("joint_rms", self.joint_rms, unit, "joint error, RMS"),
+                Row("joint_max", self.joint_max, unit, "joint error, largest"),
+                Row("noise", self.noise, unit, "noise"),
+                Row("set_points_off", self.set_points_off, unit),
                 Row("notes", self.notes),
             ),
         )

@@ -17,7 +17,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.core.quantities import Axes, Interval, Quantity, linear_unit
+from armcontour.core.quantities import Axes, Interval, Quantity, joint_units
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import (
     DEFAULT_CYCLE,
@@ -380,7 +380,7 @@ def joint_columns(
     slides = prismatic or (False,) * len(called)
     for quantity, values in quantities.items():
         if values is not None:
-            units = (linear_unit(UNITS[quantity]) if x else UNITS[quantity] for x in slides)
+            units = joint_units(UNITS[quantity], slides)
             header += [f"{quantity} {x} [{unit}]" for x, unit in zip(called, units, strict=True)]
             columns.append(values)
     return header, columns

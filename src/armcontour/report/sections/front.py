@@ -104,8 +104,9 @@ def _assumed(study: JobResult) -> str:
     servo = study.job.plant_servo
     if servo.order == "unknown":
         return "Errors are deviations of the executed tool position from the path."
+    described = servo.describe(study.job.arm.chain.prismatic)
     return (
-        f"The servos are simulated with {servo} and with their acceleration limits. Errors are "
+        f"The servos are simulated with {described} and with their acceleration limits. Errors are "
         "larger on a robot with other gains."
     )
 

@@ -13,7 +13,15 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
-from armcontour.core.quantities import DEAD_TIME, About, AtLeast, Choice, OwnAccelerations, Quantity
+from armcontour.core.quantities import (
+    DEAD_TIME,
+    About,
+    AtLeast,
+    Choice,
+    OwnAccelerations,
+    Quantity,
+    joint_units,
+)
 
 INTERPOLATIONS = ("linear", "step", "cubic")
 ORDERS = ("second", "first", "delay", "unknown")
@@ -232,6 +240,14 @@ class ServoModel(Checked):
 
     def __str__(self) -> str:
         """Gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
+        return self.describe(())
+
+    def describe(self, prismatic: Sequence[bool] | None) -> str:
+        """The text of the servo with units for the joints of an arm.
+
+        Args:
+            prismatic: Whether each joint is prismatic.
+        """
         parts = [] if self.order == "second" else [f"order {_join_texts(self.order)}"]
         rows = [(x, "1/s", 1.0) for x in ("kp", "kv", "ki")] + [("dead_time", "ms", 1e3)]
         rows += [("velocity_feedforward", "", 1.0), ("acceleration_feedforward", "", 1.0)]
@@ -241,10 +257,13 @@ class ServoModel(Checked):
             if values is None or not np.any(np.isfinite(values) & (values > 0)):
                 continue
             words = name.replace("_", " ").replace("feedforward", "feed-forward")
-            text = _join_texts(
-                [f"{x:g}" if np.isfinite(x) else "none" for x in np.atleast_1d(values * scale)]
-            )
-            parts.append(f"{words} {text} {unit}".rstrip())
+            listed = [f"{x:g}" if np.isfinite(x) else "none" for x in np.atleast_1d(values * scale)]
+            units = joint_units(unit, prismatic or ()) or [unit]
+            if len(set(units)) > 1:
+                listed = listed * len(units) if len(listed) == 1 else listed
+                listed = [f"{x} {y}" for x, y in zip(listed, units, strict=True)]
+                units = [""]
+            parts.append(f"{words} {_join_texts(listed)} {units[0]}".rstrip())
         return ", ".join(parts)
 
     def for_joints(self, dof: int) -> ServoModel:

@@ -361,9 +361,10 @@ def _execute_uncertified(case: Case) -> Uncertified:
 def describe_model(case: Case) -> str:
     """Description of the robot model for which a certificate is valid."""
     servo = case.servo
+    order = " of order second" * (servo.order == "second")
     held = {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}
     parts = [
-        f"independent joint servos{' of order second' * (servo.order == 'second')} with {servo}",
+        f"independent joint servos{order} with {servo.describe(case.arm.chain.prismatic)}",
         f"set-points every {case.run.cycle * 1e3:g} ms, " + held[servo.interpolation],
     ]
     if np.isfinite(case.servo.saturate(*case.limits.acceleration_bounds(case.arm.dof))).any():
