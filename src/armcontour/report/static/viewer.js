@@ -8,7 +8,7 @@ import {
 } from "./vendor/three.js";
 
 /** @typedef {{head: any, arrays: Record<string, any>}} Frame one of the frames `arm` and `picture` */
-/** @typedef {{points: ArrayLike<number>, breaks?: ArrayLike<number>, colours: (piece: number) => string}} Lines in the work frame [m] */
+/** @typedef {{points: ArrayLike<number>, breaks?: ArrayLike<number>, thin?: boolean, colours: (piece: number) => string}} Lines in the work frame [m] */
 /** @typedef {"light" | "dark"} Theme */
 
 /** Directions from which the views look: azimuth and elevation [rad]. */
@@ -91,11 +91,12 @@ export class Viewer {
     this.floor.receiveShadow = true;
     this.tip = dot();
     this.alarm = dot();
-    this.path = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ vertexColors: true, linewidth: 3 }));
+    /** Lines by whether they are thin: the path, and rapids, which do not hide it. */
+    this.paths = [3, 1].map((linewidth) => new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ vertexColors: true, linewidth })));
     this.gap = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ linewidth: 2, depthTest: false, transparent: true }));
-    this.path.frustumCulled = this.gap.frustumCulled = false;
+    for (const x of [...this.paths, this.gap]) x.frustumCulled = false;
     // The frame of the path; a positioner moves it.
-    this.onWork = new Group().add(this.path, this.alarm);
+    this.onWork = new Group().add(...this.paths, this.alarm);
     this.onWork.matrixAutoUpdate = false;
     this.gap.visible = this.alarm.visible = false;
     this.scene.add(new HemisphereLight("#ffffff", "#b9bfc6", 1.5), this.sun, this.sun.target, this.floor, this.tip, this.onWork, this.gap);
@@ -233,21 +234,26 @@ export class Viewer {
 
   /** Show the tool's path. @param {Lines[]} lines */
   setPath(lines) {
-    const [ends, colours] = [/** @type {number[]} */ ([]), /** @type {number[]} */ ([])];
-    const colour = new Color();
-    for (const { points, breaks = [0, points.length / 3], colours: of } of lines)
-      for (let line = 0; line + 1 < breaks.length; line += 1)
-        for (let k = breaks[line]; k + 1 < breaks[line + 1]; k += 1) {
-          for (let j = 0; j < 6; j += 1) ends.push(points[3 * k + j]);
-          const { r, g, b } = colour.set(of(k));
-          colours.push(r, g, b, r, g, b);
-        }
-    this.pieces = ends.length / 6;
     this.points = lines.flatMap(({ points }) => sampled(points));
-    this.path.geometry.dispose();
-    this.path.geometry = new LineSegmentsGeometry();
-    this.path.visible = this.pieces > 0;
-    if (this.pieces) this.path.geometry.setPositions(ends).setColors(colours);
+    this.pieces = 0;
+    const colour = new Color();
+    this.paths.forEach((path, k) => {
+      const [ends, colours] = [/** @type {number[]} */ ([]), /** @type {number[]} */ ([])];
+      for (const { points, breaks = [0, points.length / 3], thin, colours: of } of lines) {
+        if (Number(thin ?? false) !== k) continue;
+        for (let line = 0; line + 1 < breaks.length; line += 1)
+          for (let i = breaks[line]; i + 1 < breaks[line + 1]; i += 1) {
+            for (let j = 0; j < 6; j += 1) ends.push(points[3 * i + j]);
+            const { r, g, b } = colour.set(of(i));
+            colours.push(r, g, b, r, g, b);
+          }
+      }
+      path.geometry.dispose();
+      path.geometry = new LineSegmentsGeometry();
+      path.visible = ends.length > 0;
+      if (ends.length) path.geometry.setPositions(ends).setColors(colours);
+      this.pieces += ends.length / 6;
+    });
     this.draw();
   }
 

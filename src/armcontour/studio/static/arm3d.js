@@ -131,7 +131,7 @@ class ArmView {
       return found;
     };
     if (of === "executed") return [{ points: trail, colours }];
-    return [{ points: trail, breaks: path_breaks, colours }, { points: rapid_xyz, breaks: rapid_breaks, colours: () => rapids }];
+    return [{ points: trail, breaks: path_breaks, colours }, { points: rapid_xyz, breaks: rapid_breaks, thin: true, colours: () => rapids }];
   }
 
   /** Show the posture at the shown time. @param {Frame} arm */

@@ -109,7 +109,7 @@ class Marks {
     this.store.setTime(picture.arrays.path_t[i]);
     say(this.tip, sentenceAt(picture, i));
     this.tip.hidden = false;
-    this.put(this.tip, x, y);
+    this.view.putBeside(this.tip, [x, y]);
   }
 
   leave() {
@@ -118,13 +118,6 @@ class Marks {
     this.tip.hidden = true;
   }
 
-  /** A box next to a place, within the region. @param {HTMLElement} box @param {number} x @param {number} y */
-  put(box, x, y) {
-    const { width, height } = this.view.view;
-    const left = x + 16 + box.offsetWidth > width ? x - 16 - box.offsetWidth : x + 16;
-    const top = Math.min(height - box.offsetHeight - 4, Math.max(4, y + 12));
-    box.style.transform = `translate(${Math.round(Math.max(4, left))}px, ${Math.round(top)}px)`;
-  }
 }
 
 /** Minima of the speed below the assigned one. @param {Frame | null} picture @returns {{s: number, uv: [number, number]}[]} */

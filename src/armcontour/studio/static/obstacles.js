@@ -1,7 +1,7 @@
 // Obstacles in the drawing: move and resize them by drag or by arrow keys.
 
 import { show } from "./dialog.js";
-import { draw, find, grip, make, mark } from "./dom.js";
+import { draw, find, grip, make, mark, say } from "./dom.js";
 import { mm } from "./format.js";
 import { tellEarly } from "./messages.js";
 
@@ -73,8 +73,9 @@ class Obstacles {
     const { name, height = side } = answer;
     const spot = this.spotBeside(box, side);
     this.link.edit([{ do: "obstacle", action: "add", type: "box", name, size: [side, side, height], at: this.lift(spot, height / 2, 1e-3) }]);
-    const isSeen = ([x, y] = this.pointer.screen(spot)) => x > NEW_SIDE && y > NEW_SIDE && x < view.width - NEW_SIDE && y < view.height - NEW_SIDE;
-    for (let k = 0; k < 9 && !isSeen(); k += 1) this.view.zoomBy(1 / 1.4);
+    const [u, v] = spot.map((x, k) => x - this.pointer.centre[k]);
+    view.fit({ left: Math.min(box.left, u - side), right: Math.max(box.right, u + side), bottom: Math.min(box.bottom, v - side), top: Math.max(box.top, v + side) });
+    this.view.moved();
   }
 
   /**
@@ -145,6 +146,9 @@ class Obstacles {
     const corner = points.reduce((best, p) => (p[0] - p[1] > best[0] - best[1] ? p : best));
     mark(sizer, "transform", `translate(${corner[0].toFixed(1)} ${corner[1].toFixed(1)})`);
     const at = obstacle.at ?? [0, 0, 0];
+    const label = /** @type {Element} */ (body.lastElementChild);
+    say(label, obstacle.name ?? "");
+    mark(label, "transform", `translate(${points[0][0].toFixed(1)} ${(Math.max(...points.map((p) => p[1])) + 14).toFixed(1)})`);
     mark(body, "aria-label", `Obstacle ${obstacle.name ?? obstacle.index + 1}`);
     mark(body, "aria-valuetext", `at ${at.map((x) => mm(x, 1)).join(", ")} mm`);
     mark(body, "aria-valuenow", String(Math.round(1000 * at[0])));
@@ -157,7 +161,8 @@ class Obstacles {
   make(k) {
     const body = draw("g", { class: "handle obstacle", role: "slider", tabindex: 0, "aria-valuenow": 0 });
     const shape = draw("polygon", { class: "seen" });
-    body.append(shape);
+    const name = draw("text", { class: "obstacle-name", "aria-hidden": "true" });
+    body.append(shape, name);
     const sizer = grip({ class: "handle sizer" }, [draw("rect", { x: -4, y: -4, width: 8, height: 8, class: "seen" })]);
     this.group.append(body, sizer);
     /** @type {Obstacle} as it was when it was grabbed */

@@ -15,23 +15,11 @@ import { html, render } from "./vendor/preact.js";
 const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
 /** How far the arrow keys move [share of the duration]; with Shift ten times as far. */
 const STEP = 0.005;
+const WAYS = /** @type {Record<string, number>} */ ({ ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 });
 /** While it plays, numbers change so often at most [ms]. */
 const PLAYING = 60;
 /** Heights of the strip of limits and of the times below it [px], and the least distance of times. */
 const [STRIP, TIMES, APART] = [9, 16, 90];
-
-/**
- * Fill the bar of the playback.
- * @param {Store} store
- */
-export function init(store) {
-  const playback = new Playback(find("#playback"), store);
-  const renew = nowAndThen(READING, () => playback.renew());
-  for (const event of ["picture", "executed"]) store.on(event, renew);
-  store.on("time", () => playback.follow());
-  for (const event of ["view", "theme"]) store.on(event, renew);
-  new ResizeObserver(renew).observe(find("#playback"));
-}
 
 /**
  * Draw the speed over time, and the strip of the limits in their colours.
@@ -81,124 +69,84 @@ function drawSpeed(canvas, store, duration) {
   for (let at = 0; x(at) < width - APART / 2; at += step) context.fillText(`${Number(at.toPrecision(6))} s`, x(at) + 1, height - 3);
 }
 
-class Playback {
-  /**
-   * @param {HTMLElement} region
-   * @param {Store} store
-   */
-  constructor(region, store) {
-    this.region = region;
-    this.store = store;
-    /** Time to which it has played [s]. */
-    this.played = 0;
-    this.rate = 1;
-    this.playing = false;
-    this.last = 0;
-    this.told = 0;
-    region.addEventListener("keydown", (event) => this.press(event));
-    document.addEventListener("visibilitychange", () => document.hidden && this.pause());
-    this.renew();
-  }
+/** One of several. @param {{name: string, all: [string, string, boolean?][], chosen: string, choose: (value: string) => void}} props */
+const Choice = ({ name, all, chosen, choose }) => html`<label class="field">${name} <select value=${chosen} onChange=${(/** @type {any} */ e) => choose(e.target.value)}>
+  ${all.map(([value, text, isOff]) => html`<option value=${value} disabled=${isOff} selected=${value === chosen}>${text}</option>`)}</select></label>`;
 
-  get motion() {
-    return shownMotion(this.store);
-  }
+/** @param {Store} store */
+export function init(store) {
+  const region = find("#playback");
+  let [rate, playing] = [1, false];
+  /** Time to which it has played [s]; of the last frame, and of the last change of the numbers [ms]. */
+  let [played, last, told] = [0, 0, 0];
 
+  /** @param {boolean} on */
+  const play = (on) => {
+    const motion = shownMotion(store);
+    if (on === playing || (on && !motion)) return;
+    playing = on;
+    last = performance.now();
+    played = motion && store.time >= motion.duration && on ? 0 : store.time;
+    if (on) store.setTime(played);
+    show();
+    if (on) requestAnimationFrame(advance);
+  };
+  /** One frame of the animation. @param {number} now [ms] */
+  const advance = (now) => {
+    const motion = shownMotion(store);
+    if (!playing || !motion) return;
+    played = Math.min(motion.duration, store.time + (Math.max(0, now - last) / 1000) * rate);
+    last = now;
+    store.setTime(played);
+    if (now - told > PLAYING) show();
+    if (played >= motion.duration) play(false);
+    else requestAnimationFrame(advance);
+  };
+  /** Go to a time. @param {number} t [s] */
+  const scrub = (t) => {
+    play(false);
+    store.setTime(Math.min(Math.max(0, t), shownMotion(store)?.duration ?? 0));
+  };
+  const show = () => {
+    told = performance.now();
+    const motion = shownMotion(store);
+    const { time, options } = store;
+    const [now, end] = [time, motion?.duration ?? 0].map(seconds);
+    render(
+      html`<div class="controls"><button type="button" class="play" title="Play or pause (Space)" disabled=${!motion} onClick=${() => play(!playing)}>${playing ? "Pause" : "Play"}</button>
+          <output class="clock">${now} / ${end} s</output>
+          <${Choice} name="Motion" all=${[["planned", "planned"], ["executed", "executed", !motionOf(store, "executed")]]} chosen=${options.time} choose=${(/** @type {Which} */ x) => store.setView({ time: x })} />
+          <${Choice} name="Rate" all=${RATES.map((x) => [String(x), `${x}×`])} chosen=${String(rate)} choose=${(/** @type {string} */ x) => (rate = Number(x))} /></div>
+        <div class="track"><canvas role="img" aria-label="Tool speed over time, and the limits that determine it" />
+          <input type="range" class="scrub" min="0" max=${motion?.duration || 1} step="any" value=${time} aria-label="Time" aria-valuetext=${`${now} s of ${end} s`} disabled=${!motion} onInput=${(/** @type {any} */ e) => scrub(Number(e.target.value))} /></div>`,
+      region,
+    );
+    Object.assign(region.dataset, { state: playing ? "playing" : "paused", time: String(time), of: motion?.of ?? "none" });
+  };
   /** There is another motion, or another choice. */
-  renew() {
-    const motion = this.motion;
-    if (!motion) this.pause();
-    if (motion && this.store.time > motion.duration) this.store.setTime(motion.duration);
-    this.tell();
-    drawSpeed(/** @type {HTMLCanvasElement} */ (this.region.querySelector("canvas")), this.store, motion?.duration ?? 0);
-  }
-
-  /** Another time is shown; if it is not the next one, the user has chosen it. */
-  follow() {
-    if (this.store.time !== this.played) this.pause();
-    if (!this.playing) this.tell();
-  }
-
-  toggle() {
-    if (this.playing) this.pause();
-    else this.play();
-  }
-
-  play() {
-    const motion = this.motion;
-    if (!motion || this.playing) return;
-    if (this.store.time >= motion.duration) this.store.setTime(0);
-    this.playing = true;
-    this.last = performance.now();
-    this.tell();
-    requestAnimationFrame((now) => this.advance(now));
-  }
-
-  pause() {
-    if (!this.playing) return;
-    this.playing = false;
-    this.tell();
-  }
-
-  /**
-   * One frame of the animation.
-   * @param {number} now [ms]
-   */
-  advance(now) {
-    const motion = this.motion;
-    if (!this.playing || !motion) return;
-    const passed = Math.max(0, (now - this.last) / 1000);
-    this.last = now;
-    const time = this.store.time + passed * this.rate;
-    const ends = time >= motion.duration;
-    this.played = ends ? motion.duration : time;
-    this.store.setTime(this.played);
-    if (now - this.told > PLAYING) this.tell();
-    if (ends) this.pause();
-    else requestAnimationFrame((next) => this.advance(next));
-  }
-
-  /**
-   * Go to a time.
-   * @param {number} t [s]
-   */
-  scrub(t) {
-    this.pause();
-    this.store.setTime(Math.min(Math.max(0, t), this.motion?.duration ?? 0));
-  }
-
-  /** @param {KeyboardEvent} event */
-  press(event) {
-    const duration = this.motion?.duration;
-    if (!duration || event.ctrlKey || event.metaKey || event.altKey) return;
-    const onSlider = event.target instanceof Element && event.target.matches(".scrub");
-    const far = STEP * duration * (event.shiftKey ? 10 : 1);
-    if (event.key === " " && onSlider) this.toggle();
-    else if (onSlider && (event.key === "ArrowRight" || event.key === "ArrowUp")) this.scrub(this.store.time + far);
-    else if (onSlider && (event.key === "ArrowLeft" || event.key === "ArrowDown")) this.scrub(this.store.time - far);
+  const renew = nowAndThen(READING, () => {
+    const motion = shownMotion(store);
+    if (!motion) play(false);
+    if (motion && store.time > motion.duration) store.setTime(motion.duration);
+    show();
+    drawSpeed(/** @type {HTMLCanvasElement} */ (region.querySelector("canvas")), store, motion?.duration ?? 0);
+  });
+  region.addEventListener("keydown", (event) => {
+    const duration = shownMotion(store)?.duration;
+    const way = WAYS[event.key];
+    if (!duration || event.ctrlKey || event.metaKey || event.altKey || !(event.target instanceof Element && event.target.matches(".scrub"))) return;
+    if (event.key === " ") play(!playing);
+    else if (way) scrub(store.time + way * STEP * duration * (event.shiftKey ? 10 : 1));
     else return;
     event.preventDefault();
-  }
-
-  /** Show the state. */
-  tell() {
-    this.told = performance.now();
-    const motion = this.motion;
-    const duration = motion?.duration ?? 0;
-    const { time, options } = this.store;
-    const choice = (/** @type {string} */ name, /** @type {[string, string, boolean?][]} */ all, /** @type {string} */ chosen, /** @type {(value: string) => void} */ choose) =>
-      html`<label class="field">${name} <select value=${chosen} onChange=${(/** @type {any} */ e) => choose(e.target.value)}>${all.map(([value, text, isOff]) => html`<option value=${value} disabled=${isOff} selected=${value === chosen}>${text}</option>`)}</select></label>`;
-    render(
-      html`<div class="controls"><button type="button" class="play" title="Play or pause (Space)" disabled=${!motion} onClick=${() => this.toggle()}>${this.playing ? "Pause" : "Play"}</button>
-          <output class="clock">${seconds(time)} / ${seconds(duration)} s</output>
-          ${choice("Motion", [["planned", "planned"], ["executed", "executed", !motionOf(this.store, "executed")]], options.time, (x) => this.store.setView({ time: /** @type {Which} */ (x) }))}
-          ${choice("Rate", RATES.map((x) => [String(x), `${x}×`]), String(this.rate), (x) => (this.rate = Number(x)))}</div>
-        <div class="track"><canvas role="img" aria-label="Tool speed over time, and the limits that determine it" />
-          <input type="range" class="scrub" min="0" max=${duration || 1} step="any" value=${time} aria-label="Time" aria-valuetext=${`${seconds(time)} s of ${seconds(duration)} s`} disabled=${!motion} onInput=${(/** @type {any} */ e) => this.scrub(Number(e.target.value))} /></div>`,
-      this.region,
-    );
-    this.region.dataset.state = this.playing ? "playing" : "paused";
-    this.region.dataset.time = String(time);
-    this.region.dataset.of = motion?.of ?? "none";
-  }
+  });
+  document.addEventListener("visibilitychange", () => document.hidden && play(false));
+  // Another time than the next one was chosen by the user.
+  store.on("time", () => {
+    if (store.time !== played) play(false);
+    if (!playing) show();
+  });
+  for (const event of ["picture", "executed", "view", "theme"]) store.on(event, renew);
+  new ResizeObserver(renew).observe(region);
+  show();
 }

@@ -27,7 +27,6 @@ import { oncePerFrame } from "./state.js";
 
 const STEP = 1e-3; // m
 const SAME = 1e-9; // m
-const ASIDE = 18; // px
 // Arrow keys that follow each other within this time are one gesture.
 const KEYS_WITHIN = 600; // ms
 const TYPED = /^[-\d.,;x ]$/;
@@ -162,7 +161,7 @@ export class Pointer {
     const { values, ...rest } = what.start(event);
     if (!values) return false;
     this.going = { what, ...rest, start: values, values, typed: "", gesture: new Gesture(this.link), before: this.store.latest("picture") };
-    this.place(place);
+    this.view.putBeside(this.label, place);
     return true;
   }
 
@@ -170,7 +169,7 @@ export class Pointer {
   move(by, event, place) {
     if (!this.going || this.going.typed) return;
     const { what, start, values: last } = this.going;
-    this.place(place);
+    this.view.putBeside(this.label, place);
     const moved = what.moved(by, start, event);
     const round = this.rounded(moved, event, what);
     // Values that do not move are not rounded.
@@ -229,15 +228,6 @@ export class Pointer {
     else this.changed.delete(what);
     what.end?.(gesture.edits, cancelled);
     this.follow();
-  }
-
-  /** The label next to the pointer, within the region. @param {Point} place px */
-  place([x, y]) {
-    const { width, height } = this.view.view;
-    const { offsetWidth: wide, offsetHeight: high } = this.label;
-    const left = x + ASIDE + wide < width ? x + ASIDE : x - ASIDE - wide;
-    const top = y + ASIDE + high < height ? y + ASIDE : y - ASIDE - high;
-    this.label.style.transform = `translate(${Math.max(0, left)}px, ${Math.max(0, top)}px)`;
   }
 
   /** Text of the label: values and their effect. */

@@ -16,6 +16,8 @@ const REST = 130; // ms
 export const CLICKED = 4; // px
 const NEAR = 8; // px
 const MAX_MEASURES = 3000;
+/** Distance of a box from the pointer [px]. */
+const ASIDE = 18;
 
 export class View2d {
   /** @param {Store} store */
@@ -313,6 +315,14 @@ export class View2d {
   within(event) {
     const { left, top } = this.region.getBoundingClientRect();
     return [event.clientX - left, event.clientY - top];
+  }
+
+  /** A box next to a place, within the region. @param {HTMLElement} box @param {[number, number]} place px */
+  putBeside(box, place) {
+    const [left, top] = [[this.view.width, box.offsetWidth], [this.view.height, box.offsetHeight]].map(
+      ([room, size], k) => Math.max(0, place[k] + ASIDE + size < room ? place[k] + ASIDE : place[k] - ASIDE - size),
+    );
+    box.style.transform = `translate(${left}px, ${top}px)`;
   }
 
   /** Zoom about the middle. @param {number} factor */
