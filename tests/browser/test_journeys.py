@@ -60,6 +60,9 @@ def test_j2_a_dragged_corner_has_another_tolerance(studio, judge):
     agree(studio, judgement)
     assert judgement.trajectory.duration < before
     assert shares(studio) != bound
+    studio.tab("runs")
+    old = studio.find("#tab-runs tr:has-text('before the last change') td").nth(3)
+    expect(old).to_have_text(f"{before:.2f} s")
     with studio.changing():
         studio.find("#undo").click()
     assert studio.figure("duration") == before

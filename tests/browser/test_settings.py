@@ -149,6 +149,12 @@ def test_settings_of_a_layer_do_not_change_other_layers(studio):
     with studio.renewing():
         studio.find("#panel details[data-key='path.layers.FINE'] > label input").click()
     assert load(studio.text, "")["path"]["layers"] == {"CUT": {}} and planned(studio) < before
+    # A layer that is not run stays above the list, where it is ticked again.
+    tick = studio.find(".layers").get_by_label("FINE")
+    expect(tick).not_to_be_checked()
+    with studio.renewing():
+        tick.click()
+    assert load(studio.text, "")["path"]["layers"] == {"CUT": {}, "FINE": {}}
 
 
 def test_settings_change_the_selected_contour_only(studio):
@@ -231,3 +237,22 @@ def test_settings_can_be_searched_by_names_and_descriptions(studio):
         expect(studio.find("#panel [data-key='path.orientation']")).to_be_visible()
     seek.fill("")
     expect(studio.slider("limits.speed")).to_be_visible()
+
+
+def test_narrow_pages_have_a_menu_and_large_targets(pages):
+    studio = pages(size=(390, 844))
+    studio.begin()
+    planned(studio)
+    studio.find("ol.contours button").first.click()
+    small = [
+        x.get_attribute("aria-label") or x.inner_text()
+        for x in studio.find("#bar, #viewbar, #panel").locator("button, select, summary").all()
+        if x.is_visible() and x.bounding_box()["height"] < 44
+    ]
+    assert not small
+    studio.find("#menu-open").click()
+    for name in ("Save", "Compare", "Certify"):
+        expect(studio.find("#menu").get_by_role("button", name=name)).to_be_in_viewport(ratio=1)
+    studio.find("#menu").get_by_role("button", name="Compare").click()
+    expect(studio.find("#menu")).to_be_hidden()
+    expect(studio.find("#tab-runs")).to_be_visible()

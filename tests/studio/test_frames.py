@@ -218,6 +218,10 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     np.testing.assert_allclose(
         np.linalg.norm(a["offset"], axis=1), a["error"], rtol=1e-4, atol=1e-12
     )
+    # The rounding of corners is a part of the distance from the drawing.
+    drawn = executed.planned.objective.path.project(tool).distance
+    assert a["off"].max() == pytest.approx(drawn.max(), rel=1e-3)
+    assert a["off"].max() > a["error"].max()
     base = a["base"] + view.centre + view.plane.origin[:2]
     assert path.project(base.astype(float)).distance.max() < 1e-7
     # Small errors have as many digits as large ones.

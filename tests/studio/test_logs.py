@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.studio.robot_logs import HEAD, TRUE, write_table
-from tests.studio.session_pages import RecordingTaskWorker, SessionPage, session_of
+from tests.studio.session_pages import RecordingTaskWorker, SessionPage, figure, session_of
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
@@ -51,6 +51,8 @@ def test_the_identified_servo_is_written_into_the_job(ask, file, log):
     identification = ac.identify(logged, ac.ServoFit(kinematics=ac.load_arm("pmk3s")))
     tables = {x["title"]: x["cells"] for x in frame.header["tables"]}
     assert tables == {x.name: cells(x) for x in identification.to_data().tables}
+    now, then = (figure(frame.header, x) for x in ("error_now", "error_then"))
+    assert 0 < then < now
     ((label, (edit,)),) = (x.values() for x in frame.header["changes"])
     assert label == "Use this servo" and frame.header["kept"]
     before = file.read_text()

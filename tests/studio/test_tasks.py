@@ -95,6 +95,24 @@ def test_a_collision_is_refused_with_its_position(square):
     assert frame.kind == "refusal" and "servo" in frame.header["sentence"]
 
 
+@needs_dynamics
+def test_the_distance_to_an_obstacle_is_a_figure_of_its_own(square):
+    post = {"type": "box", "name": "post", "size": [0.02, 0.02, 0.1], "at": [0.7, 0.3, 0.3]}
+    square["scene"] = {"obstacles": [post]}
+    rows = {x["name"]: x for x in ask("figures", square, "optimal").header["rows"]}
+    assert "post" in rows["obstacle"]["note"]
+    # Two links of the arm are nearer.
+    assert rows["obstacle"]["value"] > rows["clearance.low"]["value"] > 0
+
+
+def test_an_export_offers_the_outputs_that_it_misses(line):
+    line["process"] = {"switch": {"name": "torch"}}
+    (change,) = ask("export", line, "optimal", format="urscript").header["changes"]
+    assert change["edits"] == [{"do": "set", "key": ["export", "outputs", "torch"], "value": 0}]
+    line["export"] = {"outputs": {"torch": 0}}
+    assert ask("export", line, "optimal", format="urscript").header["changes"] == []
+
+
 FORMATS = (
     ({"format": "csv"}, ".csv", b"t [s],q"),
     ({"format": "csv", "of": "planned", "cycle": 0.01}, ".csv", b"t [s],q"),

@@ -169,15 +169,15 @@ def _expected_errors(request: Request, servo: dict[str, Any]) -> list[Row]:
     now = {**job, "servo": request.data["servo"], "plant": plant}
     rows = []
     try:
-        for name, keys in (
-            ("contour error now", now),
-            ("with this servo", {**job, "servo": servo}),
+        for name, label, keys in (
+            ("error_now", "contour error now", now),
+            ("error_then", "with this servo", {**job, "servo": servo}),
         ):
             planned = request.previewer.plan(keys, request.run)
             if not request.previewer.may_execute(planned):
                 return []
             error = request.previewer.execute(planned).errors.max
-            rows.append(Row(name, error, "m", name, "simulated", VERDICT))
+            rows.append(Row(name, error, "m", label, "simulated", VERDICT))
     except ArmContourError:
         # The run may need gains that the log does not determine.
         return []
