@@ -21,11 +21,6 @@ function bisectorOf({ apex, corner }) {
   return length > 0 ? [du / length, dv / length] : [0, 1];
 }
 
-/** Edits that set the tolerance of all corners. @param {number | string} value m, or as typed @returns {object[]} */
-export function toleranceEdits(value) {
-  return [{ do: "set", key: "corners.tolerance", value }];
-}
-
 /**
  * How far a way leads away from a corner, along its bisector; with arrow keys up and right do.
  * @param {Corner} corner @param {Point} by m @param {boolean} byKeys @returns {number} m

@@ -1,7 +1,7 @@
 // Handles over the drawing: waypoints, apexes of corners, the middles of lines where a waypoint may be
 // inserted. A handle follows the pointer at once; what the server answers is drawn when it comes.
 
-import { along, apexAt, beyond, handledOf, LEAST_TOLERANCE, toleranceEdits, wordsOf } from "./corner.js";
+import { along, apexAt, beyond, handledOf, LEAST_TOLERANCE, wordsOf } from "./corner.js";
 import { draw, grip, mark } from "./dom.js";
 import { mm } from "./format.js";
 import { Pointer } from "./pointer.js";
@@ -199,7 +199,7 @@ class Handles {
         values: [event instanceof KeyboardEvent ? tolerance() : drawn()],
       }),
       moved: (by, [value], event) => [value + along(corner(), by, event instanceof KeyboardEvent)],
-      edits: ([value]) => toleranceEdits(value),
+      edits: ([value]) => [{ do: "set", key: "corners.tolerance", value }],
       describe: () => {
         if (!corner()) return;
         mark(element, "aria-valuenow", mm(corner().error));

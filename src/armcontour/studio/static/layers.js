@@ -1,6 +1,7 @@
 // Cached drawing layers of the newest frames, until the frame, the theme or an option changes.
 
-import { largest, magnified, nearestLine, PieceGrid, polyline, scaleOf, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
+import { largest, magnified, PieceGrid, polyline, scaleOf, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
+import { indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -80,7 +81,10 @@ export class Layers {
       const { objective: points, objective_breaks: breaks } = refusal.arrays;
       const { at, outline } = refusal.head;
       const place = at.uv?.map((/** @type {number} */ x, /** @type {number} */ k) => x - outline.centre[k]);
-      return { path: polyline(points, breaks, isPlaced ? part : null), contour: place ? polyline(nearestLine(points, breaks, place)) : new Path2D() };
+      const piece = place ? new PieceGrid(points, new Set(breaks)).nearest(place[0], place[1], Infinity) : -1;
+      const line = indexAt(breaks, Math.max(0, piece));
+      const contour = points.subarray(2 * breaks[line], piece < 0 ? 0 : 2 * breaks[line + 1]);
+      return { path: polyline(points, breaks, isPlaced ? part : null), contour: polyline(contour) };
     });
   }
 

@@ -4,7 +4,6 @@ import { heat, styleOf, themed } from "./colours.js";
 import { handledOf } from "./corner.js";
 import { headOf } from "./figures.js";
 import { mm, short } from "./format.js";
-import { SLOW, slowPlaces } from "./markers.js";
 import { scaleOf } from "./polylines.js";
 import { scaleBar } from "./viewport.js";
 
@@ -63,7 +62,6 @@ export function legendOf(store, layers, picture, magnify) {
   }
   if (picture.arrays.rapid?.length && !found.some((x) => "text" in x && x.text.startsWith("rapids"))) found.push(sample(themed("--faint"), [1.5, 4], 1, "rapid"));
   if (picture.arrays.idle?.length) found.push(sample(themed("--ink"), [], 0.8, "process off"));
-  if (slowPlaces(picture).length) found.push({ ...sample(themed("--alarm"), [], 1, "slow place", 10), corners: SLOW });
   if (handledOf(picture).length) found.push({ ...sample(themed("--handle"), [], 1, "corner tolerance", 10), corners: [[0, -5], [5, 0], [0, 5], [-5, 0]] });
   return found;
 }

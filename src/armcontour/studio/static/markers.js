@@ -1,5 +1,4 @@
-// Small marks over the drawing: the tool at the shown time, slow places, the place of a refusal, and the
-// sentence under the pointer.
+// Small marks over the drawing: the tool at the shown time, the place of a refusal, and the sentence under the pointer.
 
 import { draw, make, mark, say } from "./dom.js";
 import { contourLabel, mm, seconds } from "./format.js";
@@ -10,13 +9,11 @@ import { along, indexAt } from "./state.js";
 /** @typedef {import("./state.js").Numbers} Numbers */
 /** @typedef {import("./view2d.js").View2d} View2d */
 
-// How near the pointer is to a point of which it tells, and how far apart marks are.
-const [NEAR, APART] = [14, 24]; // px
-const MAX_MARKS = 60;
+// How near the pointer is to a point of which it tells.
+const NEAR = 14; // px
 // Distance at which a slow point shows its text.
 const BESIDE = 0.002; // m
-/** Corners of the mark of a slow place, and lines of the cross at the place of a refusal [px]. */
-export const SLOW = [[0, -5], [5, 4], [-5, 4]];
+/** Lines of the cross at the place of a refusal [px]. */
 const CROSS = [[[-9, -9], [9, 9]], [[-9, 9], [9, -9]]];
 
 class Marks {
@@ -24,26 +21,16 @@ class Marks {
   constructor(store, view) {
     this.store = store;
     this.view = view;
-    this.slow = draw("g", { class: "slow", "aria-hidden": "true" });
     this.dot = draw("circle", { class: "cursor", r: 5, hidden: true, "aria-hidden": "true" });
     this.tool = draw("circle", { class: "cursor tool", r: 4, hidden: true, "aria-hidden": "true" });
     this.refused = draw("path", { class: "refused", d: CROSS.map((x) => `M${x.join("L")}`).join(""), hidden: true, "aria-hidden": "true" });
-    view.overlay.prepend(this.slow);
     view.overlay.append(this.dot, this.tool, this.refused);
     this.tip = make("div", { class: "tip", role: "tooltip", hidden: true });
     view.region.append(this.tip);
-    store.on("picture", () => this.setSlow());
     store.on("time", () => this.place());
     view.followers.add(() => this.place());
     view.overlay.addEventListener("pointermove", (event) => this.hover(event));
     view.overlay.addEventListener("pointerleave", () => this.leave());
-  }
-
-  /** Slow places of the shown run. */
-  setSlow() {
-    this.places = slowPlaces(this.store.latest("picture"));
-    while (this.slow.childElementCount > this.places.length) this.slow.lastChild?.remove();
-    while (this.slow.childElementCount < this.places.length) this.slow.append(draw("path", { d: `M${SLOW.join("L")}Z` }));
   }
 
   /** Everything at its place on the screen. */
@@ -51,15 +38,6 @@ class Marks {
     const picture = this.store.latest("picture");
     if (!picture) return;
     const centre = picture.head.centre;
-    /** @type {[number, number][]} */
-    const taken = [];
-    this.places?.forEach((/** @type {any} */ x, /** @type {number} */ i) => {
-      const [at, child] = [this.screen(x.uv, centre), /** @type {any} */ (this.slow.children[i])];
-      const isFree = taken.every(([right, down]) => Math.hypot(at[0] - right, at[1] - down) > APART);
-      child.toggleAttribute("hidden", !isFree);
-      if (isFree) taken.push(at);
-      move(child, at);
-    });
     this.placeCursor(picture);
     this.placeRefusal(centre);
   }
@@ -122,9 +100,6 @@ class Marks {
 
 /** Minima of the speed below the assigned one. @param {Frame | null} picture @returns {{s: number, uv: [number, number]}[]} */
 const slowest = (picture) => (picture?.head.shortfalls ?? []).filter((/** @type {any} */ x) => x.kind === "slowest");
-
-/** Places that are slower than they were to be, as many as are marked. @param {Frame | null} picture */
-export const slowPlaces = (picture) => slowest(picture).slice(0, MAX_MARKS);
 
 /** @param {SVGElement} element @param {[number, number]} place px */
 function move(element, [x, y]) {

@@ -40,7 +40,7 @@ export const tellEarly = (sentence) => notify(sentence, "alarm early");
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   // Messages lie over the drawing, and not over the buttons above it.
-  const place = () => document.body.style.setProperty("--messages", `${find("#views").getBoundingClientRect().top + 12}px`);
+  const place = () => document.body.style.setProperty("--messages", `${find("#views").getBoundingClientRect().top + 48}px`);
   new ResizeObserver(place).observe(find("#views"));
   store.on("picture", () => clear("early"));
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));

@@ -30,20 +30,6 @@ function squaredDistance(u, v, points, k) {
 }
 
 /**
- * The line that is nearest to a point.
- * @param {Numbers} points pairs @param {Numbers} breaks indices of first points, and the number of points @param {number[]} at @returns {Numbers} pairs
- */
-export function nearestLine(points, breaks, [u, v]) {
-  let [best, least] = [points.subarray(0, 0), Infinity];
-  for (let line = 0; line + 1 < breaks.length; line++)
-    for (let i = breaks[line]; i + 1 < breaks[line + 1]; i++) {
-      const distance = squaredDistance(u, v, points, 2 * i);
-      if (distance < least) [best, least] = [points.subarray(2 * breaks[line], 2 * breaks[line + 1]), distance];
-    }
-  return best;
-}
-
-/**
  * One way per bucket of the pieces between successive points.
  * @param {Numbers} points pairs @param {(i: number) => number} bucketOf of the piece from point i to i + 1; below 0: not drawn
  * @param {Set<number>} starts first points of lines @param {Part | null} part

@@ -33,15 +33,7 @@ const Tool = ({ name, d, title, act, is, id }) => html`<button type="button" id=
 function Entry({ entry }) {
   if ("shades" in entry) {
     const { shades, from, to } = entry;
-    const paint = (/** @type {HTMLCanvasElement | null} */ canvas) => {
-      const context = canvas?.getContext("2d");
-      shades.forEach((shade, k) => {
-        if (!context) return;
-        context.fillStyle = shade;
-        context.fillRect((96 * k) / shades.length, 0, 96 / shades.length, 8);
-      });
-    };
-    return html`${from} <canvas width="96" height="8" aria-hidden="true" ref=${paint} /> ${to}`;
+    return html`${from} <span class="shades" aria-hidden="true" style=${`background: linear-gradient(to right, ${shades.join()})`} /> ${to}`;
   }
   const { colour, dash, width, length, corners, text } = entry;
   const shape = corners
