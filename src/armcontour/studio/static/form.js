@@ -173,7 +173,7 @@ export function refuseAt({ head: { key, sentence, remedies } }) {
   if (outer && key !== wish.key) waiting.value = [...waiting.value.map((x) => (more.includes(x) ? { ...x, outer } : x)), { ...wish, outer }];
   const take = (/** @type {object} */ edit) => send(wish.key.split("."), [...wish.edits, edit]);
   // The field says where it is, and the newest refusal has the reasons of those that wait.
-  const said = sentence.replace(/^[\w.-]+: ([\w.-]+: )*/, "").replace(/ \(line \d+\)/, "").replace(/^the key \S*?(\w+) is missing/, (_, /** @type {string} */ name) => `${words(name)} is required as well`);
+  const said = sentence.replace(/^[\w.-]+: ([\w.-]+: )*/, "").replace(/ \(line \d+\)/, "").replace(/^the key \S*?(\w+) is missing/, (/** @type {string} */ _all, /** @type {string} */ name) => `${words(name)} is required as well`);
   refusals.value = place ? { [place]: html`${said} <${Remedies} edits=${remedies} take=${take} />` } : {};
   requestAnimationFrame(() => document.querySelector("#form .refused")?.scrollIntoView({ block: "nearest" }));
   return place !== undefined;
