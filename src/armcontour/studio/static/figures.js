@@ -18,6 +18,8 @@ const MOST_ADVISED = 2;
 const LEAST = 1;
 /** Figures in their order; the time of a run is between them. */
 const [FIRST, LAST] = [["kept", "off_drawing", "duration"], ["clearance.low", "obstacle", "contour_error.rms", "saturated"]];
+/** Names of figures that are there before they are known, or of a job that is refused. @type {Record<string, string>} */
+const NAMES = { kept: "verdict", duration: "motion" };
 /** From which values on a figure is an alarm. @type {Record<string, (value: any) => boolean>} */
 const ALARMS = { saturated: (share) => share > 0, "clearance.low": (low) => low <= 0, obstacle: (low) => low <= 0 };
 /** Figures that show their place: the time of the largest error, and of the nearest pair. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
@@ -49,12 +51,12 @@ function Figure({ name, row, seen, store, exact }) {
   const { accuracy } = store.document?.data ?? {};
   const old = name === "duration" ? (exact ? past.before : past.rows)?.get(name) : undefined;
   const gain = old && row && old.text !== row.text ? `${difference(row, old)}, was ${textOf(old)}` : "";
-  const content = html`<span class="label"><span>${seen?.label}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
+  const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
     <span class="number"><span class="value">${isRefused ? "✗ refused" : `${looks.mark} ${row?.text ?? NONE}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && ` of ${accuracy}`}</span></span>
     <span class=${gain && `note ${gain.startsWith("+") ? "worse" : "better"}` || "note"} title=${row?.note}>${gain || row?.note}</span>`;
   const shared = {
     class: `figure ${row && ALARMS[name]?.(row.value) ? "alarm" : ""}`, "data-figure": name, "data-value": row ? String(row.value) : "", "data-exact": String(exact),
-    hidden: !seen && name !== "duration", style: `color: ${isRefused ? "var(--refusal)" : looks.colour}`,
+    hidden: !seen && !NAMES[name], style: `color: ${isRefused ? "var(--refusal)" : looks.colour}`,
   };
   if (!place) return html`<div ...${shared}>${content}</div>`;
   return html`<button type="button" title="Show its place" onClick=${() => store.setTime(place(store) ?? store.time)} ...${shared}>${content}</button>`;
