@@ -16,7 +16,7 @@ from armcontour.core.compilation import compile_for_run
 from armcontour.core.progress import Progress, Step
 from armcontour.core.render import cells, compare, lay_out, plain, text, verdict
 from armcontour.core.result import VERDICT
-from armcontour.jobs.advice import is_small, with_advice
+from armcontour.jobs.advice import with_advice
 from armcontour.jobs.run_notes import unknown_notes
 
 WRITING = Step(("writing the results",))
@@ -31,8 +31,8 @@ def run(options: Run, folder: files.ResultFolder, progress: Progress) -> Outcome
     check_exports(job, options.keys)
     with compile_for_run(job.arm.dimension, progress):
         study = jobs.run(job, simulate=simulate, progress=progress)
-        if simulate and (is_small(job) if options.changes is None else options.changes):
-            study = with_advice(study, progress)
+        if simulate and options.changes is not False:
+            study = with_advice(study, progress, complete=options.changes is True)
         progress(WRITING)
         if simulate or not job.export.formats:
             # Without simulation, the exports are written instead of the usual files.

@@ -43,8 +43,9 @@ SPEED_FACTORS, RESERVES = (0.8, 0.6, 0.4, 0.2), (0.1, 0.2, 0.4)
 LEAST_RESERVE = 0.02
 # Fraction of the accuracy that a repair uses, so that rounding errors do not determine the verdict.
 ACCURACY_SHARE = 0.98
-# Maximum number of segments in all runs of a job for which advice is computed by default.
-SMALL = 50
+# Maximum number of segments in all runs of a job for which all changes are planned by default, and
+# number of segments in all planned changes of a larger job. A change takes a third of a run's time.
+SMALL, SEGMENTS = 50, 200
 # Conditions of changes: for limits of drives, for limits that the user has set, and for tolerances.
 IF_DRIVE, IF_PROCESS = "the drive allows it", "the process allows it"
 IF_PART = "the part allows it"
@@ -64,10 +65,12 @@ class _Candidate:
     condition: str = ""
 
 
-def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Advice:
+def advise(
+    job: Job, result: RunResult, progress: Progress | None = None, *, most: int = MAX_PLANNED
+) -> Advice:
     """Find the changes of a run that save most time, or that repair a run with a negative verdict.
 
-    Each change is planned and simulated.
+    At most `most` changes are planned and simulated, those with the largest expected effect.
     """
     report = subprogress(progress)
     helpful = list[Improvement]()
@@ -80,13 +83,13 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
         )
     else:
         likely = sorted(_savings(job, result), key=lambda x: -x[0].expected_saving)
-        groups = [*likely[:MAX_PLANNED]]
+        groups = likely[:MAX_PLANNED]
         none = (
             "No single change of a limit, of the corners or of the contour order makes the motion "
             "faster."
         )
     smallest = -inf if repairs else MIN_SAVING * result.trajectory.duration
-    for k, group in enumerate(groups):
+    for k, group in enumerate(groups[:most]):
         for candidate in group:
             report(Step((STEP,), done=k / len(groups)))
             tried = _plan_change(candidate, result)
@@ -94,22 +97,35 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
                 helpful.append(tried)
                 break
     suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MAX_LISTED]
-    return Advice(improvements=suggestions, note="" if suggestions else none)
+    note = "" if suggestions else none
+    if most < len(groups):
+        note = (
+            f"Only {most} of {len(groups)} changes were planned, those with the largest expected "
+            "effect. Add --changes to armcontour run to plan all."
+        )
+    return Advice(improvements=suggestions, note=note)
 
 
-def with_advice(study: JobResult, progress: Progress | None = None) -> JobResult:
-    """Study with the advice on each of its runs."""
+def with_advice(
+    study: JobResult, progress: Progress | None = None, *, complete: bool = False
+) -> JobResult:
+    """Study with the advice on each of its runs; for a large job only if `complete`."""
+    most = MAX_PLANNED if complete else _count_affordable(study.job)
+    if not most:
+        return study
     runs = {
-        name: replace(x, advice=advise(study.job, x, subprogress(progress, name)))
+        name: replace(x, advice=advise(study.job, x, subprogress(progress, name), most=most))
         for name, x in study.runs.items()
     }
     return replace(study, runs=MappingProxyType(runs))
 
 
-def is_small(job: Job) -> bool:
-    """Return whether changes of a job can be planned within a few seconds."""
-    segments = sum(len(x.path) for x in job.program.contours)
-    return segments * len(job.runs) <= SMALL and not any(x.is_shaped for x in job.runs)
+def _count_affordable(job: Job) -> int:
+    """Number of changes that can be planned in about the time of the run."""
+    segments = sum(len(x.path) for x in job.program.contours) * len(job.runs)
+    if any(x.is_shaped for x in job.runs):
+        return 0
+    return MAX_PLANNED if segments <= SMALL else min(MAX_PLANNED, SEGMENTS // segments)
 
 
 def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None:

@@ -6,6 +6,7 @@ import base64
 import gzip
 import json
 import pkgutil
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache
@@ -26,6 +27,8 @@ DIGITS, X_DIGITS = 5, 7
 # Width of a figure that is as wide as the page, in sixths; minimum width of one of several columns
 # of plots, and height of a plot [px].
 WHOLE, LEAST_WIDTH, HEIGHT = 6, 260, 150
+# Values whose digits say nothing to a reader, see `render.FINE`.
+TINY = re.compile(r"(?<![\d.])-?0\.000\d{3}(?= [\w%])")
 # Text that the page shows if a figure is wider than the page.
 HINT = (
     '<p class="hint" aria-hidden="true">The figure continues to the right. Scroll it, or use the '
@@ -155,12 +158,13 @@ def render_page(**values: Any) -> str:
     environment.globals["figure"] = place
     # The data are packed after the template has placed the figures.
     environment.globals["packed"] = lambda: _packed(pictures)
-    return environment.get_template("report.html").render(
+    page = environment.get_template("report.html").render(
         version=__version__,
         verdicts=VERDICTS,
         uplot_css=Markup(_static("vendor/uplot.css").decode()),
         **values,
     )
+    return TINY.sub("&lt; 0.001", page)
 
 
 def _packed(pictures: Mapping[str, Picture]) -> dict[str, str]:

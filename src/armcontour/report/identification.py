@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour.control.identification import Identification
+from armcontour.core.render import number
 from armcontour.core.result import TABLE, Data
 from armcontour.core.text import capitalise
 from armcontour.report.figure import Curve, Figure, Plot, render_page
@@ -14,6 +15,10 @@ from armcontour.report.style import EXECUTED_COLOUR, LIMIT_COLOUR, PLANNED_COLOU
 # Gap between successive logs in the figures [s], and height of the plots of a joint [px].
 APART, HEIGHT = 1.0, 56
 SOURCE = "predicted from the other parts, where not fitted"
+USE = (
+    "Copy the key servo of servo.yaml to the job file. The job is then planned and compensated for "
+    "these servos."
+)
 
 
 def render_identification(identification: Identification) -> str:
@@ -29,44 +34,50 @@ def render_identification(identification: Identification) -> str:
 
 
 def _front(result: Identification, data: Data) -> Front:
-    """First screen: the verdict, a table of all joints, and the weakest point."""
+    """First screen: the verdict, the identified parameters, their use, and the weakest point."""
     trusted = data["judgement.trusted"]
-    words = [trusted.label if trusted.value else f"not {trusted.label}", trusted.note]
-    table = next(x for x in data.tables if x.level <= TABLE)
+    left = f"compensation leaves {number(result.judgement.ratio, '1')} of the contour error"
+    words = [trusted.label if trusted.value else f"not {trusted.label}", trusted.note or left]
     determined = [x.determined for x in result.joints]
     known = f"{sum(determined)} of {len(determined)}"
+    sentences = [("Weakest point", x) for x in [*data.warnings, *data.notes][:1]]
+    if any(x.written for x in result.joints):
+        sentences.insert(0, ("Use in a job", USE))
+    shown = [x for x in data.tables if x.level <= TABLE]
     return Front(
         verdict=capitalise(": ".join(filter(None, words))) + ".",
         good=bool(trusted.value),
         doubtful=not trusted.value or result.judgement.programs < 2,
-        tiles=(
-            *(x for x in tiles(data) if x.label != trusted.label),
-            Tile(label="joints with all parameters determined", value=known),
-        ),
-        tables=(text_table(table, "All joints"),),
-        parts=(_figure(result),) if any(x.rests for x in result.joints) else (),
-        sentences=tuple(("Weakest point", x) for x in [*data.warnings, *data.notes][:1]),
+        tiles=(*tiles(data), Tile(label="joints with all parameters determined", value=known)),
+        tables=tuple(text_table(x, "Identified servos, with 95 % intervals") for x in shown[1:]),
+        sentences=tuple(sentences),
     )
 
 
 def _sections(identification: Identification, data: Data) -> list[Section]:
-    """List of one section, with the parameters and notes of the joints."""
-    tables = [x for x in data.tables if x.level <= TABLE][1:]
+    """Sections with motion and residuals, and with the errors and notes of the joints."""
+    joints = next(x for x in data.tables if x.level <= TABLE)
     of_joints = (
         f"{x.title}: {y}"
         for x in (joint.to_data() for joint in identification.joints)
         for y in x.notes
         if y not in data.notes
     )
-    return [
-        Section(
-            key="parameters",
-            title="Parameters",
-            summary="values with their 95 % intervals, and which are determined",
-            parts=tuple(text_table(x, capitalise(x.name)) for x in tables),
-            notes=(*data.notes, *of_joints),
-        )
-    ]
+    motion = Section(
+        key="motion",
+        title="Motion and residuals",
+        summary="measured and predicted position of each joint, and their difference",
+        parts=(_figure(identification),),
+        opened=True,
+    )
+    errors = Section(
+        key="errors",
+        title="Errors",
+        summary="tracking and contour error left, as parts of those without compensation",
+        parts=(text_table(joints, "Errors on motion that was not fitted"),),
+        notes=(*data.notes, *of_joints),
+    )
+    return [motion, errors] if any(x.rests for x in identification.joints) else [errors]
 
 
 def _figure(identification: Identification) -> Figure:
@@ -92,4 +103,6 @@ def _figure(identification: Identification) -> Figure:
         rest = Curve(x=t, y=residuals, name="residual", colour=LIMIT_COLOUR, width=1.2)
         plots.append(Plot(label="", curves=(rest,), height=HEIGHT))
     columns = ("position [rad]", "residual [mrad]")
-    return Figure(title="Motion and residuals", plots=tuple(plots), columns=columns)
+    return Figure(
+        title="Positions and residuals of the joints", plots=tuple(plots), columns=columns
+    )

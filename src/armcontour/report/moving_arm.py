@@ -17,9 +17,8 @@ from armcontour.planning.explanation import RAPIDS
 from armcontour.report.arm_frame import arm_frame, nearest_pair
 from armcontour.report.figure import Picture
 from armcontour.report.message_frame import MessageFrame
-from armcontour.report.outline import simplify
 from armcontour.report.plan_drawing import pieces_of, rapid_paths
-from armcontour.report.view import essential_points, in_space, to_float32
+from armcontour.report.view import essential_points, in_space, simplify, to_float32
 
 # Spacing [s] and maximum number of the sampled postures, of which those are stored between which
 # linear interpolation has an error of at most POSTURE_ERROR [rad].
@@ -62,8 +61,10 @@ def draw_arm(result: RunResult, job: Job) -> MovingArm:
         lines.append({"points": f"points{k}", "breaks": f"breaks{k}"})
         lines[-1] |= {theme: str(look[theme]) for theme in ("light", "dark")}
     header = {"lines": lines, "nearest": nearest_pair(result)}
-    title = f"Arm, moving as planned in run {result.run.name}"
-    return MovingArm(title=title, frames=(arm_frame(job), MessageFrame("motion", header, arrays)))
+    return MovingArm(
+        title="Arm, moving as planned",
+        frames=(arm_frame(job), MessageFrame("motion", header, arrays)),
+    )
 
 
 def _postures(trajectory: Trajectory) -> dict[str, Any]:
@@ -79,7 +80,7 @@ def _postures(trajectory: Trajectory) -> dict[str, Any]:
 def _joined(curves: Sequence[FloatArray]) -> tuple[FloatArray, Any]:
     """Points of simplified curves, and indices of their first points and of the end."""
     size = max(float(np.ptp(x, axis=0).max()) for x in curves)
-    chosen = simplify(curves, even=1, visible=VISIBLE * size)
+    chosen = simplify(curves, VISIBLE * size)
     drawn = [x[rows] for x, rows in zip(curves, chosen, strict=True)]
     ends = np.cumsum([0, *map(len, drawn)], dtype=np.uint32)
     return np.concatenate(drawn), ends

@@ -16,13 +16,12 @@ from armcontour.core.render import LINES, limit_style, number, number_range
 from armcontour.core.text import count_noun
 from armcontour.jobs import Job, RunResult
 from armcontour.planning.explanation import BETWEEN, RAPIDS, Binding, LimitShare
-from armcontour.program import Contour, Process, cut_parts, idle_parts
+from armcontour.program import Contour, Process, contour_called, cut_parts, idle_parts
 from armcontour.report.figure import Picture
-from armcontour.report.outline import fine_places, simplify
-from armcontour.report.view import points_at
+from armcontour.report.view import drawn_arc_lengths, drawn_curve, points_at, simplify
 
 # Width, maximum and minimum height, and margin of the drawing [px].
-WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 440.0, 190.0, 34.0
+WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 700.0, 190.0, 34.0
 # Maximum deviation of the drawn path [px], and length below which a piece gets the colour of the
 # previous piece [px].
 VISIBLE, SHORTEST = 0.3, 1.0
@@ -32,8 +31,10 @@ FLAT = 0.02
 OBLIQUE = np.array([[0.806, 0.591, 0.0], [-0.257, 0.351, 0.9]])
 # Number of points of each rapid, and approximate minimum distance of marks of the same kind [px].
 RAPID_PLACES, APART = 24, 7.0
-# Maximum number of contours for which numbers are drawn.
-MAX_NUMBERED = 60
+# Maximum number of contours for which numbers are drawn, their places relative to the start of the
+# contour, and room that keeps two numbers apart [px].
+MAX_NUMBERED, FREE = 60, 22.0
+BESIDE = 15.0 * np.array([[1.0, -1.0], [-1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # AXIS: length of a coordinate axis that is parallel to the picture [px]. SHORT_AXIS: an axis is not
 # drawn if its projection is below this fraction of it.
 AXIS, SHORT_AXIS = 26.0, 0.25
@@ -117,7 +118,7 @@ class Drawing(Picture):
 
 def draw_plan(result: RunResult, job: Job) -> Drawing:
     """Draw the path of a plan with its active limits, rapids, kerf, process and extremes."""
-    outline = [x.path(fine_places(x.path)) for x in result.path.contours]
+    outline = [drawn_curve(x.path) for x in result.path.contours]
     rapids, tabs = rapid_paths(result), _tabs(result, job.process)
     # A flat part is viewed from above, also if the tool is lifted between its contours.
     axes = view_of(np.concatenate(outline))
@@ -131,7 +132,7 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         parts.append(line(sheet, rapids, f'class="limit" {look_of(RAPIDS)}'))
     for kind, curves in pieces_of(result, SHORTEST / sheet.size).items():
         parts.append(line(sheet, curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
-    gaps = [contour.path(fine_places(contour.path, a, b)) for contour, _, a, b in tabs]
+    gaps = [drawn_curve(contour.path, a, b) for contour, _, a, b in tabs]
     if gaps:
         parts.append(line(sheet, gaps, 'class="tab"', "tab, not cut"))
     prefix = slug(job.name)
@@ -161,7 +162,7 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         kind = next(x.kind for x in why.shares if x.name == why.longest[0])
         if kind in limits:
             places["time_limit"] = limits[kind].place
-    title = f"Path of run {result.run.name}" + ", by the active limit" * bool(legend)
+    title = "Path" + ", coloured by the active limit" * bool(legend)
     return Drawing(
         title=title, svg=sheet.svg(label, parts), keys=tuple(keys), legend=legend, places=places
     )
@@ -248,6 +249,17 @@ class Sheet:
             f'r="11" data-window="{window:.2f}"><title>{escape(mark.words)}</title></circle>'
         )
 
+    def inset(self, mark: Mark, drawn: str) -> str:
+        """Enlarged part of the drawing around a mark; `drawn`: id of the elements to repeat."""
+        side = mark.window * self.size or WIDTH / CLOSER
+        x, y = self.place(mark.point) - side / 2
+        words = escape(mark.words)
+        return (
+            f'<a href="#{escape(mark.place)}"><svg class="inset" role="img" aria-label="{words}" '
+            f'viewBox="{x:.3f} {y:.3f} {side:.3f} {side:.3f}"><use href="#{escape(drawn)}"/></svg>'
+            f"{words}</a>"
+        )
+
     def svg(self, label: str, parts: Iterable[str]) -> str:
         """SVG of drawn elements; a view from above also states the origin [mm] and the scale."""
         view = f'viewBox="0 0 {WIDTH:.0f} {self.height:.0f}"'
@@ -293,7 +305,7 @@ def line(
     """
     drawn, digits = [sheet.place(x) for x in curves], 2 if fine else 1
     if not fine:
-        chosen = simplify(drawn, even=1, visible=VISIBLE)
+        chosen = simplify(drawn, VISIBLE)
         drawn = [points[few] for points, few in zip(drawn, chosen, strict=True)]
     texts = ("M" + " ".join(f"{x:.{digits}f}" for x in y.ravel().tolist()) for y in drawn)
     title = f"<title>{escape(words)}</title>" if words else ""
@@ -310,7 +322,7 @@ def pieces_of(result: RunResult, shortest: float) -> dict[str, list[FloatArray]]
     kind_of_part = np.array([names.index(x) for x in kinds])
     for contour, offset in zip(result.path.contours, result.path.breaks, strict=False):
         inner = starts[(starts > offset) & (starts < offset + contour.path.length)] - offset
-        s = np.union1d(fine_places(contour.path), inner)
+        s = np.union1d(drawn_arc_lengths(contour.path, np.inf), inner)
         indices = np.searchsorted(starts, offset + (s[:-1] + s[1:]) / 2, side="right") - 1
         kind = kind_of_part[np.clip(indices, 0, len(kind_of_part) - 1)]
         edges = np.flatnonzero(np.diff(kind, prepend=-1))
@@ -366,7 +378,7 @@ def _kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[str]:
     """Yield SVG paths of the bands of material that the kerf removes."""
     widths: defaultdict[float, list[FloatArray]] = defaultdict(list)
     for path, begin, end, kerf in cut_parts(result.path, process):
-        widths[kerf].append(path(fine_places(path, begin, end)))
+        widths[kerf].append(drawn_curve(path, begin, end))
     for kerf, curves in widths.items():
         look = f'class="kerf" stroke-width="{kerf * sheet.size:.1f}"'
         yield line(sheet, curves, look, f"kerf {number(kerf, 'm')}")
@@ -377,7 +389,7 @@ def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[str]:
     contours = [x for x in job.program.contours if job.process.of_contour(x).kerf]
     if not contours and (result.rounding_error or 0.0) * sheet.size > SHORTEST:
         contours = list(result.objective.contours)
-    curves = [x.path(fine_places(x.path)) for x in contours]
+    curves = [drawn_curve(x.path) for x in contours]
     if curves:
         yield line(sheet, curves, 'class="objective"', "as drawn")
 
@@ -389,7 +401,7 @@ def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
         begin, end = contour.at_work
         for a, b in ((0.0, begin), (end, contour.path.length)):
             if (b - a) * sheet.size > SHORTEST:
-                curves.append(contour.path(fine_places(contour.path, a, b)))
+                curves.append(drawn_curve(contour.path, a, b))
     if curves:
         yield line(sheet, curves, f'class="lead" stroke="{LINES["leads"]}"', "lead")
 
@@ -397,12 +409,9 @@ def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
 def _starts(result: RunResult) -> list[Mark]:
     """Marks at the starts of contours, with their directions."""
     spans, marks = result.trajectory.contour_spans, []
-    for k, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True), start=1):
-        words = (
-            f"contour {contour.number or k} {contour.name} {contour.layer}".strip()
-            + f": {number(contour.path.length, 'm')}"
-        )
-        words += f", {number_range(span.t, 's')}"
+    for k, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True)):
+        words = f"{contour_called(contour, k)} {contour.layer}".strip()
+        words += f": {number(contour.path.length, 'm')}, {number_range(span.t, 's')}"
         marks.append(Mark(contour.path(0.0), words, contour.path(0.0, 1)))
     return marks
 
@@ -411,10 +420,16 @@ def _numbers(result: RunResult, sheet: Sheet) -> Iterator[str]:
     """Yield SVG texts with the numbers of contours, if there are 2 to MAX_NUMBERED contours."""
     contours = result.path.contours
     if 1 < len(contours) <= MAX_NUMBERED:
-        for k, contour in enumerate(contours, start=1):
-            right, down = sheet.place(contour.path(0.0))
-            number_of = contour.number or k
-            yield f'<text class="number" x="{right + 6:.1f}" y="{down - 6:.1f}">{number_of}</text>'
+        starts = sheet.place(np.array([x.path(0.0) for x in contours]))
+        taken = list[FloatArray]()
+        for k, contour in enumerate(contours):
+            # The first place next to the start that is free, else the one with most room.
+            others = np.array([*np.delete(starts, k, axis=0), *taken])
+            places = starts[k] + BESIDE
+            room = np.abs(places[:, None] - others).max(axis=2).min(axis=1)
+            taken.append(places[np.argmax(np.minimum(room, FREE))])
+            x, y = taken[-1]
+            yield f'<text class="number" x="{x:.1f}" y="{y:.1f}">{contour.number or k + 1}</text>'
 
 
 def _stops(result: RunResult) -> list[Mark]:
@@ -475,14 +490,16 @@ def _extremes(result: RunResult, prefix: str) -> Iterator[tuple[str, str, Mark]]
         yield "slow", "▲", Mark(_at(result, slowest.s), words, place=f"{prefix}-slow")
     if result.judged is not None:
         # As in the verdict, the worst contour is that with the largest sum of rounding and error.
-        errors = result.judged.contours
-        roundings = [getattr(x.path, "deviation", None) or 0.0 for x in result.path.contours]
-        e = errors[int(np.argmax([x + y.max for x, y in zip(roundings, errors, strict=True)]))]
-        words = f"largest error without the rounding: {number(e.max, 'm')}"
-        yield "error", "✕", Mark(_at(result, e.s_max), words, place=f"{prefix}-error")
+        errors, contours = result.judged.contours, result.path.contours
+        roundings = [getattr(x.path, "deviation", None) or 0.0 for x in contours]
+        k = int(np.argmax([x + y.max for x, y in zip(roundings, errors, strict=True)]))
+        words = f"largest error of {contour_called(contours[k], k)} without the rounding: "
+        point = contours[k].path(errors[k].s_max - result.path.breaks[k])
+        mark = Mark(point, words + number(errors[k].max, "m"), place=f"{prefix}-error")
+        yield "error", "✕", mark
     if result.clearance is not None and (pair := result.clearance.least) is not None:
         t = pair.t if pair.first_time is None else pair.first_time
-        words = f"nearest pair: {pair.second} and {pair.first}, {number(result.clearance.low, 'm')}"
+        words = f"nearest pair: {pair.bodies}, {number(result.clearance.low, 'm')}"
         tool = result.arm.tool_position(result.trajectory(t))
         yield "near", "◎", Mark(tool, words, place=f"{prefix}-near")
 

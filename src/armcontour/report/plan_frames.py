@@ -13,7 +13,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError
 from armcontour.core.render import cells, frame, number
-from armcontour.core.result import Data
+from armcontour.core.result import Data, Table
 from armcontour.geometry import Path, RoundedPath
 from armcontour.jobs import Job, Run
 from armcontour.jobs.rows import verdict_rows
@@ -316,10 +316,7 @@ def _kerf(planned: Preview, view: View, error: float) -> tuple[list[float], dict
     parts = cut_parts(planned.path, process)
     if not parts:
         return [], {}
-    cut = []
-    for path, begin, end, _ in parts:
-        s = drawn_arc_lengths(path, error)
-        cut.append(path(np.concatenate([[begin], s[(s > begin) & (s < end)], [end]])))
+    cut = [path(drawn_arc_lengths(path, error, begin, end)) for path, begin, end, _ in parts]
     uncut = [x.path for x in planned.job.program.contours if process.of_contour(x).kerf]
     points, ends = np.concatenate(cut), np.cumsum([0, *map(len, cut)])
     lines = _lines("cut", points, ends, view, error)
@@ -341,10 +338,14 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
         return {"time": [], "kinds": []}
     shares = [(x, share) for x, share in explanation.kinds.items() if share >= MIN_SHARE]
     kinds = [{"kind": x, "share": number(share, "1")} for x, share in shares]
+    return {"time": cells(time_table(explanation)), "kinds": kinds}
+
+
+def time_table(explanation: Explanation) -> Table:
+    """Durations of active limits, without those that take less than MIN_SHARE of the time."""
     table = explanation.time_table
     of_time = [x.name for x in table.columns].index("of_time")
-    listed = replace(table, rows=[x for x in table.rows if x[of_time] >= MIN_SHARE])
-    return {"time": cells(listed), "kinds": kinds}
+    return replace(table, rows=[x for x in table.rows if x[of_time] >= MIN_SHARE])
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:

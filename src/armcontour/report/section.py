@@ -27,10 +27,14 @@ class TextTable:
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     caption: str = ""
+    # Width in sixths of the section; 0 for a width that depends on the contents
+    width: int = 0
 
     @property
     def span(self) -> int:
         """Width in sixths of the section."""
+        if self.width:
+            return self.width
         columns = [x for x in zip(self.header, *self.rows, strict=True) if x[0]]
         # Headers are wrapped, so only their longest word counts.
         width = sum(max(map(len, (*x[0].split(), *x[1:]))) + 3 for x in columns)
@@ -65,6 +69,8 @@ class Section:
     choices: tuple[tuple[str, tuple[Any, ...]], ...] = ()
     # Sentences at the end of the section
     notes: tuple[str, ...] = ()
+    # True if the section is unfolded at first
+    opened: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +112,7 @@ def tiles(
 
     `places`: ids of marks by the names of rows; a row with a mark is always shown.
     """
-    rows = [x for x in data.shown(level) if x.unit != JUDGED]
+    rows = [x for x in data.shown(level) if x.unit != JUDGED and not isinstance(x.value, bool)]
     return tuple(
         Tile(label=x.label, value=figure(x), note=x.note, place=places.get(x.name, ""))
         for k, x in enumerate(rows)
@@ -114,19 +120,36 @@ def tiles(
     )
 
 
-def side_by_side(results: Mapping[str, Data], caption: str = "") -> TextTable:
-    """Table of the values, one column per result; rows with sentences are omitted."""
+def side_by_side(results: Mapping[str, Data], caption: str = "") -> tuple[TextTable, ...]:
+    """Tables of the values, one column per result; rows with sentences or only 0 are omitted.
+
+    The values of one result have two tables, so that they are as wide as the page.
+    """
     header, *rows = compare(results, TABLE, texts=True)
-    columns = zip(header, *rows, strict=True)
-    figures = [x for x in list(columns)[1:] if max(map(len, x[1:])) <= LONGEST]
-    if len(rows) == 1:
-        notes = {x.label: x.note for data in results.values() for x in data.shown()}
-        figures = [(*x, notes[x[0]]) for x in figures]
-        return TextTable(header=("figure", "value", ""), rows=tuple(figures), caption=caption)
-    return TextTable(header=("figure", *results), rows=tuple(figures), caption=caption)
+    columns = list(zip(header, *rows, strict=True))[1:]
+    figures = [
+        x
+        for x in columns
+        if max(map(len, x[1:])) <= LONGEST and any(y.split()[0] not in ("0", "-") for y in x[1:])
+    ]
+    if len(rows) > 1:
+        return (TextTable(header=("figure", *results), rows=tuple(figures), caption=caption),)
+    notes = {x.label: x.note for data in results.values() for x in data.shown()}
+    figures, half = [(*x, notes[x[0]]) for x in figures], (len(figures) + 1) // 2
+    return tuple(
+        TextTable(header=("figure", "value", ""), rows=tuple(x), caption=caption, width=3)
+        for x in (figures[:half], figures[half:])
+    )
 
 
 def text_table(table: result.Table, caption: str = "") -> TextTable:
-    """Convert the labelled columns of a table to text."""
+    """Convert the labelled columns of a table to text; joints have numbers and plain names."""
     header, *rows = cells(table)
+    if header[0] == "joint":
+        rows = [(f"{k} {joint_words(name)}", *x) for k, (name, *x) in enumerate(rows, start=1)]
     return TextTable(header=header, rows=tuple(rows), caption=caption)
+
+
+def joint_words(name: str) -> str:
+    """Name of a joint without the usual ending in robot descriptions."""
+    return name.removesuffix("_joint").replace("_", " ")

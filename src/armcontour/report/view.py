@@ -25,6 +25,8 @@ TURN, MAX_PER_ARC = 0.06, 20_000
 CORNER_TURN, MAX_CORNERS = 0.4, 100_000
 # Minimum number of evenly spaced times of a motion.
 MIN_SAMPLES = 200
+# Maximum number of points in a drawing, and of points from which they are selected.
+MAX_DRAWN, MAX_CANDIDATES = 20_000, 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -170,10 +172,19 @@ def drawn_points(paths: Sequence[Path], error: float) -> tuple[FloatArray, IntAr
     return points, np.append(0, firsts + np.arange(1, len(paths) + 1))
 
 
-def drawn_arc_lengths(path: Path, error: float) -> FloatArray:
+def drawn_arc_lengths(
+    path: Path, error: float, start: float = 0.0, end: float | None = None
+) -> FloatArray:
     """Arc lengths of the samples of a path: ends of segments and points on curves [m], (n,)."""
     i, share = _drawn_parts(path.segments, error)
-    return np.append(path.breaks[i] + path.lengths[i] * share, path.length)
+    s = np.append(path.breaks[i] + path.lengths[i] * share, path.length)
+    last = path.length if end is None else end
+    return np.concatenate([[start], s[(s > start) & (s < last)], [last]])
+
+
+def drawn_curve(path: Path, start: float = 0.0, end: float | None = None) -> FloatArray:
+    """Points of a part of a path, without a bound of the distance from the path [m], (n, dim)."""
+    return path(drawn_arc_lengths(path, np.inf, start, end))
 
 
 def _drawn_parts(table: Segments, error: float) -> tuple[IntArray, FloatArray]:
@@ -186,7 +197,24 @@ def _drawn_parts(table: Segments, error: float) -> tuple[IntArray, FloatArray]:
     return i, k / parts[i]
 
 
-def essential_points(points: FloatArray, ends: IntArray, error: float) -> BoolArray:
+def simplify(curves: Sequence[FloatArray], error: float, limit: int = MAX_DRAWN) -> list[IntArray]:
+    """Indices of the drawn points of each curve, about `limit` in all, see `essential_points`."""
+    step = max(1, sum(map(len, curves)) // MAX_CANDIDATES)
+    sampled = [np.append(np.arange(0, len(x) - 1, step), len(x) - 1) for x in curves]
+    points = np.concatenate([x[rows] for x, rows in zip(curves, sampled, strict=True)])
+    ends = np.cumsum([0, *map(len, sampled)])
+    size = float(np.ptp(points, axis=0).max())
+    mask = essential_points(points, ends, error, limit)
+    while mask.sum() > limit and error < size:
+        error *= 2
+        mask = essential_points(points, ends, error, 0)
+    parts = np.split(mask, ends[1:-1])
+    return [rows[drawn] for rows, drawn in zip(sampled, parts, strict=True)]
+
+
+def essential_points(
+    points: FloatArray, ends: IntArray, error: float, max_corners: int = MAX_CORNERS
+) -> BoolArray:
     """Mask of drawn points, (n,): corners, and points that keep the drawing within `error`.
 
     `ends`: index of the first point of each line, and the number of points at the end.
@@ -196,7 +224,7 @@ def essential_points(points: FloatArray, ends: IntArray, error: float) -> BoolAr
     turned = np.floor(_turns(points, ends) / CORNER_TURN)
     corners = 1 + np.flatnonzero(np.diff(turned))
     # A picture with more corners is hatching whose lines are too dense for the screen.
-    if len(corners) <= MAX_CORNERS:
+    if len(corners) <= max_corners:
         mask[corners] = True
     remaining = np.flatnonzero(~mask)
     while len(remaining):

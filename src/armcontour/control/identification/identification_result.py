@@ -32,7 +32,10 @@ from armcontour.robot.servo.model import TRUSTED
 from armcontour.robot.servo.simulation import JointServo
 
 # Explanation of the contour error ratio in the summary.
-RATIO_NOTE = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
+RATIO_NOTE = (
+    "of the error without compensation, on motion that was not fitted; trusted up to "
+    f"{number(TRUSTED, '1')}"
+)
 # Significant digits of the numbers in a servo file, and a factor for upper bounds, so that they
 # remain bounds when they are rounded.
 DIGITS = 6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeAlias
@@ -280,12 +281,14 @@ def _learn_next(
     if not (end or useful):
         end = f"no change reduces the error by more than {USEFUL_FACTOR - 1:.0%}"
         end += f", because {reason}" if reason else ""
+    # The model and the noise limit what the next run can reach.
+    floor = MODEL_ERROR * best.rms, estimate.noise or 0.0
     return LearningResult(
         cycle=set_points.cycle, q=best.q if end else q, trajectory=set_points.trajectory,
         method="learning", start_time=set_points.start_time, command_limits=command_limits,
         servo=lifted.nominal.servo, lifted=lifted, runs=runs, best=estimate.best,
         repeats=estimate.repeats, noise=estimate.noise, setbacks=setbacks, finished=bool(end),
-        reason=end or reason, expected=None if end else expected,
+        reason=end or reason, expected=None if end else math.hypot(expected, *floor),
     )  # fmt: skip
 
 
@@ -353,4 +356,5 @@ def _keep_limits(
         return requested, ""
     name = excess.name if excess.order else "range"
     q = nearest_commands(requested, set_points.cycle, bounds, best)[0]
-    return q, f"the {name} of the set-points of joint {excess.joint + 1} limits the step"
+    words = name.removeprefix("joint_").replace("_", " ")
+    return q, f"the {words} of the set-points of joint {excess.joint + 1} limits the step"

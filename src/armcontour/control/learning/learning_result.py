@@ -212,7 +212,7 @@ class LearningResult(Result, SetPoints):
         finished: True if no further improvement is expected. The set-points are then those of the
             best run.
         reason: Reason why learning is finished, or limit that restricts the step; may be empty.
-        expected: RMS error that the linear model predicts for the next run [m]; None if finished.
+        expected: RMS error expected of the next run, if `servo` is exact [m]; None if finished.
         lifted: The linear model, reused from run to run because computing it takes most of the
             time; None computes it again.
 

@@ -14,7 +14,6 @@ from armcontour.report.moving_arm import draw_arm
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, side_by_side, text_table, tiles
 from armcontour.report.sections.contours import MAX_ROWS
-from armcontour.report.sections.front import time_sentences
 from armcontour.report.style import RUN_COLOURS, thin
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
     deviation, verdict = rows["off_drawing"], data["kept"]
     doubts = [x for x in data.warnings if x not in certificate.result.path.notes]
     sentences = [
-        *time_sentences(certificate.result),
         ("Valid for", f"{model}. It does not cover collisions and flexibility."),
         ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
         ("Weakest point", (*doubts, *data.notes, "None known.")[0]),
@@ -51,7 +49,7 @@ def section_of(result: Certificate) -> Section:
     """Section with the parts of the error, the derating and the cost of a certificate."""
     data, has_contours = result.to_data(), len(result.contours) > 1
     contours = sorted(result.contours, key=lambda x: x.budget.left)
-    worst = [x.to_data() for x in contours[:MAX_ROWS]]
+    table = Table.from_results("contours", [x.to_data() for x in contours[:MAX_ROWS]])
     return Section(
         key="certificate",
         title="Certificate",
@@ -59,17 +57,9 @@ def section_of(result: Certificate) -> Section:
         text=OF_PROGRAMS if has_contours else "",
         parts=(
             _derating(result),
-            side_by_side(result.comparison, caption="Compared"),
-            *(
-                [
-                    text_table(
-                        Table.from_results("contours", worst), "Contours, the least left first"
-                    )
-                ]
-                if has_contours
-                else []
-            ),
-            side_by_side({result.result.run.name: data}, caption="Figures"),
+            *side_by_side(result.comparison, caption="Compared"),
+            *side_by_side({result.result.run.name: data}, caption="Figures"),
+            *([text_table(table, "Contours, the least left first")] if has_contours else []),
         ),
         notes=data.notes,
     )
@@ -92,11 +82,11 @@ def _derating(certificate: Certificate) -> Figure:
         np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
         for start, x in zip(starts[:-1], deratings, strict=True)
     ]
-    for j, name in enumerate(certificate.job.arm.joint_names):
+    for j in range(certificate.job.arm.dof):
         shares = [np.append(x.share[:, j], np.nan) for x in deratings]
         s, usable = thin(np.concatenate(places), np.concatenate(shares))
         colour = RUN_COLOURS[j % len(RUN_COLOURS)]
-        curves.append(Curve(x=s, y=usable * 100, name=name, colour=colour, width=1.5))
+        curves.append(Curve(x=s, y=usable * 100, name=f"joint {j + 1}", colour=colour, width=1.5))
     several, least = (
         len(certificate.contours) > 1,
         100 * min(float(x.share.min()) for x in deratings),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from armcontour.core.render import compare, figure, number
+from armcontour.core.render import compare, figure
 from armcontour.core.result import VERDICT, Data
 from armcontour.core.text import capitalise, count_noun, list_some
 from armcontour.jobs import JobResult, RunResult, warnings_of
@@ -13,10 +13,6 @@ from armcontour.report.moving_arm import draw_arm
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, TextTable, side_by_side, tiles
 from armcontour.report.style import few
-from armcontour.robot.limits import LIMITS
-
-# Names of the limits that a reserve reduces.
-RESERVED_NAMES = {x.label for x in LIMITS.values() if x.reserved}
 
 
 def front(study: JobResult) -> Front:
@@ -62,39 +58,20 @@ def _verdict_sentence(study: JobResult, data: Data) -> str:
 
 def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]:
     """Yield headings and sentences: active limits, advice, weakest point and assumptions."""
-    explanation = result.explanation
-    yield from time_sentences(result)
-    if result.advice is not None:
-        label = "What to change"
-        for improvement in result.advice.improvements:
-            yield (
-                label,
-                f"{improvement.label}: {improvement.effect}"
-                + f", if {improvement.condition}" * bool(improvement.condition),
-            )
-            label = ""
-        if result.advice.note:
-            yield label, result.advice.note
-    elif explanation is not None and study.simulated:
-        yield (
-            "What to change",
-            "For a job of this size, proposals are computed only by armcontour run --changes.",
-        )
+    changes = list[str]()
+    if (advice := result.advice) is not None:
+        for x in advice.improvements:
+            changes.append(f"{x.label}: {x.effect}" + f", if {x.condition}" * bool(x.condition))
+        changes += filter(None, [advice.note])
+    elif result.explanation is not None and study.simulated:
+        changes.append("Add --changes to armcontour run, or press Improve in the Studio.")
+    yield from zip(["What to change", *[""] * len(changes)], changes, strict=False)
     # Notes of the drawing are no weak points of the plan.
     warnings = [x for x in result.warnings if x not in result.path.notes]
     if warnings:
         rest = f" {len(warnings) - 1} more under Warnings and notes." if len(warnings) > 1 else ""
         yield "Weakest point", f"{capitalise(warnings[0])}{rest}"
     yield "Assumed", _assumed(study)
-
-
-def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
-    """Yield a heading and its text: the reserve of the accelerations."""
-    explanation, reserve = result.explanation, result.run.timing.reserve
-    if explanation is not None and reserve:
-        if any(x.kind in RESERVED_NAMES for x in explanation.shares):
-            text = f"The plan uses at most {number(1 - reserve, '1')} of the accelerations."
-            yield "Why it takes this long", text
 
 
 def _assumed(study: JobResult) -> str:
@@ -113,12 +90,13 @@ def _assumed(study: JobResult) -> str:
 
 def all_figures(study: JobResult) -> Section:
     """Section with all values of all runs side by side."""
-    table = side_by_side(study.figures)
+    tables = side_by_side(study.figures)
+    count = sum(len(x.rows) for x in tables)
     return Section(
         key="figures",
         title="All figures",
-        summary=f"{len(table.rows)} figures of {list_some(list(study.runs), 6)}",
-        parts=(table,),
+        summary=f"{count} figures of {list_some(list(study.runs), 6)}",
+        parts=tables,
     )
 
 

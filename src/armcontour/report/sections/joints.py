@@ -20,7 +20,7 @@ QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
 # Height of the row of plots of a joint [px].
 HEIGHT = 58
 # Maximum number of points of a curve; it is small because a report has many such plots.
-MAX_POINTS = 400
+MAX_POINTS = 320
 # Number of decimals of values in tables, so that numerical noise is shown as 0.
 ROUNDED = 6
 # Fraction of a limit above which the limit is drawn; a limit far away would flatten the curve.

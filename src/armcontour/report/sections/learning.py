@@ -77,6 +77,11 @@ def _over_runs(study: LearningStudy) -> Figure:
     if noise is not None:
         level, name = np.full(count, noise * 1e3), "does not repeat"
         curves.append(Curve(x=runs, y=level, name=name, colour=PATH_COLOUR, dash=LIMIT_DASH))
+    if (expected := study.lesson.expected) is not None:
+        y = np.array([rms[study.lesson.best], expected * 1e3])
+        x = np.array([study.lesson.best + 1.0, count + 1.0])
+        name = "expected RMS of the next run"
+        curves.append(Curve(x=x, y=y, name=name, colour=EXECUTED_COLOUR, dash=LIMIT_DASH))
     plot = Plot(
         label="error of the tool [mm]",
         x_label="run",

@@ -15,6 +15,7 @@ from armcontour.jobs.rows import allowed_error
 from armcontour.planning.explanation import Binding
 from armcontour.report.figure import Bar, Curve, Figure, Plot
 from armcontour.report.plan_drawing import colour_of, kind_of, word_of
+from armcontour.report.plan_frames import time_table
 from armcontour.report.section import Section, text_table
 from armcontour.report.sections.path_section import tools_of
 from armcontour.report.style import (
@@ -51,7 +52,7 @@ def over_time(study: JobResult) -> Section:
     if any(x.experiment is not None for x in study.runs.values()):
         text += "Dotted curves are experiments: simulations with rigid bodies. "
     tables = [
-        text_table(x.explanation.time_table, name * (len(study.runs) > 1))
+        text_table(time_table(x.explanation), name * (len(study.runs) > 1))
         for name, x in _plans(study).items()
         if x.explanation is not None
     ]
@@ -133,7 +134,9 @@ def error(study: JobResult) -> Plot | None:
     """
     if not study.simulated:
         return None
-    allowed = {allowed_error(x) for x in study.runs.values() if x.evaluation is not None}
+    allowed = {
+        x.run.accuracy or allowed_error(x) for x in study.runs.values() if x.evaluation is not None
+    }
     limit = allowed.pop() if len(allowed) == 1 else None
     unit = limit / 100 if limit else 1e-3
     colours, curves = run_colours(study.runs), []
@@ -144,7 +147,7 @@ def error(study: JobResult) -> Plot | None:
             dash = () if name == run else EXPERIMENT_DASH
             curves.append(Curve(x=t, y=y, name=name, colour=colours[run], dash=dash))
     largest = [float(np.nanmax(x.y)) for x in curves]
-    label = f"error [% of {number(limit, 'm')}]" if limit else "contour error [mm]"
+    label = f"contour error [% of {number(limit, 'm')}]" if limit else "contour error [mm]"
     return Plot(
         label=label,
         lines=(100.0,) if limit and max(largest) > 100 * WORTH_SHOWING else (),

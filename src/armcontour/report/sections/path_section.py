@@ -9,15 +9,16 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import number
 from armcontour.jobs import JobResult, RunResult
-from armcontour.jobs.rows import allowed_error
+from armcontour.jobs.rows import DEFAULT_ACCURACY
 from armcontour.motion import Execution
-from armcontour.report.outline import fine_places, simplify
+from armcontour.program import contour_called
 from armcontour.report.plan_drawing import Drawing, Key, Mark, Sheet, line, slug, view_of
 from armcontour.report.section import Section
-from armcontour.verification import Evaluation
+from armcontour.report.view import drawn_arc_lengths, simplify
+from armcontour.verification import ErrorProfile, Evaluation
 
-# Maximum number of points of an executed path, and of evenly spaced points among them.
-MAX_PATH_POINTS, EVEN = 3000, 800
+# Maximum number of points of an executed path.
+MAX_PATH_POINTS = 3000
 # Fraction of the drawing's size that is visible in an enlarged drawing.
 VISIBLE = 1 / 50_000
 # Upper ends of the classes of errors as shares of the allowed error, and the colours of the
@@ -30,8 +31,7 @@ COLOURS = (
     ("#0b3c6f", "#e3f0fb"),
     ("#D55E00", "#f07b22"),
 )
-# Maximum number of listed corners, and size of the shown part of a corner as a multiple of its
-# rounding.
+# Maximum number of enlarged corners, and size of the shown part as a multiple of the rounding.
 MAX_CORNERS, AROUND = 8, 5.0
 
 
@@ -42,8 +42,9 @@ def paths(study: JobResult) -> Section:
         key="paths",
         title="Path of the tool",
         summary=f"{kind} path" + " with its errors" * study.simulated,
-        text=f"The {kind} path of the tool over the objective path. Drag a rectangle to enlarge "
-        "it; double-click to see all.",
+        text=f"The {kind} path of the tool over the drawing"
+        + ", coloured by its distance from the drawing" * study.simulated
+        + ". Drag a rectangle to enlarge it; double-click to see all.",
         choices=tuple((x.name, (draw_tool(x, study.job.name),)) for x in tools_of(study)),
     )
 
@@ -68,53 +69,59 @@ def tools_of(study: JobResult) -> list[Tool]:
 
 
 def draw_tool(tool: Tool, job: str) -> Drawing:
-    """Drawing of the objective path and an executed path, coloured by its error."""
-    outline = [x.path(fine_places(x.path)) for x in tool.result.objective.contours]
-    classes = _classes(tool)
+    """Drawing of the objective path and an executed path, with its error and enlarged corners."""
+    contours, prefix = tool.result.objective.contours, f"{slug(job)}-{slug(tool.name)}"
+    points = np.concatenate([*(x.path.vertices for x in contours), tool.execution.tool])
+    error = VISIBLE * float(np.ptp(points, axis=0).max())
+    outline = [x.path(drawn_arc_lengths(x.path, error)) for x in contours]
+    outline = [x[rows] for x, rows in zip(outline, simplify(outline, error), strict=True)]
+    classes = _classes(tool, error)
     points = np.concatenate([*outline, *(x for y in classes.values() for x in y)])
     sheet = Sheet.of(points, view_of(points))
-    parts = [line(sheet, outline, 'class="objective"', "objective path")]
-    keys = [Key("┄", "objective path")]
+    parts = [line(sheet, outline, 'class="objective"', "drawing", fine=True)]
+    keys = [Key("┄", "drawing")]
     allowed, named = _scale(tool)
     ends = [0.0, *CLASSES]
     for k, curves in classes.items():
         light, dark = COLOURS[k]
         look = f'class="limit{{}}" style="--light:{light};--dark:{dark}"'
         words = f"{ends[k]:.0%} to {CLASSES[k]:.0%}" if k < len(CLASSES) else f"more than {1:.0%}"
-        words = f"error {words} of the {named} {number(allowed, 'm')}" if allowed else "planned"
+        words = f"{words} of the {named} {number(allowed, 'm')}" if allowed else "planned"
         parts.append(line(sheet, curves, look.format(" path"), words, fine=True))
         keys.append(Key(f"<i {look.format(' swatch')}></i>", words))
-    corners = _corners(tool, f"{slug(job)}-{slug(tool.name)}")
-    parts += [*(sheet.ring(x) for x in corners), *sheet.scale()]
-    keys += [Key("∠", x.words, x.place) for x in corners]
-    return Drawing(
-        title=f"Path of the tool: {tool.name}",
-        svg=sheet.svg(f"Objective and executed path of {tool.name}", parts),
-        keys=tuple(keys),
-    )
+    corners = _corners(tool, prefix)
+    label = f"Drawing and executed path of {tool.name}"
+    marks = (f'<g id="{prefix}-lines">{"".join(parts)}</g>', *map(sheet.ring, corners))
+    svg = sheet.svg(label, (*marks, *sheet.scale()))
+    insets = (sheet.inset(x, f"{prefix}-lines") for x in corners)
+    svg += f'<div class="insets">{"".join(insets)}</div>' if corners else ""
+    return Drawing(title=f"Path of the tool: {tool.name}", svg=svg, keys=tuple(keys))
+
+
+def _error(tool: Tool) -> ErrorProfile | None:
+    """Distance from the drawing, or from the path if the drawing is unknown; None for a plan."""
+    e = tool.evaluation
+    return None if e is None else e.objective_error or e.contour_error
 
 
 def _scale(tool: Tool) -> tuple[float, str]:
-    """Error of 100 % [m] and its name: the allowed error, or else the largest one; 0 without."""
-    if tool.evaluation is None:
+    """Distance of 100 % [m] and its name: the allowed one, or else the largest one; 0 without."""
+    if (e := _error(tool)) is None:
         return 0.0, ""
-    allowed = allowed_error(tool.result)
-    return (allowed, "allowed") if allowed else (tool.evaluation.contour_error.max, "largest")
+    accuracy, tolerance = tool.result.run.accuracy, tool.result.tolerance
+    allowed = (tolerance or 0.0) * (1 + DEFAULT_ACCURACY) if accuracy is None else accuracy
+    return (allowed, "allowed") if allowed else (e.max, "largest")
 
 
-def _classes(tool: Tool) -> dict[int, list[FloatArray]]:
+def _classes(tool: Tool, error: float) -> dict[int, list[FloatArray]]:
     """Executed curves along contours [m], by class of their largest error, in order."""
     execution, points = tool.execution, tool.execution.tool
     shares = np.zeros(len(points))
-    if tool.evaluation is not None:
-        e = tool.evaluation.contour_error
+    if (e := _error(tool)) is not None:
         known = np.isfinite(e.values)
         shares = np.interp(execution.t, e.t[known], e.values[known]) / (_scale(tool)[0] or 1.0)
     spans = executed_contours(execution)
-    size = float(np.ptp(points, axis=0).max())
-    parts = simplify(
-        [points[a:b] for a, b in spans], MAX_PATH_POINTS, even=EVEN, visible=VISIBLE * size
-    )
+    parts = simplify([points[a:b] for a, b in spans], error, MAX_PATH_POINTS)
     classes: dict[int, list[FloatArray]] = {k: [] for k in range(len(COLOURS))}
     for (a, _), chosen in zip(spans, parts, strict=True):
         rows = a + chosen
@@ -130,18 +137,16 @@ def _classes(tool: Tool) -> dict[int, list[FloatArray]]:
 def _corners(tool: Tool, prefix: str) -> list[Mark]:
     """Marks of the corners with the largest deviations."""
     found = () if tool.evaluation is None else tool.evaluation.corners
-    worst = sorted(found, key=lambda x: -x.rounding)[:MAX_CORNERS]
-    return [
-        Mark(
-            np.asarray(x.point),
-            f"corner {x.vertex}"
-            + ("" if x.contour is None else f" of contour {x.contour}")
-            + f": {number(x.rounding, 'm')} from the tool",
-            place=f"{prefix}-corner-{k}",
-            window=AROUND * x.rounding,
-        )
-        for k, x in enumerate(worst)
-    ]
+    contours = tool.result.path.contours
+    marks = []
+    for k, x in enumerate(sorted(found, key=lambda x: -x.rounding)[:MAX_CORNERS]):
+        place = ""
+        if x.contour is not None:
+            place = f" of {contour_called(contours[x.contour - 1], x.contour - 1)}"
+        words = f"corner {x.vertex}{place}: {number(x.rounding, 'm')} from the tool"
+        window = AROUND * x.rounding
+        marks.append(Mark(np.asarray(x.point), words, None, f"{prefix}-corner-{k}", window))
+    return marks
 
 
 def executed_contours(execution: Execution) -> list[tuple[int, int]]:

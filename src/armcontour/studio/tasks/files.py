@@ -32,13 +32,14 @@ KUKA, MAX_LETTERS = "kuka", 24
 def report(request: Request) -> MessageFrame:
     """Create an HTML report of the run; with the option `all`, of all runs."""
     from armcontour.jobs import run
+    from armcontour.jobs.advice import with_advice
     from armcontour.report import render_report
 
     job = request.whole_job
     if not request.option("all", False):
         chosen = tuple(y for y in job.runs if request.run in (None, y.name))[:1]
         job = replace(job, runs=chosen)
-    study = run(job, progress=request.progress)
+    study = with_advice(run(job, progress=request.progress), request.progress)
     request.progress(Step(("writing",)))
     return MessageFrame.of_file(
         f"{job.name}-report.html",

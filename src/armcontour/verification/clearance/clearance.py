@@ -231,7 +231,7 @@ class Clearance(Result):
         clear = "Clear of the cell, but below the base" if self.below else "Clear"
         return (
             f"{clear}: nothing comes nearer than {number(self.low, 'm')} at any time; "
-            f"{least.second} and {least.first} are nearest, {least.place}."
+            f"{least.bodies} are nearest, {least.place}."
         )
 
     @property
