@@ -97,10 +97,11 @@ def share(why):
 
 def numbers(text, label):
     """All numbers after a label, in SI units, and half a unit of the last digit of each."""
-    for digits, unit in re.findall(rf"^ *{label}\s+{NUMBER}", text, re.MULTILINE):
+    for below, digits, unit in re.findall(rf"^ *{label}\s+(< )?{NUMBER}", text, re.MULTILINE):
         mantissa, _, exponent = digits.partition("e")
         last = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
-        yield float(digits) * UNITS[unit], 0.501 * last * UNITS[unit]
+        value, tolerance = (0.0, 1.0) if below else (float(digits), 0.501)
+        yield value * UNITS[unit], tolerance * last * UNITS[unit]
 
 
 def side_by_side(table):

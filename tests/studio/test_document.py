@@ -115,7 +115,7 @@ def test_saving_and_reloading_respect_external_changes(file):
     assert (document.on_disk(), document.dirty) == ("same", False)
     assert [x.name for x in file.parent.iterdir()] == ["job.yaml"]
     file.write_text(THEIRS)
-    assert document.changed_on_disk()
+    assert document.on_disk() == "changed"
     with pytest.raises(InvalidInput, match="Another program has changed"):
         document.save()
     document.save(force=True)

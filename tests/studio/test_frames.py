@@ -67,7 +67,6 @@ def test_points_are_on_the_path_with_their_times_and_speeds(shown, view):
     near(a["speed"], trajectory.speed_at(inside), 2e-4)
     assert (a["assigned"] == np.float32(0.15)).all()
     assert figure(frame.header, "duration") == trajectory.duration
-    assert frame.header["plane"]["flat"] is True
 
 
 def test_colours_are_those_of_the_explanation(shown):
@@ -200,7 +199,7 @@ def done(previewer_of_plans, plans, view):
 def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view):
     executed, frame = done
     evaluation = evaluate(executed.execution, executed.planned.path)
-    e, demand = evaluation.contour_error, evaluation.demand_ratio
+    e = evaluation.contour_error
     assert figure(frame.header, "contour_error.rms") == pytest.approx(e.rms, rel=1e-12)
     assert figure(frame.header, "contour_error.max") == pytest.approx(e.max, rel=1e-12)
     assert frame.arrays["error"].max() == pytest.approx(e.max, rel=1e-6)
@@ -209,7 +208,6 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     figures = {x["name"]: x for x in render.frame(evaluation.to_data())}
     for x in (y for y in frame.header["rows"] if y["name"] not in ("kept", "off_drawing")):
         assert x == figures[x["name"]] | {"value": pytest.approx(figures[x["name"]]["value"])}
-    assert np.abs(frame.arrays["demand"]).max() <= demand.max() * (1 + 1e-6)
     a, path = frame.arrays, executed.planned.path.path
     execution = executed.execution
     tool = execution.tool[np.abs(execution.t - a["t"][:, None]).argmin(axis=1)]

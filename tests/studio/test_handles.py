@@ -53,7 +53,7 @@ def test_points_of_any_plane_lie_in_it_and_keep_their_distances(uv, turned):
     parsed = handles_of(replace(BARE, path=path), {"path": {"points": points.tolist()}})
     plane = parsed.plane
     places = np.array([x.point for x in parsed.waypoints])
-    assert plane.flat and np.abs((places - plane.origin) @ plane.normal).max() < 1e-9
+    assert np.abs((places - plane.origin) @ plane.normal).max() < 1e-9
     np.testing.assert_allclose(plane.lift(plane.uv(places)), places, atol=1e-9)
     axes = np.stack([plane.x, plane.y, plane.normal])
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
@@ -71,7 +71,6 @@ def test_drawings_and_obstacles_have_their_positions(tmp_path):
     assert "come from a.svg" in (parsed.why_not or "")
     np.testing.assert_allclose(parsed.plane.normal, [0, -1, 0], atol=1e-12)
     np.testing.assert_allclose(parsed.plane.uv([0.45, 0.1, 0.23]), [0.45, 0.23], atol=1e-12)
-    assert parsed.plane.flat
 
 
 def test_obstacles_have_their_outline_in_the_picture():

@@ -65,9 +65,8 @@ def tiers(frames):
 def answer(lane, plan=None, **header):
     """The task process sends the figures that were requested last."""
     arrays = {} if plan is None else {"plan": bytes_array(pickle.dumps(plan))}
-    lane.deliver(
-        MessageFrame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}, arrays)
-    )
+    header |= {"id": lane.given[-1][0], "tier": "exact"}
+    lane.deliver(MessageFrame("figures", header, arrays))
 
 
 def figures_asked(lane):

@@ -24,9 +24,8 @@ from armcontour.report.message_frame import MessageFrame
 
 # Significant digits of drawn values, which are finer than a pixel, and of their abscissae.
 DIGITS, X_DIGITS = 5, 7
-# Width of a figure that is as wide as the page, in sixths; minimum width of one of several columns
-# of plots, and height of a plot [px].
-WHOLE, LEAST_WIDTH, HEIGHT = 6, 260, 150
+# Minimum width of one of several columns of plots, and height of a plot [px].
+LEAST_WIDTH, HEIGHT = 260, 150
 # Values whose digits say nothing to a reader, see `render.FINE`.
 TINY = re.compile(r"(?<![\d.])-?0\.000\d{3}(?= [\w%])")
 # Text that the page shows if a figure is wider than the page.
@@ -41,8 +40,8 @@ class Picture:
     """A figure or a drawing of a report, which can also be a page of its own."""
 
     title: str
-    # Width in sixths of the section
-    span: int = WHOLE
+    # True for half of the width of a wide page
+    half: bool = False
     # Data of the picture that are no figures
     frames: tuple[MessageFrame, ...] = ()
 
@@ -130,7 +129,7 @@ class Figure(Picture):
         least = LEAST_WIDTH * count if count > 1 else 0
         titles = "".join(f"<b>{escape(x)}</b>" for x in self.columns if x)
         return (
-            f'<figure class="plotted" style="--span: {self.span}">'
+            f'<figure class="plotted{" half" * self.half}">'
             f'<figcaption id="{key}-title">{escape(self.title)}</figcaption>'
             f'<div class="scroll" role="group" aria-labelledby="{key}-title">'
             f'<div id="{key}" class="plots" '

@@ -38,7 +38,7 @@ class MovingArm(Picture):
     def to_html(self, key: str) -> str:
         """Render title and controls; the page draws the arm by the frames with its key."""
         return (
-            f'<figure class="moving" style="--span: {self.span}" id="{key}">'
+            f'<figure class="moving" id="{key}">'
             f'<figcaption id="{key}-title">{escape(self.title)}</figcaption>'
             f'<div class="space" aria-labelledby="{key}-title"></div><div class="player" hidden>'
             '<button type="button" class="play">Play</button>'

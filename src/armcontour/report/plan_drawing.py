@@ -110,7 +110,7 @@ class Drawing(Picture):
             place = f'<a href="#{escape(x.place)}">{text}</a>' if x.place else text
             entries.append(f"<li>{place}</li>")
         return (
-            f'<figure class="drawn" style="--span: {self.span}" id="{key}">'
+            f'<figure class="drawn" id="{key}">'
             f"<figcaption>{escape(self.title)}</figcaption>{self.svg}"
             f'<output></output><ul class="keys">{"".join(entries)}</ul></figure>'
         )

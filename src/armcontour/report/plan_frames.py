@@ -204,7 +204,7 @@ def error_place(error: ArmContourError) -> dict[str, Any]:
 
 def picture_frame(planned: Preview, view: View) -> MessageFrame:
     """Message frame with the picture and the values of a plan."""
-    header, arrays, flat = _line_arrays(planned, planned.path, view)
+    header, arrays = _line_arrays(planned, planned.path, view)
     header |= {
         "run": planned.run.name,
         "rows": frame(Data("Plan", tuple(verdict_rows(planned, None)))),
@@ -217,7 +217,6 @@ def picture_frame(planned: Preview, view: View) -> MessageFrame:
         "tier": planned.tier,
         "nearest": nearest_pair(planned),
     }
-    header["plane"]["flat"] = flat
     usage = joint_usage(planned.trajectory, planned.job.arm, planned.run.limits)
     return MessageFrame("picture", header, {**arrays, **_rapids(planned, view), **usage})
 
@@ -229,33 +228,31 @@ def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Mess
         "objective": to_float32(np.empty(0)),
         "objective_breaks": np.zeros(1, np.uint32),
     }
-    flat = True
     if program is not None:
-        header, arrays, flat = _line_arrays(None, program, view)
+        header, arrays = _line_arrays(None, program, view)
     lists = ("rows", "shortfalls", "corners", "warnings")
     header |= {name: [] for name in lists} | view.header | time_header(None)
     notes = () if program is None else program.notes
     header |= {"run": run, "notes": notes, "tier": Tier.OUTLINE}
-    header["plane"]["flat"] = flat
     return MessageFrame("picture", header, arrays)
 
 
 def _line_arrays(
     planned: Preview | None, program: Program, view: View
-) -> tuple[dict[str, Any], dict[str, Any], bool]:
-    """Header and arrays of all lines, and True if the program is in the plane of the view.
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Header and arrays of all lines.
 
     The lines are the objective, and with a plan the kerf, and the path with speed and active limit.
     """
     paths = [x.path for x in program.contours]
     points, _ = drawn_points(paths, np.inf)
-    error, flat = drawing_error(view.uv(points)), view.is_flat(points)
+    error = drawing_error(view.uv(points))
     header: dict[str, Any] = {"limits": [], "kerfs": [], "contours": _contours(planned, program)}
     if planned is not None:
         paths = [x.path for x in planned.objective.contours]
     arrays = _lines("objective", *drawn_points(paths, error), view, error)
     if planned is None:
-        return header, arrays, flat
+        return header, arrays
     header["limits"] = limits = _limits(planned.explanation)
     header["kerfs"], kerf = _kerf(planned, view, error)
     line = PlanCurve.from_plan(planned, error)
@@ -274,7 +271,7 @@ def _line_arrays(
         "binding": binding[indices],
         "xyz": to_float32(in_space(points)),
     }
-    return header, arrays, flat
+    return header, arrays
 
 
 def _contours(planned: Preview | None, program: Program) -> list[dict[str, Any]]:

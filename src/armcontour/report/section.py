@@ -16,8 +16,6 @@ FEW_TILES = 3
 NO_PLACES: Mapping[str, str] = MappingProxyType({})
 # Values with more characters count as sentences, and tables of values omit their rows.
 LONGEST = 40
-# Maximum widths of tables that take a third and half of the page [characters].
-NARROWEST, NARROW = 58, 88
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,18 +25,8 @@ class TextTable:
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     caption: str = ""
-    # Width in sixths of the section; 0 for a width that depends on the contents
-    width: int = 0
-
-    @property
-    def span(self) -> int:
-        """Width in sixths of the section."""
-        if self.width:
-            return self.width
-        columns = [x for x in zip(self.header, *self.rows, strict=True) if x[0]]
-        # Headers are wrapped, so only their longest word counts.
-        width = sum(max(map(len, (*x[0].split(), *x[1:]))) + 3 for x in columns)
-        return 2 if width <= NARROWEST and all(self.header) else 3 if width <= NARROW else 6
+    # True if two tables are next to each other on a wide page
+    half: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +125,7 @@ def side_by_side(results: Mapping[str, Data], caption: str = "") -> tuple[TextTa
     notes = {x.label: x.note for data in results.values() for x in data.shown()}
     figures, half = [(*x, notes[x[0]]) for x in figures], (len(figures) + 1) // 2
     return tuple(
-        TextTable(header=("figure", "value", ""), rows=tuple(x), caption=caption, width=3)
+        TextTable(header=("figure", "value", ""), rows=tuple(x), caption=caption, half=True)
         for x in (figures[:half], figures[half:])
     )
 

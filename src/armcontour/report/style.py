@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import LINES, PALETTE
+from armcontour.report.view import select_points
 
 RUN_COLOURS = PALETTE["runs"]
 PATH_COLOUR, LIMIT_COLOUR = LINES["objective"], LINES["allowed"]
@@ -43,25 +44,11 @@ def thin(t: FloatArray, *curves: FloatArray, count: int = MAX_POINTS) -> list[Fl
     The result contains the extremes of every curve in equal intervals, and all gaps (NaN) with the
     points next to them.
     """
-    n = len(t)
-    bins = count // (2 * max(1, len(curves)))
-    if n <= count:
-        return [t, *curves]
-    size = int(np.ceil(n / bins))
-    chosen = {0, n - 1}
-    for curve in curves:
-        gaps = np.isnan(curve)
-        indices = np.flatnonzero(gaps)
-        beside = np.concatenate([indices - 1, indices, indices + 1])
-        chosen |= set(beside[(beside >= 0) & (beside < n)].tolist())
-        for sign in (1, -1):
-            # Gaps must not be chosen as extremes.
-            peaks = np.where(gaps, -np.inf, sign * curve)
-            padded = np.append(peaks, np.full(-n % size, -np.inf)).reshape(-1, size)
-            first = np.arange(len(padded)) * size
-            chosen |= set(np.minimum(first + padded.argmax(axis=1), n - 1).tolist())
-    order = np.array(sorted(chosen))
-    return [t[order], *(x[order] for x in curves)]
+    gaps = np.isnan(np.stack(curves)).any(axis=0)
+    beside = np.convolve(gaps, np.ones(3), "same") > 0
+    known = [np.where(np.isnan(x), np.nanmean(x), x) for x in curves]
+    chosen = select_points(np.where(beside, np.inf, 0.0), known, count)
+    return [t[chosen], *(x[chosen] for x in curves)]
 
 
 def few(sentences: Iterable[str], noun: str = "of these") -> tuple[str, ...]:

@@ -36,8 +36,6 @@ class Plane:
     origin: FloatArray
     x: FloatArray
     y: FloatArray
-    # True if the path lies in the plane.
-    flat: bool = True
 
     @property
     def normal(self) -> FloatArray:
@@ -77,13 +75,6 @@ class View:
         """Project vectors to components in the plane, float32, (n, 2)."""
         axes = np.stack([self.plane.x, self.plane.y], axis=1)
         return np.asarray(in_space(vectors) @ axes, dtype=np.float32)
-
-    def is_flat(self, points: FloatArray) -> bool:
-        """Return whether all points are within 0.1 µm of the plane."""
-        if points.shape[-1] == 2:
-            return True
-        away = (in_space(points) - self.plane.origin) @ self.plane.normal
-        return bool(np.abs(away).max(initial=0.0) < 1e-7)
 
     @property
     def header(self) -> dict[str, Any]:

@@ -66,7 +66,7 @@ class Document:
         """Open a job file; changes are saved to it."""
         path = FilePath(file).absolute()
         content = read_bytes(path, "job file")
-        text = _decode(content, path)
+        text = decode(content, path)
         opens = path, None
         return cls(
             text, source=path.name, file=path, folder=path.parent, saved=content, opens=opens
@@ -133,10 +133,6 @@ class Document:
             return MISSING
         return SAME if self._read_file() == self._saved else CHANGED
 
-    def changed_on_disk(self) -> bool:
-        """Return whether another program changed or created the file since the last access."""
-        return self.on_disk() == CHANGED
-
     def save(self, *, force: bool = False) -> None:
         """Write the file atomically, and drop the draft.
 
@@ -146,7 +142,7 @@ class Document:
             raise InvalidInput(
                 f"{self.source} cannot be saved because it has no file. Download it instead."
             )
-        if not force and self.changed_on_disk():
+        if not force and self.on_disk() == CHANGED:
             raise InvalidInput(
                 f"Another program has changed {self.file} since it was read. Reload or overwrite "
                 "the file."
@@ -161,7 +157,7 @@ class Document:
         if self.file is None:
             raise InvalidInput(f"{self.source} cannot be reloaded because it has no file.")
         content = self._read_file()
-        text = _decode(content, self.file)
+        text = decode(content, self.file)
         body = text.removeprefix(BOM)
         data = read_data(body, self.source)
         self._saved, self.saved_text, self._has_bom = content, body, text.startswith(BOM)
@@ -226,7 +222,7 @@ class Document:
         return read_bytes(self.file, "job file")
 
 
-def _decode(content: bytes, file: FilePath) -> str:
+def decode(content: bytes, file: FilePath | str) -> str:
     """Decode the content of a UTF-8 file; line breaks are not converted."""
     try:
         return content.decode()

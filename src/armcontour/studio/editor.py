@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -100,20 +100,9 @@ class Editor:
             self.document.apply(dict(revision.data), label)
         self._count_revision(state)
 
-    def undo(self) -> None:
-        """Revert the last change."""
-        self.document.undo()
-        self._count_revision()
-
-    def redo(self) -> None:
-        """Repeat the change that was undone last."""
-        self.document.redo()
-        self._count_revision()
-
-    def reload(self) -> None:
-        """Read the file again, as one step of undo."""
-        self.document.reload()
-        self.previewer.forget()
+    def change(self, action: Callable[[], None]) -> None:
+        """Change the document by one of its methods, such as `undo`."""
+        action()
         self._count_revision()
 
     def revise(self, edits: Sequence[Mapping[str, Any]]) -> Revision:

@@ -1,4 +1,4 @@
-"""Message frames with the simulated execution: tool deviation and shares of joint limits."""
+"""Message frames with the simulated execution: tool deviation and poses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armcontour.core.result import FIRST, Data
 from armcontour.jobs.rows import allowed_error, verdict_rows
 from armcontour.motion import Execution
 from armcontour.report.message_frame import MessageFrame
-from armcontour.report.plan_frames import Preview, signed_shares
+from armcontour.report.plan_frames import Preview
 from armcontour.report.view import (
     View,
     drawing_error,
@@ -37,7 +37,7 @@ MAX_SAMPLES = 4_000
 
 
 def execution_frame(executed: PreviewExecution, view: View) -> MessageFrame:
-    """Message frame with values, tool deviation, joint demand and poses of an execution."""
+    """Message frame with values, tool deviation and poses of an execution."""
     planned = executed.planned
     header = {
         "run": planned.run.name,
@@ -51,25 +51,23 @@ def execution_frame(executed: PreviewExecution, view: View) -> MessageFrame:
 
 
 def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
-    """Arrays of tool deviation and demand (fraction of acceleration limit) on the path.
+    """Arrays of tool deviation on the path.
 
     Deviations are computed with 64 bits, because the page magnifies them.
     """
-    pieces, limits = executed.pieces, executed.planned.run.limits
+    pieces = executed.pieces
     base, tool = (np.concatenate([getattr(x, y) for x in pieces]) for y in ("on_path", "tool"))
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
-    samples = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])
     distance = np.concatenate([x.followed.distance for x in pieces])
     # Without an objective, the drawing is the path.
     off = np.concatenate([(x.followed_objective or x.followed).distance for x in pieces])
-    demand = signed_shares("joint_acceleration", limits, executed.execution.demand)[samples]
     offset = view.screen_vectors(tool - base)
-    indices = np.arange(len(samples))
+    indices = np.arange(len(base))
     if len(indices) > MAX_SAMPLES:
         error = drawing_error(view.uv(base))
         weight = np.where(essential_points(base, ends, error), np.inf, 0.0)
         weight[[np.argmax(distance), np.argmax(off)]] = np.inf
-        shown = [*offset.T.astype(np.float64), distance, off, *demand.T]
+        shown = [*offset.T.astype(np.float64), distance, off]
         indices = select_points(weight, shown, MAX_SAMPLES)
     return {
         "base": view.screen_points(base[indices]),
@@ -78,7 +76,6 @@ def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
         "t": to_float32(np.concatenate([x.t for x in pieces])[indices]),
         "error": to_float32(distance[indices]),
         "off": to_float32(off[indices]),
-        "demand": to_float32(demand[indices]),
     }
 
 

@@ -178,7 +178,7 @@ def drawing_view(drawing: Program, frame: Frame, dimension: int) -> View:
     """View of a drawing in its own coordinates: the picture of the path in the part frame."""
     plane, back = PLANAR, frame.inverse
     if dimension == 3:
-        plane = _plane_across(frame.rotation[:, 2], frame.position, flat=True)
+        plane = _plane_across(frame.rotation[:, 2], frame.position)
     x, y = (back.rotation @ axis for axis in (plane.x, plane.y))
     plane = Plane(origin=back.position + back.rotation @ plane.origin, x=x, y=y)
     return View(plane, _centre(plane, drawing))
@@ -276,30 +276,27 @@ def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Pl
     if job.arm.dimension == 2:
         return PLANAR
     if frame is not None:
-        offsets = (_vertices(job.program) - frame.position) @ frame.rotation[:, 2]
-        flat = bool(np.abs(offsets).max() <= FLAT)
-        return _plane_across(frame.rotation[:, 2], frame.position, flat=flat)
+        return _plane_across(frame.rotation[:, 2], frame.position)
     middle = np.mean(points, axis=0)
     offsets = np.array(points) - middle
     along = np.linalg.svd(offsets)[2]
-    flat = bool(np.abs(offsets @ along[2]).max() <= FLAT)
     normal = along[2]
     if np.abs(offsets @ along[1]).max() <= FLAT:
         # The points are on a line. Of the planes through this line, the one nearest to horizontal
         # is used.
         up = AXES[2] if abs(along[0][2]) < 1 - FLAT else AXES[1]
         normal = up - (up @ along[0]) * along[0]
-    elif not flat:
+    elif np.abs(offsets @ along[2]).max() > FLAT:
         # The axis nearest to the normal replaces the normal, so that the plane does not change
         # while a point is dragged.
         normal = AXES[int(np.argmax(np.abs(normal)))]
     normal = normal / np.linalg.norm(normal)
-    plane = _plane_across(normal, middle, flat=flat)
+    plane = _plane_across(normal, middle)
     upwards = normal[2] if abs(normal[2]) > 0.5 else plane.y[2]
-    return plane if upwards > 0 else _plane_across(-normal, middle, flat=flat)
+    return plane if upwards > 0 else _plane_across(-normal, middle)
 
 
-def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane:
+def _plane_across(normal: FloatArray, point: FloatArray) -> Plane:
     """Plane through a point, with a given normal and an x axis near that of the work frame."""
     nearest = int(np.argmax(np.abs(normal)))
     if abs(normal[nearest]) >= 1 - FLAT**2:
@@ -309,7 +306,7 @@ def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane
     x = along - (along @ normal) * normal
     x = x / np.linalg.norm(x)
     origin = (normal @ point) * normal
-    return Plane(origin=origin + 0.0, x=x + 0.0, y=np.cross(normal, x) + 0.0, flat=flat)
+    return Plane(origin=origin + 0.0, x=x + 0.0, y=np.cross(normal, x) + 0.0)
 
 
 def _centre(plane: Plane, program: Program) -> FloatArray:

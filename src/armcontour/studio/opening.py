@@ -16,7 +16,7 @@ from armcontour.files.drawings.read import READERS, YAML
 from armcontour.files.job_file import cell_names, cell_text, drawing_patch, drawing_text
 from armcontour.files.job_text_edits import Change
 from armcontour.files.patch import Patch, key_of, write_patch
-from armcontour.studio.document import Document
+from armcontour.studio.document import Document, decode
 from armcontour.studio.recent import all_recent, make_private, state_folder
 
 # Drawings that cards of the start page open, by card. The other cards open the job of the paper or
@@ -56,7 +56,7 @@ class Uploads:
         check_file_name(name)
         ending = FilePath(name).suffix.lower()
         if ending in YAML:
-            return Document(_decode(name, content), source=name, folder=folder)
+            return Document(decode(content, name), source=name, folder=folder)
         if ending in ROBOTS:
             return [Change(("arm",), {"file": self._store(name, content, folder)})]
         if ending not in READERS:
@@ -130,13 +130,6 @@ def check_file_name(name: str) -> None:
             f"The file name must have at most {MAX_NAME} printable characters, no folder and no "
             "leading dot."
         )
-
-
-def _decode(name: str, content: bytes) -> str:
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InvalidInput(f"{name} cannot be read because it is not UTF-8 text.") from None
 
 
 def new_document(card: str, arm: str, uploads: Uploads, folder: FilePath) -> Document:

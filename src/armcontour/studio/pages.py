@@ -25,6 +25,10 @@ class Page(Protocol):
         """Send a frame; it replaces a queued frame with the same `replaces`."""
 
 
+# Number of the last message of each page to which a frame is the answer.
+Answers: TypeAlias = Mapping[Page, int | None]
+
+
 @dataclass(frozen=True, slots=True)
 class File:
     """A file for download."""
@@ -39,35 +43,32 @@ class Pages:
     def __init__(self) -> None:
         self.files: dict[str, File] = {}
         self._lock = RLock()
-        self._numbers: dict[Page, int] = {}
-        self._joined = 0
-        # Number of the last recorded message of each page, by page number.
-        self._seqs: dict[int, int] = {}
+        # Open pages, and the number of the last recorded message of each page.
+        self._seqs: dict[Page, int | None] = {}
 
     @property
-    def answers(self) -> dict[int, int]:
-        """Number of the last recorded message of each page, by page number."""
+    def answers(self) -> Answers:
+        """Number of the last recorded message of each page."""
         with self._lock:
             return dict(self._seqs)
 
     def join(self, page: Page) -> None:
         """Add a page."""
         with self._lock:
-            self._joined += 1
-            self._numbers[page] = self._joined
+            self._seqs[page] = None
 
     def leave(self, page: Page) -> None:
         """Remove a page."""
         with self._lock:
-            self._seqs.pop(self._numbers.pop(page, 0), None)
+            self._seqs.pop(page, None)
 
     def record(self, page: Page, message: PageMessage) -> bool:
         """Record the number of a message; returns False if the page is closed."""
         seq = message.get("seq")
         with self._lock:
-            is_open = page in self._numbers
+            is_open = page in self._seqs
             if is_open and isinstance(seq, int) and not isinstance(seq, bool):
-                self._seqs[self._numbers[page]] = seq
+                self._seqs[page] = seq
         return is_open
 
     def send(
@@ -75,7 +76,7 @@ class Pages:
         frame: MessageFrame,
         *,
         to: Page | None = None,
-        answers: Mapping[int, int] | None = None,
+        answers: Answers | None = None,
     ) -> None:
         """Send a frame to one page or to all, with the number of the message that it answers."""
         key, sentence = _replacement_key(frame), frame.header.get("sentence")
@@ -84,9 +85,9 @@ class Pages:
         with self._lock:
             answers = self.answers if answers is None else answers
             packed: dict[int | None, bytes] = {}
-            for page, number in self._numbers.items():
+            for page in self._seqs:
                 if to is None or page is to:
-                    seq = answers.get(number)
+                    seq = answers.get(page)
                     if seq not in packed:
                         packed[seq] = frame.stamped(seq=seq).pack()
                     page.send(packed[seq], key)

@@ -30,6 +30,7 @@ from armcontour.report.view import View
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
 from armcontour.studio.execution_frame import execution_frame
+from armcontour.studio.pages import Answers
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.tasks import dispatch
 from armcontour.studio.workers import PreviewWorker, StaleCheck, TaskWorker
@@ -55,8 +56,6 @@ MAX_OBSOLETE_FIGURES = 2.0
 PROGRESS_DELAY, PROGRESS_INTERVAL = 0.7, 0.1
 # Tasks that a page can start.
 TASKS = tuple(x for x in dispatch.TASKS if x != "figures")
-# Kinds of frames that end a task.
-FINAL_KINDS = ("figures", "result", "refusal", "failed", "cancelled")
 # Prefix of the task identifiers of exact figures, and identifier in the progress of a state.
 STATE_ID = "#"
 # Values of `state` in progress frames.
@@ -90,8 +89,7 @@ class DocumentState:
     # Identity of the document.
     document: str
     rev: int
-    # Number of the last message of each page, by page number.
-    answers: Mapping[int, int]
+    answers: Answers
     # Function that creates the request for exact figures.
     request: Callable[[], Mapping[str, Any]]
     # Waypoints in the plane of the picture [m], (n, 2).
@@ -373,14 +371,14 @@ class Scheduler:
         with self._lock:
             id = str(frame.header.get("id", ""))
             if not id.startswith(STATE_ID):
-                if frame.kind in FINAL_KINDS:
+                if frame.kind != "progress":
                     self._running.discard(id)
                 self._deliver(frame, None)
                 return
             if self._current is None or id != f"{STATE_ID}{self._count}":
                 return
             state, request = self._current
-            if frame.kind not in FINAL_KINDS:
+            if frame.kind == "progress":
                 if state.answered:
                     self._send_progress(state, frame.header["steps"], frame.header["share"])
                 return

@@ -6,7 +6,7 @@ import contextlib
 import json
 import sys
 import traceback
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path as FilePath
 from threading import RLock
@@ -25,7 +25,7 @@ from armcontour.report.message_frame import MessageFrame
 from armcontour.report.plan_frames import drawing_frame, error_place
 from armcontour.report.view import View
 from armcontour.studio.description import document_frame, label_of
-from armcontour.studio.document import Document
+from armcontour.studio.document import CHANGED, Document
 from armcontour.studio.editor import Editor, Revision
 from armcontour.studio.handles import drawing_view, is_blank
 from armcontour.studio.opening import new_document, open_file
@@ -138,7 +138,7 @@ class Session:
             if isinstance(opened, Document):
                 self._open(opened)
             else:
-                self._change(opened, f"open {name}")
+                self._commit(self.editor.revise_keys(opened), f"open {name}")
         return name
 
     def close(self) -> None:
@@ -176,12 +176,12 @@ class Session:
 
     def do_undo(self, page: Page, message: PageMessage) -> None:
         """Revert the last change."""
-        self.editor.undo()
+        self.editor.change(self.editor.document.undo)
         self._show_all()
 
     def do_redo(self, page: Page, message: PageMessage) -> None:
         """Repeat the change that was undone last."""
-        self.editor.redo()
+        self.editor.change(self.editor.document.redo)
         self._show_all()
 
     def do_save(self, page: Page, message: PageMessage) -> None:
@@ -191,7 +191,7 @@ class Session:
             name = f"{document.data.get('name') or 'job'}.yaml"
             number = self.pages.keep_file(name, document.text.encode())
             self.send(MessageFrame("download", {"file": number, "name": name}), to=page)
-        elif document.changed_on_disk() and not force:
+        elif document.on_disk() == CHANGED and not force:
             sentence = (
                 f"Another program has changed {document.file.name} since it was opened. Overwrite "
                 "or reload the file."
@@ -204,9 +204,10 @@ class Session:
 
     def do_reload(self, page: Page, message: PageMessage) -> None:
         """Read the file again."""
-        self.editor.reload()
         # The files that the job names may have changed too.
+        self.editor.previewer.forget()
         self.scheduler.forget_figures()
+        self.editor.change(self.editor.document.reload)
         self._show_all()
 
     def do_restore_draft(self, page: Page, message: PageMessage) -> None:
@@ -277,10 +278,6 @@ class Session:
         """Change the document and show it."""
         self.editor.commit(revision, label)
         self._show_all()
-
-    def _change(self, changes: Sequence[Any], label: str) -> None:
-        """Change keys of the document and show it."""
-        self._commit(self.editor.revise_keys(changes), label)
 
     def _open(self, document: Document) -> None:
         """Open another document and show it."""

@@ -131,7 +131,7 @@ def test_learned_set_points_stay_within_the_velocity_limit(arm, set_points, refu
     fastest = [np.abs(np.diff(x.q, axis=0)).max(axis=0) / set_points.cycle for x in (free, held)]
     assert (fastest[0] > close.joint_velocity).any()
     assert (fastest[1] <= close.joint_velocity * (1 + 1e-8)).all()
-    assert "joint_velocity" in held.reason
+    assert "velocity" in held.reason and free.expected < held.runs[0].rms / 10
     # Joints that have room keep all of their change.
     only = int(np.argmax(fastest[0] / rate))
     one = np.full(len(rate), 100.0)
@@ -156,7 +156,7 @@ def test_a_learning_result_without_improvement_has_a_note():
     rate = np.abs(q[1] - q[0]) / set_points.cycle
     none = ac.Limits(joint_velocity=(1 + 1e-7) * rate)
     lesson = ac.learn(set_points, execution, arm=arm, servo=servo, limits=none)
-    assert lesson.finished and "joint_velocity" in lesson.reason
+    assert lesson.finished and "velocity" in lesson.reason
     np.testing.assert_array_equal(lesson.q, set_points.q)
 
 

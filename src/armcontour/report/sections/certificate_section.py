@@ -98,4 +98,4 @@ def _derating(certificate: Certificate) -> Figure:
         # The range has a minimum size, so that rounding errors do not fill the height.
         limits=(min(least, 100 - LEAST_RANGE) - 0.2, 100.2),
     )
-    return Figure(title="Usable share of the acceleration limits", plots=(plot,), span=3)
+    return Figure(title="Usable share of the acceleration limits", plots=(plot,), half=True)

@@ -104,27 +104,18 @@ def limits(study: JobResult) -> Plot | None:
 def list_bars(bindings: Sequence[Binding]) -> list[Interval]:
     """Time intervals with their active limits, in order; adjacent intervals of a limit are joined.
 
-    If there are more than MAX_BARS intervals, the motion is divided into equal parts, and each part
-    has the limit of its longest interval.
+    Intervals that are too short to be visible are joined; the longest one determines the limit.
     """
-    bars = [(*x.t, kind_of(x.limit), x.name) for x in bindings]
-    ends = np.array([x[:2] for x in bars])
-    if len(bars) > MAX_BARS:
-        cell = np.floor(ends.mean(axis=1) / ends[-1, 1] * MAX_BARS).astype(int)
-        order = np.lexsort((ends[:, 0] - ends[:, 1], cell))
-        chosen = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
-        bars = [bars[k] for k in chosen.tolist()]
-        # The bars are extended, so that each bar ends where the next bar starts.
-        starts = [*ends[chosen, 0], ends[-1, 1]]
-        starts[0] = ends[0, 0]
-        bars = [(a, b, *x[2:]) for x, a, b in zip(bars, starts, starts[1:], strict=False)]
-    joined: list[Interval] = []
-    for bar in bars:
-        if joined and joined[-1][2:] == bar[2:] and joined[-1][1] == bar[0]:
-            joined[-1] = (joined[-1][0], *bar[1:])
+    bars, shortest = list[Interval](), bindings[-1].t[1] / MAX_BARS
+    for x in bindings:
+        bar = (*x.t, kind_of(x.limit), x.name)
+        last = bars[-1] if bars else (0.0, np.inf, "", "")
+        if last[1:] == (bar[0], *bar[2:]) or last[1] - last[0] < shortest:
+            longest = max(last, bar, key=lambda y: y[1] - y[0])
+            bars[-1] = (last[0], bar[1], *longest[2:])
         else:
-            joined.append(bar)
-    return joined
+            bars.append(bar)
+    return bars
 
 
 def error(study: JobResult) -> Plot | None:
