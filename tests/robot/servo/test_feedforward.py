@@ -173,7 +173,7 @@ def test_invalid_servo_models_are_refused(refuses):
         (both | {"kv": -1.0}, "kv", "-1"),
         *((both | {k: x}, k) for k in both for x in (1e300, 1e15, 1e9, 1e-12, 5e-324)),
         *((both | {"velocity_feedforward": x}, "velocity_feed") for x in (3.5, [1.0, -0.1])),
-        (both | {"acceleration_feedforward": 1.0}, "Specify velocity_feedforward"),
+        (both | {"acceleration_feedforward": 1.0}, "specify velocity_feedforward"),
         (
             both | {"order": ("second", "delay"), "kv": [150.0, np.inf], "kp": np.inf},
             "kp is missing",
