@@ -24,7 +24,7 @@ from armcontour.motion.kernels import (
 )
 from armcontour.robot import Arm
 
-# Bisection steps for the time at which a lap reaches an arc length; exact to the last digit.
+# Bisection steps for the time in an interval at an arc length; exact to the last digit.
 HALVINGS = 50
 
 
@@ -97,8 +97,8 @@ class LapLaw(Law):
     Args:
         breaks: Knot times, from 0 [s], (n + 1,).
         q: Joint positions at the knots [rad], (n + 1, dof).
-        dq: Joint velocities at the start of each lap [rad/s], (n, dof).
-        ddq: Joint accelerations in each lap [rad/s²], (n, dof).
+        dq: Joint velocities at the start of each interval [rad/s], (n, dof).
+        ddq: Joint accelerations in each interval [rad/s²], (n, dof).
     """
 
     breaks: FloatArray

@@ -32,8 +32,8 @@ Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MAX_INTERVALS)]
 # Marks a field that is a key of a job; the other fields have a key elsewhere, or no key.
 KEY = About()
 PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
-# Smallest and largest number of laps per line of the paper's method. With fewer laps, a short line
-# from rest to rest has no lap left for its motion. More laps need several GB for an arm with six
+# Smallest and largest number of intervals per line of the paper's method. With fewer, a short line
+# from rest to rest has none left for its motion. More intervals need several GB for an arm with six
 # joints.
 FEWEST_LAPS, MAX_LAPS = 8, 5_000_000
 # Largest number of iterations of each pass with limits of jerk.

@@ -8,8 +8,8 @@ A line begins with MAC, the maximum joint acceleration, has AVC, the assigned ve
 middle, and ends with MDC, the maximum deceleration. Two passes run along the line, one from each
 end, until a joint limit would be violated. Each pass is used up to the knot at which it reaches the
 assigned velocity, (23). Between those knots the tool moves with uniform acceleration, (24)-(25). If
-the passes meet below the assigned velocity, one lap of uniform tool acceleration joins them; the
-paper has no rule for this case.
+the passes meet below the assigned velocity, one interval of uniform tool acceleration joins them;
+the paper has no rule for this case.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ def run_laps(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
     """Move from the first knot towards the last as fast as (18)-(20) of the paper allow.
 
-    The paper does not state the velocity at the start of a lap. If every joint continued with `dq +
-    ddq h`, a velocity error of a joint that does not determine the lap time would alternate from
-    lap to lap, and the acceleration that it causes would grow as 1 / h. Therefore only the joint
-    that determines the lap time continues with its velocity. The other joints get their velocities
+    The paper does not state the velocity at the start of an interval. If every joint continued with
+    `dq + ddq h`, a velocity error of a joint that does not determine h would alternate from
+    interval to interval, and the acceleration that it causes would grow as 1 / h. Therefore only
+    the joint that determines h continues with its velocity. The other joints get their velocities
     from the path by (28); the step in these velocities is of second order in h.
 
-    Returns lap times [s], (n,); tool speeds at the knots [m/s], (n + 1,), NaN beyond the last valid
-    lap; joint velocities at the start of the laps and joint accelerations in them, (n, dof) each;
-    the number of valid laps; and for the first invalid lap the joint, from 0 (-1 if none), and the
-    acceleration that this joint would need.
+    Returns durations h of the intervals [s], (n,); tool speeds at the knots [m/s], (n + 1,), NaN
+    beyond the last valid interval; joint velocities at the start of the intervals and joint
+    accelerations in them, (n, dof) each; the number of valid intervals; and for the first invalid
+    interval the joint, from 0 (-1 if none), and the acceleration that this joint would need.
 
     - `q`: joint positions at the knots [rad], (n + 1, dof).
     - `dq_ds`: derivatives of q along the path, of the same shape.
@@ -112,12 +112,12 @@ def run_laps(
 class Pass:
     """Motion along a line from one end with maximum joint acceleration; knots in order of time."""
 
-    h: FloatArray  # Lap times [s], (n,)
-    speed: FloatArray  # Tool speed at the knots [m/s], (n + 1,); NaN after the last valid lap
-    dq: FloatArray  # Joint velocities at the start of the laps [rad/s], (n, dof)
-    ddq: FloatArray  # Joint accelerations in the laps [rad/s²], (n, dof)
-    done: int  # Number of laps that satisfy the limit
-    joint: int  # Joint that would exceed the limit in the next lap, from 0; -1 for no joint
+    h: FloatArray  # Durations of the intervals [s], (n,)
+    speed: FloatArray  # Tool speed at the knots [m/s], (n + 1,); NaN after the last valid interval
+    dq: FloatArray  # Joint velocities at the start of the intervals [rad/s], (n, dof)
+    ddq: FloatArray  # Joint accelerations in the intervals [rad/s²], (n, dof)
+    done: int  # Number of intervals that satisfy the limit
+    joint: int  # Joint that would exceed the limit in the next interval, from 0; -1 for no joint
     needed: float  # Acceleration that this joint would need [rad/s²]
 
     def last_within(self, speed: float) -> int:
@@ -131,10 +131,10 @@ class LinePhase:
     """Time law on a part of a line, and the rule of the paper that made it."""
 
     law: LawAlongPath
-    kind: str  # Rule: "MAC", "AVC" or "MDC"; "meeting" for the lap between MAC and MDC
+    kind: str  # Rule: "MAC", "AVC" or "MDC"; "meeting" for the interval between MAC and MDC
     s: tuple[float, float]  # Arc lengths of start and end on the path [m]
-    # For a meeting lap, time [s] and arc length [m] from its start to the point where both passes
-    # have the same speed
+    # For a meeting interval, time [s] and arc length [m] from its start to the point where both
+    # passes have the same speed
     switch: tuple[float, float] = (0.0, 0.0)
 
 
@@ -150,7 +150,7 @@ class RulePart:
 
 
 def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[RulePart]:
-    """Group the pieces of a line by rule; a meeting lap is MAC before its switch and MDC after."""
+    """Group the pieces of a line by rule; a meeting interval is MAC until its switch, then MDC."""
     parts = []
     for piece in pieces:
         time = float(piece.law.breaks[-1])
@@ -267,9 +267,9 @@ class PaperLine:
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
     ) -> tuple[int, int]:
         """Indices of the knots at which the passes are joined, so that the limit is satisfied."""
-        # Usually one lap joins the passes. If they meet close to an end of the lap, uniform
-        # acceleration of the tool would need slightly more joint acceleration than the limit, so
-        # two laps join them.
+        # Usually one interval joins the passes. If they meet close to its end, uniform acceleration
+        # of the tool would need slightly more joint acceleration than the limit, so two intervals
+        # join them.
         for start, end in ((low, high), (low - 1, high), (low, high + 1)):
             if start < 0 or end >= len(self.s) or np.isnan([forward[start], backward[end]]).any():
                 continue
@@ -323,7 +323,7 @@ class PaperLine:
         )
 
 
-# A lap next to a rest is divided into this many parts, because the speed changes much in it.
+# An interval next to a rest is divided into this many parts, because the speed changes much in it.
 PARTS_AT_REST = 10
 # Limits that the method guarantees; all others are checked on every part.
 GUARANTEED = ("speed", "centripetal_acceleration")
@@ -403,7 +403,7 @@ def _refuse_limits(limits: Limits) -> None:
 
 
 def _default_laps(length: float, speed: float, cycle: float, number: int) -> int:
-    """Number of laps of a line, so that a lap takes at most one cycle at the assigned velocity."""
+    """Number of intervals of a line; at the assigned velocity, each takes at most one cycle."""
     count = length / (speed * cycle)
     if not count <= MAX_LAPS:
         raise InvalidInput(
@@ -470,8 +470,8 @@ def _find_junctions(
 
 
 def _place_knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> FloatArray:
-    """Arc lengths [m] of the knots of a line from `start` to `end` with `count` equal laps."""
-    # A lap next to a rest is divided into parts of equal duration at constant acceleration.
+    """Arc lengths [m] of the knots of a line from `start` to `end` with `count` equal intervals."""
+    # An interval next to a rest is divided into parts of equal duration at constant acceleration.
     shares = np.arange(count + 1) / count
     parts = (np.arange(1, PARTS_AT_REST) / PARTS_AT_REST) ** 2 / count
     if at_rest[0]:
