@@ -37,12 +37,9 @@ def test_the_page_reads_the_frames_that_the_server_writes():
 
 STORE = """
 const { Store } = await import("./state.js");
-const { exactnessOf } = await import("./figures.js");
 const store = new Store(), told = [], rest = { arrays: {}, asked: 0 };
 const put = (kind, rev, seq, head = {}) =>
   store.put({ kind, rev, seq, head, ...rest });
-const listen = (who, events) => events.forEach((event) =>
-  store.on(event, (x) => told.push([who, event, x?.kind ?? x?.stage ?? x?.t])));
 """
 
 

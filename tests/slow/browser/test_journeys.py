@@ -42,6 +42,7 @@ def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tm
         assert studio.figure("contour_error.rms") == pytest.approx(rms, abs=EXACT)
         # Another program changes the file: neither side is lost.
         file.write_bytes(original)
+        studio.tab("process")
         with studio.changing():
             studio.type("limits.speed", "0.12 m/s")
         studio.page.keyboard.press("Control+s")
@@ -92,6 +93,7 @@ def test_j13_a_draft_survives_closing_the_page_and_the_server(pages, tmp_path):
     with serving(file, folder=tmp_path) as server:
         studio = pages(server)
         studio.rest()
+        studio.tab("process")
         with studio.changing():
             studio.type("limits.speed", "0.1 m/s")
         changed, shown = studio.text, studio.figure("duration")
