@@ -34,8 +34,7 @@ from armcontour.robot.scene import (
     Shape,
     Sphere,
 )
-from armcontour.verification.clearance.distances import Distances
-from armcontour.verification.clearance.pairs import Pair, pairs_of
+from armcontour.verification.clearance.body_pairs import Distances, Pair, pairs_of
 from soak import Outcome
 
 ARMS = ("ur5e", "ur10e", "panda")

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 
 from armcontour.core.errors import InvalidInput
-from armcontour.files.drawings.read import read_path
+from armcontour.files.drawings.path_reader import read_path
 from armcontour.files.drawings.read_options import ReadOptions
 
 ORACLES = Path(__file__).parents[1] / "tests" / "oracle"
@@ -50,7 +50,7 @@ def compare(program: object, text: str, judges: ModuleType) -> str:
 def judge_file(file: Path, judges: ModuleType) -> str:
     """What came of a file; a refusal is no fault, for files may be anything."""
     try:
-        program = read_path(file, ReadOptions(mend_vertices=0.0))
+        program = read_path(file, ReadOptions(repair_vertices=0.0))
     except InvalidInput:
         return "refused"
     text = file.read_bytes().decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")

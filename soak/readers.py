@@ -18,7 +18,7 @@ import numpy as np
 import armcontour as ac
 from armcontour.core.checks import LONGEST_NAME
 from armcontour.core.text import LONGEST_SENTENCE
-from armcontour.files.drawings.read import READERS
+from armcontour.files.drawings.path_reader import READERS
 from armcontour.files.drawings.read_options import ReadOptions
 from soak import Outcome
 from soak.samples import samples
@@ -177,9 +177,9 @@ def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float
 def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
     """Largest size of what is read [m], and all names in it."""
     from armcontour.files.mesh_file import read_mesh
-    from armcontour.files.robots.collision import link_shapes, read_excluded_pairs
-    from armcontour.files.robots.tree import read_tree
+    from armcontour.files.robots.collision_shapes import link_shapes, read_excluded_pairs
     from armcontour.files.robots.urdf_chain import Description
+    from armcontour.files.robots.urdf_tree import read_tree
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / name

@@ -23,9 +23,9 @@ from tests.dynamics_extra import mark_all_but, needs_dynamics
 import armcontour as ac
 from armcontour.cli.commands import program_for
 from armcontour.files import json_schema, parse_job
-from armcontour.files.drawings.read import READERS
+from armcontour.files.drawings.path_reader import READERS
 from armcontour.files.job_file import read_cell
-from armcontour.files.robot_file import read_limits
+from armcontour.files.limits_and_servo_files import read_limits
 
 ROOT = Path(__file__).parents[1]
 # `make docs` copies pages; the originals in the repository are tested.

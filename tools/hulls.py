@@ -30,8 +30,8 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 import armcontour as ac
-from armcontour.files.robots import loading
-from armcontour.files.robots.loading import HULL_UNIT
+from armcontour.files.robots import arm_loading
+from armcontour.files.robots.arm_loading import HULL_UNIT
 from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 
@@ -43,7 +43,7 @@ ROUNDING = HULL_UNIT
 FRAME_TOLERANCE = 1e-8
 # Largest number of half-spaces added per iteration.
 MAX_ADDED = 12
-FOLDER = Path(loading.__file__).parent / "library" / "hulls"
+FOLDER = Path(arm_loading.__file__).parent / "library" / "hulls"
 SOURCES = {
     "ur": (
         "Convex hulls of the collision meshes of Universal_Robots_ROS2_Description, Universal "

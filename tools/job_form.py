@@ -14,13 +14,13 @@ from tools.job_schema import schema_text
 from armcontour.core.fields import parts_of
 from armcontour.core.quantities import About, AtLeast, Quantity
 from armcontour.core.text import capitalise
-from armcontour.files.drawings.read import READERS, YAML
+from armcontour.files.drawings.path_reader import READERS, YAML
 from armcontour.files.exports.formats import format_named
 from armcontour.files.job_file import GEOMETRY_KEYS, cell_names
 from armcontour.files.job_model import RunModel, SharedModel
+from armcontour.files.job_patch import MERGED
 from armcontour.files.job_text_edits import Keys
-from armcontour.files.patch import MERGED
-from armcontour.files.robots.loading import arm_names
+from armcontour.files.robots.arm_loading import arm_names
 from armcontour.jobs.job import ENDINGS
 from armcontour.robot.limits import TOOL_LIMITS
 from armcontour.studio.description import settings, usual_ranges

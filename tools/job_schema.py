@@ -28,8 +28,15 @@ from armcontour.core.quantities import (
     PartialFields,
     Quantity,
 )
+from armcontour.files.file_keys import (
+    KeyField,
+    Methods,
+    key_fields,
+    leaves,
+    method_fields,
+    methods_with,
+)
 from armcontour.files.job_model import RUN_NAME, JobModel, RunModel
-from armcontour.files.keys import KeyField, Methods, key_fields, leaves, method_fields, methods_with
 
 FILE = Path(str(resources.files("armcontour.files"))) / "job.schema.json"
 TYPES: dict[Any, dict[str, Any]] = {

@@ -19,13 +19,13 @@ from armcontour.core.frames import Frame as Frame
 from armcontour.files import read_job as read_job
 from armcontour.files import read_trajectory as read_trajectory
 from armcontour.files.batch import batch as batch
-from armcontour.files.drawings.read import read_path as read_path
+from armcontour.files.drawings.path_reader import read_path as read_path
 from armcontour.files.drawings.read_options import ReadOptions as ReadOptions
 from armcontour.files.exports import export as export
 from armcontour.files.log_file import read_log as read_log
-from armcontour.files.robots.loading import arm_names as arm_names
-from armcontour.files.robots.loading import load_arm as load_arm
-from armcontour.files.robots.tree import ArmOptions as ArmOptions
+from armcontour.files.robots.arm_loading import arm_names as arm_names
+from armcontour.files.robots.arm_loading import load_arm as load_arm
+from armcontour.files.robots.urdf_tree import ArmOptions as ArmOptions
 from armcontour.geometry import Arc as Arc
 from armcontour.geometry import Line as Line
 from armcontour.geometry import Path as Path

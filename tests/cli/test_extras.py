@@ -7,8 +7,8 @@ from pathlib import Path as FilePath
 import pytest
 from tests.cli.helpers import summary
 
+from armcontour.cli.command_execution import execute
 from armcontour.cli.commands import Studio
-from armcontour.cli.execution import execute
 from armcontour.cli.studio_command import studio
 from armcontour.core.errors import InvalidInput
 

@@ -6,11 +6,11 @@ from tests.cli.helpers import summary
 from tests.corner_job import CORNER_JOB
 from tests.loaded_robot import loaded_robot
 
+from armcontour.cli.command_execution import execute
 from armcontour.cli.commands import Run
-from armcontour.cli.execution import execute
 from armcontour.cli.run_command import run
 from armcontour.files import read_job
-from armcontour.files.set_point_file import read_set_points
+from armcontour.files.set_point_reader import read_set_points
 from armcontour.files.trajectory_file import read_run
 from armcontour.jobs.run_learning import plan_run
 from armcontour.simulation import simulate

@@ -10,9 +10,9 @@ from pathlib import Path as FilePath
 
 from tools.job_form import options_text
 
-from armcontour.cli import program
+from armcontour.cli import command_line
 
-FILE = FilePath(program.__file__).with_name("job_options.json")
+FILE = FilePath(command_line.__file__).with_name("job_options.json")
 
 
 def test_the_stored_file_of_options_is_up_to_date():

@@ -15,8 +15,8 @@ from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import play
 from armcontour.core.errors import ControllerRefused
 from armcontour.files import parse_job
+from armcontour.files.limits_and_servo_files import servo_yaml
 from armcontour.files.log_file import log_text
-from armcontour.files.robot_file import servo_yaml
 from armcontour.jobs.run_learning import learn_logs
 
 JOB = """

@@ -8,7 +8,7 @@ from tests.files.tables import refusals, values
 import armcontour as ac
 from armcontour.files import parse_job, read_job
 from armcontour.files.job_file import cell_names, read_cell
-from armcontour.files.robots.loading import arm_names
+from armcontour.files.robots.arm_loading import arm_names
 from armcontour.jobs import run
 from armcontour.program import Program, prepare
 

@@ -10,6 +10,7 @@ from tests.files.tables import change_text, refusals
 
 import armcontour
 from armcontour.core.yaml_loader import load
+from armcontour.files.job_patch import write_patch
 from armcontour.files.job_text_edits import (
     REMOVE,
     Change,
@@ -17,7 +18,6 @@ from armcontour.files.job_text_edits import (
     move_files,
     value_at,
 )
-from armcontour.files.patch import write_patch
 
 TEXT = """\
 # A cell.

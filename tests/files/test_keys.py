@@ -18,9 +18,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import AtLeast, Choice, PartialFields, Ratio, Speed
 from armcontour.core.render import jsonable
 from armcontour.core.yaml_loader import load
+from armcontour.files.file_keys import in_si, read_keys
 from armcontour.files.job_file import cell_names, cell_text
 from armcontour.files.job_model import CellModel
-from armcontour.files.keys import in_si, read_keys
 from armcontour.files.result_folder import to_json
 from armcontour.robot.servo.model import Gains
 

@@ -8,8 +8,8 @@ from tests.files.tables import refusals, values
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job, parse_set
 from armcontour.files.job_file import read_cell
+from armcontour.files.job_patch import key_of, locate_key, resolve_patch, write_patch
 from armcontour.files.job_text_edits import REMOVE, change_data
-from armcontour.files.patch import key_of, locate_key, resolve_patch, write_patch
 from armcontour.jobs import Rounding
 from armcontour.program import prepare
 

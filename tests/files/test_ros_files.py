@@ -7,7 +7,7 @@ from tests.files.tables import refusals
 from armcontour.core.errors import InvalidInput
 from armcontour.files import read_trajectory
 from armcontour.files.exports import RosYamlFormat
-from armcontour.files.exports.table import SetPointTable
+from armcontour.files.exports.export_table import SetPointTable
 from armcontour.files.log_file import read_log
 
 AT_ONCE = "time_from_start: {sec: 0, nanosec: 0}}"

@@ -13,15 +13,11 @@ from tests.files.tables import refusals
 from armcontour import load_arm
 from armcontour.control.learning import LearningResult, LearningRun
 from armcontour.core.render import plain
-from armcontour.files import (
-    parse_job,
-    parse_trajectory,
-    write_planned,
-    write_set_points,
-)
+from armcontour.files import parse_job, parse_trajectory, write_planned, write_set_points
 from armcontour.files.exports import export
+from armcontour.files.lesson_file import LESSON, read_lesson, write_lesson
 from armcontour.files.result_folder import to_json
-from armcontour.files.set_point_file import LESSON, read_lesson, read_set_points, write_lesson
+from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import run
 from armcontour.jobs.run_learning import plan_run
 from armcontour.motion import SetPoints

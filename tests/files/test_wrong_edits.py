@@ -9,7 +9,7 @@ import yaml
 
 import armcontour as ac
 from armcontour.files import parse_job
-from armcontour.files.patch import write_patch
+from armcontour.files.job_patch import write_patch
 
 FOLDER = resources.files("armcontour.jobs") / "library"
 PLATE = (FOLDER / "plate.yaml").read_text(encoding="utf-8")

@@ -11,8 +11,8 @@ import armcontour as ac
 from armcontour.core.render import plain
 from armcontour.files import parse_job
 from armcontour.files.job_file import drawing_text
+from armcontour.files.job_patch import key_of, resolve_patch
 from armcontour.files.job_text_edits import change_data
-from armcontour.files.patch import key_of, resolve_patch
 from armcontour.jobs import advise
 from armcontour.jobs.advice import with_advice
 

@@ -13,7 +13,7 @@ from armcontour.files.drawings.gcode import read_gcode
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.exports import CsvFormat, TemplateFormat
 from armcontour.jobs import analog_outputs
-from armcontour.jobs.analog import check_analog
+from armcontour.jobs.analog_signals import check_analog
 from armcontour.program import (
     Analog,
     Contour,

@@ -21,7 +21,7 @@ PROGRAMS = 40
 
 def read(text, **options):
     """The program as it is printed: what mending does to it has tests of its own."""
-    read_options = ReadOptions(mend_vertices=0.0, **options)
+    read_options = ReadOptions(repair_vertices=0.0, **options)
     return read_gcode(text.encode("latin-1"), source="part.ngc", options=read_options)
 
 
@@ -95,7 +95,7 @@ def test_the_corpus_is_read_like_the_oracle_does():
     for file, data in accepted.items():
         if file.parent.name != "refused":
             print(file)  # pytest shows it of a failure
-            program = read_gcode(data, source=file.name, options=ReadOptions(mend_vertices=0.0))
+            program = read_gcode(data, source=file.name, options=ReadOptions(repair_vertices=0.0))
             text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
             compare(program, oracle.interpret(text.removeprefix("\xef\xbb\xbf")))
 

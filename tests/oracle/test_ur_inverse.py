@@ -8,7 +8,7 @@ from tests.oracle import ur_inverse
 import armcontour as ac
 from armcontour.core.frames import Frame
 from armcontour.planning.tracing import trace_all
-from armcontour.robot.inverse import configurations
+from armcontour.robot.inverse_kinematics import configurations
 
 POSES = 60
 # Closer than this to where two configurations meet, one is as good as two.

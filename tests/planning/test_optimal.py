@@ -12,7 +12,7 @@ from armcontour.planning import optimal
 from armcontour.planning.constraints import SecondOrder, limits_on
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
-from armcontour.planning.topp.on_grid import OnGrid
+from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 LEAK = 1e-9  # by how much, relatively, a limit may be exceeded anywhere
 LINE = ((-0.065, 0.300), (0.335, 0.300))  # docs/method.md, "where the method falls short", 1
@@ -321,7 +321,7 @@ def collocated(path, any_arm, limits, intervals=None):
     That is the planner's own first pass: no margins and a path acceleration that is constant on
     every interval.
     """
-    on = OnGrid(place_grid(path, intervals))
+    on = SampledJointPath(place_grid(path, intervals))
     active = optimal.constraints_of(path, any_arm, limits.for_joints(path.dof))
     x = plan_on_grid(on.intervals, limits_on(on, active), Rules(tries=1)).x
     return float(np.sum(2 * on.grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))

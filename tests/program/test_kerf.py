@@ -218,8 +218,9 @@ def test_nearly_straight_arcs_and_tangent_vertices_have_a_kerf(tmp_path, bulge, 
     corners = [(x, y, b) for (x, y), b in zip(points, bulges, strict=True)]
     document.modelspace().add_lwpolyline(corners, format="xyb", close=True)
     document.saveas(tmp_path / "slot.dxf")
-    for mend in (0.0, 2e-6):
-        drawn = ac.read_path(tmp_path / "slot.dxf", ac.ReadOptions(mend_vertices=mend)).contours[0]
+    for error in (0.0, 2e-6):
+        options = ac.ReadOptions(repair_vertices=error)
+        drawn = ac.read_path(tmp_path / "slot.dxf", options).contours[0]
         for side, change in (("left", -1), ("right", 1)):
             (offset_contour,) = cut(drawn, kerf=1e-3, kerf_side=side).contours
             length = drawn.path.length + change * np.pi * 1e-3

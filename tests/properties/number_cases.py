@@ -154,7 +154,7 @@ _DRAWN: dict[str, Any] = {
     "frame": {"position": [0.28, 0.20, 0.0], "rpy": [0.0, 0.0, 0.0]},
     "chord_tolerance": 1e-5,
     "join_tolerance": 1e-5,
-    "mend_vertices": 1e-6,
+    "repair_vertices": 1e-6,
 }
 _FRAMED = {"position": [0.0, 0.0, 0.1], "quaternion": [0.0, 0.0, 0.0, 1.0]}
 _UP = {"up": [0.0, 0.0, 1.0]}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.robot.inverse import configurations, search
+from armcontour.robot.inverse_kinematics import configurations, search
 
 # Six joints with a spherical wrist, as in usual industrial arms; z axes as in URDF.
 WRIST = """<robot name="wrist"><link name="l0"/>{links}<link name="l6"/>{joints}</robot>"""

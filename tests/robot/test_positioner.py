@@ -10,9 +10,9 @@ from tests.files.tables import refusals, rows
 
 import armcontour as ac
 from armcontour.core.frames import Frame, exp
+from armcontour.files.file_keys import read_keys
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_model import ArmModel
-from armcontour.files.keys import read_keys
 from armcontour.files.scene_file import LinkShapeModel, more_link_shapes
 from armcontour.robot import Payload
 from armcontour.robot.chain import link_poses

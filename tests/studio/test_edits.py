@@ -16,8 +16,8 @@ from armcontour.core.quantities import parse_quantity
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_file import cell_names, cell_text
+from armcontour.files.job_patch import key_of, locate_key
 from armcontour.files.job_text_edits import change_data, value_at
-from armcontour.files.patch import key_of, locate_key
 from armcontour.studio.description import slider_rows
 from armcontour.studio.edits import EDITS, changes_of
 from armcontour.studio.edits.layout import tilt_of

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from armcontour import files, verification
+from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Check
 from armcontour.cli.console import data_lines
-from armcontour.cli.execution import Outcome
 from armcontour.cli.inputs import read_option
 from armcontour.core.checks import FloatArray, comparable, raise_if
 from armcontour.core.errors import InvalidInput
@@ -23,10 +23,10 @@ from armcontour.core.render import plain
 from armcontour.core.result import Row
 from armcontour.core.text import digits, joint_label, list_some, show
 from armcontour.core.yaml_loader import load
-from armcontour.files.drawings.read import YAML
+from armcontour.files.drawings.path_reader import YAML
 from armcontour.files.job_file import read_cell_scene
 from armcontour.files.joint_table import TrajectoryFile
-from armcontour.files.robots.loading import load_arm
+from armcontour.files.robots.arm_loading import load_arm
 from armcontour.jobs import Job, Run, prepare_program, round_program
 from armcontour.jobs.job import find_run
 from armcontour.motion.log import raise_other_joints

@@ -14,8 +14,8 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 import typer
 
 from armcontour import files
-from armcontour.cli.execution import Json, Results
-from armcontour.cli.program import INSTALLED, JUDGE, PREPARE, ROBOT, RUN, command, program_for
+from armcontour.cli.command_execution import Json, Results
+from armcontour.cli.command_line import INSTALLED, JUDGE, PREPARE, ROBOT, RUN, command, program_for
 
 __all__ = ["program_for"]
 # Topics of options that set job keys, as in `job_options.json`.

@@ -31,6 +31,21 @@ if TYPE_CHECKING:
 WIDTH = 120
 # Maximum length of names that are not wrapped in a table [characters].
 USUAL_NAME = 24
+# Minimum time between progress lines, and before the first line, without a terminal [s].
+EVERY = 10.0
+SIGNALS = [getattr(signal, x) for x in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, x)]
+# Maximum wait for results that are being moved, and for a cleanup function [s].
+PATIENCE = 0.5
+# Duration of each wait [s], because Windows does not handle signals during a wait.
+PULSE = 0.2
+# Stack size of the second thread [bytes]. It is as large as that of a main thread, because deeply
+# nested documents need much stack.
+STACK = 64 * 1024 * 1024
+# Functions that are called before a signal ends the program; they may return a message for users.
+_cleanups: list[Callable[[], str | None]] = []
+# Functions that a signal calls instead of ending the program, because a moving robot must stop
+# first.
+_requests: list[Callable[[], None]] = []
 
 
 def print_lines(*texts: str, err: bool = False) -> None:
@@ -66,10 +81,6 @@ def table_lines(
     printed = io.StringIO()
     Console(file=printed, width=width).print(table)
     return printed.getvalue().splitlines()
-
-
-# Minimum time between progress lines, and before the first line, without a terminal [s].
-EVERY = 10.0
 
 
 class ProgressDisplay:
@@ -135,22 +146,6 @@ def _start_bar() -> Any:
     bar.add_task("", total=None)
     bar.start()
     return bar
-
-
-SIGNALS = [getattr(signal, x) for x in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, x)]
-# Maximum wait for results that are being moved, and for a cleanup function [s].
-PATIENCE = 0.5
-# Duration of each wait [s], because Windows does not handle signals during a wait.
-PULSE = 0.2
-# Stack size of the second thread [bytes]. It is as large as that of a main thread, because deeply
-# nested documents need much stack.
-STACK = 64 * 1024 * 1024
-
-# Functions that are called before a signal ends the program; they may return a message for users.
-_cleanups: list[Callable[[], str | None]] = []
-# Functions that a signal calls instead of ending the program, because a moving robot must stop
-# first.
-_requests: list[Callable[[], None]] = []
 
 
 def before_interrupt(cleanup: Callable[[], str | None]) -> AbstractContextManager[None]:

@@ -9,17 +9,17 @@ from functools import partial
 import numpy as np
 
 from armcontour import files
+from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Export
-from armcontour.cli.execution import Outcome
 from armcontour.cli.inputs import name_options, option_of, read_patch, refuse_existing
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.render import figure
 from armcontour.core.text import capitalise, count_noun
 from armcontour.files.exports import formats, make_table, predict_tolerances
-from armcontour.files.exports.table import SetPointTable
+from armcontour.files.exports.export_table import SetPointTable
 from armcontour.files.exports.template import BUILT_IN
-from armcontour.files.keys import read_keys
+from armcontour.files.file_keys import read_keys
 from armcontour.jobs import Job, RunResult, analog_outputs
 from armcontour.jobs.job import Exports, ending_of
 from armcontour.motion import SetPoints, Trajectory

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
 
+from armcontour.cli.command_execution import REPORT, Outcome
 from armcontour.cli.commands import Identify
 from armcontour.cli.console import ProgressDisplay, data_lines, print_lines
-from armcontour.cli.execution import REPORT, Outcome
 from armcontour.cli.inputs import (
     NEEDS_ON,
     OF_CONTROLLER,
@@ -25,8 +25,8 @@ from armcontour.core.quantities import Interval, Reserve
 from armcontour.core.render import plain
 from armcontour.core.result import Data, Row
 from armcontour.files import ResultFolder
+from armcontour.files.limits_and_servo_files import servo_yaml
 from armcontour.files.log_file import log_text, read_log
-from armcontour.files.robot_file import servo_yaml
 from armcontour.motion import Log
 from armcontour.report.identification import render_identification
 

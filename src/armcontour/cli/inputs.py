@@ -9,15 +9,15 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour import files
-from armcontour.cli.program import SHORT
+from armcontour.cli.command_line import SHORT
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import subprogress
 from armcontour.core.text import plain_number
-from armcontour.files.drawings.read import YAML, find_reader
+from armcontour.files.drawings.path_reader import YAML, find_reader
 
 if TYPE_CHECKING:
     from armcontour.core.progress import Progress
-    from armcontour.files.patch import Patch
+    from armcontour.files.job_patch import Patch
     from armcontour.jobs import Job
 import math
 from typing import get_args

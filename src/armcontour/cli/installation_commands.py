@@ -9,16 +9,16 @@ from pathlib import Path as FilePath
 import typer
 
 from armcontour import files
+from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Arms, Compile, Init, Schema
-from armcontour.cli.execution import Outcome
 from armcontour.cli.inputs import refuse_existing
 from armcontour.core import file_access
 from armcontour.core.compilation import compile_kernels
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.files import json_schema
-from armcontour.files.drawings.read import YAML
-from armcontour.files.robots.loading import arm_names, load_arm
+from armcontour.files.drawings.path_reader import YAML
+from armcontour.files.robots.arm_loading import arm_names, load_arm
 
 PACKAGE = FilePath(__file__).parents[1]
 

@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path as FilePath
 
 from armcontour.cli import play_command as playing
+from armcontour.cli.command_execution import REPORT, Outcome, report_line, write_summary
 from armcontour.cli.commands import Learn
 from armcontour.cli.console import ProgressDisplay, data_lines, print_lines
-from armcontour.cli.execution import REPORT, Outcome, report_line, write_summary
 from armcontour.cli.inputs import (
     NEEDS_ON,
     OF_CONTROLLER,
@@ -28,9 +28,10 @@ from armcontour.core.progress import Step
 from armcontour.core.quantities import AngularDistance, Reserve
 from armcontour.core.render import plain
 from armcontour.files import ResultFolder
+from armcontour.files.lesson_file import LESSON, write_lesson
 from armcontour.files.log_file import log_text, read_log, read_run_log
 from armcontour.files.result_folder import kind_of, verify_file
-from armcontour.files.set_point_file import LESSON, read_set_points, write_lesson
+from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import Job
 from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
 from armcontour.motion import Log

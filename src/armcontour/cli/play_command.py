@@ -9,9 +9,9 @@ from contextlib import contextmanager
 
 import typer
 
+from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import ControllerOptions, Play
 from armcontour.cli.console import ProgressDisplay, data_lines, on_interrupt
-from armcontour.cli.execution import Outcome
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.core.checks import check_choice, raise_if
@@ -19,9 +19,9 @@ from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.quantities import AngularDistance
 from armcontour.core.render import number, plain
 from armcontour.files import ResultFolder
+from armcontour.files.limits_and_servo_files import read_servo
 from armcontour.files.log_file import log_text
-from armcontour.files.robot_file import read_servo
-from armcontour.files.set_point_file import read_set_points
+from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import Job
 
 # Exit codes. DONE: the motion was as simulated, or dry run. STOPPED: it was stopped or differs.

@@ -7,9 +7,9 @@ from dataclasses import replace
 from functools import partial
 
 from armcontour import files, jobs, report
+from armcontour.cli.command_execution import REPORT, SUMMARY, Outcome
 from armcontour.cli.commands import Demo, Run
 from armcontour.cli.console import table_lines
-from armcontour.cli.execution import REPORT, SUMMARY, Outcome
 from armcontour.cli.export_command import check_exports, write_exports
 from armcontour.cli.inputs import library_file, open_job
 from armcontour.core.compilation import compile_for_run

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Show
 from armcontour.cli.console import table_lines
-from armcontour.cli.execution import Outcome
 from armcontour.cli.inputs import name_options, read_patch
 from armcontour.core.errors import error_context
 from armcontour.core.progress import Progress
-from armcontour.files.drawings.read import read_path
+from armcontour.files.drawings.path_reader import read_path
 from armcontour.files.drawings.read_options import ReadOptions
-from armcontour.files.keys import read_keys
+from armcontour.files.file_keys import read_keys
 from armcontour.program import Program
 
 

@@ -7,9 +7,9 @@ import webbrowser
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Studio
 from armcontour.cli.console import before_interrupt, print_lines
-from armcontour.cli.execution import Outcome
 from armcontour.cli.inputs import find_file, is_job
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import LARGE, read_bytes

@@ -7,9 +7,9 @@ import re
 import numpy as np
 
 from armcontour import files, report
+from armcontour.cli.command_execution import REPORT, Outcome, report_line
 from armcontour.cli.commands import Batch, Certify, Place
 from armcontour.cli.console import table_lines
-from armcontour.cli.execution import REPORT, Outcome, report_line
 from armcontour.cli.inputs import find_file, is_job, name_options, open_job, read_option, read_patch
 from armcontour.cli.run_command import write_motions
 from armcontour.core import file_access
@@ -20,8 +20,8 @@ from armcontour.core.quantities import Angle, Length
 from armcontour.core.render import compare, plain, text
 from armcontour.core.result import TABLE
 from armcontour.files import batch as batches
+from armcontour.files.certificate_and_placement_files import certificate_page
 from armcontour.files.job_file import drawing_text, job_text
-from armcontour.files.study_files import certificate_page
 from armcontour.studies import certification
 from armcontour.studies import placement as places
 

@@ -51,6 +51,8 @@ EVENTS = {
 }
 
 Positions = Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
+# Command of a feeder process, and its additional environment variables.
+FeederCommand = tuple[list[str], dict[str, str]]
 
 
 @declared(eq=False)
@@ -106,10 +108,6 @@ class PlayedMotion(Checked):
     faithful: bool = True
     deviated: bool = False
     notes: tuple[str, ...] = ()
-
-
-# Command of a feeder process, and its additional environment variables.
-FeederCommand = tuple[list[str], dict[str, str]]
 
 
 class _Channel:

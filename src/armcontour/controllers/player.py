@@ -27,7 +27,7 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.study import run
 from armcontour.motion import JointPath, Log, SetPoints, Trajectory
 from armcontour.planning import plan, stop
-from armcontour.planning.options import Optimal
+from armcontour.planning.timing_options import Optimal
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import use_of
@@ -48,6 +48,20 @@ FADING = 0.2
 # Default band: a joint may differ from its prediction by LEAST [rad] and by the distance that it
 # moves in LAG [s] at its largest speed. UNKNOWN_LAG applies if the servo is unknown.
 LEAST, LAG, UNKNOWN_LAG = 2e-3, 0.05, 0.25
+SpeedFactor = Annotated[float, Quantity("1", "50 %", within=(1e-3, 1.0))]
+# Default speed factor, and largest speed factor of the motion to the start.
+SLOW = 0.1
+# Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
+# its model saturates, and a stop may be impossible where a limit is active.
+RESERVE = 0.02
+# Drives that execute a smaller fraction of a motion than this have not moved.
+STILL = 0.1
+# A whole turn [rad], which no joint moves to the start.
+TURN = 2 * np.pi
+# Relative excess of a limit that is ignored as a rounding error.
+ROUNDING = 1e-6
+# Maximum number of attempts to play a motion that late set-points disturb.
+ATTEMPTS = 3
 
 
 def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> FloatArray:
@@ -153,22 +167,6 @@ def guarded_motion(
     speed = np.abs(np.diff(predicted, axis=0)).max(axis=0, initial=0.0) / stopper.cycle
     allowed = LEAST + lag * speed if band is None else np.full_like(speed, band)
     return Motion(q=stopper.q, next_stop=stopper, predicted=predicted, band=allowed)
-
-
-SpeedFactor = Annotated[float, Quantity("1", "50 %", within=(1e-3, 1.0))]
-# Default speed factor, and largest speed factor of the motion to the start.
-SLOW = 0.1
-# Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
-# its model saturates, and a stop may be impossible where a limit is active.
-RESERVE = 0.02
-# Drives that execute a smaller fraction of a motion than this have not moved.
-STILL = 0.1
-# A whole turn [rad], which no joint moves to the start.
-TURN = 2 * np.pi
-# Relative excess of a limit that is ignored as a rounding error.
-ROUNDING = 1e-6
-# Maximum number of attempts to play a motion that late set-points disturb.
-ATTEMPTS = 3
 
 
 @declared(eq=False)

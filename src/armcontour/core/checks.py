@@ -57,6 +57,17 @@ HIGHEST = 20
 
 # Values of `dtype.kind` of arrays that can be numbers; objects of an object array must be numbers.
 NUMERIC = "iufO"
+# Classes of values that messages repeat.
+PLAIN = (bool, int, float, str, list, dict, type(None))
+# Descriptions of other classes in annotations.
+WORDS: dict[Any, str] = {
+    bool: "True or False",
+    str: "text",
+    type(None): "None",
+    Callable: "a function",
+    Mapping: "a mapping",
+    PathLike: "a path",
+}
 
 
 def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
@@ -391,19 +402,6 @@ def raise_if(wrong: bool | np.bool_, message: str) -> None:
     """Raise InvalidInput if a condition is true; the message is formatted in either case."""
     if wrong:
         raise InvalidInput(message)
-
-
-# Classes of values that messages repeat.
-PLAIN = (bool, int, float, str, list, dict, type(None))
-# Descriptions of other classes in annotations.
-WORDS: dict[Any, str] = {
-    bool: "True or False",
-    str: "text",
-    type(None): "None",
-    Callable: "a function",
-    Mapping: "a mapping",
-    PathLike: "a path",
-}
 
 
 def check_type(name: str, value: Any, *kinds: type) -> Any:

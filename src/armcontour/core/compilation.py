@@ -74,7 +74,7 @@ def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]
         yield
         return
 
-    def tell(step: Step) -> None:
+    def report_step(step: Step) -> None:
         if schedule.waits or not step.done:
             progress(step)
         if not step.done:
@@ -87,7 +87,7 @@ def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]
         if schedule.is_done:
             stamp(folder, kind)
 
-    schedule = CompilationSchedule(read_list(kind), tell)
+    schedule = CompilationSchedule(read_list(kind), report_step)
     helper = Thread(target=work, name="compiling")
     helper.start()
     try:

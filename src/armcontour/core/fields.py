@@ -1,7 +1,7 @@
 """Checks of fields and arguments by their annotations: type, finiteness, sign, shape and choices.
 
 An annotation such as `speed: Speed | None` is the only declaration: `check` and `checked` use it
-here, and `files/keys.py` reads keys of files by it.
+here, and `files/file_keys.py` reads keys of files by it.
 """
 
 from __future__ import annotations

@@ -41,6 +41,28 @@ ENDINGS = {
     ".npz": "Write a CSV file with the columns t, q1, q2, ... in Python, for example with NumPy",
     ".parquet": "Write a CSV file in Python, with `pandas.read_parquet(FILE).to_csv(NEW_FILE)`",
 }
+# Active restrictions, the innermost last; without one, all files may be read.
+_allowed: list[_Allowed] = []
+# Called with path and content of each file that is read.
+_listeners: list[Callable[[FilePath, bytes], None]] = []
+PREFIX = ".armcontour-"
+# Folder in a result folder in which the next result is written.
+NEXT = f"{PREFIX}next"
+# Folder in `NEXT` for the previous result, which is removed after the replacement.
+OLD = ".old"
+# Fixes for errors of writing, by error number.
+FIXES = {
+    **dict.fromkeys(
+        (errno.EACCES, errno.EPERM, errno.EROFS),
+        "choose a writable location, or change its permissions",
+    ),
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free some space, or choose another location"),
+    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "choose a location in an existing folder"),
+}
+# Held while results are moved into place; a signal waits for it before it ends the program.
+_placing = threading.Lock()
+# Hidden folders of this process, each with its destination and the folders created for it.
+_open: dict[FilePath, tuple[FilePath, list[FilePath]]] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +80,6 @@ class _Allowed:
                 f"The {kind} {file} is not in {self.folders[0]} or below, where files may be read "
                 "here. Copy it there, or name it in the job file before the start."
             )
-
-
-# Active restrictions, the innermost last; without one, all files may be read.
-_allowed: list[_Allowed] = []
-
-# Called with path and content of each file that is read.
-_listeners: list[Callable[[FilePath, bytes], None]] = []
 
 
 def listen_to_reading(
@@ -123,8 +138,8 @@ def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> byte
     for start, kind in FOREIGN.items():
         if content.startswith(start):
             raise InvalidInput(f"The {noun} {path} is {kind}.")
-    for tell in tuple(_listeners):
-        tell(path, content)
+    for listener in tuple(_listeners):
+        listener(path, content)
     return content
 
 
@@ -151,27 +166,6 @@ def _unreadable(noun: str, file: FilePath, error: Exception) -> InvalidInput:
     """Error for a file that cannot be read."""
     reason = error.strerror if isinstance(error, OSError) else error
     return InvalidInput(f"The {noun} {file} cannot be read: {reason}.")
-
-
-PREFIX = ".armcontour-"
-# Folder in a result folder in which the next result is written.
-NEXT = f"{PREFIX}next"
-# Folder in `NEXT` for the previous result, which is removed after the replacement.
-OLD = ".old"
-# Fixes for errors of writing, by error number.
-FIXES = {
-    **dict.fromkeys(
-        (errno.EACCES, errno.EPERM, errno.EROFS),
-        "choose a writable location, or change its permissions",
-    ),
-    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free some space, or choose another location"),
-    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "choose a location in an existing folder"),
-}
-
-# Held while results are moved into place; a signal waits for it before it ends the program.
-_placing = threading.Lock()
-# Hidden folders of this process, each with its destination and the folders created for it.
-_open: dict[FilePath, tuple[FilePath, list[FilePath]]] = {}
 
 
 class Staging:

@@ -123,7 +123,7 @@ class Frame:
 
     @property
     def is_planar_transform(self) -> bool:
-        """Whether the transform is a motion within the x-y plane, without a flip."""
+        """Return whether the transform is a motion within the x-y plane, without a flip."""
         lifted = max(abs(self.position[2]), float(np.abs(self.rotation[2] - [0, 0, 1]).max()))
         return bool(lifted <= IN_PLANE)
 

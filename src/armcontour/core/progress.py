@@ -8,6 +8,10 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 Item = TypeVar("Item")
+# Name of the step in which functions are compiled.
+COMPILING = "compiling, once"
+# Called with the name of each function that is compiled.
+_listeners: list[Callable[[str], None]] = []
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +36,6 @@ def subprogress(progress: Progress | None, *names: str) -> Progress:
     if progress is None:
         return lambda step: None
     return lambda step: progress(Step((*names, *step.names), step.done))
-
-
-# Name of the step in which functions are compiled.
-COMPILING = "compiling, once"
-
-# Called with the name of each function that is compiled.
-_listeners: list[Callable[[str], None]] = []
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """Kinds of quantities, as annotations of fields: unit, example, range.
 
-`core/fields.py` checks fields by them, and `files/keys.py` reads keys of files. Quantities of users
-are numbers in SI units, or texts such as `5 mm`.
+`core/fields.py` checks fields by them, and `files/file_keys.py` reads keys of files. Quantities of
+users are numbers in SI units, or texts such as `5 mm`.
 """
 
 from __future__ import annotations
@@ -31,6 +31,45 @@ RANGES = {
     "negative": (-LARGEST, -SMALLEST),
     "share": (0.0, 1.0 - 2.0**-53),
     "turn": (-LARGEST, LARGEST),
+}
+# Values that mean infinity if a quantity may be infinite.
+INFINITE_VALUES = {
+    "none": math.inf,
+    "inf": math.inf,
+    "-inf": -math.inf,
+    math.inf: math.inf,
+    -math.inf: -math.inf,
+}
+# Maximum length of the text of a quantity [characters].
+MAX_CHARACTERS = 100
+# The possessive quantifiers (++, *+, ?+) prevent backtracking, so that matching takes linear time.
+# Groups have none, because Python before 3.11.5 matches possessive groups wrongly.
+NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?"
+# A unit name with at most one power of one digit, because pint would compute powers of powers.
+NAME = r"[A-Za-zµμΩÅ][A-Za-z0-9_µμΩÅ]*+(?:\s*+(?:\*\*|\^)\s*+-?[0-9](?![0-9])|[²³])?"
+# Products and quotients of unit names; the first factor may be 1, as in 1/s.
+UNIT = rf"(?:1\s*+/\s*+)?{NAME}(?:(?:\s*+[*/·]\s*+|\s++){NAME})*"
+QUANTITY = re.compile(rf"\s*+({NUMBER})\s*+({UNIT}|°)\s*+")
+PERCENT = re.compile(rf"\s*+({NUMBER})\s*+%\s*+")
+# Largest relative difference of numbers that is only a rounding error.
+RELATIVE_ROUNDING = 1e-15
+# Maximum length of a number that is written without an exponent [characters].
+LONGEST_POSITIONAL = 20
+# Conversion factors of usual units, by SI unit. For other units pint is imported, which takes about
+# 0.3 s.
+UNIT_FACTORS = {
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
+    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1 / 60, "mm/min": 1e-3 / 60},
+    "m/s^2": {"m/s^2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "mm/s^2": 1e-3, "mm/s²": 1e-3},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180},
+    "rad/s^2": {"rad/s^2": 1.0, "rad/s²": 1.0, "rad/s**2": 1.0, "deg/s^2": math.pi / 180},
+    "m/s^3": {"m/s^3": 1.0, "m/s³": 1.0},
+    "rad/s^3": {"rad/s^3": 1.0, "rad/s³": 1.0},
+    "N m": {"N m": 1.0, "N*m": 1.0},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
+    "1/s": {"1/s": 1.0},
+    "kg": {"kg": 1.0, "g": 1e-3},
 }
 
 
@@ -254,47 +293,6 @@ CoulombFrictions = Annotated[FloatArray, Quantity("N m", "6 N m", "not negative"
 OwnAccelerations = Annotated[
     FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True)
 ]
-
-
-# Values that mean infinity if a quantity may be infinite.
-INFINITE_VALUES = {
-    "none": math.inf,
-    "inf": math.inf,
-    "-inf": -math.inf,
-    math.inf: math.inf,
-    -math.inf: -math.inf,
-}
-# Maximum length of the text of a quantity [characters].
-MAX_CHARACTERS = 100
-# The possessive quantifiers (++, *+, ?+) prevent backtracking, so that matching takes linear time.
-# Groups have none, because Python before 3.11.5 matches possessive groups wrongly.
-NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?"
-# A unit name with at most one power of one digit, because pint would compute powers of powers.
-NAME = r"[A-Za-zµμΩÅ][A-Za-z0-9_µμΩÅ]*+(?:\s*+(?:\*\*|\^)\s*+-?[0-9](?![0-9])|[²³])?"
-# Products and quotients of unit names; the first factor may be 1, as in 1/s.
-UNIT = rf"(?:1\s*+/\s*+)?{NAME}(?:(?:\s*+[*/·]\s*+|\s++){NAME})*"
-QUANTITY = re.compile(rf"\s*+({NUMBER})\s*+({UNIT}|°)\s*+")
-PERCENT = re.compile(rf"\s*+({NUMBER})\s*+%\s*+")
-# Largest relative difference of numbers that is only a rounding error.
-RELATIVE_ROUNDING = 1e-15
-# Maximum length of a number that is written without an exponent [characters].
-LONGEST_POSITIONAL = 20
-# Conversion factors of usual units, by SI unit. For other units pint is imported, which takes about
-# 0.3 s.
-UNIT_FACTORS = {
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
-    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1 / 60, "mm/min": 1e-3 / 60},
-    "m/s^2": {"m/s^2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "mm/s^2": 1e-3, "mm/s²": 1e-3},
-    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180},
-    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180},
-    "rad/s^2": {"rad/s^2": 1.0, "rad/s²": 1.0, "rad/s**2": 1.0, "deg/s^2": math.pi / 180},
-    "m/s^3": {"m/s^3": 1.0, "m/s³": 1.0},
-    "rad/s^3": {"rad/s^3": 1.0, "rad/s³": 1.0},
-    "N m": {"N m": 1.0, "N*m": 1.0},
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
-    "1/s": {"1/s": 1.0},
-    "kg": {"kg": 1.0, "g": 1e-3},
-}
 
 
 @cache

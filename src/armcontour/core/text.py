@@ -27,6 +27,15 @@ _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 4 * MAX_SHOWN
 # Longest text of a number [characters]; no program prints more digits.
 LONGEST = 100
+# Smallest similarity of a misspelled name.
+CLOSE = 0.65
+# Names that users write for the names of arguments.
+SAME = {"delay": "dead_time", "link_lengths": "links", "lengths": "links"}
+# Widest line and widest name of a row [characters], and most lines.
+WIDTH, WIDEST_NAME, MAX_LINES = 98, 60, 60
+GAP = "  "
+# Largest number of values of an array, or members of a list, that `repr` shows.
+FEW = 6
 
 
 def make_printable(text: str) -> str:
@@ -83,12 +92,6 @@ def list_some(names: Sequence[str], maximum: int) -> str:
     return listed if len(names) <= maximum else f"{listed} and {len(names) - maximum} more"
 
 
-# Smallest similarity of a misspelled name.
-CLOSE = 0.65
-# Names that users write for the names of arguments.
-SAME = {"delay": "dead_time", "link_lengths": "links", "lengths": "links"}
-
-
 def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
     """A question with the valid name most similar to an unknown one, or `otherwise`."""
     valid = list(valid)
@@ -134,13 +137,6 @@ def plain_number(value: Any) -> float | None:
     except (TypeError, ValueError, OverflowError):
         return None
     return number if math.isfinite(number) else None
-
-
-# Widest line and widest name of a row [characters], and most lines.
-WIDTH, WIDEST_NAME, MAX_LINES = 98, 60, 60
-GAP = "  "
-# Largest number of values of an array, or members of a list, that `repr` shows.
-FEW = 6
 
 
 def format_table(

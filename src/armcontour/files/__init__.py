@@ -3,12 +3,12 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "exports.table": "write_planned write_set_points write_torque",
+    "exports.export_table": "write_planned write_set_points write_torque",
     "job_file": "cell_text json_schema parse_job read_job",
-    "robot_file": "read_limits",
+    "limits_and_servo_files": "read_limits",
     "mesh_file": "read_mesh",
-    "patch": "parse_set",
-    "study_files": "certificate_page placed_job_text placement_csv",
+    "job_patch": "parse_set",
+    "certificate_and_placement_files": "certificate_page placed_job_text placement_csv",
     "result_folder": "ResultFolder to_json",
     "trajectory_file": "parse_trajectory read_trajectory",
 }

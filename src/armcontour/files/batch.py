@@ -25,7 +25,7 @@ from armcontour.core.render import compare, jsonable, lay_out
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.text import count_noun, short_repr, show
 from armcontour.files.job_file import read_job
-from armcontour.files.patch import Patch, key_of
+from armcontour.files.job_patch import Patch, key_of
 from armcontour.jobs import Job, run
 
 # Results of the jobs as lines of JSON, in the order in which they are done; and the final table.

@@ -11,8 +11,8 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import ENDINGS
 from armcontour.core.frames import Frame
 from armcontour.files.job_model import ArmModel, FrameModel, ToolModel
-from armcontour.files.robots.loading import load_arm, with_more_shapes
-from armcontour.files.robots.tree import DESCRIPTION
+from armcontour.files.robots.arm_loading import load_arm, with_more_shapes
+from armcontour.files.robots.urdf_tree import DESCRIPTION
 from armcontour.files.scene_file import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import LinkShape

@@ -22,13 +22,13 @@ from armcontour.core.progress import Progress
 from armcontour.core.quantities import PartialFields
 from armcontour.core.text import Keys, key_text, make_printable, shorten, show
 from armcontour.core.yaml_loader import load
-from armcontour.files.drawings.read import YAML
+from armcontour.files.drawings.path_reader import YAML
+from armcontour.files.file_keys import Patch, read_keys
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_model import CellModel, JobModel, PathModel, RunModel
+from armcontour.files.job_patch import apply_patch, write_patch
 from armcontour.files.job_path import CONTOUR_LIMITS, find_contours, part_of, path_of, read_drawing
 from armcontour.files.job_text_edits import REMOVE, move_files
-from armcontour.files.keys import Patch, read_keys
-from armcontour.files.patch import apply_patch, write_patch
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Exports, Job, Rounding, Run
@@ -41,6 +41,8 @@ from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
 
 Model = TypeVar("Model", bound=JobModel)
+# Keys of `path` that define the geometry of a job. A drawing replaces them.
+GEOMETRY_KEYS = ("points", "start", "segments")
 
 
 def job_text(file: FilePath) -> str:
@@ -72,7 +74,7 @@ def parse_job(
     data = read_data(text, source)
     with file_context(text, source, patch):
         if patch:
-            from armcontour.files.patch import apply_patch
+            from armcontour.files.job_patch import apply_patch
 
             data = apply_patch(data, patch)
         model: JobModel = read_keys(JobModel, data)
@@ -373,10 +375,6 @@ def _on_drawing(process: Process, drawing: PathModel, existing: Collection[str])
     return dataclasses.replace(
         process, up=part_of(drawing).rotation[:, 2], layers=layer_limits, by_layer=by_layer
     )
-
-
-# Keys of `path` that define the geometry of a job. A drawing replaces them.
-GEOMETRY_KEYS = ("points", "start", "segments")
 
 
 def cell_names() -> tuple[str, ...]:

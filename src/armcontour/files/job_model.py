@@ -24,8 +24,8 @@ from armcontour.core.quantities import (
 )
 from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
-from armcontour.files.keys import Methods
-from armcontour.files.robots.tree import ArmOptions
+from armcontour.files.file_keys import Methods
+from armcontour.files.robots.urdf_tree import ArmOptions
 from armcontour.files.scene_file import (
     BodyModel,
     Direction,
@@ -37,7 +37,7 @@ from armcontour.files.scene_file import (
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
 from armcontour.planning import METHODS, PlanOptions
-from armcontour.planning.options import FASTEST
+from armcontour.planning.timing_options import FASTEST
 from armcontour.program import ContourProcess, Process
 from armcontour.robot import Limits
 from armcontour.robot.bodies import Payload
@@ -51,18 +51,6 @@ Point = Annotated[list[Length], Items(2, 3)]
 RUN_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 # Results of an identification, which are no parameters of a plant.
 IDENTIFIED = ("model_error", "logged_velocity", "logged_acceleration", "contour_ratio", "programs")
-
-
-def _run_name(name: str) -> str:
-    """Check the name of a run."""
-    if not re.match(RUN_NAME, name):
-        raise ValueError(
-            "the name must consist of at most 64 letters, digits, - and _, and must begin with a "
-            f"letter or a digit, but is {show(name)}"
-        )
-    return name
-
-
 Timing = Annotated[
     PlanOptions,
     Methods(
@@ -82,6 +70,16 @@ Compensation = Annotated[
         has_default=False,
     ),
 ]
+
+
+def _run_name(name: str) -> str:
+    """Check the name of a run."""
+    if not re.match(RUN_NAME, name):
+        raise ValueError(
+            "the name must consist of at most 64 letters, digits, - and _, and must begin with a "
+            f"letter or a digit, but is {show(name)}"
+        )
+    return name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -144,7 +144,7 @@ def read_drawing(
     model: PathModel, file: str, folder: FilePath, progress: Progress | None = None
 ) -> Program:
     """Read the program of a drawing with the options in the key `path` of a job."""
-    from armcontour.files.drawings.read import read_path
+    from armcontour.files.drawings.path_reader import read_path
 
     # With `repeat`, `names` can be names of copies, so `_repeat` selects them.
     options = model if model.repeat is None else dataclasses.replace(model, names=None)

@@ -77,6 +77,8 @@ _PATTERNS = [
 ]
 # SI units by kind of column.
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
+# Names of the kinds of joint columns, for messages.
+QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 
 
 class Key(NamedTuple):
@@ -116,10 +118,6 @@ def read_joint_title(name: str, joint_names: Sequence[str] = ()) -> Title[Key] |
     if name.strip() in joint_names:
         return Title(Key("q", "measured", name.strip()), SI["q"])
     return None
-
-
-# Names of the kinds of joint columns, for messages.
-QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

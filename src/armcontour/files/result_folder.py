@@ -21,18 +21,17 @@ from armcontour.core import file_access, render
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
 
-
-def to_json(data: Any) -> str:
-    """Data as indented JSON text."""
-    return json.dumps(render.jsonable(data), indent=2, allow_nan=False) + "\n"
-
-
 SUMMARY = "summary.json"
 # File with the names and checksums of the written files. --force removes only files with these
 # checksums.
 MANIFEST = ".armcontour.json"
 # Maximum number of files that a message lists.
 MAX_NAMED = 3
+
+
+def to_json(data: Any) -> str:
+    """Data as indented JSON text."""
+    return json.dumps(render.jsonable(data), indent=2, allow_nan=False) + "\n"
 
 
 class ResultFolder:

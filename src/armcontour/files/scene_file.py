@@ -57,6 +57,7 @@ MAX_NAMED = 40
 Angles = Annotated[list[Turn], Items(3, 3)]
 Quaternion = Annotated[list[float], Items(4, 4)]
 Place = Annotated[list[Length], Items(3, 3)]
+Direction = Annotated[list[float], Items(3, 3)]
 
 
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
@@ -203,9 +204,6 @@ def _shape(model: BodyModel, folder: FilePath) -> Shape:
 
         return read_mesh(folder / sizes["file"], unit=model.unit)
     return SHAPES[model.type](**sizes)
-
-
-Direction = Annotated[list[float], Items(3, 3)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,7 +25,7 @@ from armcontour.files.csv_table import (
     rename,
     title_pattern,
 )
-from armcontour.files.exports.table import (
+from armcontour.files.exports.export_table import (
     EVENT_KEYS,
     SetPointTable,
     equals_plan,
@@ -56,6 +56,11 @@ YAMLS = (".yaml", ".yml")
 ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 # Resolution of times in ROS [s].
 NANOSECOND = 1e-9
+# Beginnings of the titles of export columns that are ignored without a note.
+IGNORED = ("events", "torque ")
+EXAMPLE = "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured positions"
+# Times are equal if they differ by at most this [cycles]; times are printed with 12 digits.
+SAME_TIME = 1e-6
 
 
 def is_ros_file(file: str | FilePath) -> bool:
@@ -186,11 +191,6 @@ def _last_digit(values: FloatArray) -> float:
     return last_digit([digits])
 
 
-# Beginnings of the titles of export columns that are ignored without a note.
-IGNORED = ("events", "torque ")
-EXAMPLE = "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured positions"
-
-
 @checked
 def read_trajectory(
     file: str | FilePath,
@@ -318,10 +318,6 @@ def _joint_numbers(table: CsvTable[Key], role: str) -> list[str]:
         table.require_columns(Key("q", role, str(k)))
         joints.append(str(k))
     return joints
-
-
-# Times are equal if they differ by at most this [cycles]; times are printed with 12 digits.
-SAME_TIME = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -192,7 +192,7 @@ def _fit_curves(
             vertices = first[np.searchsorted(intervals.begin, breaks[:-1])]
         else:
             vertices = first[np.flatnonzero(np.diff(intervals.row, prepend=-1))]
-        merged, rows = _merge(arcs, vertices, vertices if separate else vertices[:1])
+        merged, rows = _merge_neighbours(arcs, vertices, vertices if separate else vertices[:1])
     return merged, np.append(np.searchsorted(rows, vertices), len(merged))
 
 
@@ -425,42 +425,58 @@ def _make_segments(intervals: _Intervals) -> tuple[Segments, IntArray]:
     return Segments.join([first, second])[in_order], np.append(0, used.sum(axis=1).cumsum()[:-1])
 
 
-def _merge(arcs: Segments, vertices: IntArray, starts: IntArray) -> tuple[Segments, IntArray]:
+def _merge_neighbours(
+    arcs: Segments, vertices: IntArray, starts: IntArray
+) -> tuple[Segments, IntArray]:
     """Merge neighbours on one line or circle; returns the segments and the first row of each.
 
     `starts` are the first rows of the curves that are merged separately, (n,).
     """
-    k, u = arcs.curvatures, arcs.lengths
-    turn = k * u
-    same = (
-        (length(arcs.end_tangents[:-1] - arcs.tangents[1:]) <= SAME_LINE)
-        & (np.abs(k[1:] - k[:-1]) <= SAME_CIRCLE * k[1:])
-        & (length(arcs.normals_at(EVERY, u)[:-1] - arcs.normals[1:]) <= SAME_CIRCLE)
-    )
-    same[vertices[1:] - 1] = False
-    first = np.concatenate([[0], np.flatnonzero(~same) + 1])
-    # No arc may be longer than a full circle. A longer run is split at three quarters of a circle,
-    # because each arc of the run is at most a quarter circle.
-    run = np.cumsum(np.concatenate([[False], ~same]))
-    whole = np.add.reduceat(turn, first)[run]
-    before = np.cumsum(turn) - turn
-    around = np.floor((before - before[first][run] + turn - SAME_CIRCLE) / (1.5 * np.pi))
-    same &= (np.diff(around) <= 0) | (whole[1:] <= 2 * np.pi + SAME_CIRCLE)
-    first = np.concatenate([[0], np.flatnonzero(~same) + 1])
-    size = np.add.reduceat(u, first)
-    curvature = np.add.reduceat(turn, first) / size
-    joined = arcs[first].replace(curvatures=curvature, lengths=size)
-    ends = np.concatenate([arcs.starts[first[1:]], arcs[-1:].ends])
-    ends[np.searchsorted(first, starts[1:]) - 1] = arcs[starts[1:] - 1].ends
-    moved = length(joined.ends - ends) > SAME_POINT
+    first, run = _find_runs(_split_circles(arcs, _find_mergeable(arcs, vertices)))
+    lengths = np.add.reduceat(arcs.lengths, first)
+    curvatures = np.add.reduceat(arcs.curvatures * arcs.lengths, first) / lengths
+    merged = arcs[first].replace(curvatures=curvatures, lengths=lengths)
+    run_ends = np.concatenate([arcs.starts[first[1:]], arcs[-1:].ends])
+    run_ends[np.searchsorted(first, starts[1:]) - 1] = arcs[starts[1:] - 1].ends
     # A run is not merged if the end of its arc would move.
-    run = np.cumsum(np.concatenate([[False], ~same]))
+    moved = length(merged.ends - run_ends) > SAME_POINT
     rows = np.union1d(first, np.flatnonzero(moved[run]))
-    if len(rows) == len(u):
+    if len(rows) == len(arcs):
         return arcs, rows
     # A curve without merged arcs keeps their values.
     curve = np.searchsorted(starts, rows, side="right") - 1
-    one = ~moved[run[rows]] & (np.diff(starts, append=len(u)) > np.bincount(curve))[curve]
-    curvatures, lengths = k[rows], u[rows]
-    curvatures[one], lengths[one] = curvature[run[rows[one]]], size[run[rows[one]]]
-    return arcs[rows].replace(curvatures=curvatures, lengths=lengths), rows
+    has_merged = np.diff(starts, append=len(arcs)) > np.bincount(curve)
+    replaced = ~moved[run[rows]] & has_merged[curve]
+    new_curvatures, new_lengths = arcs.curvatures[rows], arcs.lengths[rows]
+    new_curvatures[replaced] = curvatures[run[rows[replaced]]]
+    new_lengths[replaced] = lengths[run[rows[replaced]]]
+    return arcs[rows].replace(curvatures=new_curvatures, lengths=new_lengths), rows
+
+
+def _find_mergeable(arcs: Segments, vertices: IntArray) -> BoolArray:
+    """Mask of the rows that lie on the line or circle of the next row, (n - 1,)."""
+    k, normals = arcs.curvatures, arcs.normals_at(EVERY, arcs.lengths)
+    mergeable = (
+        (length(arcs.end_tangents[:-1] - arcs.tangents[1:]) <= SAME_LINE)
+        & (np.abs(k[1:] - k[:-1]) <= SAME_CIRCLE * k[1:])
+        & (length(normals[:-1] - arcs.normals[1:]) <= SAME_CIRCLE)
+    )
+    mergeable[vertices[1:] - 1] = False
+    return np.asarray(mergeable)
+
+
+def _find_runs(mergeable: BoolArray) -> tuple[IntArray, IntArray]:
+    """First row of each run of mergeable rows, (runs,), and the run of each row, (n,)."""
+    ends = ~mergeable
+    return np.append(0, np.flatnonzero(ends) + 1), np.cumsum(np.append(False, ends))
+
+
+def _split_circles(arcs: Segments, mergeable: BoolArray) -> BoolArray:
+    """Mask of mergeable rows after runs longer than a full circle are split, (n - 1,)."""
+    # They are split at three quarters of a circle, because each arc is at most a quarter circle.
+    turn = arcs.curvatures * arcs.lengths
+    first, run = _find_runs(mergeable)
+    whole = np.add.reduceat(turn, first)[run]
+    before = np.cumsum(turn) - turn
+    part = np.floor((before - before[first][run] + turn - SAME_CIRCLE) / (1.5 * np.pi))
+    return mergeable & ((np.diff(part) <= 0) | (whole[1:] <= 2 * np.pi + SAME_CIRCLE))

@@ -18,6 +18,15 @@ from armcontour.core.kernel_cache import FUSED, compiled
 Point: TypeAlias = tuple[float, float, float]
 # Size of the stack of a tree search, which has at most one waiting node per level.
 STACK = 128
+# Largest depth of repeated halving of a part of a path, and largest number of parts that are
+# evaluated for it.
+DEPTH = 48
+PARTS = 20_000
+# Where the tolerance is exceeded, a bound is accepted if it exceeds the largest value at points by
+# less than CLOSE times the tolerance. Elsewhere a bound is refined up to rounding errors, with at
+# most FINE halvings per part on average.
+CLOSE = 1e-6
+FINE = 50
 
 
 class Foot(NamedTuple):
@@ -153,17 +162,6 @@ def search_tree(
                         best, u, segment = d2, along, previous
         distance[i], s[i] = math.sqrt(best), rows[segment, 11] + u
     return distance, s
-
-
-# Largest depth of repeated halving of a part of a path, and largest number of parts that are
-# evaluated for it.
-DEPTH = 48
-PARTS = 20_000
-# Where the tolerance is exceeded, a bound is accepted if it exceeds the largest value at points by
-# less than CLOSE times the tolerance. Elsewhere a bound is refined up to rounding errors, with at
-# most FINE halvings per part on average.
-CLOSE = 1e-6
-FINE = 50
 
 
 class TubePieces(NamedTuple):

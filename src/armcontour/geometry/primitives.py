@@ -15,6 +15,9 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import NO_KEY, Distance, Speed
 from armcontour.geometry.segments import Segments
 
+# Start, tangent, normal, curvature and length of a segment.
+Row = tuple[FloatArray, FloatArray, FloatArray, float, float]
+
 
 @declared()
 class SegmentLimits(Checked):
@@ -221,10 +224,6 @@ def tabulate(segments: Iterable[Line | Arc]) -> Segments:
         tolerances=np.array([x.tolerance for x in demands], dtype=np.float64),
         tags=np.array([x.tag for x in demands], dtype=object),
     )
-
-
-# Start, tangent, normal, curvature and length of a segment.
-Row = tuple[FloatArray, FloatArray, FloatArray, float, float]
 
 
 def _line(line: Line, index: int) -> Row:

@@ -27,6 +27,13 @@ PIECES_PER_SEGMENT = 32
 # Number of pieces in a leaf of the tree. With fewer pieces, the search of nodes dominates the time;
 # with more, the search of pieces.
 LEAF_SIZE = 8
+# Array of `pack_segments`, index of the segment of each piece in tree order, and boxes of the nodes
+# in heap order, (2 m - 1, 6) for m leaves.
+Tree = tuple[FloatArray, IntArray, FloatArray]
+_trees: WeakKeyDictionary[Segments, Tree] = WeakKeyDictionary()
+# Largest number of distances in a table. A table of this size takes 10 ms, and the import of
+# SciPy's tree takes 300 ms.
+MAX_TABLE = 250_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,12 +105,6 @@ def pad_to_space(points: FloatArray) -> FloatArray:
     return padded
 
 
-# Array of `pack_segments`, index of the segment of each piece in tree order, and boxes of the nodes
-# in heap order, (2 m - 1, 6) for m leaves.
-Tree = tuple[FloatArray, IntArray, FloatArray]
-_trees: WeakKeyDictionary[Segments, Tree] = WeakKeyDictionary()
-
-
 def _build_tree(segments: Segments) -> Tree:
     """A balanced tree of boxes over pieces of segments, ordered along a space-filling curve."""
     arcs, begin = draw_arcs(segments)
@@ -166,11 +167,6 @@ def _sort_spatially(points: FloatArray, digits: int = 1) -> IntArray:
             code |= spread[cells[:, axis] >> (bits * digit) & (2**bits - 1)] << np.uint16(axis)
         keys.append(code)
     return np.lexsort(keys)
-
-
-# Largest number of distances in a table. A table of this size takes 10 ms, and the import of
-# SciPy's tree takes 300 ms.
-MAX_TABLE = 250_000
 
 
 def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[IntArray, IntArray]:

@@ -28,11 +28,7 @@ from armcontour.geometry.orientation import (
     turns_between,
 )
 from armcontour.geometry.path import Path
-from armcontour.geometry.rounding.rounded_orientation import (
-    SLIVER,
-    find_kinks,
-    largest_cuts,
-)
+from armcontour.geometry.rounding.rounded_orientation import SLIVER, find_kinks, largest_cuts
 from armcontour.geometry.rounding.rounded_path import check_angular_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import check_correspondence

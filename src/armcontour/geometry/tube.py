@@ -196,7 +196,7 @@ class Tube(Frozen):
         # The reach includes rounding errors, so an arc length slightly beyond the end of its piece
         # still belongs to the piece.
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
-        segment, parts = self._parts(path, pairs, reaches)
+        segment, parts = self._divide(path, pairs, reaches)
         centre, around = parts[:, 1::3], parts[:, 2::3]
         windows = self.windows_between((centre - around).min(axis=1), (centre + around).max(axis=1))
         bounds = bound_excess(
@@ -214,10 +214,14 @@ class Tube(Frozen):
         end = np.searchsorted(self.breaks[:-1], high, side="right") - 1
         return np.stack([np.clip(first, 0, last), np.clip(end, 0, last)], axis=1)
 
-    def _parts(
+    def _divide(
         self, path: Path, pairs: FloatArray, reach: FloatArray
     ) -> tuple[IntArray, FloatArray]:
-        """Parts of a path with linear arc length on the objective and linear reach."""
+        """Divide a path into parts with linear arc length on the objective and linear reach.
+
+        Returns the segment of each part, (m,), and at its start and its end: the arc length on this
+        segment, the arc length on the objective, and the reach [m], (m, 6).
+        """
         objective_s, along = pairs[:, 0], pairs[:, 1]
         crossed = np.interp(self.breaks, objective_s, along)
         cuts = np.unique(np.clip(np.concatenate([path.breaks, along, crossed]), 0, path.length))

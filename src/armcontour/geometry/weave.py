@@ -13,14 +13,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import log
-from armcontour.core.quantities import (
-    NO_KEY,
-    Duration,
-    Frequency,
-    Size,
-    Speed,
-    Tolerance,
-)
+from armcontour.core.quantities import NO_KEY, Duration, Frequency, Size, Speed, Tolerance
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path, cut_path
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
@@ -194,29 +187,35 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
     parts = np.maximum(1, np.ceil(path.curvatures * path.lengths / MAX_TURN)).astype(int)
     steps = np.repeat(path.lengths / parts, parts)
     s = np.append(np.concatenate([[0.0], np.cumsum(steps)])[:-1], path.length)
-    points = path(s)
-    closed = path.segments.closed
-    gaps = np.floor(s / (CLOSE_WAYPOINTS * pitch))
-    mask = np.append(np.diff(gaps, prepend=-1) > 0, True)[: len(s)]
-    mask[-1] = True
-    if (path.length - s[:-1][mask[:-1]][-1]) < CLOSE_WAYPOINTS * pitch / 2 and mask[:-1].sum() > 2:
-        mask[np.flatnonzero(mask[:-1])[-1]] = False
+    points, closed = path(s), path.segments.closed
+    chosen = _select_waypoints(s, CLOSE_WAYPOINTS * pitch)
     while True:
         table, vertices = fit_spline(
-            points[mask], SEAM_DEVIATION * width / 10, closed, ends="not-a-knot"
+            points[chosen], SEAM_DEVIATION * width / 10, closed, ends="not-a-knot"
         )
         seam = Path(segments=table)
-        if mask.all():
+        if chosen.all():
             break
-        deviations = np.where(mask, 0.0, seam.project(points).distance)
+        deviations = np.where(chosen, 0.0, seam.project(points).distance)
         if deviations.max() <= SEAM_DEVIATION * width:
             break
         # The farthest point of each interval is added to the waypoints of the spline.
-        group = np.cumsum(mask)
-        order = np.lexsort((-deviations, group))
-        first = order[np.unique(group[order], return_index=True)[1]]
-        mask[first[deviations[first] > SEAM_DEVIATION * width]] = True
-    return seam, np.column_stack([table.breaks[vertices], s[mask]])
+        interval = np.cumsum(chosen)
+        order = np.lexsort((-deviations, interval))
+        farthest = order[np.unique(interval[order], return_index=True)[1]]
+        chosen[farthest[deviations[farthest] > SEAM_DEVIATION * width]] = True
+    return seam, np.column_stack([table.breaks[vertices], s[chosen]])
+
+
+def _select_waypoints(s: FloatArray, distance: float) -> npt.NDArray[np.bool_]:
+    """Mask of the first arc length in each cell of this width, and of the last one, (n,)."""
+    chosen = np.append(np.diff(np.floor(s / distance), prepend=-1) > 0, True)[: len(s)]
+    chosen[-1] = True
+    # The last but one is not chosen if the spline would be short, and therefore curved, after it.
+    inner = np.flatnonzero(chosen[:-1])
+    if s[-1] - s[inner[-1]] < distance / 2 and len(inner) > 2:
+        chosen[inner[-1]] = False
+    return chosen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

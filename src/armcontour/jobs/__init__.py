@@ -4,7 +4,7 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "advice": "advise",
-    "analog": "analog_outputs",
+    "analog_signals": "analog_outputs",
     "job": "CertificateGoal Experiment Exports Job Rounding Run Uncertainty build_plant",
     "run_notes": "warnings_of",
     "run_plan": "plan_one prepare_program round_program",

@@ -1,5 +1,5 @@
 from armcontour.jobs.advice import advise as advise
-from armcontour.jobs.analog import analog_outputs as analog_outputs
+from armcontour.jobs.analog_signals import analog_outputs as analog_outputs
 from armcontour.jobs.job import CertificateGoal as CertificateGoal
 from armcontour.jobs.job import Experiment as Experiment
 from armcontour.jobs.job import Exports as Exports

@@ -21,7 +21,7 @@ from armcontour.program import Contour, Program, contour_called
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import ASSUMED_GAP, ASSUMED_RADIUS
 from armcontour.verification.clearance import Cell, Clearance
-from armcontour.verification.clearance.distances import can_measure
+from armcontour.verification.clearance.body_pairs import can_measure
 
 # Number of rotations about a free tool axis that are tried.
 TURNS = 8
@@ -215,7 +215,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
         return
     if path.orientation is None or not path.orientation.axis_only:
         return
-    from armcontour.robot.inverse import configurations
+    from armcontour.robot.inverse_kinematics import configurations
 
     point, rotation = path([0.0])[0], path.orientation([0.0])[0]
     turned: list[FloatArray] = []

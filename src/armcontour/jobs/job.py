@@ -41,10 +41,10 @@ from armcontour.core.quantities import (
 from armcontour.core.render import number, number_range
 from armcontour.core.text import count_noun, digits, format_table, short_repr, show
 from armcontour.geometry import Path
-from armcontour.jobs.analog import check_analog
+from armcontour.jobs.analog_signals import check_analog
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
 from armcontour.planning import Optimal, PlanOptions, check_duration
-from armcontour.planning.options import DEFAULT_ITERATIONS, FASTEST
+from armcontour.planning.timing_options import DEFAULT_ITERATIONS, FASTEST
 from armcontour.program import Process, Program
 from armcontour.program.preparation import check_process
 from armcontour.program.rounded_corners import CONTINUITIES, Continuity
@@ -58,6 +58,29 @@ from armcontour.verification.clearance import Cell, cell_of
 
 # Clauses on the errors of joints: independent, or shared.
 EACH = (" (independent for each joint)", " (the same error for all joints)")
+# Extensions of exported files by the name of the format.
+ENDINGS = {
+    "csv": ".csv",
+    "ros-yaml": ".yaml",
+    "urscript": ".script",
+    "kuka": ".src",
+    "abb": ".mod",
+}
+# Extension of a template of the user.
+TEMPLATE = ".j2"
+PointTolerance = Annotated[float, Quantity("rad", "0.1 mrad", "positive")]
+# Sections of the help for options that set these keys.
+FILES, POINTS = "Files for robot controllers", "Points of these files"
+# Maximum length of a title, which is a line in reports [characters].
+LONGEST_TITLE = 200
+# Shapes of corners: arcs, or the fastest shape within the tolerance.
+ARC, FREE = "arc", "free"
+SHAPES = (ARC, FREE)
+TANGENT, CURVATURE = CONTINUITIES
+# Proposed tolerance of corners that become rounded.
+FIRST_TOLERANCE = "1 mm"
+# Default of the maximum distance of transitions from the objective [m].
+TRANSITION_TOLERANCE = 1e-5
 
 
 @declared(eq=False)
@@ -165,21 +188,6 @@ class CertificateGoal(Checked):
             )
         if self.slowest <= 1:
             raise InvalidInput(f"slowest must be above 1, but is {self.slowest:g}.")
-
-
-# Extensions of exported files by the name of the format.
-ENDINGS = {
-    "csv": ".csv",
-    "ros-yaml": ".yaml",
-    "urscript": ".script",
-    "kuka": ".src",
-    "abb": ".mod",
-}
-# Extension of a template of the user.
-TEMPLATE = ".j2"
-PointTolerance = Annotated[float, Quantity("rad", "0.1 mrad", "positive")]
-# Sections of the help for options that set these keys.
-FILES, POINTS = "Files for robot controllers", "Points of these files"
 
 
 def ending_of(format: str) -> str:
@@ -307,18 +315,6 @@ def build_plant(
     )
 
 
-# Maximum length of a title, which is a line in reports [characters].
-LONGEST_TITLE = 200
-
-
-# Shapes of corners: arcs, or the fastest shape within the tolerance.
-ARC, FREE = "arc", "free"
-SHAPES = (ARC, FREE)
-TANGENT, CURVATURE = CONTINUITIES
-# Proposed tolerance of corners that become rounded.
-FIRST_TOLERANCE = "1 mm"
-
-
 @declared()
 class Rounding(Checked):
     """Rounding of corners: by `tolerance`, or by `speed` and `acceleration`.
@@ -409,10 +405,6 @@ class Rounding(Checked):
                 "and arcs. Set continuity: tangent, or timing: {method: optimal}.",
                 remedies=((("continuity",), TANGENT),),
             )
-
-
-# Default of the maximum distance of transitions from the objective [m].
-TRANSITION_TOLERANCE = 1e-5
 
 
 @declared()

@@ -15,7 +15,7 @@ from armcontour.geometry import count_full_stops
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Trajectory
 from armcontour.planning import Conventional, Tracing, find_jerk_stops
-from armcontour.planning.tracing.tilt import angles_to_gravity
+from armcontour.planning.tracing.positioner_tilt import angles_to_gravity
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, SerialArm
 
@@ -24,6 +24,12 @@ if TYPE_CHECKING:
 
 # Reason of stops due to jerk limits, in the list of full stops.
 CURVATURE_JUMPS = "curvature jumps"
+# Number of samples of the planned path per wave.
+PER_WAVE = 64
+# Maximum relative difference between the planned and the requested weave.
+ALLOWED = 0.02
+# Number of times at which torques are computed, in addition to the breaks of the plan.
+SAMPLES = 4000
 
 
 class JerkStop(NamedTuple):
@@ -68,12 +74,6 @@ def stops_of_path(result: RunResult) -> dict[str, int]:
     for contour in result.path.contours:
         stops.update(count_full_stops(contour.path))
     return dict(sorted(stops.items()))
-
-
-# Number of samples of the planned path per wave.
-PER_WAVE = 64
-# Maximum relative difference between the planned and the requested weave.
-ALLOWED = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,10 +146,6 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
                 requested=(woven.width, woven.frequency),
                 left_out=woven.left_out,
             )
-
-
-# Number of times at which torques are computed, in addition to the breaks of the plan.
-SAMPLES = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -116,7 +116,7 @@ def _reached(arm: Arm, points: _PathPoints) -> FloatArray:
         ways = np.where(distance > 0, along / np.where(distance > 0, distance, 1.0), [1.0, 0.0])
         return np.asarray([arm.base, 0.0] + ways * np.clip(distance, near, far))
     assert isinstance(arm, SerialArm)
-    from armcontour.robot.inverse import REACH_SEEDS, nearest_reached, seeds
+    from armcontour.robot.inverse_kinematics import REACH_SEEDS, nearest_reached, seeds
 
     task, many = task_dimension(points.paths[0][1], arm), seeds(arm)
     poses = np.concatenate([points.rotations, goals[:, :, None]], axis=2)

@@ -177,7 +177,7 @@ class RunResult(Result):
     advice: Advice | None = None
 
     @classmethod
-    def of(cls, planned: RunResult, **changes: Any) -> Self:
+    def from_plan(cls, planned: RunResult, **changes: Any) -> Self:
         """Create an instance of this class from a plan and further or changed fields."""
         return cls(**{x.name: getattr(planned, x.name) for x in fields(RunResult)} | changes)
 

@@ -19,6 +19,11 @@ from armcontour.motion.trajectory import Trajectory
 
 # Relative allowance of the bounds for rounding.
 ROUNDING = 1e-12
+# Largest number of halvings of an interval. If the limit is then still not proven, the result is
+# the bound of the interval.
+HALVINGS = 40
+# A function and its derivatives at n points, each (n,) or (dof, n).
+Derivatives: TypeAlias = list[FloatArray]
 
 
 def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
@@ -100,14 +105,6 @@ def _bound_along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> Fl
     return np.asarray(
         kernels.bound_joint_velocities(joint_path.breaks, joint_path.coefficients, s, speeds)
     )
-
-
-# Largest number of halvings of an interval. If the limit is then still not proven, the result is
-# the bound of the interval.
-HALVINGS = 40
-
-# A function and its derivatives at n points, each (n,) or (dof, n).
-Derivatives: TypeAlias = list[FloatArray]
 
 
 def largest_shares(

@@ -12,6 +12,8 @@ from armcontour.core.kernel_cache import compiled
 
 # Below this product of slope and squared time a series is exact.
 SERIES_BELOW = 1e-4
+# Below this angle, hyperbolic and circular functions are computed by their series.
+SMALL_ANGLE = 1e-2
 
 
 @compiled(inner=True)
@@ -148,10 +150,6 @@ def spline_pieces(
             coefficients[i, 1, j] = (slope - width * (2 * start + end) / 6) * width
             coefficients[i, 2, j] = start / 2 * width**2
             coefficients[i, 3, j] = (end - start) / 6 * width**2
-
-
-# Below this angle, hyperbolic and circular functions are computed by their series.
-SMALL_ANGLE = 1e-2
 
 
 class JointDerivatives(NamedTuple):

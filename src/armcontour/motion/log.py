@@ -25,6 +25,18 @@ INTERPOLATIONS = ("linear", "step")
 POSITIONS = ("command", "measured")
 # Smallest number of samples; fewer samples cannot separate four parameters and the noise.
 FEWEST = 50
+# Largest number of names in one message.
+MAX_NAMED = 8
+# A longer sequence of equal positions is a rest of the joint [samples].
+LONGEST_REPEAT = 10
+# Smallest fraction of repeated positions in motion.
+LEAST_REPEATED = 0.1
+# A joint that repeats positions because of a coarse encoder or of sticking friction is slow: the
+# next position differs by less than RESOLUTIONS times the smallest difference of the log, or by
+# less than SLOW times the difference of two positions without repeats (medians).
+RESOLUTIONS, SLOW = 4.0, 0.5
+# Differences of positions up to this fraction of their range are rounding errors.
+ROUNDING = 1e-9
 
 
 @declared(eq=False)
@@ -187,20 +199,6 @@ def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArra
             f"{clock(np.min(t))} s to {clock(np.max(t))} s."
         )
     return np.asarray(used)
-
-
-# Largest number of names in one message.
-MAX_NAMED = 8
-# A longer sequence of equal positions is a rest of the joint [samples].
-LONGEST_REPEAT = 10
-# Smallest fraction of repeated positions in motion.
-LEAST_REPEATED = 0.1
-# A joint that repeats positions because of a coarse encoder or of sticking friction is slow: the
-# next position differs by less than RESOLUTIONS times the smallest difference of the log, or by
-# less than SLOW times the difference of two positions without repeats (medians).
-RESOLUTIONS, SLOW = 4.0, 0.5
-# Differences of positions up to this fraction of their range are rounding errors.
-ROUNDING = 1e-9
 
 
 def renew_positions(log: Log) -> tuple[Log, tuple[str, ...]]:

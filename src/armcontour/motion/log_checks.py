@@ -44,6 +44,14 @@ NEAR_A_TURN = 0.6
 INTERVALS = (5e-5, 0.1)
 # Largest fraction of a recording that may be gaps, for learning.
 MAX_MISSING = 0.1
+# Largest distance of a measured position from the range of its joint [rad].
+RANGE_MARGIN = 0.1
+# Largest speed of a joint [rad/s]. The last joint of a fast delta robot turns at 60 rad/s.
+FASTEST = 100.0
+# Velocities are averaged over so many samples that noise causes at most this fraction of FASTEST.
+NOISE_SHARE = 0.05
+# Smallest number of sample intervals over which velocities are averaged.
+MIN_INTERVALS = 5
 
 
 def check_time_range(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
@@ -190,16 +198,6 @@ def refuse_wrapped(position: str, t: FloatArray, values: FloatArray, joint: int)
             t=float(t[i]),
             joint=joint,
         )
-
-
-# Largest distance of a measured position from the range of its joint [rad].
-RANGE_MARGIN = 0.1
-# Largest speed of a joint [rad/s]. The last joint of a fast delta robot turns at 60 rad/s.
-FASTEST = 100.0
-# Velocities are averaged over so many samples that noise causes at most this fraction of FASTEST.
-NOISE_SHARE = 0.05
-# Smallest number of sample intervals over which velocities are averaged.
-MIN_INTERVALS = 5
 
 
 def check_range_of_log(

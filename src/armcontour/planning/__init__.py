@@ -5,7 +5,7 @@ from armcontour.core.lazy import lazy_names
 _HOME = {
     "early_stop": "stop",
     "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
-    "options": "Conventional METHODS Optimal Paper PlanOptions Shaped",
+    "timing_options": "Conventional METHODS Optimal Paper PlanOptions Shaped",
     "planner": "check_duration intervals_of plan",
     "program_timing": "check_jerk_support",
     "program_tracing": "Tracing trace_program turn_along",

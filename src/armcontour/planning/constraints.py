@@ -35,13 +35,28 @@ from armcontour.planning.topp.limit_forms import (
     check_form,
     combine_forms,
 )
-from armcontour.planning.topp.on_grid import ROUNDING, OnGrid
+from armcontour.planning.topp.sampled_joint_path import ROUNDING, SampledJointPath
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, require_orientation
 from armcontour.robot.limits import LIMITS, TOOL_LIMITS
 
 # Times of the samples of an interval as shares of its duration, (5, 1)
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
+# Classes of constraints of `Limits`. The order is that of the planner, which requires the rows with
+# viscous friction first. An explanation prefers the first of two limits with equal shares.
+CONSTRAINTS: list[type[Constraint]] = []
+Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]
+# Positions of the samples on a piece of the joint path, as shares of its length, (9, 1)
+PIECE_SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
+# Positions of the samples on an interval, as shares of its length, (5, 1)
+INTERVAL_SAMPLES = np.linspace(0.0, 1.0, 5)[:, None]
+# The curvature of a piece is constant if it varies by at most this share.
+EVEN_CURVATURE = 1e-3
+# The bound of x on an interval is a tangent of `limit / curvature`. The curvature at its point of
+# contact is at least this fraction of the larger of the curvatures at both ends.
+TOUCH = 0.8
+# A piece with at most this curvature is a straight line [1/m].
+STRAIGHT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -53,9 +68,9 @@ class IntervalEnds:
     grid: Grid
 
     @cached_property
-    def path(self) -> OnGrid:
+    def path(self) -> SampledJointPath:
         """The joint path on the grid."""
-        return OnGrid(self.grid)
+        return SampledJointPath(self.grid)
 
     @cached_property
     def x(self) -> FloatArray:
@@ -118,11 +133,11 @@ class Constraint:
             cls.name = LIMITS[cls.serves[0]].label if len(cls.serves) == 1 else ""
 
     @classmethod
-    def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> Constraint | None:
+    def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> Constraint | None:
         """Make the constraint of the limits that it serves; None if there are none."""
         return None
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Forms of the limit on a grid, see `topp.limit_forms`; none in this base class.
 
         `path` is the joint path on the grid.
@@ -161,20 +176,12 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
     return np.zeros_like(x)
 
 
-def limits_on(path: OnGrid, active: Sequence[Constraint]) -> GridLimits:
+def limits_on(path: SampledJointPath, active: Sequence[Constraint]) -> GridLimits:
     """Discretize the constraints on a grid."""
     n = len(path)
     return combine_forms(
         [check_form(form, n, x.name) for x in active for form in x.discretize(path)], n
     )
-
-
-# Classes of constraints of `Limits`. The order is that of the planner, which requires the rows with
-# viscous friction first. An explanation prefers the first of two limits with equal shares.
-CONSTRAINTS: list[type[Constraint]] = []
-
-
-Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]
 
 
 class SecondOrder(Constraint):
@@ -213,9 +220,9 @@ class SecondOrder(Constraint):
         name, shape = f"coefficients of {self.name}", (3, len(s), len(self.low))
         return checks.shaped(name, checks.check_numbers(name, self.coefficients(s, side)), shape)
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Linear rows of the constraint on a grid."""
-        path, last = OnGrid(path.grid, jumps=True), 2 * len(path)
+        path, last = SampledJointPath(path.grid, jumps=True), 2 * len(path)
         _, s = path.places
         a, b, c = np.concatenate([self._at(s[:last], "right"), self._at(s[last:], "left")], axis=1)
         check_rest(path.grid, self, path.at_ends(c), (self.low, self.high))
@@ -269,11 +276,11 @@ class JointTorque(Constraint):
         self.curved = bool(self.viscous.any())
 
     @classmethod
-    def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> JointTorque | None:
+    def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> JointTorque | None:
         """Make the constraint of the torques; None if they are not limited."""
         return None if limits.joint_torque is None else cls(arm, limits.joint_torque)
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Rows of the torques, with limits less dry friction, and any form of viscous friction."""
         terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
         rows = path.rows(terms, *bounds)
@@ -319,7 +326,7 @@ class JointMotion(Constraint):
         self.low, self.high = none if acceleration is None else map(kernel_array, acceleration)
 
     @classmethod
-    def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> JointMotion | None:
+    def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> JointMotion | None:
         """Make the constraint of velocities and accelerations; None if neither is limited."""
         dof, velocity, acceleration = joint_path.dof, None, None
         if limits.joint_velocity is not None:
@@ -333,7 +340,7 @@ class JointMotion(Constraint):
         shape = len(grid), len(self.low)
         return np.broadcast_to(self.low, shape), np.broadcast_to(self.high, shape)
 
-    def fastest(self, path: OnGrid) -> FloatArray:
+    def fastest(self, path: SampledJointPath) -> FloatArray:
         """Velocity limits on each interval in the directions of motion [rad/s], (n, dof)."""
         (slopes, _), (third, _) = path.derivatives
         certain = path.grid.width[:, None] ** 2 / 8 * third
@@ -342,12 +349,12 @@ class JointMotion(Constraint):
         back = np.where(slopes.max(axis=1) < -certain, low, np.minimum(low, high))
         return np.asarray(np.where(slopes.min(axis=1) > certain, high, back))
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Bounds of velocities and accelerations; the planner converts them to rows."""
         dof, inverses = path.grid.joint_path.dof, 1 / self.velocity**2
         return (JointBounds.from_limits(dof, self.low, self.high, *inverses),)
 
-    def rows(self, path: OnGrid) -> LinearRows:
+    def rows(self, path: SampledJointPath) -> LinearRows:
         """Rows of g = q' u + q'' x, with g'' = 5 q''' u + q'''' x + 4 q'' k, where k = u'."""
         (first, second), (third, fourth) = path.derivatives
         w, n = path.grid.width[:, None], len(path)
@@ -360,19 +367,6 @@ class JointMotion(Constraint):
         rise[..., BY_X] = w**2 / 8 * fourth + ROUNDING / w * q1
         rise[..., BY_SLOPE] = w**2 / 8 * 4 * q2
         return LinearRows(ends, rise)
-
-
-# Positions of the samples on a piece of the joint path, as shares of its length, (9, 1)
-PIECE_SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
-# Positions of the samples on an interval, as shares of its length, (5, 1)
-INTERVAL_SAMPLES = np.linspace(0.0, 1.0, 5)[:, None]
-# The curvature of a piece is constant if it varies by at most this share.
-EVEN_CURVATURE = 1e-3
-# The bound of x on an interval is a tangent of `limit / curvature`. The curvature at its point of
-# contact is at least this fraction of the larger of the curvatures at both ends.
-TOUCH = 0.8
-# A piece with at most this curvature is a straight line [1/m].
-STRAIGHT = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -485,7 +479,7 @@ class ToolPace(Constraint):
         self._ceiling = None if speed is None else (speed / metric.speed) ** 2
 
     @classmethod
-    def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> ToolPace | None:
+    def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> ToolPace | None:
         """Make the constraint of assigned velocities and centripetal acceleration, if any."""
         if joint_path.tool_path is None:
             _refuse_tool_limits(limits)
@@ -496,7 +490,7 @@ class ToolPace(Constraint):
             return None
         return cls(ToolMetric.measure(joint_path, arm), assigned, centripetal)
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Upper bounds of ds² at both interval ends; ds² stays below the chord between them."""
         if self._ceiling is not None:
             ceiling = np.empty((len(path), 2))
@@ -518,7 +512,7 @@ class ToolConstraint(Constraint):
         self.limit, self.arm = limit, arm
 
     @classmethod
-    def of(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> Constraint | None:
+    def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> Constraint | None:
         """Make the constraint of the limit; None without a limit."""
         limit = getattr(limits, cls.serves[0])
         return None if limit is None else cls(limit, arm)
@@ -529,7 +523,7 @@ class RapidSpeed(ToolConstraint):
 
     name = "rapid speed"
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Upper bound of ds² on each interval, from samples of the tool speed."""
         # The speed is at most the largest sample plus the spread of the samples.
         grid = path.grid
@@ -547,7 +541,7 @@ class ToolAcceleration(ToolConstraint):
 
     serves = ("tool_acceleration",)
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Vectors in a frame that turns with the motion, in which they are constant on circles."""
         speed, along, across = _speed_and_acceleration(*self.arm.tool_motion(*path.motion))
         first, second = np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1)
@@ -560,7 +554,7 @@ class AngularSpeed(ToolConstraint):
     serves = ("angular_speed",)
     brakes = False
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Square of the angular speed at ds = 1, divided by the square of the limit."""
         q, first, _ = path.motion
         w = require_orientation(self.arm).tool_twist(q, first)[:, 3:]
@@ -572,7 +566,7 @@ class AngularAcceleration(ToolConstraint):
 
     serves = ("angular_acceleration",)
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Angular velocity at ds = 1 and its derivative in s, as vectors."""
         (q, first, second), tool = path.motion, require_orientation(self.arm)
         w = tool.tool_twist(q, first)[:, 3:]

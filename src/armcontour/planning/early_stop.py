@@ -20,9 +20,9 @@ from armcontour.motion import JointPath, Law, PathLaw, Trajectory, arm_of
 from armcontour.planning.constraints import CONSTRAINTS, Constraint
 from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
 from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.options import Optimal
+from armcontour.planning.timing_options import Optimal
 from armcontour.planning.topp.limit_forms import Ceiling, Form
-from armcontour.planning.topp.on_grid import OnGrid
+from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 from armcontour.robot.limits import reduce_limits
@@ -156,14 +156,14 @@ class _PlanSpeed(Constraint):
 
     name = "speed of the plan"
 
-    def discretize(self, path: OnGrid) -> tuple[Form, ...]:
+    def discretize(self, path: SampledJointPath) -> tuple[Form, ...]:
         """Upper bound 1 of (dtau/dt)² at both ends of every interval."""
         return (Ceiling(np.ones((len(path.grid.s) - 1, 2))),)
 
 
 def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> tuple[float, Law] | None:
     """Delay 0 and the fastest stop, on the shortest feasible part of a path; None if infeasible."""
-    braking = (x.of(joint_path, arm, limits) for x in CONSTRAINTS if x.brakes)
+    braking = (x.from_limits(joint_path, arm, limits) for x in CONSTRAINTS if x.brakes)
     constraints = (_PlanSpeed(), *(x for x in braking if x is not None))
     options = Optimal(constraints=constraints, start_speed=1.0, intervals=INTERVALS)
     law, low, high = None, 0, len(joint_path.breaks) - 1

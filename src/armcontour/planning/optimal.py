@@ -23,7 +23,6 @@ from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.motion.kernels import interval_time
 from armcontour.planning.constraints import CONSTRAINTS, Constraint, limits_on
 from armcontour.planning.law_checks import raise_too_fast
-from armcontour.planning.options import FASTEST, Optimal, Task
 from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
     VANISHED,
@@ -32,6 +31,7 @@ from armcontour.planning.path_grid import (
     resting_breaks,
     split,
 )
+from armcontour.planning.timing_options import FASTEST, Optimal, Task
 from armcontour.planning.topp.grid_plan import (
     END,
     FINER,
@@ -46,7 +46,7 @@ from armcontour.planning.topp.grid_plan import (
     plan_on_grid,
 )
 from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
-from armcontour.planning.topp.on_grid import OnGrid
+from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
@@ -62,6 +62,24 @@ BY_GAP, BY_GAP_AT_REST = 0.25, 1.5
 CROSSED, LARGER_X = 0.4, 1.02
 REACH = 0.05  # this loss extends over this share of the length in which x changes by its own value
 INSIDE = 0.02  # a new grid point closer to an interval end than this share saves no time
+# The grid is refined while the margin for maxima inside intervals exceeds the share LARGEST_MARGIN
+# of a limit, at most MAX_REFINEMENTS times. The share grows by the factor MARGIN_GROWTH with each
+# refinement, up to LAST_MARGIN, because a finer grid is expensive with thousands of
+# corners. With fewer intervals than COARSE, the first share is FIRST_MARGIN, to save time.
+LARGEST_MARGIN = 3e-3
+FIRST_MARGIN, COARSE = 1e-2, 500
+MARGIN_GROWTH = 2.0
+LAST_MARGIN = 0.2
+MAX_REFINEMENTS = 12
+# The grid is also refined while the estimated loss of time exceeds this share of the duration. This
+# is the share for DEFAULT_INTERVALS; it is smaller if more intervals are requested. The estimate is
+# accurate within a factor of about three.
+LARGEST_LOSS = 1e-4
+MAX_PARTS_AT_ONCE = 8
+# Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
+# grid is larger. Close to this number, a refinement for loss must increase the number of intervals
+# at least by the factor LEAST_GROWTH.
+MAX_REFINED, LEAST_GROWTH = 300_000, 1.1
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -175,26 +193,6 @@ def estimate_losses(
     return duration, loss, point
 
 
-# The grid is refined while the margin for maxima inside intervals exceeds the share LARGEST_MARGIN
-# of a limit, at most MAX_REFINEMENTS times. The share grows by the factor MARGIN_GROWTH with each
-# refinement, up to LAST_MARGIN, because a finer grid is expensive with thousands of
-# corners. With fewer intervals than COARSE, the first share is FIRST_MARGIN, to save time.
-LARGEST_MARGIN = 3e-3
-FIRST_MARGIN, COARSE = 1e-2, 500
-MARGIN_GROWTH = 2.0
-LAST_MARGIN = 0.2
-MAX_REFINEMENTS = 12
-# The grid is also refined while the estimated loss of time exceeds this share of the duration. This
-# is the share for DEFAULT_INTERVALS; it is smaller if more intervals are requested. The estimate is
-# accurate within a factor of about three.
-LARGEST_LOSS = 1e-4
-MAX_PARTS_AT_ONCE = 8
-# Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
-# grid is larger. Close to this number, a refinement for loss must increase the number of intervals
-# at least by the factor LEAST_GROWTH.
-MAX_REFINED, LEAST_GROWTH = 300_000, 1.1
-
-
 def plan_optimal(
     joint_path: JointPath, arm: Arm, limits: Limits, options: Optimal = FASTEST
 ) -> Trajectory:
@@ -227,7 +225,7 @@ def plan_optimal(
 
 def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
     """Make the constraints of the planner from the limits of an arm and a path."""
-    constraints = (x.of(joint_path, arm, limits) for x in CONSTRAINTS)
+    constraints = (x.from_limits(joint_path, arm, limits) for x in CONSTRAINTS)
     return [x for x in constraints if x is not None]
 
 
@@ -249,7 +247,7 @@ def time_optimal(
     best: tuple[Grid, GridPlan] | None = None
     shortest, max_intervals = math.inf, max(MAX_REFINED, 2 * len(grid))
     for k in range(MAX_REFINEMENTS):
-        path = OnGrid(grid)
+        path = SampledJointPath(grid)
         limits = _add_stops(limits_on(path, active), grid)
         grid_plan = plan_on_grid(path.intervals, limits, rules)
         if grid_plan.outcome == FOUND:
@@ -329,7 +327,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
         raise_too_fast("end", rules.end, grid_plan.allowed, float(grid.s[-1]))
     if grid_plan.outcome == STUCK:
         _refuse_stuck(grid, i)
-    if not OnGrid(grid).derivatives[0][0, i].any():
+    if not SampledJointPath(grid).derivatives[0][0, i].any():
         raise InvalidInput(
             f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g} m, so no limit "
             "restricts dds there. Remove this piece of the joint path."

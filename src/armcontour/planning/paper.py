@@ -32,11 +32,17 @@ from armcontour.planning.law_checks import (
     require_speed,
     tool_path_of,
 )
-from armcontour.planning.options import FEWEST_LAPS, MAX_LAPS, Paper
+from armcontour.planning.timing_options import FEWEST_LAPS, MAX_LAPS, Paper
 from armcontour.robot import Arm, Limits
 
 # The tool speed is not computed from a joint that is slower than this share of the fastest joint.
 MIN_JOINT_SPEED = 0.01
+# An interval next to a rest is divided into this many parts, because the speed changes much in it.
+PARTS_AT_REST = 10
+# Limits that the method guarantees; all others are checked on every part.
+GUARANTEED = ("speed", "centripetal_acceleration")
+# Limits that the conventional method ignores.
+IGNORED = (*GUARANTEED, "joint_velocity", "joint_acceleration", "tool_acceleration")
 
 
 @compiled()
@@ -227,7 +233,7 @@ class PaperLine:
             if meeting:
                 last, first = self._find_meeting(last, first, forward.speed, backward)
         else:
-            self._refuse_broken(forward, last, reverse, n - first)
+            self._refuse_incomplete_pass(forward, last, reverse, n - first)
             meeting = False
         pieces = []
         if last > 0:
@@ -294,9 +300,9 @@ class PaperLine:
         time = 2 * length / (start + np.sqrt(max(start**2 + 2 * acceleration * length, 0.0)))
         return LinePhase(law, "meeting", ends, (float(time), length))
 
-    def _refuse_broken(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
+    def _refuse_incomplete_pass(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
         """Raise NotRealizable if a pass ended at a joint limit before the assigned velocity."""
-        broken = [
+        incomplete = [
             (run, place)
             for run, end, place in (
                 (forward, last, forward.done),
@@ -304,9 +310,9 @@ class PaperLine:
             )
             if run.joint >= 0 and end == run.done
         ]
-        if not broken:
+        if not incomplete:
             return
-        run, knot = broken[0]
+        run, knot = incomplete[0]
         s, point = float(self.s[knot]), self.arm.tool_position(self.q[knot]).tolist()
         allowed = float(self.limit[run.joint])
         raise NotRealizable(
@@ -321,14 +327,6 @@ class PaperLine:
             needed=run.needed,
             allowed=allowed,
         )
-
-
-# An interval next to a rest is divided into this many parts, because the speed changes much in it.
-PARTS_AT_REST = 10
-# Limits that the method guarantees; all others are checked on every part.
-GUARANTEED = ("speed", "centripetal_acceleration")
-# Limits that the conventional method ignores.
-IGNORED = (*GUARANTEED, "joint_velocity", "joint_acceleration", "tool_acceleration")
 
 
 @dataclass(slots=True)

@@ -14,7 +14,6 @@ from armcontour.core.text import capitalise, count_noun
 from armcontour.geometry import Path
 from armcontour.geometry.shaped_path import describe_unfinished
 from armcontour.motion import JointPath, Trajectory
-from armcontour.planning.options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.planning.program_timing import (
     Timing,
@@ -24,6 +23,7 @@ from armcontour.planning.program_timing import (
     time_program,
 )
 from armcontour.planning.program_tracing import TracedMove, Tracing, trace_program
+from armcontour.planning.timing_options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
 from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits

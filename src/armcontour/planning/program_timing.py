@@ -26,8 +26,8 @@ from armcontour.motion import (
 from armcontour.planning.constraints import RapidSpeed
 from armcontour.planning.law_checks import check_limits
 from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.options import Conventional, Optimal, Paper, PlanOptions, Shaped
 from armcontour.planning.program_tracing import TracedMove, Tracing, ends_of
+from armcontour.planning.timing_options import Conventional, Optimal, Paper, PlanOptions, Shaped
 from armcontour.program import Contour, Dwell, Event
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import LIMITS
@@ -37,6 +37,8 @@ from armcontour.robot.limits import LIMITS
 RAPID_INTERVALS = 200
 # Events closer in time than this are simultaneous [s].
 SAME_TIME = 1e-9
+# Durations that differ by less than this share are equal.
+SAME_DURATION = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,10 +279,6 @@ def check_jerk_support(method: Method, limits: Limits) -> None:
         f"the method optimal (in a job, timing: {{method: optimal}}), or {remedy}.",
         limit="joint_jerk",
     )
-
-
-# Durations that differ by less than this share are equal.
-SAME_DURATION = 1e-9
 
 
 def slow_down(

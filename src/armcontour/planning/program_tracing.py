@@ -20,7 +20,7 @@ from armcontour.geometry.path import cut_path
 from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.options import Optimal
+from armcontour.planning.timing_options import Optimal
 from armcontour.planning.tracing import sketch_all, trace, trace_all
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
@@ -363,14 +363,15 @@ def trace_by_duration(
     if len(joint_paths) == 1:
         yield joint_paths
     else:
-        yield from _by_duration(joint_paths, arm, rough)
+        yield from _group_by_duration(joint_paths, arm, rough)
 
 
-def _by_duration(
+def _group_by_duration(
     joint_paths: list[JointPath], arm: Arm, rough: Limits
 ) -> Iterator[list[JointPath]]:
-    at_least = [bound_duration(x, rough) for x in joint_paths]
-    order = np.argsort(at_least, kind="stable").tolist()
+    """Yield lists of equally fast joint paths, the fastest first, and plan no more than needed."""
+    lower_bounds = [bound_duration(x, rough) for x in joint_paths]
+    order = np.argsort(lower_bounds, kind="stable").tolist()
     if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MAX_PLANNED:
         yield from ([joint_paths[i]] for i in order)
         return
@@ -378,7 +379,9 @@ def _by_duration(
     durations: dict[int, float] = {}
     while order or durations:
         # Joint paths whose lower bounds exceed the fastest duration are planned later.
-        while order and BOUND_SHARE * at_least[order[0]] <= min(durations.values(), default=np.inf):
+        while order and BOUND_SHARE * lower_bounds[order[0]] <= min(
+            durations.values(), default=np.inf
+        ):
             i = order.pop(0)
             durations[i] = np.inf
             # If no configuration can be planned, the plan of the first one raises the error.

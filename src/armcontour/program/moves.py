@@ -29,17 +29,9 @@ from armcontour.core.quantities import (
     Speed,
     Time,
 )
-from armcontour.core.text import (
-    list_some,
-    make_printable,
-    shorten,
-)
+from armcontour.core.text import list_some, make_printable, shorten
 from armcontour.geometry import Path
-from armcontour.geometry.path import (
-    arc_lengths_without_z,
-    drop_z,
-    has_length_without_z,
-)
+from armcontour.geometry.path import arc_lengths_without_z, drop_z, has_length_without_z
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weave import Woven
 

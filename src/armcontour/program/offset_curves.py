@@ -28,6 +28,14 @@ PAIRS = 200_000
 # Columns of a table of pieces: start x, y, unit tangent x, y, curvature (positive to the left) and
 # length.
 X, Y, TX, TY, CURVATURE, LENGTH = range(6)
+# Rounding error of the distance between a part and the contour [m]. Points of a path have errors up
+# to REPEATED_POINT.
+SLACK = 3e-9
+# Gaps above WIDE_GAP are narrowed to NARROW_GAP [m], because gaps of a path must not exceed
+# REPEATED_POINT.
+WIDE_GAP, NARROW_GAP = 0.9e-9, 0.5e-9
+# A closed part with a smaller ratio of area to length [m] consists of coinciding lines.
+THIN = 1e-8
 
 
 def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
@@ -172,16 +180,6 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
         [y for x in ends for y in (x[:, :2], points_at(x, x[:, LENGTH]))], axis=1
     )
     return points
-
-
-# Rounding error of the distance between a part and the contour [m]. Points of a path have errors up
-# to REPEATED_POINT.
-SLACK = 3e-9
-# Gaps above WIDE_GAP are narrowed to NARROW_GAP [m], because gaps of a path must not exceed
-# REPEATED_POINT.
-WIDE_GAP, NARROW_GAP = 0.9e-9, 0.5e-9
-# A closed part with a smaller ratio of area to length [m] consists of coinciding lines.
-THIN = 1e-8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -20,7 +20,7 @@ from armcontour.robot.chain import Chain, link_table, state_rows
 from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
 
 if TYPE_CHECKING:
-    from armcontour.robot.closed_form import ClosedForm
+    from armcontour.robot.closed_form_kinematics import ClosedForm
     from armcontour.robot.dynamics import Dynamics
     from armcontour.robot.scene import ArmShapes
 
@@ -328,7 +328,7 @@ class Arm(Immutable, ABC):
     @cached_property
     def closed_form(self) -> ClosedForm | None:
         """Closed-form inverse kinematics of the whole pose; None if it does not support the arm."""
-        from armcontour.robot.closed_form import ClosedForm
+        from armcontour.robot.closed_form_kinematics import ClosedForm
 
         return ClosedForm.from_chain(self.chain)
 

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 # has velocities of either sign due to rounding. A reversing joint passes this range in less than a
 # cycle.
 CREEP = 1e-3
+# The motion is linearized at times this far apart [s], with interpolation between them, because the
+# dynamics change slowly.
+APART = 10e-3
+# A motion: joint positions, velocities or accelerations (order 0, 1, 2) at times, (n, dof).
+Motion = Callable[[FloatArray, int], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -144,13 +149,6 @@ def nominal_inertia(arm: Arm) -> FloatArray:
             "link after the joint, or the armature of its drive."
         )
     return inertia
-
-
-# The motion is linearized at times this far apart [s], with interpolation between them, because the
-# dynamics change slowly.
-APART = 10e-3
-# A motion: joint positions, velocities or accelerations (order 0, 1, 2) at times, (n, dof).
-Motion = Callable[[FloatArray, int], FloatArray]
 
 
 class Equations(NamedTuple):

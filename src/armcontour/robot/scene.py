@@ -17,6 +17,20 @@ from armcontour.core.quantities import Axes, Choice, Distance, Length, Name, Qua
 
 # A mesh whose largest size [m] is outside this range was probably read in another unit.
 SMALLEST, LARGEST = 1e-3, 20.0
+# Radius of the capsule that replaces a tool without shapes, and distance of its end from the tool
+# point [m].
+ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
+# Frames to which obstacles are fixed: the base of the arm, or the part, which has the frame of the
+# paths.
+BASE, PART = "base", "part"
+# Name of the tool in `allow` of an obstacle.
+TOOL = "tool"
+# Name of the obstacle that represents a floor of a specified height. The values `AT_BASE` and
+# `NO_FLOOR` add no obstacle; with `AT_BASE`, links should stay above the mounting plane of the
+# base.
+FLOOR = "floor"
+AT_BASE: Literal["base"] = "base"
+NO_FLOOR: Literal["none"] = "none"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,11 +153,6 @@ class Mesh(Shape):
         return middle, float(np.linalg.norm(self.points - middle, axis=1).max())
 
 
-# Radius of the capsule that replaces a tool without shapes, and distance of its end from the tool
-# point [m].
-ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinkShape(Checked):
     """A shape that moves with a link or with the tool, or a fixed body (link 0)."""
@@ -208,19 +217,6 @@ class ArmShapes(Checked):
         """Return the shapes with other shapes of the tool."""
         links = tuple(x for x in self.shapes if not x.tool)
         return replace(self, shapes=(*links, *(replace(x, tool=True) for x in shapes)))
-
-
-# Frames to which obstacles are fixed: the base of the arm, or the part, which has the frame of the
-# paths.
-BASE, PART = "base", "part"
-# Name of the tool in `allow` of an obstacle.
-TOOL = "tool"
-# Name of the obstacle that represents a floor of a specified height. The values `AT_BASE` and
-# `NO_FLOOR` add no obstacle; with `AT_BASE`, links should stay above the mounting plane of the
-# base.
-FLOOR = "floor"
-AT_BASE: Literal["base"] = "base"
-NO_FLOOR: Literal["none"] = "none"
 
 
 @declared()

@@ -73,21 +73,23 @@ class SerialArm(Arm):
         self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None
     ) -> tuple[FloatArray, float]:
         # Imported at first use, because compiled functions load slowly.
-        from armcontour.robot import inverse
+        from armcontour.robot import inverse_kinematics
 
         if len(point) != 3:
             raise InvalidInput(f"A position of the arm {self.name} must have x, y and z.")
-        task = inverse.POINT if rotation is None else inverse.WHOLE
+        task = inverse_kinematics.POINT if rotation is None else inverse_kinematics.WHOLE
         target = np.column_stack([IDENTITY if rotation is None else rotation, point])
-        candidates = inverse.configurations(self, target, task)
+        candidates = inverse_kinematics.configurations(self, target, task)
         if near is not None and task < self.dof:
             # The sample of infinitely many solutions may include none near the start.
-            nearest = inverse.configurations(self, target, task, near)
+            nearest = inverse_kinematics.configurations(self, target, task, near)
             candidates = np.concatenate([nearest, candidates])
         if len(candidates):
             return candidates, 0.0
-        starts = inverse.seeds(self)[: inverse.REACH_SEEDS]
-        return candidates, float(inverse.out_of_reach(self, target[None], task, starts)[0])
+        starts = inverse_kinematics.seeds(self)[: inverse_kinematics.REACH_SEEDS]
+        return candidates, float(
+            inverse_kinematics.out_of_reach(self, target[None], task, starts)[0]
+        )
 
     @cached_property
     def moves_in_a_plane(self) -> bool:

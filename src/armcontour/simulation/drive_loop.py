@@ -12,6 +12,8 @@ from numba.extending import intrinsic
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernel_cache import compiled
 
+POINTER = ir.IntType(8).as_pointer()
+
 
 class Functions(NamedTuple):
     """Addresses of MuJoCo's functions mj_step, mj_kinematics, mj_comPos and mj_rne."""
@@ -59,9 +61,6 @@ class Rows(NamedTuple):
     commanded_acceleration: FloatArray  # Accelerations before saturation [rad/s²], (steps, dof)
     commanded_torque: FloatArray  # Torques before saturation [N m], (steps, dof)
     torque: FloatArray  # Torques after saturation [N m], (steps, dof)
-
-
-POINTER = ir.IntType(8).as_pointer()
 
 
 def _intrinsic(function: Callable[..., Any]) -> Any:

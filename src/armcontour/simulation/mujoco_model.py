@@ -27,6 +27,13 @@ STOPPING_STEPS = 2.0
 # or at most LEAST_INERTIA [kg m²].
 SINGULAR_SHARE = 1e-12
 LEAST_INERTIA = 1e-13
+# Largest number of set-points at which stability is checked before the simulation.
+MAX_CHECKS = 50
+# MAX_PHASE: largest decay exponent of the fastest mode of viscous friction per integration step;
+# the integrator is stable up to 2.8. MAX_PARTS: largest number of integration steps per step of the
+# drives.
+MAX_PHASE = 0.5
+MAX_PARTS = 50
 
 
 def import_mujoco() -> Any:
@@ -185,15 +192,6 @@ def _to_quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, np.array(rotation).ravel())
     return quaternion
-
-
-# Largest number of set-points at which stability is checked before the simulation.
-MAX_CHECKS = 50
-# MAX_PHASE: largest decay exponent of the fastest mode of viscous friction per integration step;
-# the integrator is stable up to 2.8. MAX_PARTS: largest number of integration steps per step of the
-# drives.
-MAX_PHASE = 0.5
-MAX_PARTS = 50
 
 
 def count_parts(

@@ -60,6 +60,8 @@ RATED_POSES = 200
 BLOCK_DURATION = 1.0
 # Largest number of integration steps in one compiled call; a call takes up to 0.1 s.
 MAX_CALL_STEPS = 1000
+# Fields of a log with one row per step.
+LOGGED = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
 
 
 class RigidBodyPlant(LimitedPlant):
@@ -287,10 +289,6 @@ class RigidBodyPlant(LimitedPlant):
             indices: Indices of the results at the starts of the intervals, increasing, (m,).
         """
         return FineMotion.through(executed.t, executed.q, executed.dq, None, indices)
-
-
-# Fields of a log with one row per step.
-LOGGED = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

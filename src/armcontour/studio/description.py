@@ -14,11 +14,11 @@ import numpy as np
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import About, unit_of
 from armcontour.core.text import Keys
+from armcontour.files.file_keys import key_fields, kinds_of_keys, leaves, quantity_of
 from armcontour.files.job_file import GEOMETRY_KEYS
 from armcontour.files.job_model import JobModel, RunModel
+from armcontour.files.job_patch import full_key, locate_key
 from armcontour.files.job_text_edits import line_of, value_at
-from armcontour.files.keys import key_fields, kinds_of_keys, leaves, quantity_of
-from armcontour.files.patch import full_key, locate_key
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
 from armcontour.report.message_frame import MessageFrame

@@ -15,11 +15,11 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Quantity, unit_of, write_like
 from armcontour.core.text import Keys, show
+from armcontour.files.file_keys import in_si
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_file import GEOMETRY_KEYS
 from armcontour.files.job_model import FrameModel, PathModel
 from armcontour.files.job_text_edits import Change, change_data
-from armcontour.files.keys import in_si
 from armcontour.files.scene_file import SceneModel
 from armcontour.geometry import Segments
 from armcontour.jobs import Job

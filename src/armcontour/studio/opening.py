@@ -12,10 +12,10 @@ from typing import Any
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
-from armcontour.files.drawings.read import READERS, YAML
+from armcontour.files.drawings.path_reader import READERS, YAML
 from armcontour.files.job_file import cell_names, cell_text, drawing_patch, drawing_text
+from armcontour.files.job_patch import Patch, key_of, write_patch
 from armcontour.files.job_text_edits import Change
-from armcontour.files.patch import Patch, key_of, write_patch
 from armcontour.studio.document import Document, decode
 from armcontour.studio.recent import all_recent, make_private, state_folder
 

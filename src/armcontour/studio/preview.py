@@ -17,11 +17,11 @@ from armcontour.core.checks import FloatArray, comparable
 from armcontour.core.errors import InvalidInput, Unreachable, error_context
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress, subprogress
+from armcontour.files.file_keys import read_keys
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_file import assemble_job
 from armcontour.files.job_model import JobModel, PathModel
 from armcontour.files.job_path import part_of, placed_path, read_drawing, unplaced_path
-from armcontour.files.keys import read_keys
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
@@ -87,7 +87,9 @@ class PreviewExecution:
     contour_errors: Errors
 
     @classmethod
-    def of(cls, planned: Preview, execution: Execution, contour_errors: Errors) -> PreviewExecution:
+    def from_execution(
+        cls, planned: Preview, execution: Execution, contour_errors: Errors
+    ) -> PreviewExecution:
         """Compute the contour errors of an execution over time."""
         pieces = tuple(pieces_of(execution, planned.path, planned.objective, planned.run.end_time))
         return cls(
@@ -132,7 +134,7 @@ class CoarsePlanner:
         except InvalidInput:
             data = path_only(data)
             model = self._model(data)
-        _, path = self._arm_and_path(model, data)
+        _, path = self._read_arm_and_path(model, data)
         return self._cache.get("program", path, lambda: Program.from_path(path))
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
@@ -185,7 +187,7 @@ class CoarsePlanner:
                 "explanation", trajectory, lambda: explain_plan(job, trajectory)
             )
         below = below_base(job, trajectory)
-        preview = Preview.of(
+        preview = Preview.from_plan(
             planned, run=coarse, job=job, explanation=explanation, below_base=below
         )
         self._arm, self._start = job.arm, preview.start
@@ -195,7 +197,7 @@ class CoarsePlanner:
         """Plan of a full run by the task process; the next previews have its configuration."""
         job = self.job(data, planned.run.name)
         below = None if planned.clearance else below_base(job, planned.trajectory)
-        preview = Preview.of(planned, job=job, tier=Tier.EXACT, below_base=below)
+        preview = Preview.from_plan(planned, job=job, tier=Tier.EXACT, below_base=below)
         self._arm, self._start = job.arm, preview.start
         return preview
 
@@ -208,8 +210,11 @@ class CoarsePlanner:
             judges = judging(planned.run, planned.evaluations)
             worst_name = max(judges, key=lambda x: judges[x].contour_error.max)
             assert errors is not None
-            return PreviewExecution.of(planned, executions[worst_name], errors)
-        executed = [PreviewExecution.of(planned, x, {}) for x in self._simulate(planned).values()]
+            return PreviewExecution.from_execution(planned, executions[worst_name], errors)
+        executed = [
+            PreviewExecution.from_execution(planned, x, {})
+            for x in self._simulate(planned).values()
+        ]
         errors = {
             name: [x.contour_error.max for x in each.pieces]
             for name, each in zip(judging_executions(planned.run), executed, strict=True)
@@ -247,7 +252,7 @@ class CoarsePlanner:
 
     def _make_job(self, data: Mapping[str, Any], run: str | None) -> Job:
         model = _with_one_run(self._model(data), run)
-        arm, path = self._arm_and_path(model, data)
+        arm, path = self._read_arm_and_path(model, data)
         scene: Scene | None = None
         if model.scene is not None:
             scene_model, part = model.scene, part_of(model.path)
@@ -260,7 +265,9 @@ class CoarsePlanner:
     def _model(self, data: Mapping[str, Any]) -> JobModel:
         return self._cache.get("keys", data, lambda: _model_of(data))
 
-    def _arm_and_path(self, model: JobModel, data: Mapping[str, Any]) -> tuple[Arm, Path | Program]:
+    def _read_arm_and_path(
+        self, model: JobModel, data: Mapping[str, Any]
+    ) -> tuple[Arm, Path | Program]:
         arm, unplaced = self._read_arm(model, data), _unplaced(data)
         drawn = self._cache.get(
             "drawing",

@@ -36,6 +36,9 @@ from armcontour.verification.error_profile import (
 Errors = tuple[FloatArray, FloatArray]
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
+# Signature of `ContourExecution._maximize_nearby`: indices of samples, (m,), and a function of tool
+# points, (m, n, dimension) to (m, n); returns the largest values around the samples, (m,).
+Largest = Callable[[IntArray, Callable[[FloatArray], FloatArray]], FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -464,11 +467,6 @@ class CornerDeviation:
     rounding: float
     overshoot: float
     contour: int | None = None
-
-
-# Signature of `ContourExecution._maximize_nearby`: indices of samples, (m,), and a function of tool
-# points, (m, n, dimension) to (m, n); returns the largest values around the samples, (m,).
-Largest = Callable[[IntArray, Callable[[FloatArray], FloatArray]], FloatArray]
 
 
 def corner_deviations(

@@ -48,6 +48,12 @@ FIRST = 100
 SLACK = 4.0
 SOME = 500
 SHORTEST = 1e-7
+# Indices of samples after which an error may have a peak, (m,), and bounds on the height of the
+# peaks above the mean of the samples on both sides, (m,).
+Hidden = tuple[IntArray, FloatArray]
+# Function of the index of a sample and of times in the interval after it; returns errors and arc
+# lengths, (n,) each, or None if the motion is unknown.
+Measure = Callable[[int, FloatArray], tuple[FloatArray, FloatArray] | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,14 +216,6 @@ class Peak(NamedTuple):
     t: float
     value: float
     s: float
-
-
-# Indices of samples after which an error may have a peak, (m,), and bounds on the height of the
-# peaks above the mean of the samples on both sides, (m,).
-Hidden = tuple[IntArray, FloatArray]
-# Function of the index of a sample and of times in the interval after it; returns errors and arc
-# lengths, (n,) each, or None if the motion is unknown.
-Measure = Callable[[int, FloatArray], tuple[FloatArray, FloatArray] | None]
 
 
 def find_peak(

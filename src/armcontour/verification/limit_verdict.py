@@ -187,9 +187,9 @@ class LimitUseAccumulator:
         self.arm, self.limits, self.path, self.deviation = arm, limits, path, deviation
         self.orientation_deviation = orientation_deviation
         self.farthest = PathDeviation(distance=0.0, t=0.0, s=0.0)
-        # False while bounds are recorded that rounding can make too large. They are the highest
-        # ratio only if there is no other value.
-        self.counts_highest = True
+        # False while lower bounds are recorded that rounding can make too large; they set the
+        # highest ratio only if no other value does.
+        self.updates_highest = True
         self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
 
@@ -223,7 +223,7 @@ class LimitUseAccumulator:
             self._certain[name] = occurrence(i)
         i = int(np.argmax(ratio))
         current = self._highest.get(name)
-        if current is None or (self.counts_highest and ratio.flat[i] > current[0].ratio):
+        if current is None or (self.updates_highest and ratio.flat[i] > current[0].ratio):
             self._highest[name] = occurrence(i)
 
     def record_rates(

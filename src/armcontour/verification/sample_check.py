@@ -222,10 +222,10 @@ def _record_peaks(
             moments.append((moment, error + np.abs(moment) * (stretch**order - 1)))
         # `highest` must not include these jerks, because with rounded positions they can be far
         # above the jerk of the recorded motion.
-        tally.counts_highest = False
+        tally.updates_highest = False
         jerk, error = _smallest_jerk(moments)
         tally.record_rates("joint_jerk", t, np.maximum(jerk, 0.0), q, error)
-        tally.counts_highest = True
+        tally.updates_highest = True
 
 
 def _smallest_factor(

@@ -12,15 +12,15 @@ import yaml
 from soak.identification import move, multisine
 from tests.files.tables import parse_log
 
+from armcontour.cli.command_execution import execute
 from armcontour.cli.commands import Identify
-from armcontour.cli.execution import execute
 from armcontour.cli.identify_command import identify as identify_logs
 from armcontour.control.identification import Log, identify
 from armcontour.core.errors import InvalidInput
 from armcontour.core.render import plain
+from armcontour.files.limits_and_servo_files import read_servo, servo_yaml
 from armcontour.files.log_file import read_log
 from armcontour.files.result_folder import to_json
-from armcontour.files.robot_file import read_servo, servo_yaml
 from armcontour.report.identification import render_identification
 
 ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range(60)) + "\n"

@@ -12,8 +12,8 @@ from soak.identification import LIMIT, NOISE, commands, move, multisine
 import armcontour as ac
 from armcontour.control.identification import Log, identify
 from armcontour.core.errors import InvalidInput
+from armcontour.files.limits_and_servo_files import servo_yaml
 from armcontour.files.log_file import read_log
-from armcontour.files.robot_file import servo_yaml
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
 KR300 = Path(__file__).parent / "kuka_kr300"

@@ -8,12 +8,12 @@ import pytest
 import yaml
 
 import armcontour as ac
+from armcontour.cli.command_execution import execute
 from armcontour.cli.commands import Identify
-from armcontour.cli.execution import execute
 from armcontour.cli.identify_command import identify as identify_logs
 from armcontour.control.compensation import METHODS
 from armcontour.files import parse_job
-from armcontour.files.robot_file import read_servo
+from armcontour.files.limits_and_servo_files import read_servo
 from armcontour.report.identification import render_identification
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 

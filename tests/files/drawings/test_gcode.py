@@ -27,7 +27,7 @@ def read(text, **options):
     """Read a file of the corpus by its name, or a text with | for the ends of lines."""
     if isinstance(text, str) and re.fullmatch(r"\w+/\w+", text):
         data = (CORPUS / f"{text}.ngc").read_bytes()
-        return read_gcode(data, source=f"{text}.ngc", options=ReadOptions(mend_vertices=0.0))
+        return read_gcode(data, source=f"{text}.ngc", options=ReadOptions(repair_vertices=0.0))
     data = text if isinstance(text, bytes) else f"{text}\n".replace("|", "\n").encode()
     return read_gcode(data, source="part.ngc", options=ReadOptions(**options))
 

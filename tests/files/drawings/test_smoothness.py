@@ -92,10 +92,10 @@ SHAPES = {
 def test_printed_curves_have_no_corners(read, shape):
     draw, ending = SHAPES[shape]
     for decimals in (2, 3, 4, 5, 6):
-        printed = read(draw(decimals), ending, mend_vertices=0.0)
+        printed = read(draw(decimals), ending, repair_vertices=0.0)
         rounding = 0.5 * 10.0**-decimals * 1e-3 * np.sqrt(2) * (10 if "small" in shape else 1)
         # The default suits three decimals of a millimetre.
-        coarse = {} if rounding <= 2e-6 else {"mend_vertices": 1e-5}
+        coarse = {} if rounding <= 2e-6 else {"repair_vertices": 1e-5}
         mended = read(draw(decimals), ending, **coarse)
         bent = kinks(printed)
         assert bent > 0 and not printed.notes
@@ -114,7 +114,7 @@ def test_tolerances_of_file_and_layer_limit_the_repair_of_vertices(read, refuses
     assert kinks(read(rectangle(3).replace("G64 P0.1", "G61"))) >= 5
     tight = read(rectangle(2).replace("P0.1", "P0.00001"))
     assert "1e-05 mm" in tight.notes[0]
-    printed = read(rectangle(2), mend_vertices=0.0).path
+    printed = read(rectangle(2), repair_vertices=0.0).path
     s = np.linspace(0, tight.path.length, 999)
     assert printed.project(tight.path(s)).distance.max() <= 1e-8 * 1.001
     draw = ellipse(2).replace("<path", '<path id="cut"')
@@ -123,7 +123,7 @@ def test_tolerances_of_file_and_layer_limit_the_repair_of_vertices(read, refuses
     tight = read(draw, ".svg", layers={name: ac.SegmentLimits(tolerance=1e-8)}).notes[0]
     assert "1e-05 mm" in tight and "1e-05 mm" not in free
     assert not read(draw, ".svg", layers={name: ac.SegmentLimits(tolerance=0.0)}).notes
-    refuses(lambda: read(arcs(3), mend_vertices=-1e-6), ac.InvalidInput, "mend_vertices")
+    refuses(lambda: read(arcs(3), repair_vertices=-1e-6), ac.InvalidInput, "repair_vertices")
 
 
 def test_corners_that_rounding_does_not_explain_remain(read):
@@ -135,14 +135,14 @@ def test_corners_that_rounding_does_not_explain_remain(read):
     y = 30 * np.tan(np.radians(0.1))
     text = f"G21 G90 F600\nG0 X0.000 Y0.000\nG1 X30.000\nG1 X60.000 Y{y:.3f}\nM2\n"
     assert not read(text).notes
-    assert read(text, mend_vertices=5e-5).notes
+    assert read(text, repair_vertices=5e-5).notes
 
 
 def test_rounded_collinear_waypoints_are_aligned(read):
     places = np.linspace(0, 70, 8)
     rows = [f"{100 + x * np.cos(0.4):.3f},{50 + x * np.sin(0.4):.3f}" for x in places]
     text = "x [mm],y [mm]\n" + "\n".join(rows) + "\n"
-    assert len(read(text, ".csv", mend_vertices=0.0).path.stops) >= 5
+    assert len(read(text, ".csv", repair_vertices=0.0).path.stops) >= 5
     assert len(read(text, ".csv").path.stops) == 0
 
 
@@ -155,6 +155,6 @@ def test_rounded_bulges_of_dxf_become_tangent(tmp_path):
     points = [(round(c * x - s * y, 4), round(s * x + c * y, 4), round(b, 6)) for x, y, b in flat]
     document.modelspace().add_lwpolyline(points, format="xyb", close=True)
     document.saveas(tmp_path / "a.dxf")
-    assert kinks(ac.read_path(tmp_path / "a.dxf", ac.ReadOptions(mend_vertices=0.0))) >= 5
+    assert kinks(ac.read_path(tmp_path / "a.dxf", ac.ReadOptions(repair_vertices=0.0))) >= 5
     mended = ac.read_path(tmp_path / "a.dxf")
     assert kinks(mended) == 0 and "Repaired" in mended.notes[-1]

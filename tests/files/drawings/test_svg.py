@@ -193,7 +193,7 @@ def test_ellipses_and_degenerate_arcs_are_read():
     points = path(np.linspace(0, path.length, 500)) * 1e3
     assert np.ptp(np.linalg.norm(points - (50, 50.005), axis=1)) < 1e-5
     assert path.length == pytest.approx(2e-2 * np.pi, rel=1e-3) and (path.turns < 1e-6).all()
-    path = only('<path d="M60 30 A 10 10.00009 0 1 1 60 29.999"/>', mend_vertices=0.0)
+    path = only('<path d="M60 30 A 10 10.00009 0 1 1 60 29.999"/>', repair_vertices=0.0)
     points = path(np.linspace(0, path.length, 500)) * 1e3
     assert len(path) == 2
     assert np.abs(np.linalg.norm(points - (50, 50), axis=1) - 10).max() < 2e-3

@@ -28,8 +28,8 @@ from armcontour.files.exports import (
     export,
     make_table,
 )
-from armcontour.files.exports import table as table_module
-from armcontour.files.exports.table import csv_pieces, event_data
+from armcontour.files.exports import export_table as table_module
+from armcontour.files.exports.export_table import csv_pieces, event_data
 from armcontour.jobs.job import ENDINGS
 from armcontour.motion import TimedEvent
 

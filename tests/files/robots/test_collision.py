@@ -10,8 +10,7 @@ from tests.files.tables import refusals, rows
 import armcontour as ac
 from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import Box, Capsule, Cylinder, Scene, Sphere
-from armcontour.verification.clearance.distances import REASON, Distances
-from armcontour.verification.clearance.pairs import pairs_of
+from armcontour.verification.clearance.body_pairs import REASON, Distances, pairs_of
 
 WEDGE = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 # A pan and a tilt joint, a fixed camera on the second link, a mesh on the third, and a gripper

@@ -16,7 +16,7 @@ from tests.files.tables import refusals
 import armcontour as ac
 from armcontour.core.frames import Frame
 from armcontour.files import parse_job
-from armcontour.files.robots import loading
+from armcontour.files.robots import arm_loading
 from armcontour.robot import Payload
 from armcontour.robot.scene import ArmShapes, Capsule, LinkShape, Mesh, Sphere
 
@@ -282,7 +282,7 @@ def test_every_link_of_a_built_in_arm_has_a_hull(name):
     content = (FOLDER / f"{name}.json").read_bytes()
     assert len(content) <= 100_000
     assert max(x["excess"] for x in json.loads(content)["hulls"]) <= 0.0003
-    source = loading.read_hulls(name).source
+    source = arm_loading.read_hulls(name).source
     text = (FOLDER / source.split("see ")[1].rstrip(".")).read_text(encoding="utf-8")
     license = source.split(":")[0].split(". ")[-1]
     assert f"{name}.json" in text and license in ("BSD-3-Clause", "Apache-2.0")

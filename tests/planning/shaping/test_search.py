@@ -5,11 +5,8 @@ import pytest
 
 import armcontour as ac
 from armcontour.geometry import Tube
-from armcontour.planning.shaping.curves import draw
-from armcontour.planning.shaping.nodes import place_nodes
-from armcontour.planning.shaping.search import explain_unshaped, make_searches
-from armcontour.planning.shaping.spline_rows import JointSpline, assemble, span_rows
-from armcontour.planning.shaping.starts import (
+from armcontour.planning.shaping.shape_search import explain_unshaped, make_searches
+from armcontour.planning.shaping.shape_starts import (
     ARCS,
     PARABOLAS,
     STOPS,
@@ -17,6 +14,9 @@ from armcontour.planning.shaping.starts import (
     make_starts,
     prove,
 )
+from armcontour.planning.shaping.spline_nodes import place_nodes
+from armcontour.planning.shaping.spline_rows import JointSpline, assemble, span_rows
+from armcontour.planning.shaping.tool_path_fit import draw
 
 LINES = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)])
 

@@ -10,7 +10,7 @@ from soak.shaping import Problem, judge
 
 import armcontour as ac
 from armcontour.planning import trace_program
-from armcontour.planning.shaping import search, shape, shaper
+from armcontour.planning.shaping import shape, shape_search, shaper
 
 
 def square(x):
@@ -83,9 +83,9 @@ def test_a_long_path_shaped_in_parts_is_about_as_fast_as_in_one_part(arm, limits
         return ac.plan(path, arm, limits, ac.Shaped(**options, **more))
 
     whole = plan()
-    monkeypatch.setattr(search, "LONG_PATH", 4)
-    monkeypatch.setattr(search, "CHUNKED", 4)
-    monkeypatch.setattr(search, "CORNERS", 4)
+    monkeypatch.setattr(shape_search, "LONG_PATH", 4)
+    monkeypatch.setattr(shape_search, "CHUNKED", 4)
+    monkeypatch.setattr(shape_search, "CORNERS", 4)
     parts = plan()
     assert parts.duration < 1.005 * whole.duration
     history = parts.path.outcome.history

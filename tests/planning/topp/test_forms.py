@@ -20,7 +20,7 @@ from armcontour.planning.topp.limit_forms import (
     Rounds,
     Squares,
 )
-from armcontour.planning.topp.on_grid import OnGrid
+from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 RNG = np.random.default_rng(4)
 UR5E = ac.load_arm("ur5e")
@@ -28,8 +28,8 @@ PATH = ac.JointPath.spline(RNG.uniform(-1.2, 1.2, (5, 6)))
 LIMITS = ac.Limits.only(joint_velocity=np.full(6, 2.0), joint_acceleration=np.full(6, 8.0))
 
 
-def on_grid(intervals=40):
-    return OnGrid(place_grid(PATH, intervals))
+def sampled_path(intervals=40):
+    return SampledJointPath(place_grid(PATH, intervals))
 
 
 def inside(path, order):
@@ -63,7 +63,7 @@ def test_dense_samples_stay_within_the_bounds_of_sampled_forms():
     viscous = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
     chain = UR5E.chain.replace(viscous=viscous)
     arm = ac.SerialArm(name="rubbing", chain=chain, limits=UR5E.limits)
-    path, share = on_grid(400), np.linspace(0, 1, 33)[:, None]
+    path, share = sampled_path(400), np.linspace(0, 1, 33)[:, None]
     s = path.grid.s[:-1] + share * path.grid.width
     piece = np.broadcast_to(path.grid.piece, s.shape).ravel()
     q, first, second = (PATH.on_interval(piece, s.ravel(), k) for k in range(3))
@@ -125,7 +125,7 @@ def largest_by_programs(path, ends):
 
 
 def test_the_forward_pass_equals_linear_programs():
-    path = on_grid(60)
+    path = sampled_path(60)
     (motion,) = optimal.constraints_of(PATH, UR5E, LIMITS)
     law = plan_on_grid(path.intervals, limits_on(path, [motion]), Rules(tries=1))
     expected = largest_by_programs(path, motion.rows(path).ends)
@@ -157,7 +157,7 @@ RIGHT = {
 def test_arrays_of_the_wrong_shape_are_refused_with_their_name(form):
     """Compiled functions would read beyond them."""
     line = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
-    path = OnGrid(place_grid(line, 5))
+    path = SampledJointPath(place_grid(line, 5))
     limits_on(path, [Own(form(**{name: np.ones(x) for name, x in RIGHT[form].items()}))])
     for name, shape in RIGHT[form].items():
         for k in range(len(shape)):

@@ -10,7 +10,7 @@ import armcontour as ac
 from armcontour.core.frames import Frame, exp, log
 from armcontour.planning.tracing import trace_all
 from armcontour.robot import Chain, SerialArm
-from armcontour.robot.inverse import configurations
+from armcontour.robot.inverse_kinematics import configurations
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 POINTS = [(0.4, -0.2, 0.3), (0.5, -0.1, 0.35), (0.5, 0.2, 0.3), (0.4, 0.25, 0.4)]

@@ -62,7 +62,7 @@ def hostile(tmp_path):
 @pytest.mark.parametrize("name", [*COMMANDS, "program"])
 def test_nothing_is_imported_from_the_folder(hostile, name):
     code, arguments = (COMMAND, COMMANDS[name]) if name in COMMANDS else (PROGRAM, ())
-    file = hostile.parent / "own" / "program.py"
+    file = hostile.parent / "own" / "command_line.py"
     file.parent.mkdir()
     file.write_text(code)
     line = [sys.executable, file, *arguments]

@@ -12,7 +12,7 @@ from armcontour.files import certificate_page, parse_job
 from armcontour.jobs import Uncertainty
 from armcontour.program import Contour, Dwell, Event, Lead, Process, Program
 from armcontour.report import render_report
-from armcontour.studies.certification.search import servo_with
+from armcontour.studies.certification.derating_search import servo_with
 
 JOB = """
 name: parts

@@ -7,7 +7,7 @@ from tests.dynamics_extra import pinocchio
 import armcontour as ac
 from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import Scene
-from armcontour.verification.clearance.pairs import pairs_of
+from armcontour.verification.clearance.body_pairs import pairs_of
 
 pinocchio()
 

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.control.compensation.set_points import (
+from armcontour.control.compensation.set_point_times import (
     SETTLING,
     SNAP,
     SetPointTimes,
@@ -39,6 +39,21 @@ from armcontour.robot.servo.model import without_integral
 # line is the mean of its ends, and the middle of a cubic is
 # `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
 MEAN_WEIGHTS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
+# Factor k of the bias k T² x'' of interpolated set-points with the cycle T: a mean over a cycle
+# contributes 1 / 24, linear interpolation 1 / 12, and held set-points 1 / 24.
+BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
+# Largest half-width of the second differences that correct this bias [cycles]. A smaller half-width
+# would increase the commanded acceleration at jumps of acceleration.
+HALF_WIDTH = 12
+# Relative tolerance of durations, which have rounding errors because they are sums.
+DURATION_TOLERANCE = 1e-9
+# Poles in a file.
+POLES = Key(
+    hint=Annotated[
+        Annotated[list[Pole], Items(3, 3)] | list[Annotated[list[Pole], Items(3, 3)]] | None,
+        About(),
+    ]
+)
 
 
 def inverse_dynamics(
@@ -124,14 +139,6 @@ def _solve_set_points(
     return mean
 
 
-# Factor k of the bias k T² x'' of interpolated set-points with the cycle T: a mean over a cycle
-# contributes 1 / 24, linear interpolation 1 / 12, and held set-points 1 / 24.
-BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
-# Largest half-width of the second differences that correct this bias [cycles]. A smaller half-width
-# would increase the commanded acceleration at jumps of acceleration.
-HALF_WIDTH = 12
-
-
 def invert_servo(
     trajectory: Trajectory, servo: ServoModel, cycle: float
 ) -> tuple[float, FloatArray]:
@@ -198,17 +205,6 @@ def _second_differences(
     i = np.arange(len(t))
     weight = np.clip(inside / HALF_WIDTH, 0, 1) / np.maximum(reach, 1) ** 2
     return np.asarray(weight[:, None] * (u[i + reach] - 2 * u + u[i - reach]))
-
-
-# Relative tolerance of durations, which have rounding errors because they are sums.
-DURATION_TOLERANCE = 1e-9
-# Poles in a file.
-POLES = Key(
-    hint=Annotated[
-        Annotated[list[Pole], Items(3, 3)] | list[Annotated[list[Pole], Items(3, 3)]] | None,
-        About(),
-    ]
-)
 
 
 @declared(eq=False)

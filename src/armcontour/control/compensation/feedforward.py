@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour.control.compensation.set_points import SETTLING, integrator_tail, longest_tail
+from armcontour.control.compensation.set_point_times import SETTLING, integrator_tail, longest_tail
 from armcontour.core.checks import FloatArray
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armcontour.control.compensation.set_points import LONGEST_TAIL
+from armcontour.control.compensation.set_point_times import LONGEST_TAIL
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError
 from armcontour.motion import LimitCost, SetPoints

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.control.compensation.set_points import (
+from armcontour.control.compensation.set_point_times import (
     SETTLING,
     SetPointTimes,
     advance_set_points,
@@ -33,6 +33,7 @@ LARGEST_STEP = 0.25
 TERMS = 22
 # The series ends at a term below this fraction of the state.
 NEGLIGIBLE = 1e-20
+ComplexArray = npt.NDArray[np.complex128]
 
 
 @compiled()
@@ -102,9 +103,6 @@ def run_filter(
             for c in range(3):
                 states[i + 1, j, c] = now[c]
     return states
-
-
-ComplexArray = npt.NDArray[np.complex128]
 
 
 def default_poles(servo: ServoModel) -> ComplexArray:

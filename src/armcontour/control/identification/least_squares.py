@@ -28,6 +28,20 @@ SIGNIFICANCE, FEWEST_LINES = 0.01, 8
 # resolution. VARIANCE_SLACK: relative excess over the variance of quantization that is still
 # accepted.
 POSITION_ROUNDING, STEP_ROUNDING, VARIANCE_SLACK = 1e-9, 0.01, 0.2
+# Largest standard deviation of a determined parameter, relative to its value.
+RELATIVE_SD = 0.10
+# The data do not determine the parameters along an eigenvector of the Gram matrix whose eigenvalue
+# is below this fraction of the largest eigenvalue.
+DEPENDENT = 1e-14
+PARAMETERS = (
+    *("kp", "kv", "ki", "velocity_feedforward", "acceleration_feedforward"),
+    *("dead_time", "friction", "acceleration_limit"),
+)
+UNITS = {name: quantities(ServoModel)[name].words for name in PARAMETERS}
+# Lower and upper end of an interval, each as its difference from the value.
+Ends = tuple[float, float]
+# Parameters that are fitted as logarithms.
+LOGARITHMIC = ("kp", "kv", "ki", "acceleration_limit")
 
 
 def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
@@ -81,13 +95,6 @@ def correlation_length(residuals: FloatArray) -> float:
     below = np.flatnonzero(correlations < LEAST_CORRELATION)
     end = int(below[0]) if len(below) else len(correlations)
     return float(max(1.0, 1 + 2 * np.sum(correlations[1:end])))
-
-
-# Largest standard deviation of a determined parameter, relative to its value.
-RELATIVE_SD = 0.10
-# The data do not determine the parameters along an eigenvector of the Gram matrix whose eigenvalue
-# is below this fraction of the largest eigenvalue.
-DEPENDENT = 1e-14
 
 
 def allowed_deviation(value: Any, also: Any = 0.0) -> Any:
@@ -155,17 +162,6 @@ def standard_deviations(jacobian: FloatArray, variance: float, free: BoolArray) 
     deviations = np.zeros(len(free))
     deviations[free] = np.sqrt(np.maximum(variances, 0.0)) / sizes
     return deviations
-
-
-PARAMETERS = (
-    *("kp", "kv", "ki", "velocity_feedforward", "acceleration_feedforward"),
-    *("dead_time", "friction", "acceleration_limit"),
-)
-UNITS = {name: quantities(ServoModel)[name].words for name in PARAMETERS}
-# Lower and upper end of an interval, each as its difference from the value.
-Ends = tuple[float, float]
-# Parameters that are fitted as logarithms.
-LOGARITHMIC = ("kp", "kv", "ki", "acceleration_limit")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

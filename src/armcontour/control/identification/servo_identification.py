@@ -26,7 +26,7 @@ from armcontour.control.identification.joint_fit import (
     split_logs,
 )
 from armcontour.control.identification.least_squares import encoder_resolution, is_white
-from armcontour.control.identification.selection import (
+from armcontour.control.identification.model_selection import (
     Selected,
     find_lag,
     find_saturation,
@@ -74,6 +74,25 @@ LEAST_SIGNAL = 0.01
 MAIN_SHARE = 0.5
 # Lower bound of divisors.
 TINY = 1e-30
+# Orders of the candidate models for each value of the option `model`.
+MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": ("first",)}
+# A model is good if its RMS error is at most GOOD_SHARE times the tracking error or NOISE_MULTIPLE
+# times the encoder noise. A weak model is written only if its error is at most GOOD_SHARE times the
+# motion.
+GOOD_SHARE, NOISE_MULTIPLE = 0.3, 3.0
+# The columns are checked if the error exceeds this share of the motion.
+MISREAD_SHARE = 0.1
+# A joint is at rest if the standard deviation of its measured positions is at most REST_SIGMAS
+# times that of the noise, or if their range is at most LEAST_MOTION [rad] (a 32-bit encoder has a
+# resolution of 1.5e-9 rad).
+REST_SIGMAS, LEAST_MOTION = 1.5, 1e-9
+# Lower bound of a tracking error that is used as a divisor [rad].
+LEAST_LAG = 1e-12
+# Deviations from uniform velocity below this value are rounding errors, because logs have at most
+# nine digits [rad].
+LEAST_BEND = 1e-8
+# Longest drive cycle that is assumed if none is given [s]; a longer sample interval replaces it.
+USUAL_CYCLE = 2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -287,10 +306,6 @@ def find_nearest(curve: FloatArray, points: FloatArray, reach: int) -> FloatArra
     return positions
 
 
-# Orders of the candidate models for each value of the option `model`.
-MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": ("first",)}
-
-
 @declared(eq=False)
 class ServoFit(Options):
     """Options of `identify` for independent joint servos.
@@ -335,23 +350,6 @@ def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
 
 
 SERVO_FIT = ServoFit()
-# A model is good if its RMS error is at most GOOD_SHARE times the tracking error or NOISE_MULTIPLE
-# times the encoder noise. A weak model is written only if its error is at most GOOD_SHARE times the
-# motion.
-GOOD_SHARE, NOISE_MULTIPLE = 0.3, 3.0
-# The columns are checked if the error exceeds this share of the motion.
-MISREAD_SHARE = 0.1
-# A joint is at rest if the standard deviation of its measured positions is at most REST_SIGMAS
-# times that of the noise, or if their range is at most LEAST_MOTION [rad] (a 32-bit encoder has a
-# resolution of 1.5e-9 rad).
-REST_SIGMAS, LEAST_MOTION = 1.5, 1e-9
-# Lower bound of a tracking error that is used as a divisor [rad].
-LEAST_LAG = 1e-12
-# Deviations from uniform velocity below this value are rounding errors, because logs have at most
-# nine digits [rad].
-LEAST_BEND = 1e-8
-# Longest drive cycle that is assumed if none is given [s]; a longer sample interval replaces it.
-USUAL_CYCLE = 2e-3
 
 
 @checked

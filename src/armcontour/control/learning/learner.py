@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from armcontour.control.learning import alignment
+from armcontour.control.learning import log_alignment
 from armcontour.control.learning.learning_result import (
     LearningResult,
     LearningRun,
@@ -38,6 +38,28 @@ CAUTION = 2.0
 NOISE_MARGIN = 1.5
 # A change of the set-points is useful if it reduces the error by more than this factor.
 USEFUL_FACTOR = 1.05
+# Measured or simulated motion of a run.
+Executed: TypeAlias = Execution | Log | Recording
+# Motion of one or several runs of the same set-points.
+Runs: TypeAlias = Executed | Sequence[Executed]
+# Position loop gain of a joint whose servo has none [1/s], typical of industrial drives.
+TYPICAL_GAIN = 25.0
+# A log contradicts the servo if the deviation of a joint from the simulation exceeds MAX_MISFIT
+# times its deviation from the set-points. The deviation of a joint that hardly moves counts as
+# LEAST_LAG times the largest one of all joints, because coupled joints move it.
+MAX_MISFIT, LEAST_LAG = 1.05, 0.3
+# Learning ends after MAX_SETBACKS setbacks. Each setback multiplies the step by SETBACK_STEP.
+MAX_SETBACKS = 3
+SETBACK_STEP = 0.5
+# Number of steps that are tried on the model, each SETBACK_STEP times the previous one.
+TRIALS = 4
+# Set-points may accelerate up to the limit of the joint or up to ACCELERATION_FACTOR times the
+# largest acceleration before learning, whichever is larger. The acceleration of a joint that hardly
+# moves counts as RESTING_SHARE times the acceleration of the fastest joint.
+ACCELERATION_FACTOR, RESTING_SHARE = 2.0, 0.25
+# If learning ends by setbacks and more than this share of the first error remains, the servo may be
+# wrong.
+PROVEN_SHARE = 0.5
 
 
 def smooth_error(lifted: Lifted, error: FloatArray, noise: FloatArray) -> FloatArray:
@@ -117,31 +139,6 @@ class ErrorEstimate:
         return self.noise is not None and self.count > 1 and self.repeats <= self.noise
 
 
-# Measured or simulated motion of a run.
-Executed: TypeAlias = Execution | Log | Recording
-# Motion of one or several runs of the same set-points.
-Runs: TypeAlias = Executed | Sequence[Executed]
-
-# Position loop gain of a joint whose servo has none [1/s], typical of industrial drives.
-TYPICAL_GAIN = 25.0
-# A log contradicts the servo if the deviation of a joint from the simulation exceeds MAX_MISFIT
-# times its deviation from the set-points. The deviation of a joint that hardly moves counts as
-# LEAST_LAG times the largest one of all joints, because coupled joints move it.
-MAX_MISFIT, LEAST_LAG = 1.05, 0.3
-# Learning ends after MAX_SETBACKS setbacks. Each setback multiplies the step by SETBACK_STEP.
-MAX_SETBACKS = 3
-SETBACK_STEP = 0.5
-# Number of steps that are tried on the model, each SETBACK_STEP times the previous one.
-TRIALS = 4
-# Set-points may accelerate up to the limit of the joint or up to ACCELERATION_FACTOR times the
-# largest acceleration before learning, whichever is larger. The acceleration of a joint that hardly
-# moves counts as RESTING_SHARE times the acceleration of the fastest joint.
-ACCELERATION_FACTOR, RESTING_SHARE = 2.0, 0.25
-# If learning ends by setbacks and more than this share of the first error remains, the servo may be
-# wrong.
-PROVEN_SHARE = 0.5
-
-
 @checked
 def learn(
     set_points: SetPoints,
@@ -185,7 +182,7 @@ def learn(
     lifted = _lift(set_points, recordings, Nominal(arm, servo, gravity_feedforward))
     new = tuple(_measure_errors(lifted, set_points, x) for x in recordings)
     for recording, run in zip(recordings, new, strict=True):
-        alignment.require_same_set_points(recording, run, set_points)
+        log_alignment.require_same_set_points(recording, run, set_points)
     return _learn_next(set_points, lifted, new, limits)
 
 
@@ -196,7 +193,7 @@ def _lift(set_points: SetPoints, recordings: Sequence[Recording], nominal: Nomin
         return set_points.lifted or Lifted(set_points, nominal, len(set_points.runs[0].error))
     nominal = nominal._replace(servo=_linearize(nominal.servo, nominal.arm))
     lifted = Lifted(set_points, nominal)
-    end = max(alignment.find_rest(x, lifted, set_points) for x in recordings)
+    end = max(log_alignment.find_rest(x, lifted, set_points) for x in recordings)
     if end > lifted.t[-1]:
         times = int(np.ceil((end - lifted.t[0]) / lifted.step)) + 1
         lifted = Lifted(set_points, nominal, times)
@@ -230,7 +227,7 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
         added = lifted.respond(set_points.q - before.q)
         expected = lifted.planned + smooth_error(lifted, before.error, before.noise) + added
     arm = set_points.trajectory.arm
-    aligned = alignment.align(recording, lifted, set_points, expected)
+    aligned = log_alignment.align(recording, lifted, set_points, expected)
     offset, rate, measured, noise = aligned
     error = measured - lifted.planned
     # If the sample interval is longer than the model's time step, the noise of a sample affects
@@ -241,7 +238,7 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
         q=set_points.q, error=error, noise=noise,
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
         offset=offset, rate=rate, source=recording.source, notes=recording.notes,
-        set_points_off=alignment.set_points_off(plan_times, recording.command, set_points),
+        set_points_off=log_alignment.set_points_off(plan_times, recording.command, set_points),
         prismatic=() if arm is None or arm.chain.prismatic is None else arm.chain.prismatic,
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from armcontour.control.identification.joint_fit import split_logs
-from armcontour.control.identification.selection import LEAST_SHARE, find_saturation
+from armcontour.control.identification.model_selection import LEAST_SHARE, find_saturation
 from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput

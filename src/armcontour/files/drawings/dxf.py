@@ -17,6 +17,13 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.core.text import count_noun, list_some
 from armcontour.files.drawings.arc_chain import WITHOUT_Z, Affine
+from armcontour.files.drawings.drawing_traversal import (
+    TRAVERSAL_SHARE,
+    EntityOutlines,
+    Inherited,
+    Walk,
+    place_outline,
+)
 from armcontour.files.drawings.dxf_entities import (
     NO_CONTOUR,
     SHAPES,
@@ -28,13 +35,6 @@ from armcontour.files.drawings.dxf_entities import (
 )
 from armcontour.files.drawings.outlines import Outline
 from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, hex_of, valid_name
-from armcontour.files.drawings.walk import (
-    TRAVERSAL_SHARE,
-    EntityOutlines,
-    Inherited,
-    Walk,
-    place_outline,
-)
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program
 
@@ -175,7 +175,7 @@ class DxfWalk(Walk):
         world = Affine(unit * np.eye(3), np.zeros(3))
         drawing = Inherited(to=world, layer="0", color=WHITE)
         for k, entity in enumerate(entities):
-            self.tell(TRAVERSAL_SHARE * k / len(entities))
+            self.report_fraction(TRAVERSAL_SHARE * k / len(entities))
             yield from self._shapes_in([entity], drawing)
 
     def _shapes_in(self, entities: Iterable[Any], block: Inherited) -> Iterator[EntityOutlines]:
@@ -392,9 +392,9 @@ def open_document(data: bytes, source: str) -> tuple[Any, list[str]]:
         if notes and not changes:
             # The file is truncated, but its remaining part is intact.
             return document, notes
-        mended = f" and was repaired in {count_noun(changes, 'place')}" if changes else ""
+        repaired = f" and was repaired in {count_noun(changes, 'place')}" if changes else ""
         reason = ADDRESS.sub("", error_line(first))
-        damage = f"The file is damaged ({reason}){mended}; damaged parts may be missing."
+        damage = f"The file is damaged ({reason}){repaired}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
         reason = ADDRESS.sub("", error_line(first))

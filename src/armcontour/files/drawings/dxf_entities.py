@@ -23,6 +23,38 @@ CLOSED_SPLINE = 1
 # A segment with a smaller bulge is a line, because the arc deviates from the chord by only half the
 # bulge times the length of the chord.
 NO_BULGE = 1e-12
+# Attributes that the DXF format requires. They are checked because ezdxf has default values for
+# missing ones.
+REQUIRED = {
+    "LINE": ("start", "end"),
+    "ARC": ("center", "radius", "start_angle", "end_angle"),
+    "CIRCLE": ("center", "radius"),
+    "ELLIPSE": ("center", "major_axis", "ratio"),
+    "INSERT": ("name", "insert"),
+}
+# Types of entities that are skipped with a note: texts, dimensions, points, filled areas, bodies,
+# images and infinite lines. Types in neither table are unknown and are refused.
+NO_CONTOUR = frozenset(
+    {
+        *("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT", "SHAPE", "ACAD_TABLE"),
+        *("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER", "MULTILEADER"),
+        *("MLEADER", "TOLERANCE", "POINT", "HATCH", "MPOLYGON", "SOLID", "TRACE", "WIPEOUT"),
+        *(
+            "3DFACE",
+            "3DSOLID",
+            "MESH",
+            "BODY",
+            "REGION",
+            "SURFACE",
+            "EXTRUDEDSURFACE",
+            "LOFTEDSURFACE",
+        ),
+        *("PLANESURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE", "NURBSURFACE", "POLYLINE"),
+        *("IMAGE", "OLEFRAME", "OLE2FRAME", "PDFUNDERLAY", "DWFUNDERLAY", "DGNUNDERLAY"),
+        *("POINTCLOUD", "ACDBPOINTCLOUDEX", "XLINE", "RAY", "VIEWPORT", "LIGHT", "SUN", "CAMERA"),
+        *("SECTIONOBJECT", "SECTION", "GEOPOSITIONMARKER", "COORDINATION_MODEL"),
+    }
+)
 
 
 class Unreadable(Exception):
@@ -208,15 +240,6 @@ def _check_point_count(n: int) -> None:
         raise Unreadable(f"has {n} points, but at most {MAX_POINTS} are allowed")
 
 
-# Attributes that the DXF format requires. They are checked because ezdxf has default values for
-# missing ones.
-REQUIRED = {
-    "LINE": ("start", "end"),
-    "ARC": ("center", "radius", "start_angle", "end_angle"),
-    "CIRCLE": ("center", "radius"),
-    "ELLIPSE": ("center", "major_axis", "ratio"),
-    "INSERT": ("name", "insert"),
-}
 # Functions for the types of entities that draw a contour.
 SHAPES: dict[str, Callable[[Any], Shape | None]] = {
     "LINE": line,
@@ -228,29 +251,6 @@ SHAPES: dict[str, Callable[[Any], Shape | None]] = {
     "SPLINE": spline,
     "HELIX": spline,
 }
-# Types of entities that are skipped with a note: texts, dimensions, points, filled areas, bodies,
-# images and infinite lines. Types in neither table are unknown and are refused.
-NO_CONTOUR = frozenset(
-    {
-        *("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT", "SHAPE", "ACAD_TABLE"),
-        *("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER", "MULTILEADER"),
-        *("MLEADER", "TOLERANCE", "POINT", "HATCH", "MPOLYGON", "SOLID", "TRACE", "WIPEOUT"),
-        *(
-            "3DFACE",
-            "3DSOLID",
-            "MESH",
-            "BODY",
-            "REGION",
-            "SURFACE",
-            "EXTRUDEDSURFACE",
-            "LOFTEDSURFACE",
-        ),
-        *("PLANESURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE", "NURBSURFACE", "POLYLINE"),
-        *("IMAGE", "OLEFRAME", "OLE2FRAME", "PDFUNDERLAY", "DWFUNDERLAY", "DGNUNDERLAY"),
-        *("POINTCLOUD", "ACDBPOINTCLOUDEX", "XLINE", "RAY", "VIEWPORT", "LIGHT", "SUN", "CAMERA"),
-        *("SECTIONOBJECT", "SECTION", "GEOPOSITIONMARKER", "COORDINATION_MODEL"),
-    }
-)
 
 
 def check_required(entity: Any) -> None:

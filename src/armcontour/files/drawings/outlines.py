@@ -21,6 +21,9 @@ from armcontour.geometry.segments import REPEATED_POINT
 # Largest gap in a continuous spline due to rounding, as a fraction of the extent or of the largest
 # coordinate of the spline (the larger one).
 SAME_RELATIVE = 1e-9
+# The gap of a closed outline is closed by moving the end point only if the gap is at most `join`
+# and at most this fraction of the chord of the last line, arc or curve.
+SMALL_GAP = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -204,10 +207,6 @@ def _evaluate_bezier(control: list[FloatArray], fraction: FloatArray) -> FloatAr
     return control[0]
 
 
-# The gap of a closed outline is closed by moving the end point only if the gap is at most `join`
-# and at most this fraction of the chord of the last line, arc or curve.
-SMALL_GAP = 0.1
-
 Shape = ArcChain | BezierSpline
 
 
@@ -272,7 +271,7 @@ def paths_of(
     outlines: Sequence[Outline],
     tolerance: float,
     join: float = 0.0,
-    tell: Callable[[float], None] = lambda done: None,
+    report_fraction: Callable[[float], None] = lambda done: None,
 ) -> list[Path | None]:
     """The paths of outlines; None for an outline without length.
 
@@ -296,7 +295,7 @@ def paths_of(
         for done, (n, segments) in enumerate(fit_splines(splines, tolerance)):
             i, k = positions[n]
             parts[i][k] = segments
-            tell((done + 1) / len(splines))
+            report_fraction((done + 1) / len(splines))
     except InvalidInput as error:
         assert error.index is not None
         raise InvalidInput(str(error), index=positions[error.index][0]) from None

@@ -17,21 +17,10 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.file_access import SMALL
 from armcontour.core.frames import angle_between
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import (
-    About,
-    Choice,
-    Distance,
-    Factor,
-    Tolerance,
-    parse_quantity,
-)
+from armcontour.core.quantities import About, Choice, Distance, Factor, Tolerance, parse_quantity
 from armcontour.core.text import digits, make_printable, shorten
 from armcontour.geometry import Path, SegmentLimits, Segments
-from armcontour.geometry.rounding.tangent_repair import (
-    LARGEST_KINK,
-    RepairedPath,
-    repair_tangents,
-)
+from armcontour.geometry.rounding.tangent_repair import LARGEST_KINK, RepairedPath, repair_tangents
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
@@ -65,23 +54,27 @@ _SHORT = re.compile(r"#([0-9a-f])([0-9a-f])([0-9a-f])")
 _RGB = re.compile(r"rgb\(\s*([\d.]+)(%?)[\s,]+([\d.]+)%?[\s,]+([\d.]+)%?\s*\)")
 
 
-Tell = Callable[[float], None]
+ReportFraction = Callable[[float], None]
+# Largest coordinate [m]. Above this value, doubles do not resolve the smallest distance between
+# two points; a drawing with such coordinates has a wrong unit.
+MAX_COORDINATE = 1e6
+UNKNOWN = ("refuse", "skip")
 
 
-def fraction_reporter(progress: Progress | None, source: str) -> Tell:
+def fraction_reporter(progress: Progress | None, source: str) -> ReportFraction:
     """A function that reports the fraction of a file that is read, at each new whole percent."""
     if progress is None:
         return lambda share: None
     say, shown = subprogress(progress, source), -1
 
-    def tell(fraction: float) -> None:
+    def report_fraction(fraction: float) -> None:
         nonlocal shown
         percent = int(100 * min(fraction, 1.0))
         if percent > shown:
             shown = percent
             say(Step((), percent / 100))
 
-    return tell
+    return report_fraction
 
 
 def valid_name(name: str) -> str:
@@ -103,12 +96,6 @@ def color_of(text: str) -> str:
 def hex_of(red: int, green: int, blue: int) -> str:
     """The colour `#rrggbb` with components from 0 to 255."""
     return f"#{red:02x}{green:02x}{blue:02x}"
-
-
-# Largest coordinate [m]. Above this value, doubles do not resolve the smallest distance between
-# two points; a drawing with such coordinates has a wrong unit.
-MAX_COORDINATE = 1e6
-UNKNOWN = ("refuse", "skip")
 
 
 @declared()
@@ -134,7 +121,7 @@ class ReadOptions(Checked):
         ignore_z: Whether to ignore z and the tool orientation in the file.
         chord_tolerance: Maximum distance between a curve and the arcs that replace it [m].
         join_tolerance: Distance below which two ends are the same point [m].
-        mend_vertices: Largest rounding error of coordinates [m]. A vertex is made tangent, with a
+        repair_vertices: Largest rounding error of coordinates [m]. A vertex is made tangent, with a
             note, if an error of this size can explain its turn. Short moves along a line become
             one line. The default suits three decimals of a millimetre and four of an inch. 0
             changes no vertex.
@@ -155,7 +142,7 @@ class ReadOptions(Checked):
     ignore_z: Annotated[bool, About("--ignore-z")] = False
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
-    mend_vertices: Distance = 2e-6
+    repair_vertices: Distance = 2e-6
     columns: Annotated[str | None, About("--waypoint-columns")] = None
     unknown: Annotated[
         str,
@@ -217,16 +204,18 @@ def repair_vertices(program: Program, options: ReadOptions) -> Program:
     moves: list[Move] = list(program.moves)
     tolerances, changed = options.layer_tolerances, []
     paths = [x.path for x in moves if isinstance(x, Contour)]
-    needed = iter(_may_have_repairs(paths, options.mend_vertices).tolist())
+    needed = iter(_may_have_repairs(paths, options.repair_vertices).tolist())
     for i, move in enumerate(moves):
         if not isinstance(move, Contour) or not next(needed) or move.path.orientation is not None:
             continue
         tolerance = tolerances.get(move.layer, math.inf)
-        mended = repair_tangents(move.path, options.mend_vertices, tolerance)
-        if mended is not None:
-            changed.append(mended)
-            events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in move.events)
-            moves[i] = dataclasses.replace(move, path=mended.path, events=events)
+        repaired = repair_tangents(move.path, options.repair_vertices, tolerance)
+        if repaired is not None:
+            changed.append(repaired)
+            events = tuple(
+                dataclasses.replace(y, s=float(repaired.place(y.s))) for y in move.events
+            )
+            moves[i] = dataclasses.replace(move, path=repaired.path, events=events)
     if not changed:
         return program
     notes = (*program.notes, _describe_repairs(changed))
@@ -256,6 +245,6 @@ def _describe_repairs(done: list[RepairedPath]) -> str:
     return (
         f"Repaired {vertices} whose turn of at most {digits(math.degrees(kink), 2)}° can be "
         "explained by rounded coordinates. The path is tangent there, and deviates from the path "
-        f"of the file by at most {digits(deviation * 1e3, 2)} mm. With path.mend_vertices: 0 mm "
+        f"of the file by at most {digits(deviation * 1e3, 2)} mm. With path.repair_vertices: 0 mm "
         "the turns stay, and the tool stops there."
     )

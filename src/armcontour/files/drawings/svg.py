@@ -11,6 +11,14 @@ import numpy as np
 
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.arc_chain import Affine, ArcChain
+from armcontour.files.drawings.drawing_traversal import (
+    NO_SIZE,
+    TRAVERSAL_SHARE,
+    EntityOutlines,
+    Inherited,
+    Walk,
+    place_outline,
+)
 from armcontour.files.drawings.outlines import Outline
 from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, color_of, valid_name
 from armcontour.files.drawings.svg_elements import (
@@ -30,14 +38,6 @@ from armcontour.files.drawings.svg_elements import (
     viewbox_transform,
 )
 from armcontour.files.drawings.svg_shapes import SHAPES, element_outlines
-from armcontour.files.drawings.walk import (
-    NO_SIZE,
-    TRAVERSAL_SHARE,
-    EntityOutlines,
-    Inherited,
-    Walk,
-    place_outline,
-)
 from armcontour.program import Program
 
 # Matches versions of Inkscape with 90 px per inch.
@@ -220,7 +220,7 @@ class SvgWalk(Walk):
         while todo:
             element, around = todo.pop()
             visited += 1
-            self.tell(TRAVERSAL_SHARE * min(visited / len(self._elements), 1.0))
+            self.report_fraction(TRAVERSAL_SHARE * min(visited / len(self._elements), 1.0))
             self._repeated += bool(around.targets)
             if self._repeated > MAX_REPEATED:
                 element.refuse(

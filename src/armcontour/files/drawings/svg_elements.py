@@ -27,6 +27,48 @@ PREFIXES = {
 MAX_ELEMENTS = 500_000
 # Maximum number of characters that XML entities may add; entities for namespaces need thousands.
 MAX_EXPANDED = 1_000_000
+# Lengths of an inch and of a CSS pixel [m]. Without a viewBox, the user unit of SVG is a CSS pixel.
+INCH = 0.0254
+PIXEL = INCH / 96
+# CSS pixels per unit.
+PIXELS = {
+    "": 1.0,
+    "px": 1.0,
+    "in": 96.0,
+    "cm": 96 / 2.54,
+    "mm": 96 / 25.4,
+    "q": 96 / 101.6,
+    "pt": 96 / 72,
+    "pc": 16.0,
+}
+# Attributes whose percentages refer to the width, or to the height, of the viewport. Percentages of
+# other attributes refer to its diagonal divided by the square root of 2.
+WIDTH_KEYS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
+HEIGHT_KEYS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
+LENGTHS = WIDTH_KEYS | HEIGHT_KEYS | {"r"}
+SQRT2 = math.sqrt(2)
+NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?"
+NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*[\s,]*+")
+EACH_NUMBER = re.compile(NUMBER)
+_LENGTH = re.compile(rf"({NUMBER})\s*([A-Za-z]*|%)")
+_TRANSFORM = re.compile(r"[\s,]*+([A-Za-z]++)\s*+\(([^()]*+)\)")
+# Maximum number of transforms in one list, which no drawing exceeds.
+MAX_TRANSFORMS = 1000
+_ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
+# Maximum number of values in one list, which no drawing of contours exceeds.
+MAX_NUMBERS = 4_000_000
+# Valid numbers of arguments of each transform.
+ARGUMENT_COUNTS = {
+    "matrix": (6,),
+    "translate": (1, 2),
+    "scale": (1, 2),
+    "rotate": (1, 3),
+    "skewX": (1,),
+    "skewY": (1,),
+}
+# Fraction of the unused space of the viewport that is before the viewBox, by alignment.
+ALIGNMENT_SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
+IDENTITY = Affine(frozen_array(np.eye(2)), frozen_array(np.zeros(2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,52 +223,6 @@ class _Builder:
     def _text(self, data: str) -> None:
         if self._open[-1].tag == "style":
             self._open[-1].text.append(data)
-
-
-# Lengths of an inch and of a CSS pixel [m]. Without a viewBox, the user unit of SVG is a CSS pixel.
-INCH = 0.0254
-PIXEL = INCH / 96
-# CSS pixels per unit.
-PIXELS = {
-    "": 1.0,
-    "px": 1.0,
-    "in": 96.0,
-    "cm": 96 / 2.54,
-    "mm": 96 / 25.4,
-    "q": 96 / 101.6,
-    "pt": 96 / 72,
-    "pc": 16.0,
-}
-# Attributes whose percentages refer to the width, or to the height, of the viewport. Percentages of
-# other attributes refer to its diagonal divided by the square root of 2.
-WIDTH_KEYS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
-HEIGHT_KEYS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
-LENGTHS = WIDTH_KEYS | HEIGHT_KEYS | {"r"}
-SQRT2 = math.sqrt(2)
-NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?"
-NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*[\s,]*+")
-EACH_NUMBER = re.compile(NUMBER)
-_LENGTH = re.compile(rf"({NUMBER})\s*([A-Za-z]*|%)")
-_TRANSFORM = re.compile(r"[\s,]*+([A-Za-z]++)\s*+\(([^()]*+)\)")
-# Maximum number of transforms in one list, which no drawing exceeds.
-MAX_TRANSFORMS = 1000
-_ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
-# Maximum number of values in one list, which no drawing of contours exceeds.
-MAX_NUMBERS = 4_000_000
-# Valid numbers of arguments of each transform.
-ARGUMENT_COUNTS = {
-    "matrix": (6,),
-    "translate": (1, 2),
-    "scale": (1, 2),
-    "rotate": (1, 3),
-    "skewX": (1,),
-    "skewY": (1,),
-}
-# Fraction of the unused space of the viewport that is before the viewBox, by alignment.
-ALIGNMENT_SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
-
-
-IDENTITY = Affine(frozen_array(np.eye(2)), frozen_array(np.zeros(2)))
 
 
 def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine:

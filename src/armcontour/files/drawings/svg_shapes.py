@@ -39,6 +39,7 @@ _ARC = re.compile(
     rf"{_GAP}({NUMBER})"
 )
 Command = tuple[str, list[float]]
+CountSegments = Callable[[int], None]
 
 
 def path_outlines(element: Element, count_segments: Callable[[int], None]) -> list[Outline]:
@@ -249,9 +250,6 @@ def _arc_between(
     ends = np.stack([first, last])
     arc = ArcChain.arc(first + axes @ center, axes @ -center, axes @ sine, angle, ends)
     return arc.halve() if angle > MAX_CHORD_ANGLE else arc
-
-
-CountSegments = Callable[[int], None]
 
 
 def element_outlines(element: Element, count_segments: CountSegments) -> list[Outline]:

@@ -5,6 +5,6 @@ from armcontour.core.lazy import lazy_names
 _HOME = {
     "formats": "CsvFormat RosYamlFormat TemplateFormat URScriptFormat export",
     "ros": "GoalTolerances predict_tolerances",
-    "table": "SetPointTable make_table",
+    "export_table": "SetPointTable make_table",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

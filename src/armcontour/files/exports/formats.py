@@ -14,8 +14,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import AtLeast
+from armcontour.files.exports.export_table import SetPointTable, make_table, write_csv
 from armcontour.files.exports.ros import GoalTolerances, select_points, write_ros_yaml
-from armcontour.files.exports.table import SetPointTable, make_table, write_csv
 from armcontour.files.exports.template import LAST_DIGIT, describe_program, write_template
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.jobs.job import ENDINGS, Exports, PointTolerance, ending_of

@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Duration, Quantity, shared_unit
 from armcontour.core.quintics import evaluate, quintic
-from armcontour.files.exports.table import (
+from armcontour.files.exports.export_table import (
     FEWER_DECIMALS,
     SetPointTable,
     event_data,

@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_text
 from armcontour.core.text import list_some
-from armcontour.files.exports.table import POSITION_DECIMALS, SetPointTable
+from armcontour.files.exports.export_table import POSITION_DECIMALS, SetPointTable
 from armcontour.motion import TimedEvent
 from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK

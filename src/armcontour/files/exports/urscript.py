@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.exports.table import (
+from armcontour.files.exports.export_table import (
     POSITION_DECIMALS,
     SetPointTable,
     format_rows,

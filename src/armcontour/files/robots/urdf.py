@@ -21,7 +21,7 @@ from armcontour.files.robots.moveit_limits import (
     narrow_range,
     override_limits,
 )
-from armcontour.files.robots.tree import (
+from armcontour.files.robots.urdf_tree import (
     ARM_TYPES,
     MAX_NAMED,
     ArmOptions,
@@ -74,7 +74,7 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
 
 def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     """Make a serial arm from the tree of a robot description."""
-    from armcontour.files.robots.collision import missing_meshes
+    from armcontour.files.robots.collision_shapes import missing_meshes
     from armcontour.files.robots.urdf_chain import Description
 
     file = tree.file
@@ -110,9 +110,9 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
 def _shapes(arm: SerialArm, description: Description) -> ArmShapes:
     """Shapes of the links of a description; links after the last moving link are tools."""
     # Imported here, because the import loads compiled code of motions.
-    from armcontour.files.robots.collision import link_shapes
+    from armcontour.files.robots.collision_shapes import link_shapes
     from armcontour.files.robots.urdf_chain import Description
-    from armcontour.verification.clearance.distances import exclude_touching
+    from armcontour.verification.clearance.body_pairs import exclude_touching
 
     tree, carried = description.tree, description.shape_frames(arm.chain)
     # Links that are not below the base are fixed, because their joints do not move.

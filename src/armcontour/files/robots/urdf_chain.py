@@ -12,7 +12,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, exp, from_rpy, rotations
 from armcontour.core.text import list_some, plain_number, show
-from armcontour.files.robots.tree import Joint, Tree
+from armcontour.files.robots.urdf_tree import Joint, Tree
 from armcontour.robot.bodies import check_inertia, merge_bodies
 from armcontour.robot.chain import Chain
 from armcontour.robot.external_axes import Positioner, PositionerAxis
@@ -58,7 +58,7 @@ class Description:
     def chain(self) -> Chain:
         """Moving joints with the bodies that move with each; both branches from the base."""
         carried = self.link_frames()
-        has_bodies = self._has_bodies(carried)
+        has_bodies = self._check_bodies(carried)
         self._note_held_joints()
         places = [carried[joint.parent][1] @ self._joint_frame(joint) for joint in self.moving]
         bodies: dict[str, Any] = {}
@@ -238,7 +238,7 @@ class Description:
             joint = master
         return False
 
-    def _has_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> bool:
+    def _check_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> bool:
         """Return whether all links that the arm moves have valid masses; note ignored data."""
         faults, has_bodies = self._inertia_faults(carried)
         if has_bodies and faults:

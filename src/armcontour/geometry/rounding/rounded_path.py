@@ -25,6 +25,7 @@ from armcontour.core.fields import checked
 from armcontour.core.text import short_repr
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
+from armcontour.geometry.rounding.collinear_lines import merge_lines
 from armcontour.geometry.rounding.line_corners import (
     ARC,
     PARABOLA,
@@ -43,7 +44,6 @@ from armcontour.geometry.rounding.rounded_orientation import (
     middle_fraction,
     round_orientation,
 )
-from armcontour.geometry.rounding.straight_runs import merge_lines
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import ShapedPath
 
@@ -60,7 +60,7 @@ SHORTEST_SMOOTH = 1e-6
 SAME_PLANE = 1e-9
 # Largest distance of vertices from a line that replaces nearly collinear lines [m]: the rounding
 # error of coordinates with three decimals of a millimetre or four of an inch, as for
-# `ReadOptions.mend_vertices`. Largest fraction of this distance in the smallest corner error.
+# `ReadOptions.repair_vertices`. Largest fraction of this distance in the smallest corner error.
 PRINTED, PRINTED_SHARE = 2e-6, 0.1
 # Reasons for a stop at a corner.
 TURN_BACK = "turn-back"

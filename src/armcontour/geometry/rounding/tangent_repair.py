@@ -12,8 +12,8 @@ from armcontour.core.frames import angle_between
 from armcontour.geometry.biarcs import biarc_distance, make_biarcs, unit
 from armcontour.geometry.path import Path
 from armcontour.geometry.rounding.arc_corners import WIDEST
+from armcontour.geometry.rounding.collinear_lines import merge_lines
 from armcontour.geometry.rounding.rounded_path import blend_vertices
-from armcontour.geometry.rounding.straight_runs import merge_lines
 from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
 
 # Largest turn of a repaired vertex [rad]; larger turns are corners.

@@ -10,12 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
 from armcontour.motion import PathLaw, Rates, interval_times
-from armcontour.planning.jerk.interior_point import (
-    JerkSection,
-    improve,
-    least_slacks,
-    limit_steps,
-)
+from armcontour.planning.jerk.interior_point import JerkSection, improve, least_slacks, limit_steps
 from armcontour.planning.jerk.mesh import (
     End,
     JerkMesh,
@@ -25,7 +20,7 @@ from armcontour.planning.jerk.mesh import (
     square_at,
 )
 from armcontour.planning.jerk.mesh_rows import MeshRows
-from armcontour.planning.options import Task
+from armcontour.planning.timing_options import Task
 from armcontour.planning.topp.grid_plan import MotionBounds
 
 # Default number of cells: PER_BUILD_UP times the duration of non-uniform motion divided by the
@@ -213,7 +208,7 @@ def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: f
     """Fastest motion within the rows of all sections; `near` as in `_find_start`."""
     mesh, solutions = rows.mesh, []
     for k, (first, last) in enumerate(pairwise(mesh.sections)):
-        p = rows.of_section(k)
+        p = rows.select_section(k)
         d = _find_start(p, mesh.nodes[first : last + 1], near, rows.allowed_slopes(k))
         improve(p, d, tolerance, task.iterations)
         solutions.append(d)

@@ -10,10 +10,10 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampled_data import number_parts
 from armcontour.motion import JointPath, PathLaw
 from armcontour.planning.constraints import JointMotion, limits_on
-from armcontour.planning.options import Task
 from armcontour.planning.path_grid import Grid
+from armcontour.planning.timing_options import Task
 from armcontour.planning.topp.limit_forms import combine_forms, largest_u
-from armcontour.planning.topp.on_grid import OnGrid
+from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 # Shares of the cells that are distributed evenly in time, evenly in arc length, and like the grid
 # of the plan without limits of jerk, which is finer where the joints turn
@@ -35,6 +35,20 @@ SAMPLES = 200
 NEAR_KNOT = 0.3
 # A node closer to a break than this fraction of the shorter adjacent cell is moved to the break.
 SNAP = 0.2
+# A jump of d2q_ds2 requires a stop under two conditions. It exceeds
+# the share KINK of the sum of the values on both sides. At the speed of the plan and with the jerk
+# limit, the change of acceleration takes more than the share TOO_SHORT of the duration.
+KINK, TOO_SHORT = 1e-6, 1e-8
+# Time that replaces the share TOO_SHORT in a long plan [s]: half of the time that `check` tolerates
+# as rounding
+ROUNDING_TIME = 5e-6
+# Largest change of direction over the length `End.even` [rad].
+EVEN_BEND = 5e-4
+# dq_ds vanishes at an end if it is below the share VANISHED of dq_ds nearby. The first cell is then
+# at most the share FIRST_AT_VANISHED of the section.
+VANISHED, FIRST_AT_VANISHED = 0.1, 5e-4
+# Distance from an end at which acceleration and jerk are evaluated, as a fraction of the section
+NEAR_REST = 5e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,22 +236,6 @@ def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     return np.asarray(near + beyond)
 
 
-# A jump of d2q_ds2 requires a stop under two conditions. It exceeds
-# the share KINK of the sum of the values on both sides. At the speed of the plan and with the jerk
-# limit, the change of acceleration takes more than the share TOO_SHORT of the duration.
-KINK, TOO_SHORT = 1e-6, 1e-8
-# Time that replaces the share TOO_SHORT in a long plan [s]: half of the time that `check` tolerates
-# as rounding
-ROUNDING_TIME = 5e-6
-# Largest change of direction over the length `End.even` [rad].
-EVEN_BEND = 5e-4
-# dq_ds vanishes at an end if it is below the share VANISHED of dq_ds nearby. The first cell is then
-# at most the share FIRST_AT_VANISHED of the section.
-VANISHED, FIRST_AT_VANISHED = 0.1, 5e-4
-# Distance from an end at which acceleration and jerk are evaluated, as a fraction of the section
-NEAR_REST = 5e-3
-
-
 def find_sections(law: PathLaw, task: Task) -> FloatArray:
     """Ends of the sections of a path between rests [m], (sections + 1,)."""
     path, inner = law.joint_path, law.s[1:-1]
@@ -262,7 +260,7 @@ def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
 def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[End, End]]:
     """Scales at the start and the stop of each section, from a plan."""
     grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
-    path = OnGrid(grid)
+    path = SampledJointPath(grid)
     (first, second), (third, _) = path.derivatives
     acceleration = largest_u(limits_on(path, task.active))
     for constraint in task.active:

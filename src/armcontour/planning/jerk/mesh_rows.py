@@ -15,12 +15,14 @@ from armcontour.planning.jerk.interior_point import JerkSection
 from armcontour.planning.jerk.mesh import JerkMesh
 from armcontour.planning.topp.grid_plan import MotionBounds, rows_with_friction
 from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, Intervals, margins_of
-from armcontour.planning.topp.on_grid import OnGrid
+from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 # Highest degree of a joint path.
 HIGHEST = 5
 # Cell of each part, and `control_points` of the cells
 _Cells = tuple[IntArray, FloatArray, FloatArray]
+# Smallest value at an end of the tangent that bounds ds², as a fraction of its value in the middle
+LEAST_SHARE = 0.25
 
 
 class Basis(NamedTuple):
@@ -137,10 +139,6 @@ def motion_rows(
                         rows[kind][i, first_rows[kind][j] + c, b] = value
 
 
-# Smallest value at an end of the tangent that bounds ds², as a fraction of its value in the middle
-LEAST_SHARE = 0.25
-
-
 class MeshRows:
     """Rows of the interior-point method for all sections of a mesh."""
 
@@ -158,7 +156,7 @@ class MeshRows:
         # are no bounds, (m,).
         self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
         grid = mesh.grid
-        self.path = OnGrid(grid)
+        self.path = SampledJointPath(grid)
         width = mesh.width[mesh.cell]
         start = (grid.s[:-1] - mesh.nodes[mesh.cell]) / width
         self.basis: Basis = basis(np.clip(start, 0, 1), grid.width / width, width)
@@ -234,7 +232,7 @@ class MeshRows:
         finite = sum(int(np.isfinite(x).sum()) for x in (p.low, p.high, p.radius))
         return finite + 2 * len(p.curved) * int(p.curved.shape[1])
 
-    def of_section(self, k: int) -> JerkSection:
+    def select_section(self, k: int) -> JerkSection:
         """Rows of one section, without its cells of uniform jerk."""
         mesh, p = self.mesh, self.section
         first, last = mesh.sections[k] + 1, mesh.sections[k + 1] - 1

@@ -84,29 +84,33 @@ def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray)
     none = np.zeros((n, 0))
     groups = [SpanRows(none, np.zeros((n, 0, dof)), np.zeros((n, 0, dof)), none, none)]
     eye = np.eye(dof)
-    both = np.broadcast_to(np.concatenate([eye, -eye]), (n, 2 * dof, dof))
+    signed_axes = np.broadcast_to(np.concatenate([eye, -eye]), (n, 2 * dof, dof))
     if limits.joint_acceleration is not None:
         lower, upper = limits.acceleration_bounds(dof)
-        groups.append(_acceleration(both, e, h, np.concatenate([upper, -lower])))
+        groups.append(_acceleration_rows(signed_axes, e, h, np.concatenate([upper, -lower])))
     if limits.joint_velocity is not None:
         lower, upper = limits.velocity_bounds(dof)
-        groups.append(_velocity(both, e, np.concatenate([upper, -lower])))
+        groups.append(_velocity_rows(signed_axes, e, np.concatenate([upper, -lower])))
     ends = [States(arm, (knots[:-1], e[:-1], a)), States(arm, (knots[1:], e[1:], a))]
     if np.isfinite(speeds).any():
-        groups.append(_tool_speed(ends[1], speeds))
+        groups.append(_tool_speed_rows(ends[1], speeds))
     for last, states in enumerate(ends):
         if limits.centripetal_acceleration is not None:
             groups.append(
-                _tool_acceleration(
+                _tool_acceleration_rows(
                     states, h, limits.centripetal_acceleration, bool(last), across=True
                 )
             )
         if limits.tool_acceleration is not None:
             groups.append(
-                _tool_acceleration(states, h, limits.tool_acceleration, bool(last), across=False)
+                _tool_acceleration_rows(
+                    states, h, limits.tool_acceleration, bool(last), across=False
+                )
             )
         if limits.joint_torque is not None:
-            groups.append(_torque(states, both, h, np.asarray(limits.joint_torque), bool(last)))
+            groups.append(
+                _torque_rows(states, signed_axes, h, np.asarray(limits.joint_torque), bool(last))
+            )
     return SpanRows(
         *(
             np.concatenate([getattr(x, name) for x in groups], axis=1)
@@ -115,22 +119,24 @@ def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray)
     )
 
 
-def _acceleration(both: FloatArray, e: FloatArray, h: FloatArray, limit: FloatArray) -> SpanRows:
+def _acceleration_rows(
+    signed_axes: FloatArray, e: FloatArray, h: FloatArray, limit: FloatArray
+) -> SpanRows:
     """Rows `±(e_i - e_{i-1}) <= limit h_i`; the rows of positive accelerations come first."""
-    bound = np.broadcast_to(np.minimum(limit, NEVER), both.shape[:2])
-    value = np.einsum("nrj,nj->nr", both, np.diff(e, axis=0)) - bound * h[:, None]
-    return SpanRows(value, -both, both, -bound, bound * h[:, None])
+    bound = np.broadcast_to(np.minimum(limit, NEVER), signed_axes.shape[:2])
+    value = np.einsum("nrj,nj->nr", signed_axes, np.diff(e, axis=0)) - bound * h[:, None]
+    return SpanRows(value, -signed_axes, signed_axes, -bound, bound * h[:, None])
 
 
-def _velocity(both: FloatArray, e: FloatArray, limit: FloatArray) -> SpanRows:
+def _velocity_rows(signed_axes: FloatArray, e: FloatArray, limit: FloatArray) -> SpanRows:
     """Rows `±e_i <= limit` of the joint velocities."""
-    bound = np.broadcast_to(np.minimum(limit, NEVER), both.shape[:2])
-    value = np.einsum("nrj,nj->nr", both, e[1:]) - bound
-    after = np.where((value > FAR * bound)[..., None], both, 0.0)
-    return SpanRows(value, np.zeros_like(both), after, np.zeros_like(value), bound)
+    bound = np.broadcast_to(np.minimum(limit, NEVER), signed_axes.shape[:2])
+    value = np.einsum("nrj,nj->nr", signed_axes, e[1:]) - bound
+    after = np.where((value > FAR * bound)[..., None], signed_axes, 0.0)
+    return SpanRows(value, np.zeros_like(signed_axes), after, np.zeros_like(value), bound)
 
 
-def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
+def _tool_speed_rows(end: States, speeds: FloatArray) -> SpanRows:
     """Rows `|J e_i| <= speed` of the tool speed."""
     velocity = end.tool_velocity
     speed = np.linalg.norm(velocity, axis=1)
@@ -143,7 +149,7 @@ def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
     return SpanRows((speed - bound)[:, None], np.zeros_like(after), after, none, bound[:, None])
 
 
-def _tool_acceleration(
+def _tool_acceleration_rows(
     end: States, h: FloatArray, limit: float, last: bool, *, across: bool
 ) -> SpanRows:
     """Rows of the tool acceleration in several directions, or of its part normal to the motion."""
@@ -159,14 +165,14 @@ def _tool_acceleration(
     along = np.sum(tangent * acceleration, axis=1)
     d = _directions(tangent, acceleration, across=across)
     value = (np.einsum("nri,ni->nr", d, acceleration) - limit) * h[:, None]
-    by_joints = np.einsum("nri,nij->nrj", d, jacobian)
+    by_change = np.einsum("nri,nij->nrj", d, jacobian)
     # H is quadratic in e. Directions normal to the motion rotate with the velocity.
     by_end = 2 * np.einsum("nri,nij->nrj", d, rate)
     if across:
         turn = np.where(moving, along / np.where(moving, speed, 1.0), 0.0)
-        by_end = by_end - turn[:, None, None] * by_joints
+        by_end = by_end - turn[:, None, None] * by_change
     by_end = by_end * h[:, None, None]
-    before, after = _by_both_ends(by_joints, by_end, last)
+    before, after = _derivatives_at_ends(by_change, by_end, last)
     time = np.einsum("nri,nij,nj->nr", d, rate, e) - limit
     if across:
         # At rest there is no component normal to the motion.
@@ -208,8 +214,8 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
     return np.asarray(directions)
 
 
-def _torque(
-    end: States, both: FloatArray, h: FloatArray, limit: FloatArray, last: bool
+def _torque_rows(
+    end: States, signed_axes: FloatArray, h: FloatArray, limit: FloatArray, last: bool
 ) -> SpanRows:
     """Rows `±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= limit h_i` of torques at one end of spans."""
     # Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction
@@ -217,23 +223,24 @@ def _torque(
     dynamics = end.arm.dynamics
     zero = np.zeros_like(end.dq)
     mass = dynamics.mass_matrix(end.q)
-    still = dynamics.torque(end.q, zero, zero)
-    drag = dynamics.friction(end.dq)
-    bias = dynamics.torque(end.q, end.dq, zero) + drag
-    bound = np.broadcast_to(np.tile(np.minimum(limit, NEVER), 2), both.shape[:2])
+    gravity = dynamics.torque(end.q, zero, zero)
+    friction = dynamics.friction(end.dq)
+    bias = dynamics.torque(end.q, end.dq, zero) + friction
+    bound = np.broadcast_to(np.tile(np.minimum(limit, NEVER), 2), signed_axes.shape[:2])
     torque = np.einsum("nij,nj->ni", mass, end.ddq) + bias
-    value = (np.einsum("nrj,nj->nr", both, torque) - bound) * h[:, None]
-    by_joints = np.einsum("nri,nij->nrj", both, mass)
+    value = (np.einsum("nrj,nj->nr", signed_axes, torque) - bound) * h[:, None]
+    by_change = np.einsum("nri,nij->nrj", signed_axes, mass)
+    # The derivative of a function that grows with |e|², here h c, is 2 h c e / |e|².
     square = np.sum(end.dq**2, axis=1)
-    share = 2 * h / np.where(square > 0, square, 1.0)
-    coriolis = np.einsum("nrj,nj->nr", both, bias - still - drag)
-    by_end = (share[:, None] * coriolis)[..., None] * end.dq[:, None]
-    before, after = _by_both_ends(by_joints, by_end, last)
-    time = np.einsum("nrj,nj->nr", both, bias) - bound
+    factor = 2 * h / np.where(square > 0, square, 1.0)
+    coriolis = np.einsum("nrj,nj->nr", signed_axes, bias - gravity - friction)
+    by_end = (factor[:, None] * coriolis)[..., None] * end.dq[:, None]
+    before, after = _derivatives_at_ends(by_change, by_end, last)
+    time = np.einsum("nrj,nj->nr", signed_axes, bias) - bound
     return SpanRows(value, before, after, time, bound * h[:, None])
 
 
-def _by_both_ends(
+def _derivatives_at_ends(
     by_change: FloatArray, by_end: FloatArray, last: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives by the velocities at both ends, from those by their change and by one of them."""

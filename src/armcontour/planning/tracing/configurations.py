@@ -13,6 +13,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.geometry import Path
+from armcontour.planning.tracing.joint_ranges import out_of_range
 from armcontour.planning.tracing.knots import (
     OUT_OF_REACH,
     Knots,
@@ -20,18 +21,17 @@ from armcontour.planning.tracing.knots import (
     row_of_poses,
     suggest_remedy,
 )
-from armcontour.planning.tracing.ranges import out_of_range
-from armcontour.planning.tracing.redundancy import null_space, smooth
-from armcontour.planning.tracing.tilt import (
+from armcontour.planning.tracing.positioner_tilt import (
     check_fixed_tilt,
     follow_level,
     level_positions,
     poses_from_floor,
     tilt_of,
 )
+from armcontour.planning.tracing.redundancy import null_space, smooth
 from armcontour.robot import SerialArm, newton
 from armcontour.robot.arm import shift_by_turns, unit_hint
-from armcontour.robot.inverse import (
+from armcontour.robot.inverse_kinematics import (
     REACH_SEEDS,
     configurations,
     out_of_reach,

@@ -23,6 +23,12 @@ FIRST_TURN = 0.5
 # Fractions of an interval at which the distance of the tool from the path is computed.
 PLACES = checks.frozen_array([0.25, 0.5, 0.75])
 MIDDLE = 1
+# Jumps of the orientation below this are rounding errors [rad].
+NO_JUMP = 1e-8
+# Distance of the tool from which a pose is out of reach [m].
+OUT_OF_REACH = 1e-7
+# Rotation rate of the tool above which an error names this rate instead of a singularity [rad/m]
+TOO_FAST = 1e5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,14 +138,6 @@ def _cells(path: Path) -> Knots:
     ends = s[1:] == path.breaks[segment + 1]
     u1 = np.where(ends, path.lengths[segment], s[1:] - path.breaks[segment])
     return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s[:-1])
-
-
-# Jumps of the orientation below this are rounding errors [rad].
-NO_JUMP = 1e-8
-# Distance of the tool from which a pose is out of reach [m].
-OUT_OF_REACH = 1e-7
-# Rotation rate of the tool above which an error names this rate instead of a singularity [rad/m]
-TOO_FAST = 1e5
 
 
 def task_dimension(path: Path, arm: SerialArm) -> int:

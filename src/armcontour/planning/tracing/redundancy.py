@@ -16,7 +16,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import quintic
-from armcontour.planning.tracing.tilt import INNER_TILT, chord_of, tilt_of, turn_down
+from armcontour.planning.tracing.positioner_tilt import INNER_TILT, chord_of, tilt_of, turn_down
 from armcontour.robot import SerialArm, newton
 
 # Largest deviation of a spline from a chord, as a fraction of the largest neighbouring step, plus

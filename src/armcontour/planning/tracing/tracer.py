@@ -19,6 +19,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, quintic
+from armcontour.planning.tracing.joint_ranges import check_joint_range, turn_into_range
 from armcontour.planning.tracing.knots import (
     MIDDLE,
     PLACES,
@@ -31,9 +32,8 @@ from armcontour.planning.tracing.knots import (
     suggest_remedy,
     task_dimension,
 )
-from armcontour.planning.tracing.ranges import check_joint_range, turn_into_range
+from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.planning.tracing.redundancy import Guide
-from armcontour.planning.tracing.tilt import check_tilt
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, newton
 
 if TYPE_CHECKING:
@@ -45,9 +45,16 @@ SMALLEST_INTERVAL = 1e-9
 POWERS = PLACES[:, None] ** np.arange(6)
 # q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
 Ends = tuple[FloatArray, FloatArray, FloatArray]
-
-
 A = TypeVar("A", bound=Arm, covariant=True)
+# Largest angle between the tool and its required orientation between knots [rad].
+ANGULAR_TOLERANCE = 1e-9
+# Ratio of pivots in elimination below which the Jacobian is singular.
+SINGULAR = 1e-9
+# Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
+# between these knots
+FINER = 3
+# Distance between the points of a sketch, divided by the span of the arm.
+SKETCHED = 0.01
 
 
 class Solver(ABC, Generic[A]):
@@ -222,12 +229,6 @@ def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
     )
 
 
-# Largest angle between the tool and its required orientation between knots [rad].
-ANGULAR_TOLERANCE = 1e-9
-# Ratio of pivots in elimination below which the Jacobian is singular.
-SINGULAR = 1e-9
-
-
 class NumericSolver(Solver[SerialArm]):
     """Exact joint positions and derivatives at knots, by Newton's method from nearby guesses."""
 
@@ -276,13 +277,6 @@ class NumericSolver(Solver[SerialArm]):
         return self._guide.evaluate(
             knots.arc_lengths(u), knots.arc_lengths((knots.u0 + knots.u1) / 2)
         )
-
-
-# Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
-# between these knots
-FINER = 3
-# Distance between the points of a sketch, divided by the span of the arm.
-SKETCHED = 0.01
 
 
 @checks.explained

@@ -27,7 +27,7 @@ from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.simulation.rigid_body_plant import can_simulate
 from armcontour.studies.certification.derating import DeratedInterval, Derating
-from armcontour.studies.certification.search import BoxErrors
+from armcontour.studies.certification.derating_search import BoxErrors
 from armcontour.verification import Check
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
 from armcontour.verification.evaluation import duration_row
@@ -155,7 +155,7 @@ class ContourCertificate(Result):
         path: The tool path.
         joint_path: The joint path.
         derating: Derating of acceleration and speed along the path.
-        lowered: Derated limits with amount, position and cause, in descending order of the amount.
+        derated: Derated limits with amount, position and cause, in descending order of the amount.
         trajectory: Plan of the contour; its times start at 0 [s].
         error: Distance from the tool to the path in the execution of the whole program.
         coverage_error: Largest distance from the path to the tool in the execution of the program.
@@ -173,7 +173,7 @@ class ContourCertificate(Result):
     path: Path
     joint_path: JointPath
     derating: Derating
-    lowered: tuple[DeratedInterval, ...]
+    derated: tuple[DeratedInterval, ...]
     trajectory: Trajectory
     error: ErrorProfile
     coverage_error: Coverage
@@ -205,7 +205,7 @@ class ContourCertificate(Result):
                 *error_rows("coverage_error", "path missed", self.coverage_error),
                 Row("speed_ratio", self.speed_ratio, "1"),
                 Row("headroom", self.headroom, "1", "acceleration derated", joint),
-                Row("lowered", [asdict(x) for x in self.lowered], "1"),
+                Row("derated", [asdict(x) for x in self.derated], "1"),
                 *robots,
                 Row("trials", self.trials),
             ),
@@ -436,7 +436,7 @@ class Certificate(Result):
         largest: dict[tuple[str, str], tuple[float, str]] = {}
         for contour in self.contours:
             prefix = f"{contour.name}: " if len(self.contours) > 1 else ""
-            for y in contour.lowered:
+            for y in contour.derated:
                 clause = y.share, f"{prefix}{y}"
                 largest[y.what, y.cause] = max(largest.get((y.what, y.cause), clause), clause)
         return tuple(clause for _, clause in sorted(largest.values(), reverse=True))

@@ -40,7 +40,7 @@ from armcontour.studies.certification.certificate import (
     Uncertified,
 )
 from armcontour.studies.certification.derating import DeratedLimits, derated_intervals
-from armcontour.studies.certification.search import (
+from armcontour.studies.certification.derating_search import (
     BoxErrors,
     Verdict,
     attempts,
@@ -320,7 +320,7 @@ def _make_contours(verdict: Verdict, uncertified: Uncertified) -> Iterator[Conto
             path=piece.path,
             joint_path=move.joint_path,
             derating=derating,
-            lowered=derated_intervals(derating, move.fastest, move.plan, span.t[0], names),
+            derated=derated_intervals(derating, move.fastest, move.plan, span.t[0], names),
             trajectory=move.plan,
             error=piece.contour_error,
             coverage_error=piece.coverage_error,

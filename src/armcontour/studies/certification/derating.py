@@ -15,15 +15,29 @@ from armcontour.core.text import joint_label
 from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.constraints import Constraint, IntervalEnds, JointMotion
 from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.options import Optimal
 from armcontour.planning.path_grid import Grid, place_grid
+from armcontour.planning.timing_options import Optimal
 from armcontour.planning.topp.limit_forms import Ceiling, Form
-from armcontour.planning.topp.on_grid import OnGrid
+from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits
 
 # Causes of derating: acceleration of plan and command, speed of plan and command, speed of the
 # executed tool, contour error of the robot, and contour error of robots of the box.
 CAUSES = ("acceleration", "speed", "tool", "error", "box")
+# LEAST_REDUCTION: a cell with a smaller reduction counts as not derated, because searches aim
+# slightly below limits. REPORTED_SHARE: a limit is reported if its largest reduction exceeds this
+# share.
+LEAST_REDUCTION, REPORTED_SHARE = 1e-5, 1e-3
+# Derating along more than this fraction of a contour is described as along the whole contour.
+WHOLE_SHARE = 0.995
+# Reasons of derating by cause, as phrases after "because of".
+REASONS = {
+    "acceleration": "the acceleration limits of the joints",
+    "speed": "the limits of tool and joint velocities in plan and command",
+    "tool": "the speed of the executed tool, which exceeded the assigned velocity",
+    "error": "the contour error",
+    "box": "the contour error of robots of the box",
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,7 +101,7 @@ class DeratedAcceleration(JointMotion):
         share = self.derating.share[self.derating.cell_of(grid)]
         return self.low * share, self.high * share
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Rows of the joint accelerations with bounds per interval."""
         return (self.rows(path),)
 
@@ -100,7 +114,7 @@ class SpeedCap(Constraint):
     def __init__(self, derating: Derating) -> None:
         self.derating = derating
 
-    def discretize(self, path: OnGrid) -> Iterable[Form]:
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Ceilings of ds² at both ends of each interval."""
         cap = self.derating.cap[self.derating.cell_of(path.grid)]
         return (Ceiling(np.stack([cap, cap], axis=1)),)
@@ -141,22 +155,6 @@ def plan_derated(
     others = limits.replace(joint_acceleration=math.inf)
     plan = plan_optimal(joint_path, arm, others, replace(options, constraints=constraints))
     return plan.limited(limits)
-
-
-# LEAST_REDUCTION: a cell with a smaller reduction counts as not derated, because searches aim
-# slightly below limits. REPORTED_SHARE: a limit is reported if its largest reduction exceeds this
-# share.
-LEAST_REDUCTION, REPORTED_SHARE = 1e-5, 1e-3
-# Derating along more than this fraction of a contour is described as along the whole contour.
-WHOLE_SHARE = 0.995
-# Reasons of derating by cause, as phrases after "because of".
-REASONS = {
-    "acceleration": "the acceleration limits of the joints",
-    "speed": "the limits of tool and joint velocities in plan and command",
-    "tool": "the speed of the executed tool, which exceeded the assigned velocity",
-    "error": "the contour error",
-    "box": "the contour error of robots of the box",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,10 +14,10 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import Quantity, unit_of, write_like
 from armcontour.core.text import Keys, plain_number, show
+from armcontour.files.file_keys import quantity_of
 from armcontour.files.job_model import JobModel
+from armcontour.files.job_patch import IN_RUN, MERGED, arm_keys, key_of, locate_key, resolve_patch
 from armcontour.files.job_text_edits import REMOVE, Change, change_data, value_at
-from armcontour.files.keys import quantity_of
-from armcontour.files.patch import IN_RUN, MERGED, arm_keys, key_of, locate_key, resolve_patch
 from armcontour.jobs import Job, Run
 from armcontour.jobs.job import FIRST_TOLERANCE
 from armcontour.studio.handles import EditState

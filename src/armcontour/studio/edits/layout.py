@@ -14,9 +14,9 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import exp, quaternions, shortest, to_rpy
 from armcontour.core.quantities import Quantity, read_quantity, write_like
 from armcontour.core.text import Keys, plain_number
+from armcontour.files.file_keys import in_si, read_keys
 from armcontour.files.job_model import FrameModel, OrientationModel
 from armcontour.files.job_text_edits import Change, value_at
-from armcontour.files.keys import in_si, read_keys
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry.prescribed_orientation import POINTING_DOWN
 from armcontour.studio.edits.keys import format_value

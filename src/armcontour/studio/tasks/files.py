@@ -82,13 +82,13 @@ def export(request: Request) -> MessageFrame:
 
     Options: `format`, `of` (set_points, planned or learned), `cycle` [s].
     """
+    from armcontour.files.exports.export_table import make_table
     from armcontour.files.exports.formats import (
         WITH_ANALOG,
         format_named,
         outputs_of,
         write_destination,
     )
-    from armcontour.files.exports.table import make_table
     from armcontour.files.exports.template import OUTPUT_EXAMPLES
     from armcontour.jobs import analog_outputs
     from armcontour.jobs.job import ENDINGS
@@ -144,7 +144,7 @@ def _name_output(event: str, output: int | str) -> dict[str, Any]:
 def identify(request: Request) -> MessageFrame:
     """Identify the servo of each joint; the frame has the edit that writes servos into the job."""
     from armcontour.control.identification import ServoFit, identify
-    from armcontour.files.robot_file import servo_values
+    from armcontour.files.limits_and_servo_files import servo_values
     from armcontour.report.identification import render_identification
 
     logs = read_logs(request, commanded=True)
@@ -198,7 +198,7 @@ def _gains(identification: Identification) -> Iterator[Row]:
 
 def learn(request: Request) -> MessageFrame:
     """Learn the set-points of the next run; creates the same file as `armcontour learn`."""
-    from armcontour.files.exports.table import set_point_pieces
+    from armcontour.files.exports.export_table import set_point_pieces
 
     study = learn_from_logs(request)
     content = "".join(set_point_pieces(study.lesson, study.job.arm.joint_names)).encode()

@@ -22,8 +22,13 @@ from armcontour.motion import Execution, JointPath, Trajectory, arm_of
 from armcontour.motion.derivative_bounds import joint_travel, largest_accelerations
 from armcontour.robot import Arm
 from armcontour.robot.scene import LeftOut, Scene
-from armcontour.verification.clearance.distances import UNCERTAINTY, Distances
-from armcontour.verification.clearance.pairs import Pair, mounting_pairs, pairs_of
+from armcontour.verification.clearance.body_pairs import (
+    UNCERTAINTY,
+    Distances,
+    Pair,
+    mounting_pairs,
+    pairs_of,
+)
 
 # Distances within this tolerance of the margin count as violations [m].
 FINEST = 1e-6
@@ -37,6 +42,8 @@ FEW = {8: 25, 4: 100}
 AT_ONCE = 20_000
 # Number of cells in the cache.
 CELLS = 4
+# A joint path represents any motion along it, with arc length instead of time.
+Motion: TypeAlias = Trajectory | Execution | JointPath
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -246,10 +253,6 @@ class Clearance(Result):
             f"{lowest.t:.4g} s{also}. Specify the height of the floor or table as scene.floor, or "
             "none if there is no floor."
         )
-
-
-# A joint path represents any motion along it, with arc length instead of time.
-Motion: TypeAlias = Trajectory | Execution | JointPath
 
 
 @checked

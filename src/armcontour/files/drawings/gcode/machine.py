@@ -13,7 +13,7 @@ from armcontour.files.drawings.gcode.arcs import (
     arc_with_radius,
     helix_points,
 )
-from armcontour.files.drawings.gcode.draft import Feed, ProgramDraft
+from armcontour.files.drawings.gcode.program_draft import Feed, ProgramDraft
 from armcontour.files.drawings.gcode.words import (
     INCH,
     MILLIMETRE,

@@ -11,7 +11,7 @@ from armcontour.files.drawings.gcode.machine import Machine
 from armcontour.files.drawings.gcode.words import MAX_LINE_LENGTH, Fault, changes_tools, parse
 from armcontour.files.drawings.read_options import (
     ReadOptions,
-    Tell,
+    ReportFraction,
     fraction_reporter,
     repair_vertices,
 )
@@ -40,11 +40,11 @@ def read_gcode(
     """
     lines = _lines(data, source)
     machine = Machine(options, changes_tools=changes_tools(lines))
-    tell = fraction_reporter(progress, source)
-    _Runner(lines, source, machine).run(tell)
+    report_fraction = fraction_reporter(progress, source)
+    _Runner(lines, source, machine).run(report_fraction)
     program = machine.draft.program(source, tuple(machine.notes.sentences()))
     program = repair_vertices(program, options)
-    tell(1.0)
+    report_fraction(1.0)
     return program
 
 
@@ -72,7 +72,7 @@ class _Runner:
         # Whether a percent sign opened the program, a word was read, and the program has ended.
         self.framed = self.has_words = self.ended = False
 
-    def run(self, tell: Tell) -> None:
+    def run(self, report_fraction: ReportFraction) -> None:
         """Execute all lines up to the end of the program."""
         machine, notes, lines = self.machine, self.machine.notes, self.lines
         plain = machine.accepts_plain_line()
@@ -80,7 +80,7 @@ class _Runner:
             for i, line in enumerate(lines):
                 notes.line = i + 1
                 if not i % LINES_BETWEEN_REPORTS:
-                    tell(i / len(lines))
+                    report_fraction(i / len(lines))
                 match = PLAIN.fullmatch(line) if plain else None
                 if match is not None:
                     machine.execute_plain_line(*match.groups())

@@ -12,42 +12,6 @@ LEFT_OUT_NOTE = "Ignored because it causes no motion: {}."
 # Largest number of kinds that a note lists.
 MAX_KINDS = 12
 PLAIN_MOVES = "Post-process the program in the CAM system to plain moves (G0 to G3)"
-
-
-class Fault(Exception):
-    """An error in a line; the text is a sentence without a full stop, after the line number."""
-
-
-class Notes:
-    """Notes on skipped content and on the interpretation of lines, and the current line number."""
-
-    def __init__(self) -> None:
-        self.line = 0
-        # First line of each skipped kind, by note template and kind.
-        self.kinds: dict[str, dict[str, int]] = {LEFT_OUT_NOTE: {}}
-        # First line that each note template of `add_once` applies to.
-        self.firsts: dict[str, int] = {}
-
-    def skip(self, kind: str, sentence: str = LEFT_OUT_NOTE) -> None:
-        """Note a skipped item; `{}` in the sentence is replaced by the list of all kinds."""
-        self.kinds.setdefault(sentence, {}).setdefault(kind, self.line)
-
-    def add_once(self, sentence: str) -> None:
-        """Note how lines are interpreted; `{}` is replaced by the number of the first such line."""
-        self.firsts.setdefault(sentence, self.line)
-
-    def sentences(self) -> list[str]:
-        """All notes as complete sentences."""
-        skipped = [
-            sentence.format(
-                list_some([f"{x} (first in line {i})" for x, i in kinds.items()], MAX_KINDS)
-            )
-            for sentence, kinds in self.kinds.items()
-            if kinds
-        ]
-        return skipped + [sentence.format(line) for sentence, line in self.firsts.items()]
-
-
 # Maximum length of a number [characters]. Seventeen digits distinguish all doubles.
 MAX_NUMBER_LENGTH = 34
 # Largest absolute value of a word; coordinates have a separate limit in metres.
@@ -59,7 +23,6 @@ SHOWN_CHARACTERS = 30
 # A value counts as a whole number if it differs from the nearest whole number by at most this
 # (LinuxCNC manual, "Numbers").
 WHOLE_TOLERANCE = 1e-4
-
 TOKEN = re.compile(
     r"([A-Z$])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?![0-9.=])|\([^()]*\)|;.*", re.DOTALL
 )
@@ -73,7 +36,6 @@ TO_COMPACT = str.maketrans(
     {c: None for c in " \t\r\n"} | {chr(i): chr(i - 32) for i in range(ord("a"), ord("z") + 1)}
 )
 TOOL_CHANGE = re.compile(r"M0*6(?![0-9.])")
-
 # G codes are integers in tenths: G61.1 is 611.
 RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL = 0, 10, 20, 30, 40
 CANCEL_MOTION = 800
@@ -114,6 +76,40 @@ CALLS = frozenset((72, 97, 98, 99))
 # Matches a line that begins with an M code. The text after an unknown M code belongs to this code,
 # as in M117 Hello, M862.3 P "MK3S" and M84 X Y.
 LEADING_M = re.compile(r"(?:N[0-9]+)?M([0-9]+(?:\.[0-9]*)?)")
+
+
+class Fault(Exception):
+    """An error in a line; the text is a sentence without a full stop, after the line number."""
+
+
+class Notes:
+    """Notes on skipped content and on the interpretation of lines, and the current line number."""
+
+    def __init__(self) -> None:
+        self.line = 0
+        # First line of each skipped kind, by note template and kind.
+        self.kinds: dict[str, dict[str, int]] = {LEFT_OUT_NOTE: {}}
+        # First line that each note template of `add_once` applies to.
+        self.firsts: dict[str, int] = {}
+
+    def skip(self, kind: str, sentence: str = LEFT_OUT_NOTE) -> None:
+        """Note a skipped item; `{}` in the sentence is replaced by the list of all kinds."""
+        self.kinds.setdefault(sentence, {}).setdefault(kind, self.line)
+
+    def add_once(self, sentence: str) -> None:
+        """Note how lines are interpreted; `{}` is replaced by the number of the first such line."""
+        self.firsts.setdefault(sentence, self.line)
+
+    def sentences(self) -> list[str]:
+        """All notes as complete sentences."""
+        skipped = [
+            sentence.format(
+                list_some([f"{x} (first in line {i})" for x, i in kinds.items()], MAX_KINDS)
+            )
+            for sentence, kinds in self.kinds.items()
+            if kinds
+        ]
+        return skipped + [sentence.format(line) for sentence, line in self.firsts.items()]
 
 
 class Block:

@@ -18,12 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, Pose, from_rpy
 from armcontour.core.text import plain_number, show
-from armcontour.files.robots.tree import (
-    DESCRIPTION,
-    MAX_CHARACTERS,
-    ArmOptions,
-    check_options,
-)
+from armcontour.files.robots.urdf_tree import DESCRIPTION, MAX_CHARACTERS, ArmOptions, check_options
 from armcontour.robot.arm import Arm
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain
@@ -64,6 +59,15 @@ POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 MAX_CALIBRATION = 0.1
 # Unit of the integer coordinates in files of hulls [m].
 HULL_UNIT = 1e-6
+# Keys of all arm files. "not_kept" has published limits that armcontour does not use; it is only
+# for people who read the file.
+COMMON = {"name", "kind", "source", "limits", "assumed", "not_kept"}
+PLANAR = COMMON | {"base", "links", "tubes"}
+BODIES = ("masses", "centers", "inertias")
+OPTIONAL = ("tip", "tip_angles", "inertia_angles", "armature", "viscous", "coulomb", "gravity")
+SERIAL = COMMON | {"joints", "positions", "angles", "axes", *BODIES, *OPTIONAL}
+PER_JOINT = ("armature", "viscous", "coulomb")
+KINDS = {"planar_two_link": PLANAR, "serial": SERIAL}
 
 
 @checks.explained
@@ -204,15 +208,6 @@ def _attach(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | N
 
 
 UNITS |= LIMITS
-# Keys of all arm files. "not_kept" has published limits that armcontour does not use; it is only
-# for people who read the file.
-COMMON = {"name", "kind", "source", "limits", "assumed", "not_kept"}
-PLANAR = COMMON | {"base", "links", "tubes"}
-BODIES = ("masses", "centers", "inertias")
-OPTIONAL = ("tip", "tip_angles", "inertia_angles", "armature", "viscous", "coulomb", "gravity")
-SERIAL = COMMON | {"joints", "positions", "angles", "axes", *BODIES, *OPTIONAL}
-PER_JOINT = ("armature", "viscous", "coulomb")
-KINDS = {"planar_two_link": PLANAR, "serial": SERIAL}
 
 
 @cache
@@ -412,13 +407,13 @@ def with_more_shapes(
 def _combine_shapes(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
     """Combine the shapes of an arm with more shapes and the excluded pairs of an SRDF file."""
     # Imported here, because the import loads compiled code of motions.
-    from armcontour.verification.clearance.distances import exclude_touching
+    from armcontour.verification.clearance.body_pairs import exclude_touching
 
     existing = arm.shapes or ArmShapes(shapes=())
     every = (*existing.shapes, *shapes)
     left_out = existing.left_out
     if srdf is not None:
-        from armcontour.files.robots.collision import read_excluded_pairs
+        from armcontour.files.robots.collision_shapes import read_excluded_pairs
 
         names = list(dict.fromkeys(x.name for x in every))
         left_out = (*left_out, *read_excluded_pairs(srdf, names))

@@ -10,8 +10,8 @@ from typing import Any
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import plain, units
+from armcontour.files.job_patch import Patch, write_patch
 from armcontour.files.job_text_edits import move_files
-from armcontour.files.patch import Patch, write_patch
 from armcontour.robot import SerialArm
 from armcontour.robot.scene import BASE
 from armcontour.studies.certification import Certificate

@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from armcontour._version import __version__
-from armcontour.cli.execution import Outcome, execute
+from armcontour.cli.command_execution import Outcome, execute
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import describe_fields
 
@@ -37,6 +37,8 @@ CONVERTERS: dict[Any, Callable[[Any], Any]] = {
     list[FilePath]: lambda texts: [FilePath(x) for x in texts],
 }
 KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
+# Functions that register the commands, by name in the order of the help.
+_REGISTER: dict[str, Callable[[], None]] = {}
 
 
 def _write_panels(self: Any, ctx: Any, formatter: Any) -> None:
@@ -125,10 +127,6 @@ program = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-
-
-# Functions that register the commands, by name in the order of the help.
-_REGISTER: dict[str, Callable[[], None]] = {}
 
 
 def program_for(arguments: Sequence[str] = ()) -> typer.Typer:

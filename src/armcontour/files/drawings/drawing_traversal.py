@@ -32,6 +32,13 @@ from armcontour.program.moves import describe_not_run
 from armcontour.program.nesting import wind_around
 from armcontour.program.offset_curves import find_crossings, to_pieces
 
+# Fraction of the progress that is reported for the traversal of a drawing; the rest is for fitting.
+TRAVERSAL_SHARE = 0.4
+# Largest number of entities that a note lists.
+MAX_NAMED = 9
+NO_SIZE = "Skipped because they have no size"
+CUT_OFF = "Skipped because a clip or viewport removes them, in part or completely"
+
 
 def is_drawn(path: Path, border: Path) -> BoolArray:
     """Mask of the parts of a path in the plane, cut at a border, that are not outside of it."""
@@ -61,14 +68,6 @@ def _cut_at_border(table: Segments, border: Segments) -> tuple[IntArray, FloatAr
     row, begin = row[apart], begin[apart]
     last = np.append(np.diff(row) > 0, True)
     return row, begin, np.where(last, table.lengths[row], np.append(begin[1:], 0.0))
-
-
-# Fraction of the progress that is reported for the traversal of a drawing; the rest is for fitting.
-TRAVERSAL_SHARE = 0.4
-# Largest number of entities that a note lists.
-MAX_NAMED = 9
-NO_SIZE = "Skipped because they have no size"
-CUT_OFF = "Skipped because a clip or viewport removes them, in part or completely"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,7 +106,7 @@ class Walk:
     def __init__(self, source: str, options: ReadOptions, progress: Progress | None) -> None:
         self.source, self.options, self.skip = source, options, options.skips
         self.requested_layers, self.colors = options.layer_set, options.color_set
-        self.tell = fraction_reporter(progress, source)
+        self.report_fraction = fraction_reporter(progress, source)
         # Names of omitted entities by the reason, with their counts.
         self.omitted: dict[str, Counter[str]] = {}
         # Numbers of entities that are not selected, by layer and by colour.
@@ -170,7 +169,9 @@ class Walk:
                     [y for x in entities for y in x.outlines] + clips,
                     options.chord_tolerance,
                     options.join_tolerance,
-                    lambda share: self.tell(TRAVERSAL_SHARE + (1 - TRAVERSAL_SHARE) * share),
+                    lambda share: self.report_fraction(
+                        TRAVERSAL_SHARE + (1 - TRAVERSAL_SHARE) * share
+                    ),
                 )
         except InvalidInput as error:
             assert error.index is not None

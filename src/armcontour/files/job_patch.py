@@ -14,10 +14,10 @@ from armcontour.control import compensation
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import Keys, show, suggest
 from armcontour.core.yaml_loader import load
+from armcontour.files.file_keys import Patch as Patch
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.job_model import JobModel, RunModel
 from armcontour.files.job_text_edits import REMOVE, Change, change_data, value_at, write_data
-from armcontour.files.keys import Patch as Patch
 from armcontour.jobs.job import ARC, FREE
 from armcontour.motion import Method
 

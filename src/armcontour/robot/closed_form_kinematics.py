@@ -1,10 +1,5 @@
 """Closed-form inverse kinematics of six-joint arms whose joint axes 2 and 3 are parallel."""
 
-# Either axis 4 is parallel to axes 2 and 3, and axes 5 and 6 intersect, as in the arms of Universal
-# Robots; or axes 4, 5 and 6 intersect in one point, the wrist. Axes and points are in the frame of
-# the base with all joints at 0. The formulas are products of rotations about these axes (Murray, Li
-# and Sastry, 1994).
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -23,6 +18,10 @@ EXACT = 1e-9
 NEAR = 1e-6
 
 
+# Either axis 4 is parallel to axes 2 and 3, and axes 5 and 6 intersect, as in the arms of Universal
+# Robots; or axes 4, 5 and 6 intersect in one point, the wrist. Axes and points are in the frame of
+# the base with all joints at 0. The formulas are products of rotations about these axes (Murray, Li
+# and Sastry, 1994).
 class JointAxis(NamedTuple):
     """A joint axis: unit vector, and matrix of the vector product with it."""
 

@@ -13,9 +13,46 @@ from armcontour.core.frames import perpendicular
 from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path, Tube
 from armcontour.motion import JointPath
-from armcontour.planning.shaping.starts import Candidate
+from armcontour.planning.shaping.shape_starts import Candidate
 from armcontour.planning.tracing.knots import task_dimension
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
+
+# Distance between nodes at a 90° corner, divided by the tolerance, and its relative growth per node
+# away from the corner.
+AT_CORNER = 0.045
+GROWTH = 0.12
+# A corner has no node of its own if it turns by less than SHALLOW [rad] and is closer to another
+# corner than DENSE tolerances, because it is taken as a vertex between chords of a curve.
+SHALLOW, DENSE = 0.15, 4.0
+# Factor of the distance between nodes next to a rest.
+AT_REST = 0.12
+# Largest distance of the polygon of control points from its curve, divided by the tolerance.
+SAG = 0.03
+# Largest distance between nodes, divided by the radius of the tool path at constant joint
+# velocities
+LONGEST = 0.027
+# Approximate smallest number of nodes between two rests.
+FEWEST = 64
+# Relative growth between samples below which the logarithm is replaced by its series.
+EVEN = 1e-5
+# Largest average number of nodes per stretch. The distance between nodes is proportional to the
+# square root of the tolerance, so small tolerances make iterations slow.
+MAX_NODES = 4000
+# Number of samples of the distance between nodes: first between two marks, then per node
+SAMPLES, PER_NODE = 32, 8
+# Largest offset in tolerances, and search step as a fraction of the tolerance.
+FARTHEST = 2.5
+SEARCH_STEP = 1 / 24
+HALVINGS = 24
+# Fraction of the tolerance that offsets must not use
+INSIDE = 1e-3
+# Arc lengths closer than this are equal [m].
+SAME = 1e-9
+# A node matches points of the objective within this number of tolerances plus twice the larger
+# distance to its neighbours.
+REACH = 3.0
+# Number of directions of the bounds of offsets in space.
+SIDES = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,44 +126,6 @@ class NearPath:
         right = np.zeros((n, dof, k))
         right[:, :3] = frames
         return np.asarray(np.linalg.solve(matrix, right))
-
-
-# Distance between nodes at a 90° corner, divided by the tolerance, and its relative growth per node
-# away from the corner.
-AT_CORNER = 0.045
-GROWTH = 0.12
-# A corner has no node of its own if it turns by less than SHALLOW [rad] and is closer to another
-# corner than DENSE tolerances, because it is taken as a vertex between chords of a curve.
-SHALLOW, DENSE = 0.15, 4.0
-# Factor of the distance between nodes next to a rest.
-AT_REST = 0.12
-# Largest distance of the polygon of control points from its curve, divided by the tolerance.
-SAG = 0.03
-# Largest distance between nodes, divided by the radius of the tool path at constant joint
-# velocities
-LONGEST = 0.027
-# Approximate smallest number of nodes between two rests.
-FEWEST = 64
-# Relative growth between samples below which the logarithm is replaced by its series.
-EVEN = 1e-5
-# Largest average number of nodes per stretch. The distance between nodes is proportional to the
-# square root of the tolerance, so small tolerances make iterations slow.
-MAX_NODES = 4000
-# Number of samples of the distance between nodes: first between two marks, then per node
-SAMPLES, PER_NODE = 32, 8
-# Largest offset in tolerances, and search step as a fraction of the tolerance.
-FARTHEST = 2.5
-SEARCH_STEP = 1 / 24
-HALVINGS = 24
-# Fraction of the tolerance that offsets must not use
-INSIDE = 1e-3
-# Arc lengths closer than this are equal [m].
-SAME = 1e-9
-# A node matches points of the objective within this number of tolerances plus twice the larger
-# distance to its neighbours.
-REACH = 3.0
-# Number of directions of the bounds of offsets in space.
-SIDES = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -273,6 +272,10 @@ class _Marks:
 
     @classmethod
     def from_path(cls, path: Path, matches: FloatArray, tube: Tube) -> _Marks:
+        """Make the marks at the rests of a path, and at the other corners of its tube.
+
+        A corner has no mark if it turns little and is close to the next corner.
+        """
         s_corners = np.interp(tube.objective.breaks[tube.vertex], matches[:, 0], matches[:, 1])
         stops = np.concatenate([[0.0], path.stops, [path.length]])
         turns = tube.objective.turns[tube.vertex - 1]
@@ -283,7 +286,7 @@ class _Marks:
         marks = np.concatenate([stops, s_corners[corner]])
         order = np.argsort(marks, kind="stable")
         corner_index = np.concatenate([np.full(len(stops), -1), corner])[order]
-        # The index -1 of rests selects the last entry.
+        # The index -1 of rests selects the appended turn of 0.
         half = np.append(turns, 0.0)[corner_index] / 2
         tolerances = _tolerance_at(tube, np.interp(marks[order], matches[:, 1], matches[:, 0]))
         first = AT_CORNER * tolerances / np.maximum(np.sin(half), 1e-6)

@@ -14,9 +14,14 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
-from armcontour.files.robots.tree import MAX_NAMED, Tree, parse_xml
 from armcontour.files.robots.urdf_chain import origin_of, read_attribute, read_numbers
+from armcontour.files.robots.urdf_tree import MAX_NAMED, Tree, parse_xml
 from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, Shape, Sphere
+
+# Maximum number of files that a note lists.
+MAX_FILES = 4
+# Maximum number of parent folders in which the package of a description is searched.
+MAX_UP = 4
 
 
 def read_excluded_pairs(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut, ...]:
@@ -53,12 +58,6 @@ def _pair(element: ET.Element, location: FilePath) -> LeftOut:
     reason = shorten(make_printable(element.get("reason", "").strip()), LONGEST_NAME)
     reason = reason or "no reason given"
     return LeftOut(first=first, second=second, reason=f"{location.name}: {reason}")
-
-
-# Maximum number of files that a note lists.
-MAX_FILES = 4
-# Maximum number of parent folders in which the package of a description is searched.
-MAX_UP = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -17,12 +17,23 @@ from armcontour.core.file_access import read_text
 from armcontour.core.quantities import Angle, Length, PartialFields, shared_unit
 from armcontour.core.render import figure
 from armcontour.core.yaml_loader import load
-from armcontour.files.keys import read_keys
+from armcontour.files.file_keys import read_keys
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 
 if TYPE_CHECKING:
     from armcontour.control.identification import Estimate, Identification
+
+# Comments on parameters of a servo file, after their units.
+COMMENTS = {
+    "acceleration_limit": "none means no saturation",
+    "offset": "static deviation (or encoder offset), which is not compensated",
+    "model_error": "with the offset, largest error on motion that was not fitted",
+    "logged_velocity": "largest velocity of this motion",
+    "logged_acceleration": "largest acceleration of this motion",
+    "contour_ratio": "contour error with / without compensation, on motion that was not fitted",
+    "programs": "number of programs from which contour_ratio was determined",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,18 +91,6 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
     with error_context(file.name), key_context("servo"):
         servo: ServoModel = read_keys(ServoModel, data["servo"])
         return servo.for_joints(dof)
-
-
-# Comments on parameters of a servo file, after their units.
-COMMENTS = {
-    "acceleration_limit": "none means no saturation",
-    "offset": "static deviation (or encoder offset), which is not compensated",
-    "model_error": "with the offset, largest error on motion that was not fitted",
-    "logged_velocity": "largest velocity of this motion",
-    "logged_acceleration": "largest acceleration of this motion",
-    "contour_ratio": "contour error with / without compensation, on motion that was not fitted",
-    "programs": "number of programs from which contour_ratio was determined",
-}
 
 
 def servo_yaml(identification: Identification) -> str:

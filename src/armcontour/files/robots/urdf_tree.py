@@ -21,6 +21,19 @@ DESCRIPTION = ".urdf"
 MAX_CHARACTERS = 1000
 # Options that are valid for any arm; the others are only for robot descriptions.
 ANY_OPTIONS = ("joint_limits", "srdf", "calibration")
+# Types of joints whose position is one angle or one distance.
+ARM_TYPES = ("revolute", "continuous", "prismatic")
+JOINT_TYPES = (*ARM_TYPES, "fixed", "planar", "floating")
+# Attributes of the elements that determine the motion of an arm (URDF 1.2), by tag. `dont_collapse`
+# is an extension of simulators that merge links.
+ATTRIBUTES = {
+    "joint": {"name", "type", "dont_collapse"},
+    "origin": {"xyz", "rpy", "quat_xyzw"},
+    "axis": {"xyz"},
+    "limit": {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"},
+}
+# Maximum number of names that a message lists.
+MAX_NAMED = 40
 
 
 @declared()
@@ -70,21 +83,6 @@ def check_options(options: ArmOptions, arm: str) -> None:
             raise InvalidInput(
                 f"{arm} has no option {option.name}, which is valid only for .urdf files."
             )
-
-
-# Types of joints whose position is one angle or one distance.
-ARM_TYPES = ("revolute", "continuous", "prismatic")
-JOINT_TYPES = (*ARM_TYPES, "fixed", "planar", "floating")
-# Attributes of the elements that determine the motion of an arm (URDF 1.2), by tag. `dont_collapse`
-# is an extension of simulators that merge links.
-ATTRIBUTES = {
-    "joint": {"name", "type", "dont_collapse"},
-    "origin": {"xyz", "rpy", "quat_xyzw"},
-    "axis": {"xyz"},
-    "limit": {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"},
-}
-# Maximum number of names that a message lists.
-MAX_NAMED = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

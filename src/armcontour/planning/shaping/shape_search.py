@@ -16,12 +16,12 @@ from armcontour.geometry import Path, ShapedPath, ShapingOutcome, Tube, orient_s
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, SHAPED
-from armcontour.planning.options import Shaped
-from armcontour.planning.shaping.curves import DrawnPath, draw
-from armcontour.planning.shaping.nodes import INSIDE, NearPath, Nodes, place_nodes
 from armcontour.planning.shaping.quadratic_program import solve_program
+from armcontour.planning.shaping.shape_starts import Candidate, Timer, make_starts, match, prove
+from armcontour.planning.shaping.spline_nodes import INSIDE, NearPath, Nodes, place_nodes
 from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
-from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
+from armcontour.planning.shaping.tool_path_fit import DrawnPath, draw
+from armcontour.planning.timing_options import Shaped
 
 # On a path with more corners and rests than this, corners are rejected separately.
 LONG_PATH = 40
@@ -30,6 +30,25 @@ LONG_PATH = 40
 CHUNKED = 400
 # Number of corners of a chunk, and number of corners by which cuts move in each iteration
 CORNERS, SHIFT = 8, 3
+# Trust region, the largest change of offsets divided by the tolerance: initial, largest and
+# smallest value, and factors after rejected, slower and faster iterations
+FIRST_TRUST, MAX_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
+SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
+# The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
+# duration.
+IDLE, LEAST_GAIN = 4, 1e-5
+# The search also ends after this many consecutive iterations in which the path leaves the tube.
+MAX_TIGHTENED = 12
+# Each consecutive rejection multiplies the proposed change by this factor.
+REJECTION_FACTOR = 0.6
+# Corners of a long path revert to the best shape at most this many times in an iteration.
+MAX_REVERSIONS = 4
+# Weights of the squares of offsets and span times; they make the quadratic program definite.
+WEIGHT = (1e-3, 1e-9)
+# Offsets outside the tube are reduced by their excess distance times this factor.
+EXCESS_FACTOR = 1.5
+# Fraction of the tolerance to which the corners of starts are rounded
+START_SHARE = 0.7
 
 
 def is_long(group: IntArray) -> bool:
@@ -78,27 +97,6 @@ def solve_in_chunks(
 
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         return np.concatenate(list(pool.map(solve, begins.tolist(), ends.tolist())))
-
-
-# Trust region, the largest change of offsets divided by the tolerance: initial, largest and
-# smallest value, and factors after rejected, slower and faster iterations
-FIRST_TRUST, MAX_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
-SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
-# The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
-# duration.
-IDLE, LEAST_GAIN = 4, 1e-5
-# The search also ends after this many consecutive iterations in which the path leaves the tube.
-MAX_TIGHTENED = 12
-# Each consecutive rejection multiplies the proposed change by this factor.
-REJECTION_FACTOR = 0.6
-# Corners of a long path revert to the best shape at most this many times in an iteration.
-MAX_REVERSIONS = 4
-# Weights of the squares of offsets and span times; they make the quadratic program definite.
-WEIGHT = (1e-3, 1e-9)
-# Offsets outside the tube are reduced by their excess distance times this factor.
-EXCESS_FACTOR = 1.5
-# Fraction of the tolerance to which the corners of starts are rounded
-START_SHARE = 0.7
 
 
 @dataclass(slots=True)

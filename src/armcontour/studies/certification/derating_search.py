@@ -53,6 +53,41 @@ MAX_CORNERS, DRAWN, SEED = 256, 100, 0
 RESULT_STEP = 2e-3
 # Largest number of parameters of the worst robot in a summary.
 MAX_NAMED = 4
+# Results per cycle in an execution of an attempt on the nominal robot, and on robots of the box.
+RESULTS_PER_CYCLE = 16
+BOX_RESULTS_PER_CYCLE = 4
+# Shortest time between two results [s].
+SHORTEST_STEP = 1.25e-4
+# Ratios to limits at which derating aims, so that the search ends.
+GOALS = {"acceleration": 1 - 3e-6, "speed": 1 - 2e-9, "tool": 1 - 2e-9}
+# Powers of a ratio by which ds² is reduced: ratios of "speed" and "tool" are ratios of ds². Errors
+# of the box grow with the speed, other errors at least with its third power.
+POWERS = {"speed": 1.0, "tool": 1.0, "error": 2 / 3, "box": 2.0}
+# Smallest share to which ds² is reduced in one attempt.
+LEAST_STEP = 0.49
+# Derating in one cell changes the motion in its neighbours, so an excess may shrink by less than
+# half per attempt. Therefore the excess is squared after this many attempts, cubed after twice as
+# many, and so on.
+POWER_TRIALS = 5
+# MAX_TRIALS: largest number of attempts for a move between two verdicts. MAX_VERDICTS: largest
+# number of verdicts. CORRECTION: factor of a goal after a verdict against an attempt.
+MAX_TRIALS, MAX_VERDICTS, CORRECTION = 25, 30, 0.998
+# If the servo lags, the plan affects the tool for this time [time constants].
+TOOL_MEMORY = 8.0
+# Ratio of ds² that is assigned to a command outside the joint range. A lower speed cannot correct
+# such a command completely, but with this ratio each attempt reduces the speed in its cell.
+OUTSIDE_RATIO = 1.1
+# Times that differ by less than this fraction of the cycle are equal.
+PHASE_TOLERANCE = 1e-9
+# Largest fraction of the budget that the deviation from the previous move may use at the start of a
+# contour.
+ENTRY_SHARE = 0.25
+# Estimated ratios to limits and budget in the n cells of a move by cause, (n,) or (n, dof).
+Uses = dict[str, FloatArray]
+# Ratios at which the derating of a move aims, by cause; the judge lowers them.
+Goals = dict[str, float]
+# Parts of executions, one per contour.
+Pieces = Sequence[Sequence[ContourExecution]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -318,43 +353,7 @@ def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
     return bounds
 
 
-# Results per cycle in an execution of an attempt on the nominal robot, and on robots of the box.
-RESULTS_PER_CYCLE = 16
-BOX_RESULTS_PER_CYCLE = 4
-# Shortest time between two results [s].
-SHORTEST_STEP = 1.25e-4
-# Ratios to limits at which derating aims, so that the search ends.
-GOALS = {"acceleration": 1 - 3e-6, "speed": 1 - 2e-9, "tool": 1 - 2e-9}
 GOALS |= {"error": 0.995, "box": 0.995}
-# Powers of a ratio by which ds² is reduced: ratios of "speed" and "tool" are ratios of ds². Errors
-# of the box grow with the speed, other errors at least with its third power.
-POWERS = {"speed": 1.0, "tool": 1.0, "error": 2 / 3, "box": 2.0}
-# Smallest share to which ds² is reduced in one attempt.
-LEAST_STEP = 0.49
-# Derating in one cell changes the motion in its neighbours, so an excess may shrink by less than
-# half per attempt. Therefore the excess is squared after this many attempts, cubed after twice as
-# many, and so on.
-POWER_TRIALS = 5
-# MAX_TRIALS: largest number of attempts for a move between two verdicts. MAX_VERDICTS: largest
-# number of verdicts. CORRECTION: factor of a goal after a verdict against an attempt.
-MAX_TRIALS, MAX_VERDICTS, CORRECTION = 25, 30, 0.998
-# If the servo lags, the plan affects the tool for this time [time constants].
-TOOL_MEMORY = 8.0
-# Ratio of ds² that is assigned to a command outside the joint range. A lower speed cannot correct
-# such a command completely, but with this ratio each attempt reduces the speed in its cell.
-OUTSIDE_RATIO = 1.1
-# Times that differ by less than this fraction of the cycle are equal.
-PHASE_TOLERANCE = 1e-9
-# Largest fraction of the budget that the deviation from the previous move may use at the start of a
-# contour.
-ENTRY_SHARE = 0.25
-
-# Estimated ratios to limits and budget in the n cells of a move by cause, (n,) or (n, dof).
-Uses = dict[str, FloatArray]
-# Ratios at which the derating of a move aims, by cause; the judge lowers them.
-Goals = dict[str, float]
-# Parts of executions, one per contour.
-Pieces = Sequence[Sequence[ContourExecution]]
 
 
 def attempts(case: Case, robots: Sequence[FloatArray]) -> Generator[Attempt, Verdict, None]:

@@ -14,8 +14,8 @@ from armcontour.geometry.rounding.rounded_path import Curve
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, STOPS
 from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.optimal import plan_optimal
-from armcontour.planning.options import Optimal, Shaped
 from armcontour.planning.program_tracing import trace_by_duration
+from armcontour.planning.timing_options import Optimal, Shaped
 from armcontour.robot import Arm, Limits
 
 # Angle between matched points along arcs [rad].
@@ -23,6 +23,15 @@ TURN = 0.05
 # Half length of the part of the objective, around the matching point, to which `prove` measures the
 # distance of a point, divided by the tolerance
 MATCH_TOLERANCE = 0.05
+# Number of bisections of the rounding tolerance of corners that leave the tube. If such a corner
+# also leaves the tube with the tolerance that is found, the tolerance is multiplied by LESS.
+HALVINGS, LESS = 14, 0.9
+# The tool stops at corners with smaller tolerances or radii [m], because no arm resolves such arcs,
+# and rounding errors would exceed limits.
+FINEST, SHARPEST = 1e-8, 1e-10
+# Largest distance along the objective between the exact and the approximate match of a point of a
+# start, divided by the tolerance
+REACH = 6.0
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
@@ -63,17 +72,6 @@ def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
     last = len(tube) - 1
     piece = np.clip(np.searchsorted(tube.breaks, matches[:, 0], side="right") - 1, 0, last)
     return tube.prove(path, matches, MATCH_TOLERANCE * tube.tolerance[piece])
-
-
-# Number of bisections of the rounding tolerance of corners that leave the tube. If such a corner
-# also leaves the tube with the tolerance that is found, the tolerance is multiplied by LESS.
-HALVINGS, LESS = 14, 0.9
-# The tool stops at corners with smaller tolerances or radii [m], because no arm resolves such arcs,
-# and rounding errors would exceed limits.
-FINEST, SHARPEST = 1e-8, 1e-10
-# Largest distance along the objective between the exact and the approximate match of a point of a
-# start, divided by the tolerance
-REACH = 6.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

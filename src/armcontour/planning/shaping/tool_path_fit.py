@@ -155,8 +155,8 @@ def _evaluate_spline(spline: JointSpline, arm: Arm, span: IntArray, share: Float
     # A span next to a rest is straight, so its direction is that of the velocity at its other end,
     # even at the rest.
     for side, other in ((spline.rest[:-1], e[1:]), (spline.rest[1:], e[:-1])):
-        beside = side[span]
-        dq[beside], a[beside] = other[span][beside], 0.0
+        adjacent = side[span]
+        dq[adjacent], a[adjacent] = other[span][adjacent], 0.0
     velocity, acceleration = arm.tool_motion(q, dq, a)
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
     tangent = velocity / speed

@@ -27,13 +27,16 @@ from armcontour.planning.topp.limit_forms import (
 )
 
 ROUNDING = 2e-15  # rounding error of differences of x, as a fraction of x
+Terms = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @compiled(fastmath=FUSED)
 def write_linear_rows(
     grid: Intervals,
     after: IntArray,
-    terms: tuple[FloatArray, ...],  # a, b and c at the samples of `OnGrid`, (samples, rows) each
+    terms: tuple[
+        FloatArray, ...
+    ],  # a, b and c at the samples of `SampledJointPath`, (samples, rows) each
     bounds: tuple[FloatArray, ...],  # low and high, (rows,) each
     rows: LinearRows,
 ) -> None:
@@ -98,11 +101,8 @@ def write_derivatives(grid: Intervals, ends: FloatArray, bounds: FloatArray) -> 
             bounds[1, i, j] = fourth + half * fifth
 
 
-Terms = tuple[FloatArray, FloatArray, FloatArray]
-
-
 @dataclass(frozen=True)
-class OnGrid:
+class SampledJointPath:
     """A joint path on a grid, with the quantities that constraints need, computed at first use."""
 
     grid: Grid

@@ -34,6 +34,15 @@ FORMAT_OPTIONS = {
 LARGEST_PART = 1000.0
 # Coordinates of tables above this get a note, because no arm has such a reach [m].
 FARTHEST_ARM = 10.0
+# Extensions of job files.
+YAML = (".yaml", ".yml")
+# Module and function of the reader for each extension.
+READERS = {
+    ".dxf": ("dxf", "read_dxf"),
+    ".svg": ("svg", "read_svg"),
+    **dict.fromkeys((".ngc", ".nc", ".gcode", ".tap", ".cnc"), ("gcode", "read_gcode")),
+    ".csv": ("waypoint_table", "read_waypoints"),
+}
 
 
 @checked
@@ -132,17 +141,6 @@ def _check_scaled_size(program: Program, factor: float) -> None:
     raise InvalidInput(
         f"With the scale {factor:g}, {program.source} has {problem}. Check the scale."
     )
-
-
-# Extensions of job files.
-YAML = (".yaml", ".yml")
-# Module and function of the reader for each extension.
-READERS = {
-    ".dxf": ("dxf", "read_dxf"),
-    ".svg": ("svg", "read_svg"),
-    **dict.fromkeys((".ngc", ".nc", ".gcode", ".tap", ".cnc"), ("gcode", "read_gcode")),
-    ".csv": ("waypoint_table", "read_waypoints"),
-}
 
 
 def find_reader(file: str | FilePath) -> tuple[FilePath, str]:

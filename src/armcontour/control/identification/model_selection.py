@@ -69,6 +69,60 @@ MAX_SEGMENTS, LONGEST_SEGMENTS = 40, 10
 MAX_LIMIT_TIME, FEWEST_REVERSALS = 0.5, 4
 # Margin before and after saturated samples [s], because drives react up to one drive cycle later.
 MARGIN = 1e-3
+KP, KV, KI = "kp", "kv", "ki"
+FEED, ACCELERATION = "velocity_feedforward", "acceleration_feedforward"
+DELAY, LIMIT, FRICTION = "dead_time", "acceleration_limit", "friction"
+# Candidate models, from simple to rich.
+CANDIDATES = (
+    Model("delay", (DELAY,)),
+    Model("first", (KP, DELAY)),
+    Model("first", (KP, FEED, DELAY)),
+    Model("second", (KP, KV, DELAY)),
+    Model("second", (KP, KV, FEED, DELAY)),
+    Model("first", (KP, FEED, ACCELERATION, DELAY)),
+    Model("second", (KP, KV, FEED, ACCELERATION, DELAY)),
+    Model("second", (KP, KV, KI, FEED, DELAY, FRICTION)),
+    Model("second", (KP, KV, KI, FEED, ACCELERATION, DELAY, FRICTION)),
+    Model("second", (KP, KV, FEED, DELAY, LIMIT)),
+)
+# Parameters that are removed from a P-PI cascade (model with k_i) if it is not significantly worse
+# without them.
+OPTIONAL = (ACCELERATION, FEED, FRICTION)
+# A richer model is selected under two conditions. The median over the parts of its error divided by
+# the error of the poorer model is below GAIN, or LIMIT_GAIN for a model with an acceleration limit.
+# Its error is smaller on at least the share MAX_PARTS of the parts.
+GAIN, LIMIT_GAIN, MAX_PARTS = 0.9, 0.5, 0.6
+# A richer model is discarded if its error on the fitted data exceeds this share of the error of the
+# best model.
+RICHER_SHARE = 0.97
+# A poorer model is discarded if its cost on the fitted data exceeds this multiple of the best cost.
+POORER_RATIO = 2.0
+# A cascade is fitted if the error of the best model so far is below this fraction of the tracking
+# error.
+CASCADE_SHARE = 0.5
+# Smallest damping ratio of a fitted loop; no drive is tuned with less damping.
+LEAST_DAMPING = 0.2
+# Largest number of evaluations of a cross-validation fit, which starts from the fit of all parts.
+REFIT_EVALUATIONS = 10
+# Selection uses samples with the spacing COARSE_SPACING [s] if linear interpolation of their
+# set-points reproduces the command with an RMS error below the share THINNING_ERROR of the noise of
+# the positions.
+COARSE_SPACING = 4e-3
+THINNING_ERROR = 0.3
+# Upper bound of the initial dead time in the fit of a saturating joint [s].
+USUAL_DELAY = 0.01
+# ACCELERATION_TIMES: times over which accelerations are measured [s], a short time for fast motion
+# and a long time for small motion in noise. ACCELERATION_PERCENTILE: percentile that counts as the
+# largest acceleration.
+ACCELERATION_TIMES, ACCELERATION_PERCENTILE = (8e-3, 40e-3), 99
+# Initial values of loops: a, b, K_v [1/s], k_i [1/s], velocity feed-forward, and dead time divided
+# by the lag. The initial K_p is a + b / lag. Feed-forward matters only in loops that saturate.
+STARTS = (
+    (10.0, 0.0, 20.0, 5.0, 1.0, 0.8), (1.0, 0.0, 100.0, 5.0, 1.0, 1.0),
+    (40.0, 0.0, 150.0, 5.0, 0.6, 0.5), (30.0, 0.0, 100.0, 5.0, 0.0, 0.3),
+    (150.0, 0.0, 60.0, 5.0, 0.6, 0.9), (0.0, 0.8, 60.0, 5.0, 0.0, 0.1),
+    (0.0, 1.5, 150.0, 12.0, 0.0, 0.3), (0.0, 4.0, 100.0, 5.0, 0.0, 0.7),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -318,62 +372,6 @@ def _spans(mask: BoolArray) -> list[tuple[int, int]]:
 def _widen(mask: BoolArray, by: int) -> BoolArray:
     """The mask with each run of true values extended by `by` samples on both sides."""
     return np.asarray(np.convolve(mask, np.ones(2 * by + 1))[by : len(mask) + by] > 0.5)
-
-
-KP, KV, KI = "kp", "kv", "ki"
-FEED, ACCELERATION = "velocity_feedforward", "acceleration_feedforward"
-DELAY, LIMIT, FRICTION = "dead_time", "acceleration_limit", "friction"
-# Candidate models, from simple to rich.
-CANDIDATES = (
-    Model("delay", (DELAY,)),
-    Model("first", (KP, DELAY)),
-    Model("first", (KP, FEED, DELAY)),
-    Model("second", (KP, KV, DELAY)),
-    Model("second", (KP, KV, FEED, DELAY)),
-    Model("first", (KP, FEED, ACCELERATION, DELAY)),
-    Model("second", (KP, KV, FEED, ACCELERATION, DELAY)),
-    Model("second", (KP, KV, KI, FEED, DELAY, FRICTION)),
-    Model("second", (KP, KV, KI, FEED, ACCELERATION, DELAY, FRICTION)),
-    Model("second", (KP, KV, FEED, DELAY, LIMIT)),
-)
-# Parameters that are removed from a P-PI cascade (model with k_i) if it is not significantly worse
-# without them.
-OPTIONAL = (ACCELERATION, FEED, FRICTION)
-# A richer model is selected under two conditions. The median over the parts of its error divided by
-# the error of the poorer model is below GAIN, or LIMIT_GAIN for a model with an acceleration limit.
-# Its error is smaller on at least the share MAX_PARTS of the parts.
-GAIN, LIMIT_GAIN, MAX_PARTS = 0.9, 0.5, 0.6
-# A richer model is discarded if its error on the fitted data exceeds this share of the error of the
-# best model.
-RICHER_SHARE = 0.97
-# A poorer model is discarded if its cost on the fitted data exceeds this multiple of the best cost.
-POORER_RATIO = 2.0
-# A cascade is fitted if the error of the best model so far is below this fraction of the tracking
-# error.
-CASCADE_SHARE = 0.5
-# Smallest damping ratio of a fitted loop; no drive is tuned with less damping.
-LEAST_DAMPING = 0.2
-# Largest number of evaluations of a cross-validation fit, which starts from the fit of all parts.
-REFIT_EVALUATIONS = 10
-# Selection uses samples with the spacing COARSE_SPACING [s] if linear interpolation of their
-# set-points reproduces the command with an RMS error below the share THINNING_ERROR of the noise of
-# the positions.
-COARSE_SPACING = 4e-3
-THINNING_ERROR = 0.3
-# Upper bound of the initial dead time in the fit of a saturating joint [s].
-USUAL_DELAY = 0.01
-# ACCELERATION_TIMES: times over which accelerations are measured [s], a short time for fast motion
-# and a long time for small motion in noise. ACCELERATION_PERCENTILE: percentile that counts as the
-# largest acceleration.
-ACCELERATION_TIMES, ACCELERATION_PERCENTILE = (8e-3, 40e-3), 99
-# Initial values of loops: a, b, K_v [1/s], k_i [1/s], velocity feed-forward, and dead time divided
-# by the lag. The initial K_p is a + b / lag. Feed-forward matters only in loops that saturate.
-STARTS = (
-    (10.0, 0.0, 20.0, 5.0, 1.0, 0.8), (1.0, 0.0, 100.0, 5.0, 1.0, 1.0),
-    (40.0, 0.0, 150.0, 5.0, 0.6, 0.5), (30.0, 0.0, 100.0, 5.0, 0.0, 0.3),
-    (150.0, 0.0, 60.0, 5.0, 0.6, 0.9), (0.0, 0.8, 60.0, 5.0, 0.0, 0.1),
-    (0.0, 1.5, 150.0, 12.0, 0.0, 0.3), (0.0, 4.0, 100.0, 5.0, 0.0, 0.7),
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,0 +1,265 @@
+"""Leads: paths before and after a contour on which the tool accelerates and decelerates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import exp
+from armcontour.core.text import count_noun
+from armcontour.geometry import Path
+from armcontour.geometry.orientation import Orientation
+from armcontour.geometry.prescribed_orientation import tangent_rates
+from armcontour.geometry.segments import REPEATED_POINT, Segments
+from armcontour.program.kerf import cut_contours, waste_sides
+from armcontour.program.moves import Contour, contour_called
+from armcontour.program.nesting import find_chords, find_nesting
+from armcontour.program.offset_curves import LENGTH, find_crossings
+from armcontour.program.process import WASTE, Lead, Process
+
+# Fraction of a lead, next to the contour that it touches, on which contact is ignored.
+IGNORED_CONTACT = 0.01
+# Number of bisections in the search for the longest lead that fits (relative error 0.0001).
+LEAD_BISECTIONS = 14
+# Angle of a quarter circle [rad].
+QUARTER = np.pi / 2
+# Smallest sine of the angle between tangent and `up`. Below it, left and right are undefined.
+VERTICAL = 1e-6
+# Largest sine of the angle by which a contour may turn at a vertex towards the side of an arc lead.
+# With a larger angle, the contour would cross the arc where contact is not ignored.
+MAX_INWARD_TURN = 0.005
+
+
+class LeadPlacement:
+    """Lays the leads of a program's contours in the waste, so that they cross no cut contour."""
+
+    def __init__(self, contours: Sequence[Contour], process: Process) -> None:
+        # `contours`: the contours before they get overlaps and leads.
+        self._contours, self._process = contours, process
+        needed = any(x.side == WASTE for x in process.leads)
+        self._sides = waste_sides(contours, process) if needed else ["left"] * len(contours)
+        self._cut = cut_contours(contours, process)
+        self._around: tuple[FloatArray, FloatArray] | None = None
+        # Leads that are shorter than requested: fraction of the requested length, and description.
+        self._shortened: list[tuple[float, str]] = []
+
+    def place_lead(
+        self, number: int, path: Path, lead: Lead, length: float, *, after: bool
+    ) -> Path:
+        """The lead-in or the lead-out of contour `number`.
+
+        - `length`: requested length [m]; a lead of automatic length is shortened until it fits.
+        - `after`: true for the lead-out.
+        """
+        contour = self._contours[number]
+        side = self._sides[number] if lead.side == WASTE else lead.side
+        beyond = self._tangent_beyond(contour, path, after)
+
+        def lead_of(length: float) -> Path:
+            return lead_path(
+                path, length, lead.shape, side, self._process.up, after=after, beyond=beyond
+            )
+
+        full_lead = lead_of(length)
+        must_fit = (
+            lead.shape == "arc" and lead.side == WASTE and contour.closed and self._cut[number]
+        )
+        if not must_fit or self._process.of_contour(contour).weave is not None:
+            return full_lead
+        if self._fits_in_waste(full_lead, after):
+            return full_lead
+        fits, too_long = 0.0, length
+        for _ in range(LEAD_BISECTIONS):
+            middle = (fits + too_long) / 2
+            in_scrap = self._fits_in_waste(lead_of(middle), after)
+            fits, too_long = (middle, too_long) if in_scrap else (fits, middle)
+        called, kind = contour_called(contour, number), "lead-out" if after else "lead-in"
+        location = f"{called} (layer {contour.layer})" if contour.layer else called
+        if not fits:
+            raise InvalidInput(
+                f"{location}: an arc {kind} does not fit into the waste at the "
+                f"{'end' if after else 'start'} of the contour. Choose another start point "
+                "(process.begin).",
+                needed=length,
+                allowed=0.0,
+            )
+        if lead.length is not None:
+            raise InvalidInput(
+                f"{location}: a {kind} of {1e3 * length:.4g} mm crosses a contour or leaves the "
+                f"waste. The longest {kind} that fits is {1e3 * fits:.4g} mm.",
+                needed=length,
+                allowed=fits,
+            )
+        description = f"the {kind} of {location}: {1e3 * fits:.4g} instead of {1e3 * length:.4g} mm"
+        self._shortened.append((fits / length, description))
+        return lead_of(fits)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence on leads that are too short to reach the speed; empty without such leads."""
+        if not self._shortened:
+            return ()
+        count = count_noun(len(self._shortened), "lead")
+        return (
+            "Leads are shorter than the tool needs to reach its speed, because longer leads cross "
+            f"a contour or leave the waste ({count}). The shortest is {min(self._shortened)[1]}.",
+        )
+
+    def _tangent_beyond(self, contour: Contour, path: Path, after: bool) -> FloatArray | None:
+        """Unit tangent of a contour beyond the vertex at a lead; None without a vertex there."""
+        outline = contour.path
+        # A contour with an overlap does not end at its start point.
+        if not outline.segments.closed:
+            return None
+        nearest = outline.project(path(path.length if after else 0.0)[None])
+        if nearest.distance[0] > 2 * REPEATED_POINT:
+            return None
+        s = float(outline.breaks[np.argmin(np.abs(outline.breaks - nearest.s[0]))])
+        if abs(s - nearest.s[0]) > 2 * REPEATED_POINT:
+            return None
+        if after:
+            return outline(0.0 if s == outline.length else s, 1)
+        return outline(s or outline.length, 1, side="left")
+
+    def _fits_in_waste(self, lead: Path, after: bool) -> bool:
+        """Return whether a lead crosses no cut contour and its free end lies in the waste."""
+        lead, up = lead.reversed() if after else lead, self._process.up
+        cut = [x for x, kept in zip(self._contours, self._cut, strict=True) if kept]
+        if self._around is None:
+            tables = [_tabulate_pieces(x.path, up) for x in cut]
+            self._around = np.concatenate(tables), np.array([_bounding_box(x) for x in tables])
+        pieces, boxes = self._around
+        lead_pieces = _tabulate_pieces(lead, up)
+        tip = lead_pieces[0, :2]
+        # Only pieces within reach of the lead are tested: the starts of a piece and of the lead are
+        # at most the sum of both lengths apart if the piece and the lead meet.
+        apart = np.linalg.norm(pieces[:, :2] - tip, axis=1)
+        near = pieces[apart <= pieces[:, LENGTH] + lead.length + REPEATED_POINT]
+        pairs, distances = find_crossings(np.concatenate([lead_pieces, near]))
+        first = np.argmin(pairs, axis=1)[:, None]
+        meets = (pairs.min(axis=1) < len(lead_pieces)) & (pairs.max(axis=1) >= len(lead_pieces))
+        begins = np.cumsum(lead_pieces[:, LENGTH]) - lead_pieces[:, LENGTH]
+        contacts = (
+            np.take_along_axis(distances, first, 1)[meets, 0] + begins[pairs.min(axis=1)[meets]]
+        )
+        if (contacts < (1 - IGNORED_CONTACT) * lead.length).any():
+            return False
+        enclosing = np.nonzero(((boxes[:, 0] <= tip) & (tip <= boxes[:, 1])).all(axis=1))[0]
+        contains = find_nesting([*(cut[i] for i in enclosing), Contour(path=lead)], up).contains
+        return bool(contains[:, -1].sum() % 2 == 0)
+
+
+def _bounding_box(pieces: FloatArray) -> FloatArray:
+    """Lower and upper corner of a box around pieces [m], (2, 2)."""
+    starts, lengths = pieces[:, :2], pieces[:, LENGTH:]
+    return np.stack([(starts - lengths).min(axis=0), (starts + lengths).max(axis=0)])
+
+
+def _tabulate_pieces(path: Path, up: FloatArray) -> FloatArray:
+    """The table of pieces (offset_curves.py) of a path seen from above, (n, 6)."""
+    chords = find_chords(path, up)
+    a, chord, bent = chords[:, :2], chords[:, 2:4] - chords[:, :2], chords[:, 7] != 0
+    curvatures = np.where(bent, chords[:, 7] / np.where(bent, chords[:, 6], 1.0), 0.0)
+    out = (a - chords[:, 4:6]) * curvatures[:, None]
+    lengths = np.linalg.norm(chord, axis=1)
+    tangents = np.column_stack([-out[:, 1], out[:, 0]])
+    tangents = np.where(bent[:, None], tangents, chord / lengths[:, None])
+    half = np.arcsin(np.minimum(lengths * np.abs(curvatures) / 2, 1.0))
+    return np.column_stack([a, tangents, curvatures, lengths / np.sinc(half / np.pi)])
+
+
+def lead_path(
+    path: Path,
+    length: float,  # Length of the lead [m]
+    shape: str,
+    side: str,  # Side of the path on which an arc lies, seen in the direction of travel
+    up: FloatArray,  # In space, the upward direction, which defines left and right, (3,)
+    *,
+    after: bool,  # True for the lead-out
+    beyond: FloatArray | None = None,
+) -> Path:
+    """The lead-in before a path, or the lead-out after the path.
+
+    If the contour turns towards the side of the arc at this vertex, the lead becomes a line along
+    the bisector, because a tangent arc would cross the contour.
+
+    `beyond` is the unit tangent of a closed contour on the other side of the vertex that the lead
+    touches.
+    """
+    s = path.length if after else 0.0
+    direction = "left" if after else "right"
+    point, tangent = path(s), path(s, 1, side=direction)
+    row = -1 if after else 0
+    if shape == "arc" and beyond is not None:
+        entering, leaving = (tangent, beyond) if after else (beyond, tangent)
+        if _side_vector(entering, side, up) @ leaving > MAX_INWARD_TURN:
+            inwards = (leaving - entering) / np.linalg.norm(leaving - entering)
+            shape, tangent = "line", inwards if after else -inwards
+    if shape == "line":
+        start = point if after else point - length * tangent
+        normal, curvature, start_tangent = np.zeros_like(tangent), 0.0, tangent
+    else:
+        curvature = QUARTER / length
+        normal = _side_vector(tangent, side, up)
+        start, start_tangent = point, tangent
+        if not after:
+            # A lead-in is on the same circle: the quarter circle that ends at the point.
+            start = point - (tangent - normal) / curvature
+            start_tangent, normal = -normal, tangent
+    lead = Path(
+        segments=Segments(
+            starts=start[None],
+            tangents=start_tangent[None],
+            normals=normal[None],
+            curvatures=np.array([curvature]),
+            lengths=np.array([length]),
+            speeds=path.speeds[[row]],
+            tolerances=path.tolerances[[row]],
+            tags=np.array(["lead-out" if after else "lead-in"], dtype=object),
+        )
+    )
+    if path.orientation is None:
+        return lead
+    rotation = path.orientation(s, side=direction)
+    return replace(lead, orientation=_lead_orientation(path.orientation, rotation, lead, after))
+
+
+def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
+    """Unit vector perpendicular to a tangent, towards `side`."""
+    if len(tangent) == 2:
+        normal = np.array([-tangent[1], tangent[0]])
+    else:
+        normal = np.cross(up, tangent)
+        size = float(np.linalg.norm(normal))
+        if size < VERTICAL:
+            raise InvalidInput(
+                "A lead in the shape of an arc has no side where the contour is parallel to the "
+                "direction up. Use the shape line."
+            )
+        normal = normal / size
+        normal -= (normal @ tangent) * tangent
+        normal /= np.linalg.norm(normal)
+    return np.asarray(normal if side == "left" else -normal)
+
+
+def _lead_orientation(
+    orientation: Orientation, rotation: FloatArray, lead: Path, after: bool
+) -> Orientation:
+    """Tool orientation along a lead, which follows the tangent or is constant like the path's."""
+    rate = np.zeros(3)
+    if orientation.follows and lead.curvatures[0] > 0:
+        rate = tangent_rates(lead.segments)[0]
+    start = rotation
+    if not after and rate.any():
+        start = exp(-rate[None] * lead.length)[0] @ rotation
+    return Orientation.even(
+        lead.lengths,
+        start[None],
+        rate[None],
+        axis_only=orientation.axis_only,
+        follows=orientation.follows,
+    )
