@@ -8,6 +8,7 @@ dq_ds and d2q_ds2 are exact.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
 
@@ -35,8 +36,11 @@ SETTLED = 1e-4
 # Regularization of the diagonal of an iteration's matrix, relative to its largest entry; the matrix
 # is singular if no cost depends on a null-space motion.
 DAMPING = 1e-6
-# Shares of a step that are tried with a tilt.
-TILT_SHARES = (1.0, 0.3, 0.1, 0.03)
+# Shares of a step that are tried with costs that are not quadratic.
+SHARES = (1.0, 0.3, 0.1, 0.03)
+# Smallest singular value of the Jacobian of an arm with external axes, with lengths relative to
+# those of the arm, below which a posture has a cost.
+NEARLY_SINGULAR = 0.04
 # Largest number of iterations of smoothing.
 MAX_ROUNDS = 25
 
@@ -225,9 +229,14 @@ class _Cost:
         self.outside = RANGE_WEIGHT / np.sqrt(len(s))
         self.chain, self.axes, tilt = arm.chain, axes, tilt_of(arm.chain)
         self.chord = None if tilt is None else chord_of(tilt)
+        # Joints of the arm on its external axes, which stay away from singularities; only six or
+        # more joints can.
+        own = np.setdiff1d(np.arange(arm.dof), arm.chain.external)
+        self.own = own if len(arm.chain.external) and len(own) >= 6 else own[:0]
+        self.arm = arm
         # Shares of a step that are tried. A step may leave the inner range of the tilt, whose cost
         # the linearized cost does not include.
-        self.shares = (1.0,) if tilt is None else TILT_SHARES
+        self.shares = (1.0,) if tilt is None and not len(self.own) else SHARES
         pace = np.ones(arm.dof)
         if arm.limits.joint_velocity is not None:
             slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
@@ -252,9 +261,16 @@ class _Cost:
         # NumPy sums pairwise, so rounding errors are small. Joint positions that differ by a free
         # rotation of the tool have equal cost, and rounding errors decide between them.
         total = (steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2))
-        if self.chord is not None:
-            total += (self._tilt(q)[0] ** 2).sum(axis=1)
+        for excess, _ in self._excesses(q):
+            total += (excess**2).sum(axis=1)
         return np.asarray(total)
+
+    def _excesses(self, q: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield excesses, (paths, n), and their derivatives by the joints, (paths, n, dof)."""
+        if self.chord is not None:
+            yield self._tilt(q)
+        if len(self.own):
+            yield self._singularity(q)
 
     def _tilt(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Excess of the tilt, (paths, n), and its derivatives by the joints, (paths, n, dof)."""
@@ -267,6 +283,32 @@ class _Cost:
         slopes = np.zeros((len(axes), q.shape[2]))
         slopes[:, : by_joint.shape[1]] = -scale[:, None] * (by_joint @ axes[..., None])[..., 0]
         return excess.reshape(q.shape[:2]), slopes.reshape(q.shape)
+
+    def _singularity(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Excess of the distance from singularities, as `_tilt`."""
+        own, chain = self.own, self.arm.chain
+        scale = np.linalg.norm(np.asarray(chain.positions)[own[1:]], axis=1).sum()
+        jacobian = self.arm.jacobian(q)[..., own]
+        turning, moving = jacobian[..., 3:, :], jacobian[..., :3, :] / scale
+        left, values, right = np.linalg.svd(np.concatenate([moving, turning], axis=-2))
+        u, v = left[..., -1], right[..., 5, :]
+        # A joint turns the axes of itself and of the joints after it, and moves their tool points;
+        # the joints before it keep their axes, and their tool point moves.
+        axes, points = (np.swapaxes(x, -1, -2) for x in (turning, moving))
+        by_joint = np.zeros((*q.shape[:2], len(own)))
+        for k in range(len(own)):
+            turned = np.cross(axes[..., k, None, :], np.concatenate([points, axes], axis=-2))
+            shifted, rotated = np.split(turned, 2, axis=-2)
+            before = np.cross(axes, points[..., k, None, :])
+            shifted[..., :k, :], rotated[..., :k, :] = before[..., :k, :], 0.0
+            change = np.concatenate([shifted, rotated], axis=-1) @ u[..., None]
+            by_joint[..., k] = (v * change[..., 0]).sum(axis=-1)
+        # A heavy axis must not outweigh the cost.
+        cost = self.outside * max(1.0, float(np.asarray(chain.weights).max()))
+        excess = np.maximum(1.0 - values[..., 5] / NEARLY_SINGULAR, 0.0) * cost
+        slopes = np.zeros(q.shape)
+        slopes[..., own] = -by_joint * (cost / NEARLY_SINGULAR)
+        return excess, slopes * (excess > 0.0)[..., None]
 
     def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Equations of the null-space motion that minimizes the linearized cost."""
@@ -286,8 +328,7 @@ class _Cost:
         turned = np.swapaxes(w, 2, 3)
         same = (w * weight[:, :, None]) @ turned
         following = (w[:, :-1] * ahead[:, :, None]) @ turned[:, 1:]
-        if self.chord is not None:
-            beyond, slopes = self._tilt(q)
+        for beyond, slopes in self._excesses(q):
             gradient += beyond[..., None] * slopes
             along = w @ slopes[..., None]
             same += along @ np.swapaxes(along, 2, 3)
