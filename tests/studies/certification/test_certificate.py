@@ -342,6 +342,11 @@ def test_a_job_file_can_state_the_goal_of_a_certificate(refuses):
         refuses(partial(parse_job, wrong), ac.InvalidInput, words)
 
 
+def test_without_a_goal_the_accuracy_of_the_job_is_the_tolerance():
+    certificate = ac.certify(parse_job(LINE + "accuracy: 0.3 mm\n"))
+    assert certificate.goal.tolerance == pytest.approx(0.3e-3) and certificate.kept
+
+
 def test_errors_of_a_path_count_until_the_tool_is_at_rest():
     # A late drive is still on its way when the plan has ended.
     delayed = job(SHORT, servo=", dead_time: 4 ms", method="pole_placement")

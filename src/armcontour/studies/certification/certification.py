@@ -92,7 +92,8 @@ def certify(
         servo: The servo of the arm.
         limits: Limits that replace those of the arm.
         run: Name of the run; by default that of the goal.
-        goal: The goal; by default the certificate of the job. The corners of a path are rounded
+        goal: The goal; by default the certificate of the job, or a tolerance equal to its
+            accuracy. The corners of a path are rounded
             within its tolerance.
         progress: Called with a named step before every trial.
 
@@ -161,12 +162,13 @@ def certify(
 
 
 def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
-    """Goal of the job's certificate (or a default goal) with some fields replaced."""
-    return (
-        CertificateGoal(**overrides)
-        if job.certificate is None
-        else replace(job.certificate, **overrides)
-    )
+    """Goal of the job's certificate, or its accuracy as tolerance, with some fields replaced."""
+    if job.certificate is not None:
+        return replace(job.certificate, **overrides)
+    if overrides.get("tolerance") is None and overrides.get("servo_error") is None:
+        known = [x.accuracy for x in job.runs if x.accuracy is not None]
+        overrides["tolerance"] = min(known, default=None)
+    return CertificateGoal(**overrides)
 
 
 def _find_fastest(
