@@ -43,7 +43,10 @@ def main() -> None:
 
 
 def import_path(*refused: str) -> list[str]:
-    """Import path without relative folders, the current folder and further excluded folders."""
+    """Import path without relative folders, the current folder and the `refused` folders.
+
+    The parent folder of the package is always included.
+    """
     # Files in these folders could replace modules of Python and of libraries.
     package_parent = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
 

@@ -135,7 +135,7 @@ def linear_unit(unit: str) -> str:
 
 @dataclass(frozen=True, slots=True, init=False)
 class Axes:
-    """Shape of an array: annotates an array."""
+    """Annotation of an array: its shape."""
 
     # Length of each axis, or its name. Axes with the same name have the same length in all fields
     # of a dataclass. `...` alone is any shape.
@@ -151,14 +151,14 @@ class Axes:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Allowed texts: annotates a str."""
+    """Annotation of a str: its allowed values."""
 
     known: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class AtLeast:
-    """Range of an integer, None for no bound: annotates an int."""
+    """Annotation of an int: its range; None for no bound."""
 
     least: int | None
     most: int | None = None
@@ -166,7 +166,7 @@ class AtLeast:
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """Printable text of limited length, such as a name: annotates a str."""
+    """Annotation of a str: printable text of limited length, such as a name."""
 
     most: int = LONGEST_NAME
     needed: bool = False

@@ -262,7 +262,7 @@ def _add(text: str, parts: Sequence[Part], place: int, added: Sequence[Any], flo
 
 
 def _replace(text: str, part: Part, new: Any, flow: bool) -> Iterator[Splice]:
-    """Yield replacements that write another value in place of the value of a part."""
+    """Yield text replacements that change the value of a part."""
     value = _item_text({"k": new}, _gap(text, part.head), flow).removeprefix("k:")
     rest = REST.match(text, part.end)
     if rest is not None and "\n" in text[part.name_end : part.begin]:

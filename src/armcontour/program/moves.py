@@ -36,8 +36,8 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weave import Woven
 
 Value = bool | PlainNumber | Name
-# Name of the output that changes tools: a number or a text is a tool, as a T word in G-code. True
-# and False switch the output on and off.
+# Name of the output that changes tools. A number or text selects a tool, like a T word in G-code.
+# True and False switch the output on and off.
 TOOL = "tool"
 # Name of the output for the word S of G-code.
 SPINDLE_SPEED = "spindle speed"

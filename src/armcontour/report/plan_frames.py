@@ -297,7 +297,10 @@ def _idle(planned: Preview) -> Any:
 def _lines(
     name: str, points: FloatArray, ends: IntArray, view: View, error: float
 ) -> dict[str, Any]:
-    """Arrays of lines through points [m]; `ends` is that of `essential_points`."""
+    """Screen coordinates and breaks of lines through points [m]; `ends`: see `essential_points`.
+
+    Lines with more than `MAX_POINTS` points are simplified to within `error` [m].
+    """
     indices = np.arange(len(points))
     if len(indices) > MAX_POINTS:
         indices = np.flatnonzero(essential_points(points, ends, error))

@@ -96,7 +96,7 @@ class DocumentState:
     waypoints: FloatArray | None = None
     # Results of the document.
     results: ShownResults = field(default_factory=ShownResults, init=False)
-    # Picture without a plan, and its path.
+    # Picture without a plan, and its program.
     outline: tuple[MessageFrame, Program] | None = field(default=None, init=False)
     start_time: float = field(default_factory=time.monotonic, init=False)
     # True if a plan or a refusal was computed.

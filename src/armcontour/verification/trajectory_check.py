@@ -533,8 +533,9 @@ def _check_samples(
 
 def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
     """Bounds on the errors of times [s], (n,), and on the relative error of their period."""
-    # If all printed times except the last are regular, the true times are regular too. The error of
-    # the true period then shifts the last regular time by at most its last printed digit.
+    # If all printed times but the last are multiples of one step (regular), the true times are
+    # assumed regular. The error of that step moves the last regular time by at most one printed
+    # digit.
     step = (t[-2] - t[0]) / (len(t) - 2) if len(t) > 2 else t[-1] - t[0]
     number = np.round((t - t[0]) / step)
     regular = np.abs(t - t[0] - number * step) <= ON_GRID * resolution

@@ -90,8 +90,8 @@ CANDIDATES = (
 OPTIONAL = (ACCELERATION, FEED, FRICTION)
 # A richer model is selected under two conditions. The median over the parts of its error divided by
 # the error of the poorer model is below GAIN, or LIMIT_GAIN for a model with an acceleration limit.
-# Its error is smaller on at least the share MAX_PARTS of the parts.
-GAIN, LIMIT_GAIN, MAX_PARTS = 0.9, 0.5, 0.6
+# Its error is smaller on at least the fraction MIN_BETTER_PARTS of the parts.
+GAIN, LIMIT_GAIN, MIN_BETTER_PARTS = 0.9, 0.5, 0.6
 # A richer model is discarded if its error on the fitted data exceeds this share of the error of the
 # best model.
 RICHER_SHARE = 0.97
@@ -407,8 +407,8 @@ class Selected:
         """Return whether this model is significantly better than a poorer one, see GAIN."""
         limited = LIMIT in self.fit.problem.model.free
         ratio = float(np.median(self.errors / np.maximum(other.errors, 1e-300))) ** 0.5
-        some = float(np.mean(self.errors < other.errors))
-        return ratio < (LIMIT_GAIN if limited else GAIN) and some >= MAX_PARTS
+        better = float(np.mean(self.errors < other.errors))
+        return ratio < (LIMIT_GAIN if limited else GAIN) and better >= MIN_BETTER_PARTS
 
 
 def find_lag(segments: Sequence[LogSegment], longest: float) -> float:

@@ -281,7 +281,7 @@ class DxfWalk(Walk):
         if len(block.targets) >= MAX_DEPTH:
             raise Unreadable(f"is nested in more than {MAX_DEPTH} blocks")
         if not block.targets:
-            self._copies += self._copies_of(entity)
+            self._copies += self._count_entities(entity)
             if self._copies > MAX_COPIES:
                 raise Unreadable(
                     f"increases the number of copied entities above the maximum of {MAX_COPIES}"
@@ -302,8 +302,8 @@ class DxfWalk(Walk):
             )
             yield from self._shapes_in(content, inner)
 
-    def _copies_of(self, entity: Any) -> int:
-        """Number of entities that an INSERT draws, including those of nested blocks."""
+    def _count_entities(self, entity: Any) -> int:
+        """Count the blocks and entities that an INSERT copies, including those of nested blocks."""
         name = _fold_case(str(_attribute(entity, "name", "")))
         if name not in self._block_sizes:
             # The value 1 ends the recursion if a block contains itself. Such a block is refused
@@ -312,7 +312,7 @@ class DxfWalk(Walk):
             content = self.document.blocks.get(name)
             inner = [x for x in content or () if x.dxftype() == "INSERT"]
             count = 1 + (len(content) if content is not None else 0)
-            self._block_sizes[name] = count + sum(self._copies_of(x) for x in inner)
+            self._block_sizes[name] = count + sum(map(self._count_entities, inner))
         rows, columns = insert_grid(entity)
         return rows * columns * self._block_sizes[name]
 

@@ -86,9 +86,11 @@ class Knots:
         ), ends
 
     def places(self) -> tuple[Knots, FloatArray]:
-        """The intervals repeated for each of `PLACES`, and distances along their segments [m]."""
-        # All intervals at the first fraction come before all intervals at the second fraction,
-        # (len(PLACES) n,).
+        """Repeat the intervals for each fraction in `PLACES`, and compute these points.
+
+        Returns the intervals, all at the first fraction before all at the second, and the distances
+        of the points along their segments [m], (len(PLACES) n,).
+        """
         columns = {x: [getattr(self, x)] * len(PLACES) for x in Knots.__slots__}
         repeated = Knots(**{name: np.concatenate(x) for name, x in columns.items()})
         u = self.u0 + PLACES[:, None] * (self.u1 - self.u0)

@@ -127,9 +127,12 @@ def _joints(
 
 
 def held_pieces(u: FloatArray, starts: FloatArray, servo: ServoModel | JointServo) -> FloatArray:
-    """Pieces of held commands with feed-forward and friction; lines for pure delays, as `march`.
+    """Command pieces for `march`, including feed-forward and friction.
 
-    `u` are the commands without them in each drive cycle, (rows, count + 2), two cycles earlier.
+    A piece is one held value per drive cycle, or linear for joints that are pure delays.
+
+    `u`: commands without feed-forward and friction at each drive cycle, starting two cycles before
+    `starts`, (rows, count + 2).
     """
     width = starts[1] - starts[0]
     du, ddu = np.diff(u, axis=1)[:, 1:] / width, np.diff(u, 2, axis=1) / width**2
