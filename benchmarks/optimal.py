@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 import armcontour as ac
-from armcontour.planning.optimal import constraints_of, time_optimal
+from armcontour.planning.optimal_timing import constraints_of, time_optimal
 from armcontour.planning.path_grid import Grid
 from benchmarks.measured import Bar, Line, Missing, Pair, Taken, Timer, timed
 

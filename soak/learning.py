@@ -15,7 +15,7 @@ from benchmarks import ur5e
 from scipy.interpolate import CubicSpline
 
 import armcontour as ac
-from armcontour.robot.drives import nominal_inertia
+from armcontour.robot.nominal_robot import nominal_inertia
 from soak import Outcome
 
 ARMS = ("pmk3s", "ur5e", "panda")

@@ -59,7 +59,7 @@ def test_a_plan_without_jerk_limits_does_not_load_their_modules():
         print(*(x for x in sys.modules if x.startswith("armcontour.")))
     """
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
-    assert "armcontour.planning.optimal" in loaded.split()
+    assert "armcontour.planning.optimal_timing" in loaded.split()
     for name in ("planning.jerk.limiter", "planning.jerk.interior_point"):
         assert f"armcontour.{name}" not in loaded.split()
 

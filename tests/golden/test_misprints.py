@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy import signal
 
 import armcontour as ac
-from armcontour.planning.paper import run_laps
+from armcontour.planning.paper_timing import run_laps
 
 L0, L1, L2 = 0.135, 0.250, 0.215  # m, Sec. IV-A
 KP, KV = 25.0, 150.0  # 1/s, Sec. IV-A

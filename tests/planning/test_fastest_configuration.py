@@ -9,7 +9,7 @@ import armcontour as ac
 from armcontour.motion import JointPath
 from armcontour.planning import program_tracing as here
 from armcontour.planning.duration_bound import bound_duration
-from armcontour.planning.optimal import plan_optimal
+from armcontour.planning.optimal_timing import plan_optimal
 from armcontour.planning.program_tracing import trace_by_duration
 from armcontour.planning.tracing import trace_all
 

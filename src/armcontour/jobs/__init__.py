@@ -5,7 +5,8 @@ from armcontour.core.lazy import lazy_names
 _HOME = {
     "advice": "advise",
     "analog_signals": "analog_outputs",
-    "job": "CertificateGoal Experiment Exports Job Rounding Run Uncertainty build_plant",
+    "certificate_goal": "CertificateGoal Uncertainty",
+    "job": "Experiment Exports Job Rounding Run build_plant",
     "run_notes": "warnings_of",
     "run_plan": "plan_one prepare_program round_program",
     "run_result": "Advice ExperimentResult Improvement JobResult RunResult",

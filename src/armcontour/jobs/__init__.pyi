@@ -1,12 +1,12 @@
 from armcontour.jobs.advice import advise as advise
 from armcontour.jobs.analog_signals import analog_outputs as analog_outputs
-from armcontour.jobs.job import CertificateGoal as CertificateGoal
+from armcontour.jobs.certificate_goal import CertificateGoal as CertificateGoal
+from armcontour.jobs.certificate_goal import Uncertainty as Uncertainty
 from armcontour.jobs.job import Experiment as Experiment
 from armcontour.jobs.job import Exports as Exports
 from armcontour.jobs.job import Job as Job
 from armcontour.jobs.job import Rounding as Rounding
 from armcontour.jobs.job import Run as Run
-from armcontour.jobs.job import Uncertainty as Uncertainty
 from armcontour.jobs.job import build_plant as build_plant
 from armcontour.jobs.run_notes import warnings_of as warnings_of
 from armcontour.jobs.run_plan import plan_one as plan_one

@@ -25,7 +25,7 @@ from armcontour.motion import (
 )
 from armcontour.planning.constraints import RapidSpeed
 from armcontour.planning.law_checks import check_limits
-from armcontour.planning.optimal import plan_optimal
+from armcontour.planning.optimal_timing import plan_optimal
 from armcontour.planning.program_tracing import TracedMove, Tracing, ends_of
 from armcontour.planning.timing_options import Conventional, Optimal, Paper, PlanOptions, Shaped
 from armcontour.program import Contour, Dwell, Event
@@ -96,11 +96,11 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
     """Plan the motion along a contour."""
     problem, options = (joint_path, timing.arm, timing.limits), timing.options
     if isinstance(options, Conventional):
-        from armcontour.planning.paper import plan_conventional
+        from armcontour.planning.paper_timing import plan_conventional
 
         return plan_conventional(*problem)
     if isinstance(options, Paper):
-        from armcontour.planning.paper import plan_paper
+        from armcontour.planning.paper_timing import plan_paper
 
         return plan_paper(*problem, options)
     if isinstance(options, Optimal):

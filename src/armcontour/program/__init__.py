@@ -7,7 +7,7 @@ _HOME = {
     "moves": "Contour Dwell Event Move Program Rapid contour_called",
     "preparation": "arrange_contours prepare set_limits",
     "process": "Analog ContourProcess LayerProcess Lead Leads Pierce Process Switch Tabs",
-    "rounded_corners": "draw_with_arcs round_corners smooth_curvature",
+    "corner_rounding": "draw_with_arcs round_corners smooth_curvature",
     "armcontour.geometry.weave": "Weave",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

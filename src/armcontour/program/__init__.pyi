@@ -1,4 +1,7 @@
 from armcontour.geometry.weave import Weave as Weave
+from armcontour.program.corner_rounding import draw_with_arcs as draw_with_arcs
+from armcontour.program.corner_rounding import round_corners as round_corners
+from armcontour.program.corner_rounding import smooth_curvature as smooth_curvature
 from armcontour.program.kerf import cut_parts as cut_parts
 from armcontour.program.kerf import idle_parts as idle_parts
 from armcontour.program.moves import Contour as Contour
@@ -20,6 +23,3 @@ from armcontour.program.process import Pierce as Pierce
 from armcontour.program.process import Process as Process
 from armcontour.program.process import Switch as Switch
 from armcontour.program.process import Tabs as Tabs
-from armcontour.program.rounded_corners import draw_with_arcs as draw_with_arcs
-from armcontour.program.rounded_corners import round_corners as round_corners
-from armcontour.program.rounded_corners import smooth_curvature as smooth_curvature

@@ -17,6 +17,7 @@ from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.prescribed_orientation import tangent_rates
 from armcontour.geometry.projection import find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, Segments
+from armcontour.program.corner_rounding import draw_with_arcs
 from armcontour.program.moves import (
     Contour,
     Move,
@@ -37,7 +38,6 @@ from armcontour.program.offset_curves import (
     turns_between,
 )
 from armcontour.program.process import WASTE, Process
-from armcontour.program.rounded_corners import draw_with_arcs
 
 # Number of bisections in the search for the largest kerf that fits (relative error 0.0001).
 KERF_BISECTIONS = 14

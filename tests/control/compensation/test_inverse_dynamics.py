@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.motion import Law
-from armcontour.robot.drives import Drives
+from armcontour.robot.nominal_robot import Drives
 from armcontour.robot.servo.simulation import command_pieces, sample_command
 
 pytest.importorskip("mujoco")

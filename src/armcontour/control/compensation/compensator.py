@@ -1,4 +1,4 @@
-"""Function `compensate`, its options, the inverse of the servo and the inverse dynamics."""
+"""Function `compensate`, its options, and the inverse of the servo."""
 
 from __future__ import annotations
 
@@ -22,23 +22,12 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Options, checked, declared
 from armcontour.core.quantities import About, Items, Key, Pole
-from armcontour.core.quintics import solve_banded
 from armcontour.motion import DEFAULT_CYCLE, LONGEST_CLOCK, SetPoints, Trajectory, check_cycle
 from armcontour.motion.execution import check_set_points, describe_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import without_integral
 
-# `armcontour.robot.drives` computes the exact command with which the drives follow the plan, at
-# every time. Set-points are chosen so that their interpolation approximates this command best, see
-# docs/guides/compensations.md.
-
-
-# The mean of the interpolated command about a set-point is a weighted sum of this set-point and its
-# neighbours at distances 1 and 2. The weights follow from Simpson's rule, because the middle of a
-# line is the mean of its ends, and the middle of a cubic is
-# `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
-MEAN_WEIGHTS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
 # Factor k of the bias k T² x'' of interpolated set-points with the cycle T: a mean over a cycle
 # contributes 1 / 24, linear interpolation 1 / 12, and held set-points 1 / 24.
 BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
@@ -54,89 +43,6 @@ POLES = Key(
         About(),
     ]
 )
-
-
-def inverse_dynamics(
-    trajectory: Trajectory,
-    servo: ServoModel,
-    cycle: float,
-    arm: Arm | None,
-    gravity_feedforward: bool = True,
-    controller: Arm | None = None,
-) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], and set-points by the inverse `Drives` [rad], (n, dof)."""
-    if arm is None:
-        raise InvalidInput(
-            "The method inverse_dynamics requires an arm with masses, but no arm is given. "
-            "Specify arm=."
-        )
-    if arm.dof != trajectory.dof:
-        raise InvalidInput(
-            f"The arm and the trajectory must have the same joints, but the arm {arm.name} has "
-            f"{arm.dof} joints and the trajectory has {trajectory.dof}."
-        )
-    # Imported here, because other methods need no dynamics.
-    from armcontour.robot.drives import Drives
-
-    drives = Drives(
-        arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, controller=controller
-    )
-    ends = trajectory([0.0]), trajectory([trajectory.duration], side="left")
-    still = np.zeros((1, arm.dof))
-    # Friction at rest is unknown and assumed to be zero, so at rest the drives compensate only
-    # gravity.
-    hold, final = (drives.command(x, still, still) for x in ends)
-    tail = np.arange(integrator_tail(servo, trajectory.duration, cycle)) * cycle
-
-    def command_at(t: FloatArray) -> FloatArray:
-        """Exact command at times t [rad], (n, dof)."""
-        moving = (t >= 0) & (t < trajectory.duration)
-        q = np.where((t < 0)[:, None], *ends)
-        dq, ddq = np.zeros((2, *q.shape))
-        q[moving], dq[moving], ddq[moving] = trajectory.motion(t[moving])
-        return drives.command(q, dq, ddq, cycle / 2)
-
-    def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
-        t = np.append(times.inside, trajectory.duration + times.after_end + tail)
-        commands = final
-        if len(t):
-            exact = command_at(
-                np.append(t[0] - [cycle, cycle / 2], np.stack([t, t + cycle / 2], 1))
-            )
-            set_points = _solve_set_points(
-                exact[2::2], exact[1::2], hold, final, servo.interpolation
-            )
-            commands = np.concatenate([set_points, final])
-        return commands[:, joints]
-
-    return advance_set_points(
-        trajectory, time_advances(servo, cycle), cycle, command, hold=hold[0], from_rest=True
-    )
-
-
-def _solve_set_points(
-    points: FloatArray, halves: FloatArray, hold: FloatArray, final: FloatArray, interpolation: str
-) -> FloatArray:
-    """Set-points whose interpolation has the means of the command about each of them, (n, dof).
-
-    For held set-points, a mean is over the interval of the set-point. For lines and cubics, a mean
-    has triangular weights from the previous to the next set-point. With these weights, lines are
-    the least-squares approximation of the command. Means are computed by Simpson's rule.
-
-    - `points`: command at the set-points.
-    - `halves`: command half an interval before the first set-point and half an interval after each
-      set-point.
-    """
-    if interpolation == "step":
-        return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)
-    mean = (halves[:-1] + points + halves[1:]) / 3
-    n, weights = len(mean), MEAN_WEIGHTS[interpolation]
-    reach = len(weights) - 1
-    for k in range(1, reach + 1):
-        mean[:k] -= weights[k] * hold
-        mean[max(n - k, 0) :] -= weights[k] * final
-    solve_banded(np.tile(weights, (n, 1)), mean)
-    return mean
 
 
 def invert_servo(
@@ -416,13 +322,15 @@ def _set_points(
 
         start, q = pole_placement(trajectory, servo, cycle, options.poles)
     elif isinstance(options, InverseDynamics):
+        from armcontour.control.compensation.inverse_dynamics import inverse_dynamics
+
         fed = options.gravity_feedforward
         start, q = inverse_dynamics(trajectory, servo, cycle, arm, fed, options.controller)
     else:
         start, q = invert_servo(trajectory, servo, cycle)
     if not servo.has_feedforward and not servo.ki.any():
         return start, q, None
-    from armcontour.control.compensation.feedforward import invert_feedforward
+    from armcontour.control.compensation.feedforward_servo import invert_feedforward
 
     return start, *invert_feedforward(q, cycle, servo, trajectory.duration)
 
@@ -435,7 +343,7 @@ def set_point_count(
     if not isinstance(options, NoCompensation):
         total += float(servo.dead_time.max()) + cycle
         if servo.has_feedforward or servo.ki.any():
-            from armcontour.control.compensation.feedforward import tail_duration
+            from armcontour.control.compensation.feedforward_servo import tail_duration
 
             total += tail_duration(servo, duration)
     if isinstance(options, PolePlacement) and servo.kv is not None:

@@ -19,7 +19,7 @@ from armcontour.core.sampled_data import interpolate
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import GAP
 from armcontour.robot import Arm
-from armcontour.robot.drives import Drives, respond_along
+from armcontour.robot.nominal_robot import Drives, respond_along
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import without_integral
 from armcontour.robot.servo.simulation import command_weights

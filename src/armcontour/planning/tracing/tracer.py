@@ -37,7 +37,7 @@ from armcontour.planning.tracing.redundancy import Guide
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, newton
 
 if TYPE_CHECKING:
-    from armcontour.planning.tracing.configurations import Solution
+    from armcontour.planning.tracing.branch_solutions import Solution
 
 # Length below which an interval outside the tolerance indicates a singularity [m].
 SMALLEST_INTERVAL = 1e-9
@@ -395,7 +395,7 @@ def sketch_all(
 
     The arm moves in space.
     """
-    from armcontour.planning.tracing.configurations import find_solutions
+    from armcontour.planning.tracing.branch_solutions import find_solutions
 
     if limits is not None:
         arm = arm.with_limits(limits)
@@ -419,7 +419,7 @@ def _moving(arm: SerialArm) -> tuple[SerialArm, IntArray]:
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
     """Indices of knots at steps of `step` [m] or rotations of CHORD_TURN, and of the last knot."""
-    from armcontour.planning.tracing.configurations import CHORD_TURN
+    from armcontour.planning.tracing.branch_solutions import CHORD_TURN
 
     turn = np.linalg.norm(np.diff(row_of_poses(path, knots)[:, :, :3], axis=0), axis=(1, 2))
     done = knots.s0 / step + np.cumsum(turn) / CHORD_TURN
@@ -443,7 +443,7 @@ def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[JointPath]:
     """Joint paths of a serial arm in its configurations, the shortest first."""
-    from armcontour.planning.tracing.configurations import find_solutions
+    from armcontour.planning.tracing.branch_solutions import find_solutions
     from armcontour.planning.tracing.redundancy import Guide, null_space
 
     moving, joints = _moving(arm)

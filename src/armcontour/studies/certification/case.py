@@ -12,7 +12,8 @@ import numpy as np
 from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
-from armcontour.jobs.job import CertificateGoal, Job, Run
+from armcontour.jobs.certificate_goal import CertificateGoal
+from armcontour.jobs.job import Job, Run
 from armcontour.jobs.run_result import RunResult
 from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.planning import Optimal, intervals_of

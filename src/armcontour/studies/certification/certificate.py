@@ -12,7 +12,8 @@ from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
 from armcontour.geometry import Path, RoundedPath, ShapedPath
-from armcontour.jobs.job import ARC, FREE, CertificateGoal, Job
+from armcontour.jobs.certificate_goal import CertificateGoal
+from armcontour.jobs.job import ARC, FREE, Job
 from armcontour.jobs.rows import (
     BODIES,
     ROUNDING,

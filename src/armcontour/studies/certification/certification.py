@@ -14,10 +14,10 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
+from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.jobs.job import (
     ARC,
     FREE,
-    CertificateGoal,
     Job,
     Rounding,
     Run,

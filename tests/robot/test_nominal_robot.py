@@ -6,7 +6,7 @@ from scipy.sparse.linalg import spsolve
 
 import armcontour as ac
 from armcontour.motion import SetPoints
-from armcontour.robot.drives import Drives, respond_along
+from armcontour.robot.nominal_robot import Drives, respond_along
 from armcontour.robot.servo.simulation import command_pieces, command_weights, sample_command
 
 pytest.importorskip("mujoco")

@@ -137,7 +137,7 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
         InvalidInput: The tolerance is not above zero; or a path was shaped, or its tool orientation
             was rounded.
     """
-    from armcontour.geometry.rounding.curvature import smooth_curvature as smooth_path
+    from armcontour.geometry.rounding.curvature_smoothing import smooth_curvature as smooth_path
 
     program = Program.from_path(path, "smooth_curvature needs a Path or a Program")
     moves = []
