@@ -1,4 +1,4 @@
-"""Requirements of a process on its contours: start points, overlap, leads, approach, events."""
+"""Requirements of a process on its contours: start points, overlap, leads, approach, switching."""
 
 from __future__ import annotations
 

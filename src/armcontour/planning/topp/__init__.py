@@ -1,1 +1,1 @@
-"""The time-optimal plan of a path: limits as rows on a grid, one compiled pass, refinement."""
+"""The time-optimal plan of a path on one grid: limits as rows, and one compiled pass."""
