@@ -261,7 +261,7 @@ def play_own_file(folder, text):
 
 @needs_linuxcnc
 @needs_own_hal
-def test_dry_runs_of_the_page_work_and_typing_errors_are_named(tmp_path):
+def test_commands_of_the_guide_run_and_hal_errors_name_file_and_line(tmp_path):
     (tmp_path / "line.yaml").write_text(LINE, encoding="utf-8")
     (tmp_path / "machine.hal").write_text(HAL, encoding="utf-8")
     (line,) = (x for x in COMMANDS.splitlines() if "--execute" not in x)

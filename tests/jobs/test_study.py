@@ -177,7 +177,7 @@ def test_a_failed_experiment_does_not_affect_other_results(job, monkeypatch):
 
 def test_warnings_name_demands_and_set_points_above_limits(study):
     result = study.runs["proposed"]
-    # The plant's gains are others, so the demand is far above the limit.
+    # The gains of the plant differ, so the demand exceeds the limit by far.
     (overload,) = result.warnings
     assert "times its acceleration limit" in overload
     coarse = dataclasses.replace(result, run=changed(result.run, cycle=1.0))
@@ -187,7 +187,7 @@ def test_warnings_name_demands_and_set_points_above_limits(study):
 
 @pytest.fixture(scope="module")
 def in_space():
-    """A line of the UR5e, as quick as it gets."""
+    """A short line of the UR5e, which plans quickly."""
     arm = ac.load_arm("ur5e")
     path = ac.Path.polyline([[0.4, 0.0, 0.2], [0.5, 0.05, 0.2]]).oriented([1.0, 0.0, 0.0, 0.0])
     line_run = a_run(compensation=ac.NoCompensation(), limits=arm.limits.replace(speed=0.25))
@@ -210,14 +210,14 @@ def test_runs_with_equal_planning_options_share_their_plan(in_space):
     assert results["again"].trajectory is results["one"].trajectory
     for name in others:
         assert results[name].trajectory is not results["one"].trajectory
-    # Runs that differ behind tracing are traced once.
+    # Runs with the same joint path are traced once.
     assert results["again"].traced is results["one"].traced
     assert results["slow"].traced is not results["one"].traced
 
 
 def test_configuration_seed_and_angular_tolerance_are_used(in_space):
     (only_run,) = in_space.runs
-    assert in_space.plant_servo is in_space.servo  # the nominal one, as none is given
+    assert in_space.plant_servo is in_space.servo  # default: the nominal servo
     trajectory = run(in_space, simulate=False).runs["one"].trajectory
     planned = ac.plan(in_space.path, in_space.arm, only_run.limits)
     np.testing.assert_array_equal(trajectory(0.0), planned(0.0))

@@ -1,4 +1,4 @@
-"""The rigid-body plant against pinocchio's equations of motion, integrated by SciPy."""
+"""Compare the rigid-body plant with pinocchio's equations of motion, integrated by SciPy."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ KP, KV = np.array([20.0, 30.0, 40.0]), np.array([120.0, 150.0, 90.0])
 
 
 def skew_arm():
-    """Three joints with nothing along any axis, a payload, drives, and gravity aslant."""
+    """Three joints with skew axes, a payload, drives, and oblique gravity."""
     rng = np.random.default_rng(3)
     turned = from_rpy(rng.normal(size=(3, 3)))
     chain = Chain(
@@ -40,7 +40,7 @@ def skew_arm():
 
 
 def by_pinocchio(chain, inertia, q, step, cycle, limit):
-    """States at the steps: torques held, motion between by DOP853."""
+    """States at the steps, integrated by DOP853 with constant torques during each step."""
     model = pinocchio_model(chain)
     data, n = model.createData(), len(chain)
 

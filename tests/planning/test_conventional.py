@@ -240,7 +240,7 @@ def test_missing_columns_and_unknown_limits_are_refused(arm, refuses):
     refuses(lambda: states.measure("angular_speed"), ac.InvalidInput, "a point without")
 
 
-def test_each_direction_is_compared_to_its_own_acceleration_if_it_is_limited(arm):
+def test_each_direction_uses_its_own_acceleration_limit(arm):
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 5.0]]).for_joints(2)
     states = about_joint(arm, 1)
     use = states.use("joint_acceleration", limits)

@@ -1,4 +1,4 @@
-"""Robot programs of URScript and templates, read again by independent parsers."""
+"""Exported URScript programs and templates, read by independent parsers."""
 
 import dataclasses
 import os
@@ -22,17 +22,17 @@ TRIGGER = rf"TRIGGER WHEN PATH = 0 ONSTART DELAY = ({NUMBER}) DO \$OUT\[(\d+)\] 
 MOVE = re.compile(
     rf"MoveAbsJ \[\[([^\]]*)\], \[9E9(?:, 9E9){{5}}\]\], (v50|v1000 \\T:=({NUMBER})), (\w+), tool0;"
 )
-# What the events of the tables are called in comments.
-SAID = ["tool=on", "gas=2.5", 'label="A, \\"b\\"; 7"', "tool=off", "tool=on"]
+# Comments of the events in the tables.
+LABELS = ["tool=on", "gas=2.5", 'label="A, \\"b\\"; 7"', "tool=off", "tool=on"]
 
 
-def made(table, tmp_path, template, *, stem="made", **options):
+def export(table, tmp_path, template, *, stem="made", **options):
     file = tmp_path / f"{stem}.txt"
     TemplateFormat(template=template, **options).write(table, file)
     return file.read_text(encoding="utf-8")
 
 
-def house(tmp_path, text):
+def write_template(tmp_path, text):
     file = tmp_path / "house.j2"
     file.write_text(text, encoding="utf-8")
     return file
@@ -41,10 +41,10 @@ def house(tmp_path, text):
 def check_events(text, table):
     """All events are in comments, in order."""
     printed_events = [(x, float(t)) for x, t in re.findall(rf"[;!] (.*) at ({NUMBER}) s", text)]
-    assert printed_events == [(x, round(y.t, 6)) for x, y in zip(SAID, table.events, strict=True)]
+    assert printed_events == [(x, round(y.t, 6)) for x, y in zip(LABELS, table.events, strict=True)]
 
 
-def counted(lines, start, condition):
+def with_counts(lines, start, condition):
     """Lines that satisfy the condition, each with the number of lines before it that begin so."""
     indices = [i for i, x in enumerate(lines) if condition(x)]
     return [(sum(x.startswith(start) for x in lines[:i]), lines[i]) for i in indices]
@@ -52,7 +52,7 @@ def counted(lines, start, condition):
 
 def test_a_kuka_program_has_all_points_and_times_and_events_in_order(table, tmp_path):
     exported = table(6, count=9)
-    text = made(exported, tmp_path, "kuka", outputs={"tool": 17})
+    text = export(exported, tmp_path, "kuka", outputs={"tool": 17})
     lines = [x.strip() for x in text.splitlines()]
     assert lines[2] == "DEF made( )" and lines[-1] == "END" and "{{" not in text
     points = [(m[1], [float(x) for x in m.groups()[1:]]) for x in lines if (m := SPTP.match(x))]
@@ -65,14 +65,14 @@ def test_a_kuka_program_has_all_points_and_times_and_events_in_order(table, tmp_
     check_events(text, exported)
     # A trigger precedes the segment to which its time applies.
     assert re.findall(TRIGGER, text) == [("0.000", "17", "TRUE"), ("0.000", "17", "FALSE")]
-    before = counted(lines, "SPTP", lambda x: re.match(TRIGGER, x))
+    before = with_counts(lines, "SPTP", lambda x: re.match(TRIGGER, x))
     assert [n for n, _ in before] == [0, 3]
     assert lines[-4:-1] == ["WAIT SEC 0.013500", "; tool=on at 0.045500 s", "$OUT[17] = TRUE"]
 
 
 def test_an_abb_program_has_all_points_and_times_and_events_in_order(table, tmp_path):
     exported = table(6, count=9)
-    text = made(exported, tmp_path, "abb", outputs={"tool": "doTool"})
+    text = export(exported, tmp_path, "abb", outputs={"tool": "doTool"})
     lines = [x.strip() for x in text.splitlines()]
     assert lines[0] == "MODULE part_7" and lines[-1] == "ENDMODULE"
     moves = [m for x in lines if (m := MOVE.fullmatch(x))]
@@ -92,20 +92,20 @@ def test_analog_outputs_of_a_program_are_set_where_they_change(table, tmp_path):
         table(6, count=9, events=()), analog={"power": power, "gas": power}
     )
     changes = [0, 1, 3, 4, 6, 8]
-    text = made(exported, tmp_path, "kuka", outputs={"power": 2})
-    positions = counted(text.splitlines(), "SPTP ", lambda x: "$ANOUT[2] =" in x)
+    text = export(exported, tmp_path, "kuka", outputs={"power": 2})
+    positions = with_counts(text.splitlines(), "SPTP ", lambda x: "$ANOUT[2] =" in x)
     assert [(n, float(x.split("= ")[-1])) for n, x in positions] == [(k, power[k]) for k in changes]
     assert "TRIGGER WHEN PATH = 0 ONSTART DELAY = 0.000 DO $ANOUT[2] = 0.600000\n" in text
     lines = [
-        x.strip() for x in made(exported, tmp_path, "abb", outputs={"power": "aoP"}).splitlines()
+        x.strip() for x in export(exported, tmp_path, "abb", outputs={"power": "aoP"}).splitlines()
     ]
-    positions = counted(lines, "MoveAbsJ", lambda x: x.startswith("SetAO aoP, "))
+    positions = with_counts(lines, "MoveAbsJ", lambda x: x.startswith("SetAO aoP, "))
     values = [(n - 1, float(x[len("SetAO aoP, ") : -1])) for n, x in positions]
     assert values == [(k, power[k]) for k in changes]
     high = dataclasses.replace(exported, analog={"power": 10 * power})
     outputs = [({"power": 2}, "power ... from -1 to 1")]
-    refusals(lambda x: made(high, tmp_path, "kuka", outputs=x), outputs)
-    assert "SetAO aoP, 10.000000;" in made(high, tmp_path, "abb", outputs={"power": "aoP"})
+    refusals(lambda x: export(high, tmp_path, "kuka", outputs=x), outputs)
+    assert "SetAO aoP, 10.000000;" in export(high, tmp_path, "abb", outputs={"power": "aoP"})
 
 
 def test_built_in_templates_refuse_other_arms_and_outputs(table, tmp_path):
@@ -117,23 +117,23 @@ def test_built_in_templates_refuse_other_arms_and_outputs(table, tmp_path):
     }
     assert set(BUILT_IN) == set(table_of)
     for name, (good, words, bad) in table_of.items():
-        refusals(lambda x, n=name: made(table(x), tmp_path, n), [(2, f"{name}. ... 6 ... has 2")])
+        refusals(lambda x, n=name: export(table(x), tmp_path, n), [(2, f"{name}. ... 6 ... has 2")])
         outputs = [({"gas": good}, "the event gas"), *(({"tool": x}, words) for x in bad)]
         outputs += [({"tool": x}, "outputs of") for x in (1.5, True, None)]
-        refusals(lambda x, n=name: made(table(6), tmp_path, n, outputs=x), outputs)
-    assert "$OUT[3] =" in made(table(6), tmp_path, "kuka", outputs={"tool": np.int64(3)})
+        refusals(lambda x, n=name: export(table(6), tmp_path, n, outputs=x), outputs)
+    assert "$OUT[3] =" in export(table(6), tmp_path, "kuka", outputs={"tool": np.int64(3)})
     taken = ("do;\nStop", "7th", "EndIf", 33 * "d")
     outputs = [({"tool": x}, "RAPID does not allow the signal name") for x in taken]
-    refusals(lambda x: made(table(6), tmp_path, "abb", outputs=x), outputs)
+    refusals(lambda x: export(table(6), tmp_path, "abb", outputs=x), outputs)
 
 
 def test_a_kuka_program_has_the_name_of_its_file(table, tmp_path):
-    text = made(table(6), tmp_path, "kuka", stem="a_7" + 21 * "b")
+    text = export(table(6), tmp_path, "kuka", stem="a_7" + 21 * "b")
     assert f"\nDEF a_7{21 * 'b'}( )\n" in text and "\n; part 7: " in text
 
     stems = ("7_holes", "a-b", 25 * "a", "EndSpline")
     bad = [(x, f"KRL does not allow the name {x}") for x in stems]
-    refusals(lambda x: made(table(6), tmp_path, "kuka", stem=x), bad)
+    refusals(lambda x: export(table(6), tmp_path, "kuka", stem=x), bad)
 
 
 def test_an_abb_module_has_a_valid_rapid_name(table, tmp_path):
@@ -143,7 +143,7 @@ def test_an_abb_module_has_a_valid_rapid_name(table, tmp_path):
         ("Test", "m_Test"),
         ("a" * 33, "a" * 32),
     ):
-        text = made(dataclasses.replace(table(6), name=name), tmp_path, "abb")
+        text = export(dataclasses.replace(table(6), name=name), tmp_path, "abb")
         about = f"  ! {name}: 9 points in 0.032000 s, axes in degrees"
         assert text.splitlines()[:2] == [f"MODULE {module}", about]
 
@@ -152,7 +152,7 @@ def test_the_template_of_the_guide_writes_the_program_in_the_guide(table, tmp_pa
     guide = FilePath(__file__).parents[3] / "docs" / "guides" / "export.md"
     template = guide.read_text(encoding="utf-8").split("```jinja\n")[1].split("```")[0]
     exported = table(6, count=9)
-    text = made(exported, tmp_path, house(tmp_path, template), outputs={"tool": 4})
+    text = export(exported, tmp_path, write_template(tmp_path, template), outputs={"tool": 4})
     moves = [x.split()[1:] for x in text.splitlines() if x.startswith("MOVE")]
     degrees = [[float(x) for x in " ".join(x[1:]).split(",")] for x in moves]
     np.testing.assert_allclose(np.radians(degrees), exported.q, rtol=0, atol=1e-8)
@@ -175,7 +175,7 @@ ALL = """\
 def test_a_user_template_can_use_all_data_of_the_table(table, tmp_path):
     ddq = np.array([[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]])
     exported = dataclasses.replace(table(2, count=3), ddq=ddq, start_time=-0.008)
-    text = made(exported, tmp_path, house(tmp_path, ALL), outputs={"tool": 4})
+    text = export(exported, tmp_path, write_template(tmp_path, ALL), outputs={"tool": 4})
     first, *rows = (x for x in text.splitlines() if x)
     assert first == "part 7|made|part_7|axis_1/axis_2|2|0.004|0.008|-0.008|5|4"
     assert [x.split()[0] for x in rows] == ["1", "2", "3"]
@@ -195,7 +195,7 @@ WRONG = [
 
 
 def test_an_error_in_a_template_is_reported_with_its_line(table, tmp_path):
-    refusals(lambda x: made(table(), tmp_path, house(tmp_path, x)), WRONG)
+    refusals(lambda x: export(table(), tmp_path, write_template(tmp_path, x)), WRONG)
 
 
 def test_missing_templates_are_refused(table, tmp_path):
@@ -205,7 +205,7 @@ def test_missing_templates_are_refused(table, tmp_path):
         (tmp_path / "pipe.j2", "not a regular file"),
         ("a" * 5000, "There is no template"),
     ]
-    refusals(lambda x: made(table(), tmp_path, x), places)
+    refusals(lambda x: export(table(), tmp_path, x), places)
 
 
 @pytest.mark.parametrize("how", ["include", "import", "extends"])
@@ -213,7 +213,7 @@ def test_a_template_reads_no_other_files(table, tmp_path, how):
     (tmp_path / "head.j2").write_text("HEAD")
     file, end = tmp_path / "main.j2", " as x" if how == "import" else ""
     file.write_text(f"{{% {how} 'head.j2'{end} %}}")
-    refusals(lambda x: made(table(), tmp_path, x), [(file, "main.j2, line 1")])
+    refusals(lambda x: export(table(), tmp_path, x), [(file, "main.j2, line 1")])
 
 
 SERVOJ = re.compile(r"servoj\(\[([^\]]*)\], 0, 0, ([\d.]+), lookahead, gain\)")
@@ -223,8 +223,8 @@ ANALOG = re.compile(r"set_standard_analog_out\(([01]), (\d\.\d{4})\)")
 TEXT = re.compile(r'textmsg\("([^"]*)"\)')
 
 
-def run(text):
-    """The set-points with their times, what was switched when, and where it began."""
+def replay(text):
+    """Simulate the program; return set-points and events with times, and the first position."""
     # The rule for programs over a socket: the first line begins the function, the last one ends it.
     first_line, *_, last_line = text.splitlines()
     assert re.fullmatch(r"def armcontour_\w{1,20}\(\):", first_line) and last_line == "end"
@@ -266,7 +266,7 @@ def test_exported_events_are_within_half_an_interval(tmp_path_factory, count, ti
     table = SetPointTable(
         name="any", joint_names=tuple("abcdef"), cycle=cycle, t=t, q=q, events=events
     )
-    points, outputs, _ = run(program(table, tmp_path_factory.mktemp("any"), outputs={"tool": 0}))
+    points, outputs, _ = replay(program(table, tmp_path_factory.mktemp("any"), outputs={"tool": 0}))
     event_times = [x for x, _ in outputs]
     assert len(event_times) == len(times)
     np.testing.assert_allclose(event_times, sorted(times), rtol=0, atol=cycle / 2 + 1e-9)
@@ -279,7 +279,7 @@ def test_analog_outputs_are_set_at_the_set_points_where_they_change(table, tmp_p
     power = np.array([0.0, 0.2, 0.2, 0.60004, 1.0, 1.0, 0.3, 0.0, 0.0])
     exported = dataclasses.replace(table(count=9, events=()), analog={"power": power})
     for output in ("AO1", 1):
-        points, events, _ = run(program(exported, tmp_path, outputs={"power": output}))
+        points, events, _ = replay(program(exported, tmp_path, outputs={"power": output}))
         assert events == [
             (pytest.approx(exported.t[k]), ("AO1", round(power[k], 4))) for k in (0, 1, 3, 4, 6, 7)
         ]
@@ -318,16 +318,16 @@ def on_rail(table):
 def test_prismatic_joints_are_external_axes_in_mm(table, tmp_path):
     exported = on_rail(table)
     turned, slid = np.degrees(exported.q[:, 1:]), 1e3 * exported.q[:, 0]
-    kuka = re.findall(rf"S?PTP \{{{AXES}, E1 ({NUMBER})\}}", made(exported, tmp_path, "kuka"))
+    kuka = re.findall(rf"S?PTP \{{{AXES}, E1 ({NUMBER})\}}", export(exported, tmp_path, "kuka"))
     np.testing.assert_allclose(
         np.array(kuka, float), np.column_stack([turned, slid]), rtol=0, atol=6e-7
     )
-    text = made(exported, tmp_path, "abb")
+    text = export(exported, tmp_path, "abb")
     abb = re.findall(rf"MoveAbsJ \[\[([^\]]*)\], \[({NUMBER})(?:, 9E9){{5}}\]\]", text)
     values = [[*map(float, x.split(", ")), float(y)] for x, y in abb]
     np.testing.assert_allclose(values, np.column_stack([turned, slid]), rtol=0, atol=6e-7)
     gantry = dataclasses.replace(table(6), prismatic=(True, *[False] * 5))
     for name in ("kuka", "abb"):
-        refusals(lambda x: made(gantry, tmp_path, x), [(name, "6 revolute ... has 5 and 1")])
+        refusals(lambda x: export(gantry, tmp_path, x), [(name, "6 revolute ... has 5 and 1")])
     writes = [(tmp_path / "made.script", "URScript has no prismatic joints")]
     refusals(lambda x: URScriptFormat().write(gantry, x), writes)

@@ -24,7 +24,7 @@ WHOLE = {"base": "base_link", "tip": "tcp"}
 
 
 def load(tmp_path, *changes, file="robot.urdf", **options):
-    """The robot with parts of its text replaced."""
+    """Load the robot with parts of its text replaced."""
     text = TEXT
     for old, new in changes:
         assert old in text
@@ -34,14 +34,14 @@ def load(tmp_path, *changes, file="robot.urdf", **options):
 
 
 def original_arm(*, tool=None, work=None, **options):
-    """The arm of the file as it is."""
+    """Load the arm from the unchanged file."""
     return ac.load_arm(ROBOT, ac.ArmOptions(**WHOLE | options), tool=tool, work=work)
 
 
-def seen_by_mujoco(q, dq, ddq, held):
-    """Torques and the place of the tip, by MuJoCo's own reading of the file."""
+def compute_with_mujoco(q, dq, ddq, held):
+    """Torques and positions of the tip from MuJoCo's own reader of the file."""
     mujoco = pytest.importorskip("mujoco")
-    # Frames are to be kept, and there is no mesh.
+    # MuJoCo must keep the frames; the mesh files do not exist.
     compiler = '<mujoco><compiler fusestatic="false"/></mujoco>'
     text = TEXT.replace('<robot name="lifter">', f'<robot name="lifter">{compiler}')
     text = text.replace("<visual>", "<!--").replace("</visual>", "-->")
@@ -67,21 +67,21 @@ def test_the_arm_with_its_gripper_has_the_dynamics_of_mujoco():
     arm = original_arm()
     assert (arm.name, arm.joint_names) == ("lifter", TURNING)
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 200, 4))
-    torque, place = seen_by_mujoco(q, dq, ddq, {"left": 0.0, "right": 0.01, "hinge": 0.0})
+    torque, place = compute_with_mujoco(q, dq, ddq, {"left": 0.0, "right": 0.01, "hinge": 0.0})
     np.testing.assert_allclose(arm.tool_position(q), place, atol=1e-9)
     largest = np.abs(torque).max(axis=1, keepdims=True)
     assert (np.abs(arm.dynamics.torque(q, dq, ddq) - torque) <= 1e-8 * largest).all()
 
 
-def refuse_differences(arm, text, held):
-    """Compare an arm with pinocchio's own reading of its description: frames, bodies, torques."""
+def compare_with_pinocchio(arm, text, held):
+    """Compare frames, bodies and torques of an arm with those of pinocchio's own reader."""
     pin = pinocchio()
     whole = pin.buildModelFromXML(text)
     q, fixed = pin.neutral(whole), [x for x in list(whole.names)[1:] if x not in arm.joint_names]
     for name in fixed:
         joint = whole.joints[whole.getJointId(name)]
         angle = held.get(name, 0.0)
-        # An endless joint has cosine and sine of its angle.
+        # The state of a continuous joint is cosine and sine of its angle.
         q[joint.idx_q : joint.idx_q + joint.nq] = (
             angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
         )
@@ -113,7 +113,7 @@ def refuse_differences(arm, text, held):
 def test_frames_and_bodies_and_torques_equal_those_of_pinocchio(tmp_path):
     arm = load(tmp_path, base=None)
     assert arm.chain.prismatic == (True, False, False, False, False)
-    refuse_differences(arm, TEXT, {"left": 0.0, "right": 0.01})
+    compare_with_pinocchio(arm, TEXT, {"left": 0.0, "right": 0.01})
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -127,14 +127,14 @@ def test_random_urdf_files_are_read_like_pinocchio_does(tmp_path, seed):
     for k in range(1, 16):
         kind = "fixed" if k % 5 == 0 else "prismatic" if k % 4 == 3 else "revolute"
         name = "tcp" if k == 15 else f"l{k}"
-        # A body of two spheres at the least has such moments.
+        # These moments satisfy the triangle inequality.
         xx, yy = rng.uniform(0.02, 0.03, 2)
         links.append(
             f'<link name="{name}"><inertial><origin xyz="{words(-0.3, 0.3)}" rpy="{words(-3, 3)}"/>'
             f'<mass value="{rng.uniform(0.1, 5)}"/><inertia ixx="{xx}" ixy="0.001" ixz="-0.002" '
             f'iyy="{yy}" iyz="0.0015" izz="0.025"/></inertial></link>'
         )
-        # Links at the side hang on the link that every chain passes.
+        # Some links are side branches of the chain.
         parent = f"l{k - 2 if (k - 1) % 3 == 0 and k > 1 else k - 1}"
         joints.append(
             f'<joint name="j{k}" type="{kind}"><origin xyz="{words(-1, 1)}" rpy="{words(-4, 4)}"/>'
@@ -145,7 +145,7 @@ def test_random_urdf_files_are_read_like_pinocchio_does(tmp_path, seed):
     (tmp_path / "random.urdf").write_text(text)
     arm = ac.load_arm(tmp_path / "random.urdf", ac.ArmOptions(tip="tcp"))
     assert len(arm.chain) > 5
-    refuse_differences(arm, text, {})
+    compare_with_pinocchio(arm, text, {})
 
 
 def test_the_arm_has_the_values_of_its_description():
@@ -155,14 +155,14 @@ def test_the_arm_has_the_values_of_its_description():
     np.testing.assert_array_equal(limits.joint_torque, [80, 70, 40, 15])
     np.testing.assert_array_equal(limits.joint_lower, [-np.inf, -2, -2.5, -3])
     np.testing.assert_array_equal(limits.joint_upper, [np.inf, 1.5, 2.5, 3])
-    # Speeds are assumed to be reached in one second.
+    # Default: the maximum velocity is reached in one second.
     np.testing.assert_array_equal(limits.joint_acceleration, limits.joint_velocity)
     assert [x for x in arm.notes if "no acceleration limits" in x] and arm.limits_hint == ""
     np.testing.assert_array_equal(arm.chain.viscous, [0.5, 0, 0.1, 0])
     np.testing.assert_array_equal(arm.chain.coulomb, [1.5, 0, 0, 0])
     np.testing.assert_allclose(arm.chain.axes[1], [0, np.sqrt(0.5), np.sqrt(0.5)])
     np.testing.assert_array_equal(arm.chain.axes[3], [1, 0, 0])  # by default
-    # All that hangs on the last link: wrist, hand and fingers.
+    # The last mass includes wrist, hand and fingers.
     np.testing.assert_allclose(arm.chain.masses, [4, 3, 2.4, 1.6])
     assert arm.source.endswith("robot.urdf")
 
@@ -170,7 +170,7 @@ def test_the_arm_has_the_values_of_its_description():
 def test_the_chain_can_begin_and_end_at_chosen_links():
     flange, whole = original_arm(tip="flange"), original_arm()
     q, dq, ddq = np.random.default_rng(1).normal(size=(3, 20, 4))
-    # Where the tip is makes no difference to the drives.
+    # The torques do not depend on the position of the tip.
     np.testing.assert_allclose(flange.torque(q, dq, ddq), whole.torque(q, dq, ddq), atol=1e-12)
     assert np.abs(flange.tool_position(q) - whole.tool_position(q)).max() > 0.05
     assert original_arm(base="upper").joint_names == ("elbow", "roll")
@@ -188,10 +188,10 @@ def test_a_description_without_inertial_elements_has_kinematics_only(tmp_path):
     assert arm.chain.masses is None
     np.testing.assert_array_equal(arm.tool_position(np.ones(4)), whole.tool_position(np.ones(4)))
     refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
-    # Efforts mean nothing then, and must not keep the arm from being planned for.
+    # Without masses, effort limits are ignored instead of refused.
     assert arm.limits.joint_torque is None and whole.limits.joint_torque is not None
     assert any("effort limits are ignored" in note for note in arm.notes)
-    # Frames of tool and work go with it.
+    # Tool and work frames are supported.
     tool = Frame.rpy([0, 0.1, 0.2], [0.1, 0, 0])
     points, rotations = whole.pose(np.ones(4))
     moved = original_arm(tool=tool, work=Frame()).tool_position(np.ones(4))
@@ -452,7 +452,7 @@ def test_xml_that_cannot_be_read_is_refused(tmp_path):
 
 
 def links(count):
-    """A robot with so many links in a row."""
+    """Chain of `count` links."""
     body = "".join(
         f'<link name="l{i}"/><joint name="j{i}" type="revolute"><parent link="l{i - 1}"/>'
         f'<child link="l{i}"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
@@ -466,7 +466,7 @@ def test_long_and_deep_descriptions_are_read(tmp_path):
     file.write_text(links(1000))
     assert ac.load_arm(file, ac.ArmOptions(tip="l999")).dof == 999
 
-    # Only what a body is is taken from it.
+    # Unknown elements are ignored.
     deep = "<extra>" * 90 + "</extra>" * 90
     mass = '<mass value="2"/>'
     assert mass in TEXT
