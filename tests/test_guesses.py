@@ -22,7 +22,6 @@ PLANNED = ac.plan(ROUNDED, ARM, LIMITS)
 def test_paths_consist_of_lines_and_all_forms_of_arcs() -> None:
     line, arc = ac.Path.line((0.0, 0.0), (0.3, 0.4)), ac.Path.arc((0, 0), (2, 0), via=(1, 1))
     circle = ac.Path.circle((0.1, 0.2, 0.3), 0.05)
-
     assert line.length == pytest.approx(0.5)
     assert arc.length == pytest.approx(np.pi)
     assert circle.length == pytest.approx(0.1 * np.pi)
@@ -34,14 +33,12 @@ def test_paths_consist_of_lines_and_all_forms_of_arcs() -> None:
 
 def test_paths_are_made_from_segments_and_closed_polylines() -> None:
     lines = [ac.Line((0.0, 0.0), (0.3, 0.0)), ac.Line((0.3, 0.0), (0.3, 0.4))]
-
     assert ac.Path(lines).length == pytest.approx(0.7)
     assert ac.Path.polyline([x.start for x in lines] + [lines[1].end], closed=True).length == 1.2
 
 
 def test_arguments_accept_texts_with_units() -> None:
     limits = ac.Limits(speed="100 mm/s", joint_velocity=["90 deg/s", 1.0])  # type: ignore
-
     assert limits.speed == 0.1
     assert limits.joint_velocity == pytest.approx([np.pi / 2, 1.0])
     assert ac.Limits(joint_velocity=[["-1 rad/s", "90 deg/s"]]).joint_velocity[0, 0] == -1.0  # type: ignore
@@ -61,20 +58,17 @@ def test_arguments_accept_texts_with_units() -> None:
 
 def test_a_drawing_and_a_cell_are_a_job() -> None:
     job = ac.read_job(DRAWING, cell="ur5e")
-
     assert job.arm.name == "UR5e"
     assert job.program.length == ac.read_path(DRAWING).length
 
 
 def test_a_two_link_arm_has_its_first_joint_at_the_origin() -> None:
     arm = ac.PlanarTwoLink(name="own", links=(0.3, 0.2), limits=LIMITS)
-
     assert arm.forward([0.0, 0.0])[:2, 3] == pytest.approx([0.0, 0.5])
 
 
 def test_a_trajectory_can_be_sampled_and_explained() -> None:
     sampled = PLANNED.sample(4e-3)
-
     for name in ("t", "q", "dq", "ddq"):
         assert np.array_equal(getattr(PLANNED, name), getattr(sampled, name))
     assert PLANNED.explain().kinds == ac.explain(PLANNED, ARM, LIMITS).kinds
@@ -83,7 +77,6 @@ def test_a_trajectory_can_be_sampled_and_explained() -> None:
 def test_functions_use_the_arm_of_the_motion_by_default() -> None:
     joints = ac.JointPath.spline([[0.0, 0.0], [0.3, 0.2], [0.5, 0.1]])
     bare = ac.plan(joints, limits=ac.Limits(joint_velocity=1.0, joint_acceleration=3.0))
-
     assert ac.check(PLANNED).verdict == ac.check(PLANNED, ARM).verdict
     assert ac.check_clearance(PLANNED).satisfied
     for use in (ac.check, ac.explain, ac.check_clearance):
@@ -94,7 +87,6 @@ def test_functions_use_the_arm_of_the_motion_by_default() -> None:
 def test_servos_execute_set_points_of_a_planned_arm() -> None:
     set_points = ac.compensate(PLANNED, SERVO)
     plant = ac.ServoPlant(ARM, SERVO)
-
     assert np.array_equal(ac.simulate(set_points, SERVO).q, ac.simulate(set_points, plant).q)
 
 
@@ -102,7 +94,6 @@ def test_an_export_format_can_be_named(tmp_path: Path) -> None:
     set_points = ac.compensate(PLANNED, SERVO)
     ac.export(set_points, tmp_path / "named.txt", "csv")
     ac.export(set_points, tmp_path / "ending.csv")
-
     assert (tmp_path / "named.txt").read_text() == (tmp_path / "ending.csv").read_text()
 
 
@@ -120,7 +111,6 @@ def test_guessed_attributes_are_refused_with_the_right_name() -> None:
 def test_the_distance_from_the_drawing_covers_both_directions() -> None:
     executed = ac.simulate(ac.compensate(PLANNED, SERVO), ac.ServoPlant(ARM, SERVO))
     evaluated = ac.evaluate(executed, ROUNDED, objective=CORNER)
-
     assert evaluated.objective_error and evaluated.objective_coverage_error
     both = evaluated.objective_error.max, evaluated.objective_coverage_error.max
     assert evaluated.off_drawing == max(both)
@@ -132,9 +122,7 @@ def test_a_path_is_certified_with_an_arm_a_servo_and_a_goal() -> None:
     goal = ac.CertificateGoal(tolerance=1e-3)
     run = ac.Run(name="only", limits=LIMITS, rounding=ac.Rounding(tolerance=1e-3))
     job = ac.Job(name="corner", arm=ARM, path=CORNER, servo=SERVO, runs=(run,))
-
     certificate = ac.certify(CORNER, ARM, SERVO, LIMITS, goal=goal)
-
     assert certificate.trajectory.duration == ac.certify(job, goal=goal).trajectory.duration
     with pytest.raises(ac.InvalidInput, match="an arm, a servo and a goal"):
         ac.certify(CORNER, ARM, goal=goal)

@@ -32,15 +32,29 @@ halve = partial(truediv, 1.0)
 PID = "__import__('os').getpid()"
 
 
-@pytest.mark.parametrize("processes", [1, 2])
-def test_results_of_processes_are_in_the_order_of_their_items(processes):
-    progress_log = []
-    items = list(range(1, 31))
-    results = map_in_processes(halve, items, processes=processes, done=progress_log.append)
+class Elsewhere(Executor):
+    """Works here, but is taken for another executor, to which work is sent in parts."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@pytest.mark.parametrize("workers", [{"processes": 1}, {"processes": 2}, {"executor": Elsewhere()}])
+def test_results_of_workers_are_in_the_order_of_their_items(workers):
+    progress_log, items = [], list(range(1, 101))
+    results = map_in_processes(halve, items, **workers, done=progress_log.append)
     assert results == [1 / x for x in items]
-    assert progress_log[0] == 0 and progress_log == sorted(progress_log) and progress_log[-1] < 30
+    assert progress_log[0] == 0 and progress_log == sorted(progress_log) and progress_log[-1] < 100
+    assert map_in_processes(halve, [], **workers) == []
     with pytest.raises(ZeroDivisionError):
-        map_in_processes(halve, [1.0] * 20 + [0.0], processes=processes)
+        map_in_processes(halve, [1.0] * 20 + [0.0], **workers)
+    with pytest.raises(InvalidInput):
+        map_in_processes(ac.load_arm, ["no-such-arm"], **workers)
 
 
 def test_threads_give_results_in_order_and_their_errors(monkeypatch):
@@ -106,28 +120,6 @@ def test_a_pool_is_an_executor_of_other_processes():
         with pytest.raises(BrokenExecutor, match=r"SIGABRT\(-6\)"):
             pool.submit(os.abort).result()
         assert pool.submit(abs, -4).result() == 4
-
-
-class Elsewhere(Executor):
-    """Works here, but is taken for another executor, to which work is sent in parts."""
-
-    def submit(self, fn, /, *args, **kwargs):
-        future = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
-def test_work_on_many_items_is_done_by_the_executor():
-    progress_log, items = [], list(range(1, 101))
-    results = map_in_processes(halve, items, executor=Elsewhere(), done=progress_log.append)
-    assert results == [1 / x for x in items]
-    assert progress_log[0] == 0 and progress_log == sorted(progress_log) and progress_log[-1] < 100
-    assert map_in_processes(halve, [], executor=Elsewhere()) == []
-    with pytest.raises(InvalidInput):
-        map_in_processes(ac.load_arm, ["no-such-arm"], executor=Elsewhere())
 
 
 class Failing(Executor):

@@ -111,13 +111,7 @@ def test_an_unknown_keyword_is_refused(limits, servo, refuses):
 NOT_MADE = {
     *("Arm", "Plant", "Batch", "Certificate", "Check", "Clearance", "Evaluation", "Explanation"),
     "InterpolationCheck",
-    *(
-        "Identification",
-        "LearningRun",
-        "LearningResult",
-        "LimitUse",
-        "Placement",
-    ),
+    *("Identification", "LearningRun", "LearningResult", "LimitUse", "Placement"),
     *("RoundedPath", "ShapedPath", "JobResult"),
 }
 

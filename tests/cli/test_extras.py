@@ -27,14 +27,8 @@ runs: {plain: {compensation: {method: none}}}
 SCENE = "{obstacles: [{type: sphere, name: ball, radius: 10 mm, at: [1, 1, 0]}]}"
 # By extra: a library that it brings, and command lines that need it.
 NEEDS = {
-    "dynamics": (
-        "coal",
-        ["run cell.yaml --out out", "check a.csv --arm ur5e --scene ur5e"],
-    ),
-    "experiment": (
-        "mujoco",
-        ["run bodies.yaml --out out"],
-    ),
+    "dynamics": ("coal", ["run cell.yaml --out out", "check a.csv --arm ur5e --scene ur5e"]),
+    "experiment": ("mujoco", ["run bodies.yaml --out out"]),
     "drawings": ("ezdxf", ["show a.dxf", "run a.dxf --cell ur5e --out out"]),
     "studio": ("uvicorn", ["studio --no-open"]),
 }

@@ -151,17 +151,12 @@ def test_the_exit_code_is_1_if_no_run_is_kept(tmp_path, run):
 
 
 def test_an_option_with_one_value_can_be_given_only_once(tmp_path, refused):
-    rows = [
-        (
-            "learn job.yaml --set-points out --log a.csv --log b.csv",
-            ["--log has one value, but is specified 2 times"],
-        ),
-        (
-            "check a.csv --limits a.yaml --arm ur5e --limits b.yaml",
-            ["--limits has one value, but is specified 2 times"],
-        ),
-        ("run job.yaml -o a --out b", ["--out has one value, but is specified 2 times"]),
-    ]
+    calls = {
+        "--log": "learn job.yaml --set-points out --log a.csv --log b.csv",
+        "--limits": "check a.csv --limits a.yaml --arm ur5e --limits b.yaml",
+        "--out": "run job.yaml -o a --out b",
+    }
+    rows = [(x, [f"{y} has one value, but is specified 2 times"]) for y, x in calls.items()]
     assert refused(tmp_path, rows, codes=(2,)) == []
 
 

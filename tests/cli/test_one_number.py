@@ -59,26 +59,6 @@ TEXTS = {
     "command": set(LABELS),
     "report": set(LABELS),
 }
-JSON = {
-    "duration": "duration",
-    "settled": "settled",
-    "rms": "contour_error.rms",
-    "largest": "contour_error.max",
-    "demand": "demand_ratio",
-    "clearance": "clearance.low",
-    "assigned length": "explanation.assigned_length",
-    "share": "time.assigned velocity",
-}
-# Figures that are those of the experiment, where that judges the run.
-JUDGED = ("settled", "rms", "largest", "demand")
-STUDIO = {
-    "duration": "duration",
-    "settled": "settled",
-    "rms": "contour_error.rms",
-    "largest": "contour_error.max",
-    "demand": "demand_ratio",
-    "clearance": "clearance.low",
-}
 BATCH = {
     "duration": "duration",
     "settled": "settled",
@@ -86,6 +66,11 @@ BATCH = {
     "largest": "contour_error.max",
     "demand": "demand_ratio",
 }
+STUDIO = BATCH | {"clearance": "clearance.low"}
+EXPLAINED = {"assigned length": "explanation.assigned_length", "share": "time.assigned velocity"}
+JSON = STUDIO | EXPLAINED
+# Figures that are those of the experiment, where that judges the run.
+JUDGED = ("settled", "rms", "largest", "demand")
 UNITS = {"s": 1.0, "ms": 1e-3, "mm": 1e-3, "m": 1.0, "%": 1e-2, "": 1.0}
 NUMBER = r"(-?\d+(?:\.\d+)?(?:e-?\d+)?)(?: ?(mm|ms|s|m|%)(?!\w))?"
 

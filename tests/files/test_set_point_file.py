@@ -91,14 +91,8 @@ def test_set_points_that_do_not_belong_to_the_job_are_refused(job, plan, tmp_pat
     other = dataclasses.replace(lesson.runs[0], q=lesson.runs[0].q + 1e-6)
     other = dataclasses.replace(lesson, runs=(other,))
     table = [
-        (
-            (changed(plan, (50, 1)),),
-            "set_points.csv has other set-points",
-        ),
-        (
-            (dataclasses.replace(still, q=still.q[:-1]),),
-            "set_points.csv has other set-points",
-        ),
+        ((changed(plan, (50, 1)),), "set_points.csv has other set-points"),
+        ((dataclasses.replace(still, q=still.q[:-1]),), "set_points.csv has other set-points"),
         ((changed(plan, by=0.0, cycle=0.005),), "set_points.csv has other set-points"),
         # Histories of other set-points, and of another job.
         ((plan.set_points, lesson), "lesson.npz in its folder"),

@@ -6,14 +6,7 @@ from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicSpline
 
 import armcontour as ac
-from armcontour.motion import (
-    JointPath,
-    LapLaw,
-    PathLaw,
-    Rates,
-    dwell_law,
-    largest_shares,
-)
+from armcontour.motion import JointPath, LapLaw, PathLaw, Rates, dwell_law, largest_shares
 
 
 def test_laps_are_the_parabolas_of_equation_21():
@@ -93,9 +86,7 @@ def many():
     for k in range(12):
         points = np.concatenate([[q], q + rng.uniform(-1, 1, (k % 4 + 1, 2))])
         laws += ac.plan(
-            JointPath.spline(points),
-            limits=LIMITS,
-            options=ac.Optimal(intervals=40),
+            JointPath.spline(points), limits=LIMITS, options=ac.Optimal(intervals=40)
         ).laws
         q = points[-1]
         if k in (3, 7):
@@ -213,11 +204,7 @@ def planned(jerk):
     return ac.plan(path.oriented(np.diag([1, -1, -1])), arm, limits, ac.Optimal(intervals=200))
 
 
-@pytest.fixture(
-    scope="module",
-    params=[None, 20.0],
-    ids=str,
-)
+@pytest.fixture(scope="module", params=[None, 20.0], ids=str)
 def case(request):
     """A law, and limits that it takes in full."""
     law = planned(request.param).laws[0]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from tests.dynamics_extra import pinocchio, pinocchio_model
+from tests.simulation.test_rigid_body_plant import make_set_points
 
 import armcontour as ac
 from armcontour.core.frames import Frame, from_rpy
-from armcontour.motion import LapLaw
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain
 from armcontour.robot.serial import SerialArm
@@ -62,13 +62,6 @@ def by_pinocchio(chain, inertia, q, step, cycle, limit):
             torque = np.clip(torque, -limit, limit)
             x = solve_ivp(rate, (0, step), x, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
     return np.array(states)
-
-
-def make_set_points(q, cycle):
-    still = np.zeros((1, q.shape[1]))
-    law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, q.shape[1])), dq=still, ddq=still)
-    trajectory = ac.Trajectory(laws=(law,), method="hand")
-    return ac.SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="x")
 
 
 def error(step, limit):

@@ -60,14 +60,12 @@ def in_space(path, z=0.0):
 
 
 def test_line_leads_continue_along_the_tangents():
-    prepared_contour = only(BEND, Process(lead_in=Lead(length=0.02), lead_out=Lead(length=0.01)))
+    made = only(BEND, Process(lead_in=Lead(length=0.02), lead_out=Lead(length=0.01)))
     points = [[0.28, 0.2], [0.3, 0.2], [0.35, 0.2], [0.35, 0.25], [0.35, 0.26]]
-    np.testing.assert_allclose(prepared_contour.path.vertices, points, atol=1e-15)
-    assert prepared_contour.work == pytest.approx((0.02, 0.12), abs=1e-15)
-    assert (
-        prepared_contour.path.tags[0] == "lead-in" and prepared_contour.path.tags[-1] == "lead-out"
-    )
-    np.testing.assert_allclose(prepared_contour.path.turns, [0, np.pi / 2, 0], atol=1e-9)
+    np.testing.assert_allclose(made.path.vertices, points, atol=1e-15)
+    assert made.work == pytest.approx((0.02, 0.12), abs=1e-15)
+    assert made.path.tags[0] == "lead-in" and made.path.tags[-1] == "lead-out"
+    np.testing.assert_allclose(made.path.turns, [0, np.pi / 2, 0], atol=1e-9)
 
 
 @given(
@@ -82,14 +80,14 @@ def test_leads_in_a_tilted_plane_are_tangent_and_stay_in_that_plane(yaw, tilt, s
     flat = np.array([[0.0, 0, 0], [0.05, 0.01, 0], [0.05, 0.06, 0]])
     path = Path.polyline(flat @ turn.T + [0.4, 0, 0.3])
     up, lead = turn[:, 2], Lead(length=length, shape=shape, side=side)
-    prepared_path = only(path, Process(lead_in=lead, lead_out=lead, up=7 * up)).path
-    assert prepared_path.length == pytest.approx(path.length + 2 * length, abs=1e-12)
-    np.testing.assert_allclose(prepared_path.turns[[0, -1]], 0, atol=1e-9)
-    s = np.linspace(0, prepared_path.length, 50)
-    np.testing.assert_allclose((prepared_path(s) - path(0.0)) @ up, 0, atol=1e-12)
+    path_made = only(path, Process(lead_in=lead, lead_out=lead, up=7 * up)).path
+    assert path_made.length == pytest.approx(path.length + 2 * length, abs=1e-12)
+    np.testing.assert_allclose(path_made.turns[[0, -1]], 0, atol=1e-9)
+    s = np.linspace(0, path_made.length, 50)
+    np.testing.assert_allclose((path_made(s) - path(0.0)) @ up, 0, atol=1e-12)
     if shape == "arc":
         # To the left of the way that it comes in on is where up x tangent points.
-        beside = (prepared_path(0.0) - path(0.0)) @ np.cross(up, path(0.0, 1))
+        beside = (path_made(0.0) - path(0.0)) @ np.cross(up, path(0.0, 1))
         sign = 1 if side == "left" else -1
         assert beside == pytest.approx(sign * length / (np.pi / 2), abs=1e-12)
 
@@ -115,9 +113,9 @@ def test_leads_have_the_speed_and_tolerance_of_the_adjacent_segment():
     first = line([0.3, 0], [0.4, 0], speed=0.05, tolerance=1e-4)
     lead = Lead(length=0.01)
     drawn = path_of(first, line([0.4, 0], [0.5, 0], speed=0.08))
-    prepared_path = only(drawn, Process(lead_in=lead, lead_out=lead)).path
-    assert prepared_path.speeds.tolist() == [0.05, 0.05, 0.08, 0.08]
-    assert prepared_path.tolerances[0] == 1e-4 and np.isnan(prepared_path.tolerances[-1])
+    path_made = only(drawn, Process(lead_in=lead, lead_out=lead)).path
+    assert path_made.speeds.tolist() == [0.05, 0.05, 0.08, 0.08]
+    assert path_made.tolerances[0] == 1e-4 and np.isnan(path_made.tolerances[-1])
     process = Process(lead_in=Lead(), lead_out=Lead(length=0.02))
     assert process.automatic and not Process(lead_in=Lead(length=0.1)).automatic
     lengths = [Leads(before=0.03, after=0.5), Leads(before=0.0, after=0.5)]
@@ -180,9 +178,9 @@ def test_the_start_of_a_contour_after_a_rapid_of_the_program_does_not_move():
     to = Rapid(path=Path.polyline([[0.35, 0.25], corner]))
     on, rest = Event(name="spindle"), Dwell(duration=0.1)
     for between in ((to,), (to, on), (to, on, rest), (on,), (rest,), (Rapid(),)):
-        prepared_program = prepare(program(BEND, *between, SQUARE), Process())
-        np.testing.assert_allclose(prepared_program.contours[1].path(0.0), corner, atol=1e-15)
-        assert len(prepared_program.moves) == 2 + len(between)
+        prepared = prepare(program(BEND, *between, SQUARE), Process())
+        np.testing.assert_allclose(prepared.contours[1].path(0.0), corner, atol=1e-15)
+        assert len(prepared.moves) == 2 + len(between)
     with_event = Contour(path=SQUARE, events=(on,))
     np.testing.assert_allclose(only(with_event, Process()).path(0.0), corner, atol=1e-15)
     # What comes before all contours leads nowhere.
@@ -201,11 +199,9 @@ def test_a_closed_contour_with_different_end_orientations_stays_as_drawn():
         only(alike, process)
     # One along which the tool follows begins anywhere.
     follows = square.following_tangent([0, 0, 1])
-    prepared_path = only(follows, Process(begin=0.03, overlap=0.01)).path
-    s = np.linspace(0.0, prepared_path.length, 77)
-    np.testing.assert_allclose(
-        prepared_path.orientation(s)[:, :, 0], prepared_path(s, 1), atol=1e-12
-    )
+    path_made = only(follows, Process(begin=0.03, overlap=0.01)).path
+    s = np.linspace(0.0, path_made.length, 77)
+    np.testing.assert_allclose(path_made.orientation(s)[:, :, 0], path_made(s, 1), atol=1e-12)
 
 
 SWITCHED = [
@@ -266,41 +262,37 @@ def test_events_stay_at_their_points_if_the_contour_changes(
     process = Process(begin=begin, overlap=overlap, resume_at=resume_at, **ends)
     # Outputs that are on already can be switched on from any start point.
     before = [replace(x, s=0.0) for x in events]
-    prepared_contour = only(program(*before, Contour(path=SQUARE, events=events)), process)
-    on, switch_off = (x for x in prepared_contour.events if x.name == "tool")
+    made = only(program(*before, Contour(path=SQUARE, events=events)), process)
+    on, switch_off = (x for x in made.events if x.name == "tool")
     assert (on.value, switch_off.value) == (True, False)
-    assert (on.s, switch_off.s) == pytest.approx(prepared_contour.work, abs=1e-12)
+    assert (on.s, switch_off.s) == pytest.approx(made.work, abs=1e-12)
     # A place to resume within 1e-9 m of the start is the start; the rest is rounding.
     length = 0.2 + overlap - resume_at
-    assert prepared_contour.work[1] - prepared_contour.work[0] == pytest.approx(
-        length, abs=1e-9 + 1e-15
-    )
+    assert made.work[1] - made.work[0] == pytest.approx(length, abs=1e-9 + 1e-15)
     resumed_at = SQUARE((begin + resume_at) % 0.2)
-    events_by_name = {x.name: x for x in prepared_contour.events if x.name != "tool"}
+    events_by_name = {x.name: x for x in made.events if x.name != "tool"}
     for i, s in enumerate(places):
         event = events_by_name.pop(f"e{i}")
         # It was before the place to resume: then it is made up for there.
         passed = (s - begin) % 0.2 < resume_at - 1e-9
         point = resumed_at if passed else SQUARE(s)
         if abs((s - begin) % 0.2 - resume_at) > 1e-8:
-            np.testing.assert_allclose(prepared_contour.path(event.s), point, atol=1e-9)
+            np.testing.assert_allclose(made.path(event.s), point, atol=1e-9)
     assert not events_by_name
-    (rounded,) = round_corners(program(prepared_contour), tolerance=tolerance).contours
-    for before, after in zip(prepared_contour.events, rounded.events, strict=True):
-        off_by = np.linalg.norm(rounded.path(after.s) - prepared_contour.path(before.s))
+    (rounded,) = round_corners(program(made), tolerance=tolerance).contours
+    for before, after in zip(made.events, rounded.events, strict=True):
+        off_by = np.linalg.norm(rounded.path(after.s) - made.path(before.s))
         # On a corner's arc, by its share: the arc is off the corner by the tolerance, and along it
         # by less than as much again at right angles.
         assert off_by <= 2 * tolerance + 1e-9
-    assert [x.name for x in rounded.events] == [x.name for x in prepared_contour.events]
+    assert [x.name for x in rounded.events] == [x.name for x in made.events]
 
 
 def test_events_of_the_process_keep_their_distance_from_the_ends():
     events = (Event(name="on", s=0.0), Event(name="off", s=0.2), Event(name="mid", s=0.06))
     process = Process(begin=0.05, overlap=0.03, lead_in=Lead(length=0.01))
-    prepared_contour = only(
-        program(Event(name="mid"), Contour(path=SQUARE, events=events)), process
-    )
-    places = {x.name: x.s for x in prepared_contour.events}
+    made = only(program(Event(name="mid"), Contour(path=SQUARE, events=events)), process)
+    places = {x.name: x.s for x in made.events}
     assert places == pytest.approx({"on": 0.01, "mid": 0.02, "off": 0.24}, abs=1e-12)
     process = Process(lead_in=Lead(length=0.01), events=(Event(name="glue", s=0.05),))
     for contour in prepare(program(BEND, SQUARE), process).contours:
@@ -327,11 +319,11 @@ def test_a_program_resumed_on_a_later_contour_has_the_earlier_output_states():
         Contour(path=SQUARE, name="b", events=(Event(name="coolant", value=False, s=0.08),)),
         Contour(path=BEND, name="c"),
     )
-    prepared_program = prepare(Program(moves=moves), Process(resume_at=0.1 + 0.07))
-    assert kinds(prepared_program) == "Event Event Contour Contour"
-    before = {x.name: x.value for x in prepared_program.moves if isinstance(x, Event)}
+    prepared = prepare(Program(moves=moves), Process(resume_at=0.1 + 0.07))
+    assert kinds(prepared) == "Event Event Contour Contour"
+    before = {x.name: x.value for x in prepared.moves if isinstance(x, Event)}
     assert before == {"spindle": "reverse", "coolant": True}
-    b, c = prepared_program.contours
+    b, c = prepared.contours
     np.testing.assert_allclose(b.path(0.0), [0.36, 0.11], atol=1e-12)
     assert b.path.length == pytest.approx(0.13, abs=1e-12)
     assert [(x.name, x.value) for x in b.events] == [("coolant", False)]
@@ -341,10 +333,8 @@ def test_a_program_resumed_on_a_later_contour_has_the_earlier_output_states():
 
 def test_a_program_resumes_at_an_end_within_a_contour_and_at_an_event():
     drawn = program(BEND, Contour(path=SQUARE, name="b"))
-    prepared_contour = only(drawn, Process(resume_at=BEND.length))
-    assert prepared_contour.name == "b" and prepared_contour.path.length == pytest.approx(
-        0.2, abs=1e-15
-    )
+    made = only(drawn, Process(resume_at=BEND.length))
+    assert made.name == "b" and made.path.length == pytest.approx(0.2, abs=1e-15)
     for resume_at in (0.3, 0.31, 5.0):
         refused(
             (
@@ -354,11 +344,11 @@ def test_a_program_resumes_at_an_end_within_a_contour_and_at_an_event():
             )
         )
     lead = Lead(length=0.02)
-    prepared_contour = only(BEND, Process(lead_in=lead, resume_at=0.06))
+    made = only(BEND, Process(lead_in=lead, resume_at=0.06))
     # Round the corner: the last centimetre before it and the first after it.
     points = [[0.34, 0.2], [0.35, 0.2], [0.35, 0.21], [0.35, 0.25]]
-    np.testing.assert_allclose(prepared_contour.path.vertices, points, atol=1e-12)
-    assert prepared_contour.work == pytest.approx((0.02, 0.06), abs=1e-12)
+    np.testing.assert_allclose(made.path.vertices, points, atol=1e-12)
+    assert made.work == pytest.approx((0.02, 0.06), abs=1e-12)
     short = only(BEND, Process(lead_in=lead, resume_at=0.01))
     np.testing.assert_allclose(short.path(0.0), [0.29, 0.2], atol=1e-12)
     values = (("spindle", True, 0.0), ("speed", 200.0, 0.02), ("speed", 0.0, 0.05))
@@ -381,14 +371,14 @@ def test_rapids_of_the_program_end_at_the_leads_and_overlaps():
     spindle_off = Event(name="spindle", value=False)
     moves = in_space(BEND), spindle_off, rapid, Event(name="spindle"), in_space(SQUARE)
     lead = Lead(length=0.01)
-    prepared_program = prepare(
+    prepared = prepare(
         program(*moves), Process(lead_in=lead, lead_out=lead, approach=0.1, retract=0.1)
     )
     # Neither up nor down where the program's own rapid goes.
-    assert kinds(prepared_program) == "Rapid Contour Event Rapid Event Contour Rapid"
-    (start, a), (b, end) = (ends_of(x.path) for x in prepared_program.contours)
+    assert kinds(prepared) == "Rapid Contour Event Rapid Event Contour Rapid"
+    (start, a), (b, end) = (ends_of(x.path) for x in prepared.contours)
     expected = [start + [0, 0, 0.1], start], [a, up, over, b], [end, end + [0, 0, 0.1]]
-    for rapid_path, points in zip(rapids(prepared_program), expected, strict=True):
+    for rapid_path, points in zip(rapids(prepared), expected, strict=True):
         np.testing.assert_allclose(rapid_path.vertices, points, atol=1e-15)
 
 
@@ -405,13 +395,11 @@ def test_approach_and_retract_are_added_where_the_program_has_no_rapid():
     np.testing.assert_allclose(up.orientation(0.01)[:, 2], [0, 0.6, -0.8], atol=1e-12)
     path, other = (Path.polyline([[0.4, y, 0.1], [0.45, y, 0.1]]) for y in (0, 0.1))
     for between in ((), (Rapid(),), (Event(name="x"),)):
-        prepared_program = prepare(
-            program(path, *between, other), Process(approach=0.03, retract=0.02)
-        )
+        prepared = prepare(program(path, *between, other), Process(approach=0.03, retract=0.02))
         expected = []
-        for begin, end in (ends_of(x.path) for x in prepared_program.contours):
+        for begin, end in (ends_of(x.path) for x in prepared.contours):
             expected += [begin + [0, 0, 0.03], begin], [end, end + [0, 0, 0.02]]
-        for rapid, points in zip(rapids(prepared_program), expected, strict=True):
+        for rapid, points in zip(rapids(prepared), expected, strict=True):
             np.testing.assert_allclose(rapid.vertices, points, atol=1e-15)
 
 
@@ -432,14 +420,9 @@ def test_a_tool_change_is_a_stop_with_an_event_and_a_note():
 def test_rapids_without_a_speed_get_the_rapid_speed():
     path, other = (Path.polyline([[0.4, y, 0.1], [0.45, y, 0.1]]) for y in (0, 0.1))
     moves = path, Rapid(path=Path.polyline([[0.45, 0, 0.1], [0.4, 0.1, 0.1]])), other
-    prepared_program = prepare(
-        program(*moves), Process(retract=0.02, rapid_speed=0.5, approach_speed=0.1)
-    )
-    assert [x.speeds.tolist() for x in rapids(prepared_program)] == [[0.5], [0.1]]
-    assert (
-        prepared_program.rapid_speed == 0.5
-        and prepare(program(path), Process()).rapid_speed is None
-    )
+    prepared = prepare(program(*moves), Process(retract=0.02, rapid_speed=0.5, approach_speed=0.1))
+    assert [x.speeds.tolist() for x in rapids(prepared)] == [[0.5], [0.1]]
+    assert prepared.rapid_speed == 0.5 and prepare(program(path), Process()).rapid_speed is None
 
 
 # --------------------------------------------------------------------------------- layers, orders
@@ -539,15 +522,13 @@ def test_contours_of_a_layer_have_the_process_values_of_the_layer():
     process_values = {"overlap": 1e-3, "lead_in": Lead(length=2e-3, shape="arc"), "dwell": 0.5}
     process_values["switch"] = Switch(name="laser")
     process = Process(begin="drawn", **process_values, by_layer={"MARK": layer_values})
-    prepared_program = prepare(
-        program(*(Contour(path=SQUARE, layer=x) for x in ("CUT", "MARK"))), process
-    )
-    cut, mark = prepared_program.contours
+    prepared = prepare(program(*(Contour(path=SQUARE, layer=x) for x in ("CUT", "MARK"))), process)
+    cut, mark = prepared.contours
     assert cut.path.length == pytest.approx(SQUARE.length + 3e-3, abs=1e-12)
     assert mark.path.length == pytest.approx(2 * SQUARE.length, abs=1e-12)
     assert [x.value for x in cut.events] == [True, False]
     assert [x.value for x in mark.events] == [0.2, False]
-    assert kinds(prepared_program) == "Dwell Contour Contour"
+    assert kinds(prepared) == "Dwell Contour Contour"
     assert process.cuts and not process.of_contour(mark).cuts
     assert process.of_contour(Contour(path=SQUARE, layer="other")) is process
 

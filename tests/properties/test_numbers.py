@@ -10,15 +10,7 @@ from functools import cache
 
 import pytest
 import yaml
-from tests.properties.number_cases import (
-    FILES,
-    HOSTILE,
-    NEVER,
-    base_of,
-    fields,
-    put,
-    shown,
-)
+from tests.properties.number_cases import FILES, HOSTILE, NEVER, base_of, fields, put, shown
 
 from armcontour import ArmContourError
 from armcontour.files import parse_job

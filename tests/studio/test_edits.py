@@ -81,18 +81,7 @@ def again(text, run="own", **edit):
     return job, handles_of(job, load(new, ""))
 
 
-WORDS = (
-    "",
-    ".",
-    "limits.speed",
-    "5 mm",
-    "1",
-    "add",
-    "change",
-    "box",
-    "own",
-    "paper",
-)
+WORDS = ("", ".", "limits.speed", "5 mm", "1", "add", "change", "box", "own", "paper")
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers(-2, 9) | st.floats() | st.sampled_from(WORDS),
     lambda x: st.lists(x, max_size=3) | st.dictionaries(st.sampled_from(WORDS), x, max_size=2),
@@ -307,20 +296,17 @@ def test_points_are_inserted_and_removed_with_orientations():
 
 def test_points_are_inserted_into_segments_and_removed():
     point = {"at": [0.33, 0.19]}
-    job, changed_data = again(CHAIN, do="insert_waypoint", index=1, **point)
-    assert len(changed_data.ends) == 6 and changed_data.ends[1].written == (0.33, 0.19)
+    job, handles = again(CHAIN, do="insert_waypoint", index=1, **point)
+    assert len(handles.ends) == 6 and handles.ends[1].written == (0.33, 0.19)
     assert job.path.speeds[:2].tolist() == [0.1, 0.1]
-    job, changed_data = again(CHAIN, do="insert_waypoint", index=0, **point)
-    assert changed_data.ends[0].written == (0.33, 0.19) and changed_data.ends[1].written == (
-        0.3,
-        0.2,
-    )
-    _, changed_data = again(CHAIN, do="insert_waypoint", index=5, **point)
-    assert len(changed_data.ends) == 6 and changed_data.ends[5].written == (0.33, 0.19)
-    _, changed_data = again(CHAIN, do="remove_waypoint", index=0)
-    assert len(changed_data.ends) == 4 and changed_data.ends[0].written == (0.36, 0.2)
-    _, changed_data = again(CHAIN, do="remove_waypoint", index=3)
-    assert [x.role for x in changed_data.waypoints] == ["point"] * 4 + ["via"]
+    job, handles = again(CHAIN, do="insert_waypoint", index=0, **point)
+    assert [x.written for x in handles.ends[:2]] == [(0.33, 0.19), (0.3, 0.2)]
+    _, handles = again(CHAIN, do="insert_waypoint", index=5, **point)
+    assert len(handles.ends) == 6 and handles.ends[5].written == (0.33, 0.19)
+    _, handles = again(CHAIN, do="remove_waypoint", index=0)
+    assert len(handles.ends) == 4 and handles.ends[0].written == (0.36, 0.2)
+    _, handles = again(CHAIN, do="remove_waypoint", index=3)
+    assert [x.role for x in handles.waypoints] == ["point"] * 4 + ["via"]
     with pytest.raises(InvalidInput, match="Segment 2 is an arc"):
         edited(CHAIN, do="insert_waypoint", index=2, **point)
     with pytest.raises(InvalidInput, match="the via point of an arc"):

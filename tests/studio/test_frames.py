@@ -306,16 +306,11 @@ class TestResults:
         planned = exact(previewer, paper, name)
         executed = previewer.execute(planned)
         study_run = whole(paper, name, 4e-3)
-        assert planned.trajectory.duration == pytest.approx(
-            study_run.trajectory.duration, abs=1e-12
-        )
-        assert executed.settled == study_run.evaluation.settled
-        assert executed.errors.rms == pytest.approx(
-            study_run.evaluation.contour_error.rms, rel=1e-12
-        )
-        assert executed.errors.max == pytest.approx(
-            study_run.evaluation.contour_error.max, rel=1e-12
-        )
+        evaluation, duration = study_run.evaluation, study_run.trajectory.duration
+        assert planned.trajectory.duration == pytest.approx(duration, abs=1e-12)
+        assert executed.settled == evaluation.settled
+        assert executed.errors.rms == pytest.approx(evaluation.contour_error.rms, rel=1e-12)
+        assert executed.errors.max == pytest.approx(evaluation.contour_error.max, rel=1e-12)
         bindings = None if study_run.explanation is None else study_run.explanation.bindings
         assert bindings == (planned.explanation and planned.explanation.bindings)
 

@@ -117,8 +117,7 @@ def test_an_uploaded_drawing_or_job_replaces_the_document(session, tab):
         ("[410 mm, 150 mm]", "[2 m, 150 mm]"),
     ],
 )
-def test_a_job_that_is_refused_from_the_start_is_drawn(tmp_path, old, new):
-    file = tmp_path / "job.yaml"
+def test_a_job_that_is_refused_from_the_start_is_drawn(file, old, new):
     file.write_text(JOB.replace(old, new))
     session = session_of(file)
     early = SessionPage(session)
@@ -151,8 +150,7 @@ PIERCE = "process: {switch: {name: a}, lead_in: {length: 5 mm}, "
         ("fast: {}", "fast: {timing: {method: paper}, corners: {shape: free}}", [1, 1]),
     ],
 )
-def test_each_offered_change_leads_to_a_plan_or_the_next_refusal(tmp_path, old, new, steps):
-    file = tmp_path / "job.yaml"
+def test_each_offered_change_leads_to_a_plan_or_the_next_refusal(file, old, new, steps):
     file.write_text(JOB.replace(old, new))
 
     def try_all(taken, counts):
@@ -171,18 +169,12 @@ def test_each_offered_change_leads_to_a_plan_or_the_next_refusal(tmp_path, old, 
     try_all([], steps)
 
 
-def test_a_page_that_joins_a_refused_job_has_its_outline(tmp_path):
-    file = tmp_path / "job.yaml"
-    file.write_text(JOB)
-    session = session_of(file)
-    session.begin()
-    tab = SessionPage(session)
+def test_a_page_that_joins_a_refused_job_has_its_outline(session, tab):
     tab.edit({**MOVE, "to": [2.0, 0.15]})
     late = SessionPage(session)
     assert late.last("picture")["tier"] == "outline"
     *_, refusal = (x for x in late.frames if x.kind == "refusal")
     assert len(refusal.arrays["objective"]) == 3 and refusal.header["at"]["uv"]
-    session.close()
 
 
 def test_a_program_with_many_contours_is_drawn_before_it_is_planned(tmp_path, monkeypatch):
@@ -205,8 +197,7 @@ def test_a_program_with_many_contours_is_drawn_before_it_is_planned(tmp_path, mo
     assert len(shown[0].arrays["objective_breaks"]) == 121
 
 
-def test_an_invalid_job_is_shown_as_text_and_can_be_corrected(tmp_path):
-    file = tmp_path / "bad.yaml"
+def test_an_invalid_job_is_shown_as_text_and_can_be_corrected(file):
     file.write_text(JOB.replace("arm: pmk3s", "arm: none"))
     session = session_of(file)
     session.begin()

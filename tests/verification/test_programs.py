@@ -10,16 +10,7 @@ import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.program import (
-    Contour,
-    Dwell,
-    Lead,
-    Process,
-    Program,
-    Rapid,
-    prepare,
-    round_corners,
-)
+from armcontour.program import Contour, Dwell, Lead, Process, Program, Rapid, prepare, round_corners
 
 ARM = ac.load_arm("pmk3s")
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)

@@ -178,6 +178,9 @@ def test_invalid_servo_models_are_refused(refuses):
             both | {"order": ("second", "delay"), "kv": [150.0, np.inf], "kp": np.inf},
             "kp is missing",
         ),
+        ({"order": ("second", "first"), "kp": 20.0, "kv": np.inf}, "kv is missing"),
+        ({"order": ("delay", "third")}, "third"),
+        ({"order": "delay", "kv": 90.0}, "delay has no velocity loop"),
         (both | {"friction": -1e-3}, "friction"),
         (both | {"drive_cycle": 1.0}, "drive_cycle"),
         (both | {"acceleration_limit": [1.0, 0.0]}, "acceleration_limit"),
@@ -185,8 +188,11 @@ def test_invalid_servo_models_are_refused(refuses):
         (both | {"interpolation": "quintic"}, "interpolation"),
     ):
         refuses(lambda x=values: ac.ServoModel(**x), ac.InvalidInput, *words)
-    servo = ac.ServoModel(kp=[25.0, 25.0], kv=150.0)
-    refuses(lambda: servo.for_joints(3), ac.InvalidInput, "2 values", "3 joints")
+    for servo in (
+        ac.ServoModel(kp=[25.0, 25.0], kv=150.0),
+        ac.ServoModel(order=("delay", "unknown")),
+    ):
+        refuses(lambda x=servo: x.for_joints(3), ac.InvalidInput, "2 values", "3 joints")
     # Gains fit the cycle.
     servo = ac.ServoModel(kp=25.0, kv=1e6)
     servo.check_gains(1e-3)
