@@ -240,7 +240,7 @@ def test_yaml_blocks_and_drawings_are_accepted_by_their_readers(folder):
 
 
 def test_every_code_block_is_tested_or_states_a_reason():
-    """Languages that nothing here runs or reads would be code that nobody has tried."""
+    """A code block in a language that the tests do not run would be untested."""
     ways = {"python", "yaml", "text", "", "{toctree}"}
     for block in BLOCKS:
         done = block.language == "sh" and block.page in DONE

@@ -115,8 +115,8 @@ def test_check_uses_the_path_and_the_limits_of_one_run(folder, check, refused):
     assert {x["name"]: x for x in named["limits"]}["speed"]["limit"] == 0.2
 
 
-# Both were once taken for motions that keep every limit: digits too few to tell, and a joint that
-# jumps by the last digit while another one rests.
+# Motions that must not count as valid: one with too few digits to decide, and one whose joint jumps
+# by the last digit while another joint rests.
 COARSE = "t [s],q1 [deg],q2 [deg]\n" + "".join(f"{i},{10 + i % 2 * 50},10\n" for i in range(5))
 JUMPS = "t,q1,q2\n0.00,0,0\n0.01,1,0\n0.02,0,0\n0.03,1,0\n0.04,0,0\n"
 

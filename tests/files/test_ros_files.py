@@ -25,7 +25,7 @@ def test_exported_files_are_read_again(tmp_path, mac, arm):
     for fewer, name in enumerate(("q", "dq", "ddq")):
         atol = 0.51 * 10.0 ** (fewer - 7)
         np.testing.assert_allclose(getattr(trajectory, name), getattr(table, name), 0, atol)
-    # By name, in the order of the arm; other joints of the file are not looked at.
+    # Joints are selected by name, in the order of the arm; other joints are ignored.
     turned = read_trajectory(file, ["elbow", "shoulder"])
     np.testing.assert_array_equal(turned.q, trajectory.q[:, ::-1])
     assert read_trajectory(file, ["elbow"]).q.shape == (6, 1)

@@ -196,7 +196,7 @@ def test_a_tool_that_follows_the_tangent_does_not_spin_about_it():
     for rotation, x, z, up in ((held, tool[0], tool[2], 1), (by_default, (1, 0, 0), (0, 0, 1), -1)):
         np.testing.assert_allclose(rotation @ x, path(s, 1), atol=1e-14)
         np.testing.assert_allclose(rotation @ z, np.tile([0, 0, up], (301, 1)), atol=1e-14)
-    # Round three quarters of a cube's corner it comes back turned, as it is carried, not steered.
+    # Parallel transport: after three turns about a cube's corner, the frame is rotated.
     points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (2, 1, 1)]
     path = ac.Path.polyline(points).following_tangent([0, 0, 1])
     starts = path.orientation.starts

@@ -79,7 +79,7 @@ def wall(x, width=0.2):
 
 
 def post_at_elbow(job, plan, t=0.0):
-    """A post where a plan has the elbow at a time."""
+    """A post at the position of the elbow at time t of a plan."""
     elbow = job.arm.links(plan.trajectory(t))[3]
     return Scene(obstacles=(box("post", [0.06, 0.06, 0.06], elbow + [0, 0, 0.03]),))
 

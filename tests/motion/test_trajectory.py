@@ -22,7 +22,7 @@ def stretch(t=(0.0, 1.0)):
 
 @pytest.fixture
 def bent():
-    """Two laws: joint 1 speeds up for 2 s, then stands; joint 2 moves on, then back."""
+    """Two laws: joint 1 accelerates for 2 s, then rests; joint 2 moves forth, then back."""
     laws = lap(2.0, (0, 0), (0, 1), (1, 0)), lap(1.0, (2, 2), (0, -1), (0, 0))
     return ac.Trajectory(laws=laws, method="hand")
 

@@ -20,7 +20,7 @@ PROGRAMS = 40
 
 
 def read(text, **options):
-    """The program as it is printed: what mending does to it has tests of its own."""
+    """Read a program without the repair of vertices, which other tests check."""
     read_options = ReadOptions(repair_vertices=0.0, **options)
     return read_gcode(text.encode("latin-1"), source="part.ngc", options=read_options)
 

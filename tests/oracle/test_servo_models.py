@@ -45,7 +45,7 @@ def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), cycle=
     stops = stops[np.append(True, np.diff(stops) > 1e-10)]
 
     def motion(t, x, inside):
-        # A held command jumps at the ends of a piece: it is looked at from the inside.
+        # A held command jumps at the ends of a piece, so it is evaluated inside.
         command_seen = u(min(max(t, inside[0] + 1e-11), inside[1] - 1e-11) - dead)
         # `np.clip` would take ten times as long.
         return [

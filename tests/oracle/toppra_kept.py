@@ -17,7 +17,7 @@ _KEPT: dict[str, dict[str, float]] = json.loads(FILE.read_text("utf-8"))
 
 
 def recorded_duration(intervals, seed):
-    """The duration of a problem by toppra on so many intervals [s]."""
+    """Duration of a problem by toppra on a number of intervals [s]."""
     return _KEPT[str(intervals)][str(seed)]
 
 

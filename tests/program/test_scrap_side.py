@@ -51,7 +51,7 @@ def test_waste_is_outside_outlines_and_inside_holes_of_cut_layers():
         *contours(ISLAND, layer="PARTS"),
     ]
     assert waste_sides(contour_list, PLAIN) == ["right", "left", "right"]
-    # In space it is looked at from above.
+    # In space, the view is along the negative `up`.
     frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
     placed = ac.Program(moves=tuple(contours(OUTLINE, HOLE))).placed(frame).contours
     up = frame.rotation[:, 2]

@@ -75,9 +75,9 @@ def check_field(place, words, folder):
             key = re.search(rf"\b{place[0].replace('_', '[_ ]')}[.: ]", message)
             if "\n" in message or not (key or any(x in message for x in WITHOUT_KEY)):
                 yield f"{shown(place)}: {word}: {message}"
-        # What is no finite number is refused in any field, but for text where that may stand; and
-        # infinity where it lifts a limit, or stands for a loop without a delay. An end of a range
-        # that is infinite is no end, whatever its sign, and a lower bound may be no bound.
+        # Values that are not finite numbers are refused in every field, except text in fields of
+        # text, and infinity that disables a limit or a delay. Both ends of a range may be infinite
+        # with either sign, and a lower bound may be -inf.
         elif word == "-inf" and (
             set(place) & {"joint_lower", "joint_upper"}
             or (set(place) & MAY_BE_ENDLESS and place[-2:] == (0, 0))

@@ -92,7 +92,7 @@ def test_random_paths_are_traced_or_refused_with_a_reason(batch):
             assert message.endswith(".") and "\n" not in message and "nan" not in message
             if isinstance(error, ac.Unreachable):
                 assert error.s is not None and error.point is not None
-                assert message.count(". ")  # the last sentence says what would mend it
+                assert message.count(". ")  # the last sentence states a remedy
             continue
         for x in candidates:
             judge(arm, path, x)

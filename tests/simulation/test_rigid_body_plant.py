@@ -41,7 +41,7 @@ def fails(refuses):
 
 
 def pendulum(limits=None, **changes):
-    """A point mass on a rod: lies along x at 0, and stands up at pi / 2."""
+    """A point mass on a rod, along x at 0 and upright at pi / 2."""
     data = {
         "joints": ("hinge",),
         "rotations": np.eye(3)[None],

@@ -136,7 +136,7 @@ def with_ball(job, *obstacles):
 
 
 def post(fixed_to, x):
-    """A post beside the path, whose end at the start of the path is at (0.5, 0.0)."""
+    """A post next to the path, which starts and ends at (0.5, 0.0)."""
     size, place = Box(size=[0.01, 0.01, 1.0]), ac.Frame(position=[x, -0.05, 0.0])
     return Obstacle(name="post", shape=size, place=place, fixed_to=fixed_to)
 

@@ -227,7 +227,7 @@ def test_every_document_has_a_draft_of_its_own(tmp_path, home):
     for k, opening in enumerate(openings):
         document = opening()
         assert document.earlier is None, k
-        # A drawing that was only looked at leaves no draft.
+        # A drawing without edits leaves no draft.
         assert not document.write_draft() and drafts(home) == texts[::-1]
         document.apply(
             change_data(document.data, [Change(("limits", "speed"), f"{k + 1} mm/s")]), "speed"

@@ -69,8 +69,8 @@ def answer(lane, plan=None, **header):
     lane.deliver(MessageFrame("figures", header, arrays))
 
 
-def figures_asked(lane):
-    """The figures that were asked for."""
+def figure_requests(lane):
+    """Requests for figures."""
     return [x for x in lane.given if x[1] == "figures"]
 
 
@@ -115,18 +115,18 @@ def test_exact_results_are_sent_after_the_last_edit(opened):
     figures = tab.last("figures")
     assert figures["duration"] == 12.5 and figures["rev"] == session.editor.rev
     tab.edit(MOVE)
-    last_id = figures_asked(lane)[1][0]
+    last_id = figure_requests(lane)[1][0]
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
-    assert len(figures_asked(lane)) == 2, "one at a time"
+    assert len(figure_requests(lane)) == 2, "one at a time"
     before = kinds(tab.frames).count("figures")
     lane.deliver(MessageFrame("figures", {"id": last_id}))
     assert kinds(tab.frames).count("figures") == before, "out of date"
-    requests = figures_asked(lane)
+    requests = figure_requests(lane)
     assert len(requests) == 3 and requests[2][2]["text"] == session.editor.document.text
     # What is known is not computed again.
     answer(lane, duration=13.5)
     tab.say("select", run="slow")
-    assert len(figures_asked(lane)) == 3 and tab.last("figures")["duration"] == 13.5
+    assert len(figure_requests(lane)) == 3 and tab.last("figures")["duration"] == 13.5
 
 
 def test_previews_follow_the_configuration_of_the_full_run(opened):

@@ -44,7 +44,7 @@ def heard():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The folder of a job, and beside it what the page must not read."""
+    """The folder of a job; the files next to the folder must not be readable."""
     outside = tmp_path_factory.mktemp("outside")
     inside = outside / "inside"
     inside.mkdir()

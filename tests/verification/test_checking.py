@@ -43,7 +43,7 @@ def columns(samples, names):
 
 
 def rounded_to(log, digits):
-    """The log as it is printed with that many decimals, and its resolution."""
+    """The log rounded to `digits` decimals, and its resolution."""
     rounded = {name: np.round(x, digits) for name, x in vars(log).items() if name != "t"}
     return SimpleNamespace(t=log.t, **rounded), dict.fromkeys(rounded, 10.0**-digits)
 
@@ -281,7 +281,7 @@ def test_nan_is_undecided_and_infinity_violates_a_limit(arm):
 
 
 def test_a_turn_between_two_samples_leaves_the_centripetal_acceleration_open(arm):
-    """Along a line, then at a right angle to it: on which curve, nobody has seen."""
+    """The path turns by a right angle; the samples do not determine the curve."""
     points = [(0.30 + 0.01 * min(i, 10), 0.20 + 0.01 * max(0, i - 10)) for i in range(21)]
     log = SimpleNamespace(t=np.arange(21) * 0.1, q=arm.joint_position(np.array(points)))
     check = ac.check(log, arm, ac.Limits.only(centripetal_acceleration=0.5))

@@ -82,7 +82,7 @@ def test_a_smooth_law_uses_its_jerk_limit_in_full():
 def test_a_jump_of_acceleration_is_reported_with_its_position():
     for durations, velocity, jumps, place in (
         ([1.0], 0.0, [0.5], 0.0),  # from rest
-        ([1.0], 0.5, [-0.5], 1.0),  # to rest; nobody knows what was before
+        ([1.0], 0.5, [-0.5], 1.0),  # to rest; the motion before is unknown
         ([0.4, 0.6], 0.0, [0.0, 0.5], 0.4),
     ):
         law = Phases.of(durations, np.zeros((len(durations), 2)), velocity=velocity, jumps=jumps)

@@ -200,6 +200,6 @@ def test_a_rotated_tool_has_that_orientation_error():
     turned = ac.SetPoints(cycle=4e-3, q=q, trajectory=planned, method="none")
     executed = ac.simulate(turned, ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0)))
     assert ac.evaluate(executed, line).orientation_error.rms == pytest.approx(0.01, rel=1e-3)
-    # The tool turned about its own axis, which does not count where only the axis is asked for.
+    # The tool is rotated about its own axis. This is no error if only the axis is specified.
     free = bare.oriented(down, axis_only=True)
     assert ac.evaluate(executed, free).orientation_error.max < 2e-3

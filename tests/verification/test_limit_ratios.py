@@ -20,7 +20,7 @@ PATH = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30)])
 
 
 def dense(plan, places):
-    """The same shares at so many places of every smooth part, by formulas of their own."""
+    """The same ratios at `places` points of every smooth part, by separate formulas."""
     joints = plan.laws[0].joint_path.breaks
     breaks = np.unique(np.append(plan.breaks, plan.time_at(joints)))
     share = np.linspace(1e-9, 1 - 1e-9, places)

@@ -69,14 +69,14 @@ def test_the_paper_job_reaches_but_does_not_exceed_its_limits(arm):
     set_points = ac.compensate(planned, servo, ac.PolePlacement(), cycle=2e-4)
     executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
     evaluation = ac.evaluate(executed, rounded, limits=limits, limit_use=True)
-    # Lines 1 and 3 and line 2 beside its middle run at a joint's limit: all but the corners and the
-    # middle, which take 1.136 and 0.571 of 5.326 s.
+    # A joint limit is active except at the corners and in the middle of line 2, which take 1.136
+    # and 0.571 of 5.326 s.
     assert evaluation.time_at_limit == pytest.approx(1 - (1.136 + 0.571) / 5.326, abs=0.06)
     names = {"joint_acceleration", "speed", "centripetal_acceleration"}
     assert set(evaluation.limit_ratios) == names
     assert all(0.999 < x <= 1 + 1e-9 for x in evaluation.limit_ratios.values())
     assert evaluation.speed_overshoot <= 1e-9
-    # Nobody pays for what was not asked for.
+    # Without `limit_use`, the ratios are not computed.
     errors = ac.evaluate(executed, rounded, limits=limits)
     assert errors.time_at_limit is None and errors.limit_ratios is None
     assert errors.contour_error.rms == evaluation.contour_error.rms

@@ -88,7 +88,7 @@ def fast(light, corners):
     return plan
 
 
-# Without inertias of drives set-points move faster than joints may, for which nobody asks here.
+# Without drive inertias, the set-points exceed the joint limits, which does not matter here.
 @pytest.mark.filterwarnings("ignore:The set-points of joint")
 @pytest.mark.parametrize(
     ("armature", "cycle", "rms", "largest"),

@@ -69,7 +69,7 @@ def test_learning_ends_with_the_best_run_where_a_log_lacks_set_points():
 
 
 def one_moves(true, noise=1e-5):
-    """A lesson of a planar arm whose second joint stands still."""
+    """Learning result of a planar arm whose second joint is at rest."""
     arm = rods()
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 0.9)]), arm, arm.limits)
     set_points = ac.compensate(plan, SERVO, ac.Inverse())

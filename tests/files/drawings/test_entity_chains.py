@@ -146,7 +146,7 @@ def test_gaps_are_closed_and_no_point_moves_by_more_than_the_tolerance(dimension
         np.testing.assert_allclose(
             np.sort(path.curvatures * path.lengths), np.sort(turns), atol=1e-9
         )
-    # What meets exactly stays as it is.
+    # Entities that meet exactly are not changed.
     for seed in range(4):
         given_, whole = rough(seed, dimension, 0.0)
         contour = chained(given_)

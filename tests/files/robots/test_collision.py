@@ -99,7 +99,7 @@ def test_meshes_are_found_by_path_and_by_package(tmp_path):
         assert beam.shape.triangles is None and beam.exact.triangles is not None
     file = described(tmp_path, MESH.format("package://other/wedge.obj"))
     assert any("package://other/wedge.obj" in x for x in loaded(file).notes)
-    # A mesh that is not there is a note until clearance is asked for.
+    # A missing mesh is only a note until the shapes are required.
     arm = loaded(described(tmp_path, MESH.format("no.stl")))
     assert any("meshes are missing" in x and "no.stl" in x for x in arm.notes)
     assert not arm.knows_shapes and arm.tool_position([[0.1, 0.2]]).shape == (1, 3)
