@@ -26,7 +26,7 @@ class Device:
     def is_done(self):
         return True
 
-    def samples(self):
+    def exchange(self):
         new, self.new = self.new, []
         return new
 

@@ -161,9 +161,9 @@ def feed(device, rows, cycles):
         if sent == len(rows) and device.is_done():
             device.finish()
             break
-        samples += device.samples()
+        samples += device.exchange()
         device.wait()
-    return samples + list(device.samples())
+    return samples + list(device.exchange())
 
 
 def test_the_clock_of_the_robot_determines_the_set_point(library):
@@ -194,7 +194,7 @@ def test_the_arm_moves_smoothly_to_the_start_and_holds_between_motions(library):
     before = len(library.control.sent)
     for _ in range(5):
         device.wait()
-        device.samples()
+        device.exchange()
     assert [x for x, _ in library.control.sent[before:]] == [1e-3] * 5
     with pytest.raises(DeviceError, match="0.0090 rad from the first set-point"):
         feed(device, [(1e-2,) * 7], 10)

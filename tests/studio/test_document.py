@@ -193,22 +193,22 @@ def drafts(home):
 def test_a_draft_survives_until_the_job_is_saved(file, home):
     document = faster(file)
     again = Document.open(file)
-    assert again.earlier.text == document.text != TEXT
+    assert again.earlier_draft.text == document.text != TEXT
     document.undo()
-    assert Document.open(file).earlier is None and not drafts(home)
+    assert Document.open(file).earlier_draft is None and not drafts(home)
     document.redo()
     # A draft that is older than the file is not offered.
     (draft,) = (home / "armcontour" / "studio" / "recent").glob(f"{document.id}.json")
     os.utime(draft, (1, 1))
-    assert Document.open(file).earlier is None
+    assert Document.open(file).earlier_draft is None
     document.undo()
     document.redo()
     again = Document.open(file)
-    again.replace(again.earlier.text, "draft")
+    again.replace(again.earlier_draft.text, "draft")
     assert again.text == document.text and drafts(home) == [again.text] * 2
-    again.drop_earlier()
+    again.drop_earlier_draft()
     again.save()
-    assert Document.open(file).earlier is None and not drafts(home)
+    assert Document.open(file).earlier_draft is None and not drafts(home)
     assert not (file.parent / ".armcontour").exists()
 
 
@@ -226,14 +226,14 @@ def test_every_document_has_a_draft_of_its_own(tmp_path, home):
     texts = []
     for k, opening in enumerate(openings):
         document = opening()
-        assert document.earlier is None, k
+        assert document.earlier_draft is None, k
         # A drawing without edits leaves no draft.
         assert not document.write_draft() and drafts(home) == texts[::-1]
         document.apply(
             change_data(document.data, [Change(("limits", "speed"), f"{k + 1} mm/s")]), "speed"
         )
         texts.append(document.text)
-    assert [opening().earlier.text for opening in openings[:2]] == texts[:2]
+    assert [opening().earlier_draft.text for opening in openings[:2]] == texts[:2]
     # The drawings that drafts name outlive the session.
     uploads.close()
     for text in texts[-2:]:

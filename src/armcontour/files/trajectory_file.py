@@ -341,7 +341,7 @@ class StoredRun:
         stored = self._read("set_points.csv")
         start = float(stored.t[0])
         return tabulate(
-            self._set_points(stored, derivatives),
+            self._with_derivatives(stored, derivatives),
             name=f"{self.title} set-points",
             cycle=self.cycle,
             events=tuple(x.shifted(-start) for x in self.events),
@@ -353,18 +353,18 @@ class StoredRun:
             command_limits=Limits() if self.limited else None,
         )
 
-    def _set_points(self, set_points: TrajectoryFile, derivatives: int | None) -> Samples:
-        """Samples of set-points with the same derivatives as in `make_table`."""
+    def _with_derivatives(self, stored: TrajectoryFile, derivatives: int | None) -> Samples:
+        """Set-points with the derivatives of the plan if both are equal, otherwise of a spline."""
         if not self.plain or derivatives not in (None, 2):
-            return sample_spline(set_points.q, self.cycle)
+            return sample_spline(stored.q, self.cycle)
         plan = self._read("planned.csv")
-        if plan.dq is None or plan.ddq is None or not equals_plan(set_points.q, plan.q):
-            return sample_spline(set_points.q, self.cycle)
+        if plan.dq is None or plan.ddq is None or not equals_plan(stored.q, plan.q):
+            return sample_spline(stored.q, self.cycle)
         dq, ddq = plan.dq.copy(), plan.ddq.copy()
-        if abs(plan.t[-1] - set_points.t[-1]) > SAME_TIME * self.cycle:
+        if abs(plan.t[-1] - stored.t[-1]) > SAME_TIME * self.cycle:
             # The plan ends between the last two set-points, so that the last one is at rest.
             dq[-1], ddq[-1] = 0.0, 0.0
-        return Samples(t=regular_times(len(dq), self.cycle), q=set_points.q, dq=dq, ddq=ddq)
+        return Samples(t=regular_times(len(dq), self.cycle), q=stored.q, dq=dq, ddq=ddq)
 
     def _read(self, name: str) -> TrajectoryFile:
         """Read a file of the run; it must not have changed since armcontour wrote it."""

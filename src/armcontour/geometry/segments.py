@@ -190,7 +190,7 @@ class Segments:
     @property
     def extent(self) -> FloatArray:
         """Bounding box: smallest and largest coordinates [m], (2, dimension); exact for arcs."""
-        points = [self.starts, self.ends, *self._turning_points()]
+        points = [self.starts, self.ends, *self._extreme_points()]
         bent = np.flatnonzero((self.curvatures > 0) & ~self.is_transition)
         sweeps = self.curvatures[bent] * self.lengths[bent]
         for axis in range(self.dimension):
@@ -204,17 +204,22 @@ class Segments:
         everything = np.concatenate(points)
         return np.stack([everything.min(axis=0), everything.max(axis=0)])
 
-    def _turning_points(self) -> list[FloatArray]:
+    def _extreme_points(self) -> list[FloatArray]:
         """Points of transitions at which a coordinate is extreme [m], one array per axis."""
+        if not self.quintics.size:
+            return []
         points = []
-        for axis in range(self.dimension) if self.quintics.size else ():
-            into, out = self.tangents[:, axis], self.end_tangents[:, axis]
-            i = np.flatnonzero(self.is_transition & (into * out < 0))
+        for axis in range(self.dimension):
+            start_slopes, end_slopes = self.tangents[:, axis], self.end_tangents[:, axis]
+            i = np.flatnonzero(self.is_transition & (start_slopes * end_slopes < 0))
             low, high = np.zeros(len(i)), self.lengths[i]
             for _ in range(BISECTIONS):
                 middle = (low + high) / 2
-                before = self.evaluate(i, middle, 1)[:, axis] * into[i] > 0
-                low, high = np.where(before, middle, low), np.where(before, high, middle)
+                before_extreme = self.evaluate(i, middle, 1)[:, axis] * start_slopes[i] > 0
+                low, high = (
+                    np.where(before_extreme, middle, low),
+                    np.where(before_extreme, high, middle),
+                )
             points.append(self.evaluate(i, low))
         return points
 

@@ -83,12 +83,16 @@ class Tube(Frozen):
 
     def _check_together(self) -> None:
         _check_no_transitions(self.segments)
+        object.__setattr__(self, "_pieces", self._pack_pieces())
+
+    def _pack_pieces(self) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """The fields of `TubePieces`."""
         rows = pack_segments(self.segments)
         rows[:, 11] = self.breaks[:-1]
         # Points beyond the end of a piece with a larger tolerance belong to its neighbour.
         step = np.diff(self.tolerance)
         excluded_ends = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
-        object.__setattr__(self, "_pieces", (rows, np.array(self.tolerance), excluded_ends))
+        return rows, np.array(self.tolerance), excluded_ends
 
     @classmethod
     def around(

@@ -163,14 +163,14 @@ class Torques(Frozen):
 
 def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
     """Torques of a plan over time; None if the masses of the arm are unknown."""
-    # Every inner time occurs twice, with the torques before and after a possible jump.
     if not arm.has_bodies:
         return None
     t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)
     # Torques from the left do not exist at the first time, torques from the right not at the last.
     before = torques_at(arm, plan, t[1:], side="left")
-    right = torques_at(arm, plan, t[:-1])
-    values = np.stack([right, before], axis=1).reshape(-1, arm.dof)
+    after = torques_at(arm, plan, t[:-1])
+    values = np.stack([after, before], axis=1).reshape(-1, arm.dof)
+    # Every inner time occurs twice, with the torques before and after a possible jump.
     return Torques(t=np.repeat(t, 2)[1:-1], values=values)
 
 

@@ -176,9 +176,9 @@ def judging_executions(run: Run) -> dict[str, Experiment | None]:
 
 
 def judge(result: RunResult, errors: Errors) -> tuple[bool | None, str]:
-    """Verdict on the contour errors of a run [m], and a sentence with the reason or the limit.
+    """Return whether contour errors [m] satisfy the requirement of a run, and the requirement.
 
-    The verdict is None if the run has neither an accuracy nor a tolerance.
+    None if the run has neither an accuracy nor a tolerance. The text is empty without an excess.
     """
     rounding, tolerance, run = result.rounding_error or 0.0, result.tolerance, result.run
     allowed = allowed_error(result)
@@ -189,7 +189,8 @@ def judge(result: RunResult, errors: Errors) -> tuple[bool | None, str]:
     if run.accuracy is not None:
         satisfied = worst_contour(result, errors).value <= run.accuracy * (1 + ROUNDING)
         return satisfied, f"the allowed distance from the drawing is {number(run.accuracy, 'm')}"
-    if max(map(max, judging(run, errors).values())) <= allowed:
+    worst = max(map(max, judging(run, errors).values()))
+    if worst <= allowed:
         return True, ""
     return False, (
         f"the allowed contour error is {number(allowed, 'm')}, a tenth of the smallest corner "

@@ -81,34 +81,49 @@ def warnings(result: RunResult) -> Iterator[str | None]:
 
 def remarks(result: RunResult) -> Iterator[str]:
     """Yield notes about plan and execution that are not warnings."""
-    e, why = result.evaluation, result.explanation
     yield from result.path.remarks
     yield from (x.sentence for x in result.weaves if not x.differs)
     if result.set_points is not None and (used := result.set_points.command_note):
         yield f"set-points / command limits: {used}."
-    if shaping := {x.name: x.note for x in shaping_rows(result.path)}:
-        early = describe_unfinished(x.path for x in result.path.contours)
-        yield " ".join([f"{shaping['shaping.gain']}.", *map(capitalise, early)])
+    yield from _describe_shaping(result)
     # Stops due to jerk limits are reported by a warning.
     if stops := stops_of_path(result):
-        why_stops = ", ".join(f"{n} {reason}" for reason, n in stops.items())
-        yield f"{count_noun(sum(stops.values()), 'full stop')} inside contours ({why_stops})."
-    if (clearance := result.clearance) is not None:
-        near = (x.kind == "environment" or x.low <= NEAR for x in clearance.nearest)
-        if result.avoided or any(near):
-            yield " ".join([clearance.sentence, *(f"{capitalise(x)}." for x in result.avoided)])
+        reasons = ", ".join(f"{n} {reason}" for reason, n in stops.items())
+        yield f"{count_noun(sum(stops.values()), 'full stop')} inside contours ({reasons})."
+    yield from _describe_clearance(result)
     if result.advice is not None and result.advice.note:
         yield result.advice.note
-    if why is not None and "torque" in why.kinds:
+    explanation = result.explanation
+    if explanation is not None and "torque" in explanation.kinds:
         yield (
             f"torque limits restrict the speed. They use the masses of {result.arm.name} (source: "
             f"{result.arm.source})."
         )
-    if e is not None and e.model_error is not None:
-        along, across = (number(x, "m") for x in e.model_error)
+    yield from _describe_model_error(result)
+
+
+def _describe_shaping(result: RunResult) -> Iterator[str]:
+    if shaping := {x.name: x.note for x in shaping_rows(result.path)}:
+        early = describe_unfinished(x.path for x in result.path.contours)
+        yield " ".join([f"{shaping['shaping.gain']}.", *map(capitalise, early)])
+
+
+def _describe_clearance(result: RunResult) -> Iterator[str]:
+    """Yield the clearance if a scene, a near pair or an avoided configuration makes it relevant."""
+    if (clearance := result.clearance) is not None:
+        relevant = (x.kind == "environment" or x.low <= NEAR for x in clearance.nearest)
+        if result.avoided or any(relevant):
+            yield " ".join([clearance.sentence, *(f"{capitalise(x)}." for x in result.avoided)])
+
+
+def _describe_model_error(result: RunResult) -> Iterator[str]:
+    evaluation = result.evaluation
+    if evaluation is not None and evaluation.model_error is not None:
+        along, across = (number(x, "m") for x in evaluation.model_error)
         yield (
-            f"the contour error is {number(e.contour_error.max, 'm')}. Errors that the servo model "
-            f"does not explain add at most {across} across the path and {along} along the path."
+            f"the contour error is {number(evaluation.contour_error.max, 'm')}. Errors that the "
+            f"servo model does not explain add at most {across} across the path and {along} along "
+            "the path."
         )
 
 

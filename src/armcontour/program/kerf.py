@@ -245,22 +245,27 @@ def _make_contours(
     source = contour.path
     paths = [_path_of_part(x, source, up) for x in parts]
     if len(paths) == 1:
-        (path,) = paths
-        event_s = [float(path.project(source(x.s)[None]).s[0]) for x in contour.events]
-        events = tuple(
-            # On a closed path, the end is projected to the start.
-            replace(x, s=path.length if x.s >= source.length - REPEATED_POINT else s)
-            for x, s in zip(contour.events, event_s, strict=True)
-        )
-        return [replace(contour, path=path, events=events, ring=parts[0].closed)]
-    apart = [float(x.project(source(0.0)[None]).distance[0]) for x in paths]
-    order = np.argsort(apart, kind="stable").tolist()
+        return [_put_on_part(contour, paths[0], ring=parts[0].closed)]
+    distances = [float(x.project(source(0.0)[None]).distance[0]) for x in paths]
+    order = np.argsort(distances, kind="stable").tolist()
     name = contour.name or f"contour {number + 1}"
-    called = [f"/{k + 1}" for k in range(len(paths))]
+    suffixes = [f"/{k + 1}" for k in range(len(paths))]
     return [
         replace(contour, path=paths[i], ring=True, name=name[: LONGEST_NAME - len(x)] + x)
-        for i, x in zip(order, called, strict=True)
+        for i, x in zip(order, suffixes, strict=True)
     ]
+
+
+def _put_on_part(contour: Contour, path: Path, *, ring: bool) -> Contour:
+    """The contour along the only part of its offset, with its events."""
+    source = contour.path
+    event_s = [float(path.project(source(x.s)[None]).s[0]) for x in contour.events]
+    events = tuple(
+        # On a closed path, the end is projected to the start.
+        replace(x, s=path.length if x.s >= source.length - REPEATED_POINT else s)
+        for x, s in zip(contour.events, event_s, strict=True)
+    )
+    return replace(contour, path=path, events=events, ring=ring)
 
 
 def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:

@@ -145,7 +145,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         **_scene(data, state.job, handles),
         "text": document.text,
         # Name of the document if it has a draft of an earlier session.
-        "draft": None if document.earlier is None else document.source,
+        "draft": None if document.earlier_draft is None else document.source,
         "start": document.is_start,
         "sentence": None if state.error is None else str(state.error),
         "line": None if state.error is None else line_of(document.text, state.error.key),

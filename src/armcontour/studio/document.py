@@ -41,24 +41,24 @@ class Document:
         folder: FilePath,
         file: FilePath | None = None,
         saved: bytes | None = None,
-        opens: tuple[FilePath, str | None] | None = None,
+        origin: tuple[FilePath, str | None] | None = None,
         is_start: bool = False,
     ) -> None:
         self.source, self.file, self.folder = source, file, folder
         # Job file, or drawing and cell, that opens the document again.
-        self._opens = opens
+        self._origin = origin
         # Whether the Studio shows the document because it was started without a file.
         self.is_start = is_start
         self.id = secrets.token_hex(8)
         self._has_bom = text.startswith(BOM)
         self._saved = saved
         self.text = self._opened = text.removeprefix(BOM)
+        # The job of a drawing has a file that does not exist yet, so all of its text is unsaved.
         self.saved_text = self.text if saved is not None or file is None else ""
         self._data = read_data(self.text, source)
         self._past: list[HistoryEntry] = []
         self._future: list[HistoryEntry] = []
-        # Draft of an earlier session.
-        self.earlier = None if opens is None else find_draft(*opens, self.text)
+        self.earlier_draft = None if origin is None else find_draft(*origin, self.text)
         self.write_draft()
 
     @classmethod
@@ -67,9 +67,9 @@ class Document:
         path = FilePath(file).absolute()
         content = read_bytes(path, "job file")
         text = decode(content, path)
-        opens = path, None
+        origin = path, None
         return cls(
-            text, source=path.name, file=path, folder=path.parent, saved=content, opens=opens
+            text, source=path.name, file=path, folder=path.parent, saved=content, origin=origin
         )
 
     @classmethod
@@ -80,9 +80,9 @@ class Document:
             raise InvalidInput(f"The drawing {drawing} does not exist.")
         file_next = drawing.with_suffix(".yaml")
         text = drawing_text(cell, drawing, file_next.parent)
-        opens = drawing, str(FilePath(cell).absolute()) if FilePath(cell).suffix else cell
+        origin = drawing, str(FilePath(cell).absolute()) if FilePath(cell).suffix else cell
         return cls(
-            text, source=file_next.name, file=file_next, folder=file_next.parent, opens=opens
+            text, source=file_next.name, file=file_next, folder=file_next.parent, origin=origin
         )
 
     @property
@@ -149,7 +149,7 @@ class Document:
             )
         content = ((BOM if self._has_bom else "") + self.text).encode()
         _write_file(self.file, content)
-        self._saved, self.saved_text, self._opens = content, self.text, (self.file, None)
+        self._saved, self.saved_text, self._origin = content, self.text, (self.file, None)
         self.write_draft()
 
     def reload(self) -> None:
@@ -168,10 +168,10 @@ class Document:
         # An unchanged job of a drawing needs no draft, because it can be generated again.
         is_generated = self._saved is None and self.text == self._opened
         unsaved = self.text if self.dirty and not is_generated else None
-        if unsaved is None and self._opens is None:
+        if unsaved is None and self._origin is None:
             drop_recent(self.id)
             return False
-        file, cell = self._opens or (None, None)
+        file, cell = self._origin or (None, None)
         entry = Recent(
             id=self.id,
             name=self.source if file is None else file.name,
@@ -189,11 +189,11 @@ class Document:
             return None
         return f"The unsaved changes of {self.source} are stored as a draft."
 
-    def drop_earlier(self) -> None:
+    def drop_earlier_draft(self) -> None:
         """Delete the draft of an earlier session after it was restored or discarded."""
-        if self.earlier is not None:
-            drop_recent(self.earlier.id)
-        self.earlier = None
+        if self.earlier_draft is not None:
+            drop_recent(self.earlier_draft.id)
+        self.earlier_draft = None
 
     def _set_text(self, text: str, data: dict[str, Any], label: str) -> None:
         """Replace text and data as one step of undo."""

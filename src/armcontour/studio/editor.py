@@ -75,11 +75,11 @@ class Editor:
 
     def restore(self) -> None:
         """Restore the draft of an earlier session."""
-        draft = self.document.earlier
+        draft = self.document.earlier_draft
         if draft is None:
             raise InvalidInput("There is no draft that can be restored.")
         self.commit(self.revise_text(draft.text), "restore the draft")
-        self.document.drop_earlier()
+        self.document.drop_earlier_draft()
 
     def select(self, run: str) -> None:
         """Show another run."""

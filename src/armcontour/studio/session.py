@@ -217,7 +217,7 @@ class Session:
 
     def do_discard_draft(self, page: Page, message: PageMessage) -> None:
         """Delete the draft of an earlier session."""
-        self.editor.document.drop_earlier()
+        self.editor.document.drop_earlier_draft()
         self._show_document()
 
     def do_start(self, page: Page, message: PageMessage) -> None:
@@ -247,7 +247,7 @@ class Session:
                 document = open_file(FilePath(entry.file), entry.cell)
             else:
                 document = Document(entry.opened, source=entry.name, folder=folder)
-                document.earlier = entry
+                document.earlier_draft = entry
             before = self.editor.document
             self.editor.open(document)
             if entry.file is None:

@@ -81,7 +81,7 @@ class Device(Protocol):
     def is_done(self) -> bool:
         """Return whether the controller has executed all rows that were sent."""
 
-    def samples(self) -> Iterable[Sample]:
+    def exchange(self) -> Iterable[Sample]:
         """Samples since the last call."""
 
     def finish(self) -> None:
@@ -294,7 +294,7 @@ class Feeder:
 
     def report(self) -> None:
         """Record the new samples, and print them for the parent process."""
-        for number, k, command, measured in self.device.samples():
+        for number, k, command, measured in self.device.exchange():
             line = " ".join(map(repr, (number, k, *command, *measured)))
             self.record.write(line + "\n")
             self.say("s", line)

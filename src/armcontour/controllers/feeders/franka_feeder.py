@@ -47,16 +47,15 @@ class FrankaDevice:
         self.clock = self.due = 0
         self.answered = True
         # k, row: cycle of the motion and row that the next answer sends. confirmed: last cycle that
-        # the robot has confirmed. sent: row of the last answer. before: rows from the held position
-        # to row 0, which are sent first.
+        # the robot has confirmed. sent: row of the last answer. approach_rows: rows from the held
+        # position to row 0, which are sent first.
         self.k, self.confirmed = -1, -1
         self.row: Row = ()
         self.sent: Row = ()
-        self.before: deque[tuple[int, Row]] = deque()
-        # open: sample of the last answer, which the next state confirms. complete: confirmed
-        # samples.
-        self.open: Sample | None = None
-        self.complete: list[Sample] = []
+        self.approach_rows: deque[tuple[int, Row]] = deque()
+        # Sample of the last answer, which the next state confirms.
+        self.unconfirmed: Sample | None = None
+        self.confirmed_samples: list[Sample] = []
 
     @reported()
     def connect(self) -> Row:
@@ -82,7 +81,7 @@ class FrankaDevice:
 
     def room(self) -> int:
         """Number of rows that are due according to the robot's clock; only the last one is sent."""
-        if self.before or self.answered:
+        if self.approach_rows or self.answered:
             return 0
         return 1 if self.k < 0 else self.due
 
@@ -95,17 +94,19 @@ class FrankaDevice:
 
     def is_done(self) -> bool:
         """Return whether the robot has confirmed the last row."""
-        return not self.before and self.confirmed == self.k
+        return not self.approach_rows and self.confirmed == self.k
 
-    def samples(self) -> Iterable[Sample]:
+    def exchange(self) -> Iterable[Sample]:
         """Answer the robot's state, and return the samples that the robot has confirmed."""
         if self.control is not None and not self.answered:
-            k, self.sent = self.before.popleft() if self.before else (self.k, self.row)
+            k, self.sent = (
+                self.approach_rows.popleft() if self.approach_rows else (self.k, self.row)
+            )
             self._answer(finished=False)
             if k >= 0 or self.clock % RARE == 0:
-                self.open = (self.clock, k, self.sent, tuple(self.state.q))
-        complete, self.complete = self.complete, []
-        return complete
+                self.unconfirmed = (self.clock, k, self.sent, tuple(self.state.q))
+        confirmed, self.confirmed_samples = self.confirmed_samples, []
+        return confirmed
 
     def finish(self) -> None:
         """Hold the last row."""
@@ -116,7 +117,7 @@ class FrankaDevice:
         self._read()
         if self.control is None and self.clock % RARE == 0:
             q = tuple(self.state.q)
-            self.complete.append((self.clock, -1, q, q))
+            self.confirmed_samples.append((self.clock, -1, q, q))
 
     def close(self) -> None:
         """End the control at the last row."""
@@ -137,8 +138,8 @@ class FrankaDevice:
             x = i / ALIGNING
             w = x**3 * (10 - x * (15 - 6 * x))
             between = (a + w * (b - a) for a, b in zip(self.row, row, strict=True))
-            self.before.append((-1, tuple(between)))
-        self.before.append((0, row))
+            self.approach_rows.append((-1, tuple(between)))
+        self.approach_rows.append((0, row))
 
     def _is_here(self) -> bool:
         """Return whether the address is on this machine, so the robot is simulated."""
@@ -156,13 +157,13 @@ class FrankaDevice:
             self.state, _ = self.control.readOnce()
         clock = round(self.state.time.to_sec() / CYCLE)
         self.due, self.clock, self.answered = clock - self.clock, clock, False
-        if self.open is not None:
-            number, k, row, measured = self.open
+        if self.unconfirmed is not None:
+            number, k, row, measured = self.unconfirmed
             used = tuple(self.state.q_d)
             if max(abs(a - b) for a, b in zip(row, used, strict=True)) > SAME:
                 row = used
-            self.complete.append((number, k, row, measured))
-            self.open, self.confirmed = None, k
+            self.confirmed_samples.append((number, k, row, measured))
+            self.unconfirmed, self.confirmed = None, k
 
     @reported()
     def _answer(self, *, finished: bool) -> None:

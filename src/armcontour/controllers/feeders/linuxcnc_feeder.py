@@ -92,7 +92,7 @@ class LinuxCNCDevice:
         while not self.back.readable:
             self.check_alive()
             time.sleep(1e-3)
-        return next(iter(self.samples()))
+        return next(iter(self.exchange()))
 
     def check_alive(self) -> None:
         """Raise DeviceError if the thread writes no samples."""
@@ -136,7 +136,7 @@ class LinuxCNCDevice:
         """Return whether the FIFO is empty."""
         return int(self.out.depth) == 0
 
-    def samples(self) -> Iterable[Sample]:
+    def exchange(self) -> Iterable[Sample]:
         """Samples of the thread; the first call in a motion enables the streamer."""
         if self.waiting:
             hal.set_p("streamer.0.enable", "1")

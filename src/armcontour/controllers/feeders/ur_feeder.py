@@ -17,6 +17,8 @@ from contextlib import suppress
 from armcontour.controllers.feeders.feeder import RARE, DeviceError, Row, Sample, main
 
 RTDE_PORT, SCRIPT_PORT = 30004, 30002
+# Type of RTDE packages with registers or the state.
+DATA_PACKAGE = "U"
 DOF, SLOTS, FIRST = 6, 4, 24
 # Cycle of the controller [s].
 CYCLE = 2e-3
@@ -146,7 +148,7 @@ class UrDevice:
         """Return whether the program has used the newest row."""
         return self.k == self.newest
 
-    def samples(self) -> Iterable[Sample]:
+    def exchange(self) -> Iterable[Sample]:
         """Send the registers once per cycle, and return the new samples."""
         if self.running and self.fresh:
             self._send_inputs(1)
@@ -159,11 +161,11 @@ class UrDevice:
         self.newest = -1
 
     def wait(self) -> None:
-        """Wait for a package with the controller's state."""
+        """Wait for a package with the controller's state, and process all that have arrived."""
         waiting = True
         while waiting or self._has_package() or select.select([self.rtde], [], [], 0)[0]:
             kind, data = self._receive()
-            if kind == "U":
+            if kind == DATA_PACKAGE:
                 self._take(data)
                 waiting = False
 
@@ -229,7 +231,7 @@ class UrDevice:
     def _send_inputs(self, run: int) -> None:
         """Send the registers."""
         values = [x for row in self.slots for x in row]
-        self._send("U", self.inputs.pack(self.recipe, self.newest, run, *values))
+        self._send(DATA_PACKAGE, self.inputs.pack(self.recipe, self.newest, run, *values))
 
     def _take(self, data: bytes) -> None:
         """Process a package with the controller's state."""

@@ -317,18 +317,20 @@ def _draw_together(
 
 def _join_parts(rows: Sequence[Sequence[Segments]]) -> list[Path | None]:
     """The paths that join the parts of each outline; None for an outline without parts."""
-    full = [i for i, x in enumerate(rows) if x]
-    bounds = np.cumsum([0, *(sum(map(len, rows[i])) for i in full)])
+    drawn = [i for i, x in enumerate(rows) if x]
+    part_bounds = np.cumsum([0, *(sum(map(len, rows[i])) for i in drawn)])
     paths: list[Path | None] = [None] * len(rows)
     try:
         # One check of all segments together is faster.
-        tables = Segments.join([x for i in full for x in rows[i]]).split(bounds) if full else []
+        joined = (
+            Segments.join([x for i in drawn for x in rows[i]]).split(part_bounds) if drawn else []
+        )
     except InvalidInput:
         # The check below identifies the outline that causes the error.
-        tables = [Segments.join(rows[i]) for i in full]
-    for i, table in zip(full, tables, strict=True):
+        joined = [Segments.join(rows[i]) for i in drawn]
+    for i, segments in zip(drawn, joined, strict=True):
         with _indexed(i):
-            paths[i] = Path(segments=table)
+            paths[i] = Path(segments=segments)
     return paths
 
 

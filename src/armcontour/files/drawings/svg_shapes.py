@@ -51,6 +51,18 @@ def path_outlines(element: Element, count_segments: Callable[[int], None]) -> li
     return pen.outlines
 
 
+def _count_repeats(element: Element, letter: str, given: int, position: int) -> int:
+    """Number of repetitions of a command with a given number of arguments."""
+    count = ARGUMENT_COUNTS[letter.upper()]
+    repeats, remainder = divmod(given, count) if count else (1, given)
+    if remainder or not repeats:
+        element.refuse(
+            f"the command {letter} at character {position + 1} of the path data must have "
+            f"{count} numbers or a multiple, but has {given}"
+        )
+    return repeats
+
+
 def _commands(element: Element, count_segments: Callable[[int], None]) -> Iterator[Command]:
     """Yield the commands of a path; a command with repeated arguments is yielded repeatedly."""
     text = element.get("d")
@@ -70,12 +82,7 @@ def _commands(element: Element, count_segments: Callable[[int], None]) -> Iterat
     for letter, chunk in zip(parts[1::2], parts[2::2], strict=True):
         count = ARGUMENT_COUNTS[letter.upper()]
         values = (_parse_arcs if count == 7 else _parse_numbers)(element, chunk, position + 1)
-        repeats, remainder = divmod(len(values), count) if count else (1, len(values))
-        if remainder or not repeats:
-            element.refuse(
-                f"the command {letter} at character {position + 1} of the path data must have "
-                f"{count} numbers or a multiple, but has {len(values)}"
-            )
+        repeats = _count_repeats(element, letter, len(values), position)
         position += 1 + len(chunk)
         count_segments(repeats - 1)
         for k in range(repeats):

@@ -34,13 +34,16 @@ Terms = tuple[FloatArray, FloatArray, FloatArray]
 def write_linear_rows(
     grid: Intervals,
     after: IntArray,
-    terms: tuple[
-        FloatArray, ...
-    ],  # a, b and c at the samples of `SampledJointPath`, (samples, rows) each
-    bounds: tuple[FloatArray, ...],  # low and high, (rows,) each
+    terms: tuple[FloatArray, ...],
+    bounds: tuple[FloatArray, ...],
     rows: LinearRows,
 ) -> None:
-    """Write rows `low <= a u + b x + c <= high` whose coefficients are sampled."""
+    """Write rows `low <= a u + b x + c <= high` whose coefficients are sampled.
+
+    `terms` are a, b and c at the samples, (samples, rows) each; `bounds` are low and high, (rows,)
+    each. Of n intervals, interval i has its start at sample i, its middle at sample n + i, and its
+    end at sample `after[i]`, as in `SampledJointPath.after`.
+    """
     a, b, c = terms
     low, high = bounds
     n, count = len(grid.piece), a.shape[1]
@@ -55,8 +58,8 @@ def write_linear_rows(
             second[i, 2, r] = inverse * abs(c[n + i, r] - (c[i, r] + c[last, r]) / 2)
     for i in range(n):
         w, last = grid.s[i + 1] - grid.s[i], after[i]
-        before = i - 1 if i > 0 and grid.piece[i - 1] == grid.piece[i] else i
-        behind = i + 1 if i < n - 1 and grid.piece[i + 1] == grid.piece[i] else i
+        previous = i - 1 if i > 0 and grid.piece[i - 1] == grid.piece[i] else i
+        next_ = i + 1 if i < n - 1 and grid.piece[i + 1] == grid.piece[i] else i
         for r in range(count):
             for end in range(2):
                 row = last if end else i
@@ -64,13 +67,13 @@ def write_linear_rows(
                 rows.ends[i, end, r, LOW] = low[r] - c[row, r]
                 rows.ends[i, end, r, HIGH] = high[r] - c[row, r]
             a0, a1, b0, b1 = a[i, r], a[last, r], b[i, r], b[last, r]
-            by_u = w * w * max(second[before, 0, r], second[i, 0, r], second[behind, 0, r])
-            by_x = w * w * max(second[before, 1, r], second[i, 1, r], second[behind, 1, r])
-            alone = w * w * max(second[before, 2, r], second[i, 2, r], second[behind, 2, r])
+            by_u = w * w * max(second[previous, 0, r], second[i, 0, r], second[next_, 0, r])
+            by_x = w * w * max(second[previous, 1, r], second[i, 1, r], second[next_, 1, r])
+            by_constant = w * w * max(second[previous, 2, r], second[i, 2, r], second[next_, 2, r])
             rows.rise[i, r, BY_U] = by_u + abs(b1 - b0) * w / 2
             rows.rise[i, r, BY_X] = by_x + ROUNDING * max(abs(a0), abs(a1)) / w
             rows.rise[i, r, BY_SLOPE] = w / 4 * (abs(a1 - a0) + w * max(abs(b0), abs(b1)))
-            rows.rise[i, r, BY_CONSTANT] = alone
+            rows.rise[i, r, BY_CONSTANT] = by_constant
 
 
 @compiled(fastmath=FUSED)

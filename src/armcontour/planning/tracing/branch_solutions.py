@@ -425,7 +425,7 @@ def _refuse_first_pose(
 
 
 def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) -> None:
-    """Raise Unreachable for a seed far from all solutions of the first pose, if any exist."""
+    """Raise Unreachable with the solution nearest to the seed, if the first pose has solutions."""
     solutions = configurations(arm, pose, task)
     if len(solutions) == 0:
         return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,8 +40,6 @@ MAX_BARS = 1200
 ASSIGNED_POINTS = 4000
 # Height of the bars of a plan [px].
 BARS = 28
-# Start and end of a part of a plan [s], and kind and name of its active limit.
-Interval = tuple[float, float, str, str]
 
 
 def over_time(study: JobResult) -> Section:
@@ -101,21 +99,32 @@ def limits(study: JobResult) -> Plot | None:
     return Plot(label="" if names else "limit", bars=tuple(bars), rows=names, height=height)
 
 
-def list_bars(bindings: Sequence[Binding]) -> list[Interval]:
+class LimitInterval(NamedTuple):
+    """Time interval [s] with the kind and the name of its active limit."""
+
+    start: float
+    end: float
+    kind: str
+    name: str
+
+
+def list_bars(bindings: Sequence[Binding]) -> list[LimitInterval]:
     """Time intervals with their active limits, in order; adjacent intervals of a limit are joined.
 
     Intervals that are too short to be visible are joined; the longest one determines the limit.
     """
-    bars, shortest = list[Interval](), bindings[-1].t[1] / MAX_BARS
+    intervals, shortest = list[LimitInterval](), bindings[-1].t[1] / MAX_BARS
     for x in bindings:
-        bar = (*x.t, kind_of(x.limit), x.name)
-        last = bars[-1] if bars else (0.0, np.inf, "", "")
-        if last[1:] == (bar[0], *bar[2:]) or last[1] - last[0] < shortest:
-            longest = max(last, bar, key=lambda y: y[1] - y[0])
-            bars[-1] = (last[0], bar[1], *longest[2:])
+        interval = LimitInterval(*x.t, kind_of(x.limit), x.name)
+        last = intervals[-1] if intervals else LimitInterval(0.0, np.inf, "", "")
+        same_limit = last[1:] == (interval.start, interval.kind, interval.name)
+        too_short = last.end - last.start < shortest
+        if same_limit or too_short:
+            longest = max(last, interval, key=lambda y: y.end - y.start)
+            intervals[-1] = longest._replace(start=last.start, end=interval.end)
         else:
-            bars.append(bar)
-    return bars
+            intervals.append(interval)
+    return intervals
 
 
 def error(study: JobResult) -> Plot | None:
