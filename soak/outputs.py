@@ -202,7 +202,7 @@ def judge_program(seed: int) -> int:
     try:
         plan = ac.plan(program, arm, limits)
     except InvalidInput as error:
-        if "Reduce its advance" in str(error):
+        if "Reduce the advance" in str(error):
             return 0
         raise
     analog = analog_outputs(program, plan, process, limits)

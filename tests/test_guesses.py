@@ -97,17 +97,6 @@ def test_an_export_format_can_be_named(tmp_path: Path) -> None:
     assert (tmp_path / "named.txt").read_text() == (tmp_path / "ending.csv").read_text()
 
 
-def test_guessed_attributes_are_refused_with_the_right_name() -> None:
-    for value, name, form in (
-        (PLANNED, "positions", "use q"),
-        (PLANNED, "at", r"use trajectory\(t\)"),
-        (ROUNDED, "tangent", r"use path\(s, 1\)"),
-        (ROUNDED, "nothing", "no attribute 'nothing'$"),
-    ):
-        with pytest.raises(AttributeError, match=form):
-            getattr(value, name)
-
-
 def test_the_distance_from_the_drawing_covers_both_directions() -> None:
     executed = ac.simulate(ac.compensate(PLANNED, SERVO), ac.ServoPlant(ARM, SERVO))
     evaluated = ac.evaluate(executed, ROUNDED, objective=CORNER)

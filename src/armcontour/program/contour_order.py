@@ -96,10 +96,7 @@ def order_contours(program: Program, process: Process) -> Program:
         return _add_order_note(joined, process)
     from armcontour.program.nesting import find_nesting
 
-    inner_first = order == "inside_first" or process.cuts
-    parents = (
-        find_nesting(contours, process.up).parents if inner_first else np.full(len(contours), -1)
-    )
+    parents = find_nesting(contours, process.up).parents
     if order == "inside_first":
         moves = [contours[i] for i in _order_inside_first(parents)]
         return replace(program, moves=tuple(moves))

@@ -263,9 +263,9 @@ class Process(Checked, LayerProcess):
         order: Order of the contours of a drawing. "drawn" keeps it. "inside_first" runs each
             contour after all contours inside it. "nearest" continues with the nearest contour.
             "shortest" minimizes the total distance between contours; if `begin` is "auto", it also
-            chooses the start points of closed contours. In the last two orders, a cutting process,
-            which has a kerf or an arc lead in the waste, also cuts inner contours first. "auto" is
-            "inside_first" for drawings that are cut, else "drawn".
+            chooses the start points of closed contours. In the last two orders, contours also run
+            after all contours inside them. "auto" is "inside_first" for drawings that are cut (with
+            a kerf, or an arc lead in the waste), else "drawn".
         kerf: Width of the cut [m]; the tool path is offset from the contour by half of it. None for
             a process that does not cut. If any layer has a kerf, contours without one, such as
             marks, neither are holes nor have holes.

@@ -401,10 +401,14 @@ def with_more_shapes(
     """Arm with additional shapes, and with the excluded pairs of links of an SRDF file."""
     if not shapes and srdf is None:
         return arm
-    return arm.with_shapes(partial(_combine_shapes, arm, shapes, srdf))
+    # The file is read now, so that a file that is missing or not allowed is refused at once.
+    content = b"" if srdf is None else file_access.read_bytes(srdf, "SRDF file")
+    return arm.with_shapes(partial(_combine_shapes, arm, shapes, srdf, content))
 
 
-def _combine_shapes(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
+def _combine_shapes(
+    arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None, content: bytes
+) -> ArmShapes:
     """Combine the shapes of an arm with more shapes and the excluded pairs of an SRDF file."""
     # Imported here, because the import loads compiled code of motions.
     from armcontour.verification.clearance.body_pairs import exclude_touching
@@ -413,9 +417,9 @@ def _combine_shapes(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | No
     every = (*existing.shapes, *shapes)
     left_out = existing.left_out
     if srdf is not None:
-        from armcontour.files.robots.collision_shapes import read_excluded_pairs
+        from armcontour.files.robots.collision_shapes import excluded_pairs_of
 
         names = list(dict.fromkeys(x.name for x in every))
-        left_out = (*left_out, *read_excluded_pairs(srdf, names))
+        left_out = (*left_out, *excluded_pairs_of(content, srdf, names))
     combined = ArmShapes(shapes=every, left_out=left_out, source=existing.source)
     return exclude_touching(arm.with_shapes(combined)) if every else combined

@@ -8,7 +8,6 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
-from armcontour.core import file_access
 from armcontour.core.checks import LONGEST_NAME, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
@@ -24,12 +23,13 @@ MAX_FILES = 4
 MAX_UP = 4
 
 
-def read_excluded_pairs(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut, ...]:
-    """Read the pairs of links that an SRDF file excludes from distance checks, with reasons."""
+def excluded_pairs_of(
+    content: bytes, location: FilePath, links: Collection[str]
+) -> tuple[LeftOut, ...]:
+    """Pairs of links that an SRDF file excludes from distance checks, with reasons."""
     # Typical reasons are "Never" (the pair never touched in random configurations) and "Default"
     # (the pair always touched).
-    location = FilePath(file)
-    robot = parse_xml(str(location), file_access.read_bytes(location, "SRDF file"))
+    robot = parse_xml(str(location), content)
     if robot.tag != "robot":
         raise InvalidInput(
             f"{location} is not an SRDF file, because its root element is <{robot.tag}>, not "
