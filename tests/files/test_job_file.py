@@ -103,7 +103,7 @@ limits.speed: 5 mm => limits.speed: must be a quantity in m/s
 path.points: [[0.3, .nan], [0.3, 0.2]] => path.points (item 1, item 2): must be finite
 path.points: [[0.3, 0.2], [0.3, 0.2, 0.1]] => all have 2 or all have 3
 servo.order: first => remove its gain kv
-runs: {../up: {}} => runs.../up: the name must be
+runs: {../up: {}} => runs.../up: the name must
 path: {points: [[0, 0], [0, 1e308 m]]} => path.points (item 2, item 2) ... 1e+12 m, but is 1e308 m
 runs.one: {timing: {reserve: 10}} => runs.one.timing.reserve: ... but is 10. For ... write 10 %
 """

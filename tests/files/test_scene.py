@@ -129,7 +129,7 @@ def test_an_invalid_body_is_refused_with_its_name():
 
 def test_built_in_cells_in_space_have_a_floor(tmp_path):
     (tmp_path / "line.csv").write_text("x,y,z\n0,0,0\n0.05,0,0\n")
-    for name in set(cell_names()) - {"pmk3s"}:
+    for name in set(cell_names()) - {"pmk3s", "ur10e_positioner"}:
         cell = read_cell(name, tmp_path / "line.csv")
         assert cell.scene is not None and cell.arm.shapes is not None
         part, table = cell.scene.obstacles

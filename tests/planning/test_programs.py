@@ -203,7 +203,7 @@ def test_events_off_the_contour_before_the_motion_or_out_of_order_are_refused(re
     assert [x.value for x in trajectory.events] == [True, False, True, False]
     # So early that the tool would go off before it goes on.
     spacing = trajectory.events[1].due - trajectory.events[0].due
-    refuses(lambda: planned(1.1 * spacing), InvalidInput, "before the event to True")
+    refuses(lambda: planned(1.1 * spacing), InvalidInput, "before the previous event")
 
 
 @pytest.mark.parametrize("arm", [PMK3S, UR5E], ids=lambda x: x.name)
