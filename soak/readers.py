@@ -177,7 +177,7 @@ def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float
 def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
     """Largest size of what is read [m], and all names in it."""
     from armcontour.files.mesh_file import read_mesh
-    from armcontour.files.robots.collision_shapes import link_shapes, read_excluded_pairs
+    from armcontour.files.robots.collision_shapes import excluded_pairs_of, link_shapes
     from armcontour.files.robots.urdf_chain import Description
     from armcontour.files.robots.urdf_tree import read_tree
 
@@ -185,7 +185,7 @@ def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
         file = Path(folder) / name
         file.write_bytes(data)
         if kind == "Srdf":
-            ignored = read_excluded_pairs(file, ["base", "beam", "camera"])
+            ignored = excluded_pairs_of(data, file, ["base", "beam", "camera"])
             return 0.0, [text for x in ignored for text in (x.first, x.second)]
         if kind in ("stl", "obj"):
             return read_mesh(file).size, []

@@ -55,6 +55,17 @@ ROBOT = b"""<robot name="three"><link name="base"/>
 <joint name="end" type="fixed"><parent link="four"/><child link="tcp"/>
 <origin xyz="0.18 0 0"/></joint></robot>
 """
+# A gantry with two wrist axes, and a table that turns.
+_JOINT = """<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{0}"/>
+<axis xyz="{3}"/><limit lower="-2" upper="2" velocity="1" effort="50"/></joint><link name="{0}"/>"""
+_MOVED = [
+    *(("x", "prismatic", "floor", "1 0 0"), ("y", "prismatic", "x", "0 1 0")),
+    *(("z", "prismatic", "y", "0 0 1"), ("a", "revolute", "z", "1 0 0")),
+    *(("b", "revolute", "a", "0 1 0"), ("table", "revolute", "floor", "0 0 1")),
+]
+GANTRY = f"""<robot name="cell"><link name="floor"/>{"".join(_JOINT.format(*x) for x in _MOVED)}
+<link name="tcp"/><joint name="end" type="fixed"><parent link="b"/><child link="tcp"/>
+<origin rpy="3.14159265358979 0 0"/></joint></robot>""".encode()
 # Waypoints with tool axes.
 POINTS = b"x,y,z,ax,ay,az\n0.45,0,0.2,0,0,-1\n0.5,0,0.2,0.01,0,-1\n0.55,0,0.2,0,0,-1\n"
 # A tetrahedron.
@@ -63,6 +74,7 @@ FILES = {
     "part.svg": DRAWING,
     "points.csv": POINTS,
     "robot.urdf": ROBOT,
+    "cell.urdf": GANTRY,
     "body.obj": MESH,
 }
 
@@ -283,6 +295,8 @@ BASES: list[dict[str, Any]] = [
     _with(SPACE, arm={"rail": _RAIL}, seed=[0.5, *SPACE["seed"]]),
     _with(SPACE, arm={"rail": {**_RAIL, "hold": 0.5}}, seed=[0.5, *SPACE["seed"]]),
     _with(SPACE, arm={"positioner": _TABLE}, seed=[0.0, *SPACE["seed"]]),
+    _with(_oriented({"axis": [0.0, 0.0, -1.0]}), arm=None, seed=None)
+    | {"arm": {"file": "cell.urdf", "tip": "tcp", "part": "table", "tilt": 1.5}},
     _with(PLANE, servo=_LATE, certificate=_CERTIFIED),
     _with(PLANE, limits={"joint_torque": 50.0}, runs=_INVERSE),
     _with(PLANE, command_limits=_COMMANDS),

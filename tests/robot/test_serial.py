@@ -200,7 +200,7 @@ def test_invalid_limits_chains_payloads_and_arms_are_refused():
 
 
 def test_limits_are_replaced_added_removed_and_broadcast_to_joints():
-    assert {*UNITS, "removed"} == {x.name for x in dataclasses.fields(ac.Limits)}
+    assert {*UNITS, "removed", "prismatic"} == {x.name for x in dataclasses.fields(ac.Limits)}
     values = np.array([1.0, 2.0])
     limits = ac.Limits(joint_acceleration=values, speed=0.1)
     values[0] = 9.0

@@ -169,7 +169,7 @@ class Chain(Checked):
         """The chain from the floor to the tool, without the positioner."""
         if self.positioner is None:
             return self
-        rows = self.rows(np.arange(self.floor_link, len(self)))
+        rows = joint_rows(self, np.arange(self.floor_link, len(self)))
         first = Frame(position=rows["positions"][0], rotation=rows["rotations"][0])
         first = self.floor.inverse @ first
         rows["positions"][0], rows["rotations"][0] = first.position, first.rotation
@@ -248,7 +248,7 @@ class Chain(Checked):
             "inertias": np.zeros((n, 3, 3)), "weights": np.array([x.weight for x in added]),
             **dict.fromkeys(("armature", "viscous", "coulomb"), np.zeros(n)),
         } | changes  # fmt: skip
-        own = self.rows(np.arange(len(self)))
+        own = joint_rows(self, np.arange(len(self)))
         own["positions"][0] += offset
         held = {k: x.hold for k, x in enumerate(added) if x.hold is not None}
         return self.replace(
@@ -274,7 +274,7 @@ class Chain(Checked):
                 floor = before @ floor
         moving = np.setdiff1d(np.arange(len(self)), list(self.held))
         return self.replace(
-            **self.rows(moving)
+            **joint_rows(self, moving)
             | {
                 "positions": np.array([x.position for x in frames]),
                 "rotations": np.array([x.rotation for x in frames]),
@@ -285,14 +285,6 @@ class Chain(Checked):
             floor=floor,
             tip=before @ self.tip,
         )
-
-    def rows(self, joints: IntArray) -> dict[str, Any]:
-        """Fields with one value per joint, for some of the joints."""
-        rows = {x: getattr(self, x) for x in PER_JOINT}
-        chosen: dict[str, Any] = {x: y[joints] for x, y in rows.items() if y is not None}
-        for name in ("joints", "prismatic"):
-            chosen[name] = tuple(getattr(self, name)[k] for k in joints)
-        return chosen
 
     def replace(self, **changes: object) -> Chain:
         """A copy of the chain with some of its data changed."""
@@ -343,6 +335,15 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     poses[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
     poses[:, 1:, :, 3] = joints[:, :-1, :, 3]
     return poses
+
+
+def joint_rows(chain: Chain, joints: IntArray) -> dict[str, Any]:
+    """Fields of a chain with one value per joint, for some of the joints, by their indices."""
+    rows = {x: getattr(chain, x) for x in PER_JOINT}
+    chosen: dict[str, Any] = {x: y[joints] for x, y in rows.items() if y is not None}
+    for name in ("joints", "prismatic"):
+        chosen[name] = tuple(getattr(chain, name)[k] for k in joints)
+    return chosen
 
 
 def floor_poses(chain: Chain, q: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from armcontour.core.frames import Frame, exp, from_rpy, rotations
 from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.urdf_tree import Joint, Tree
 from armcontour.robot.bodies import check_inertia, merge_bodies
-from armcontour.robot.chain import Chain
+from armcontour.robot.chain import Chain, joint_rows
 from armcontour.robot.external_axes import Positioner, PositionerAxis
 from armcontour.robot.limits import Limits
 
@@ -137,7 +137,7 @@ class Description:
             )
         link, place = carried[part]
         arm = rows.replace(
-            **rows.rows(np.arange(self.axes, len(rows))), base=(frames[link] @ place).inverse
+            **joint_rows(rows, np.arange(self.axes, len(rows))), base=(frames[link] @ place).inverse
         )
         cell = arm.on_positioner(Positioner(axes=tuple(axes), tilt=tilt))
         # An axis of a positioner has no friction.

@@ -258,7 +258,7 @@ class ServoModel(Checked):
                 continue
             words = name.replace("_", " ").replace("feedforward", "feed-forward")
             listed = [f"{x:g}" if np.isfinite(x) else "none" for x in np.atleast_1d(values * scale)]
-            units = joint_units(unit, prismatic or ()) or [unit]
+            units = joint_units(unit, () if prismatic is None else prismatic) or [unit]
             if len(set(units)) > 1:
                 listed = listed * len(units) if len(listed) == 1 else listed
                 listed = [f"{x} {y}" for x, y in zip(listed, units, strict=True)]
