@@ -64,7 +64,18 @@ def test_rounded_zeros_are_shown_without_a_sign():
         tell([fixed(-4e-4, 3), fixed(-4e-2, 3), difference(of("0.1"), of("0.1004"))]);
         """
     )
-    assert values == ["0.000", "−0.040", "0.0 mm"]
+    assert values == ["0.000", "−0.040", "0.000 mm"]
+
+
+def test_a_difference_has_the_digits_of_figures_whose_zeros_are_left_out():
+    values = compute(
+        """
+        const { difference } = await import("./format.js");
+        const of = (text) => ({ text, unit: "s" });
+        tell([difference(of("17"), of("16.7")), difference(of("9.97"), of("10.2"))]);
+        """
+    )
+    assert values == ["+0.3 s", "−0.2 s"]
 
 
 def test_the_part_under_the_pointer_is_the_nearest_of_all():

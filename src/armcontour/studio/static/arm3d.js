@@ -2,7 +2,8 @@
 
 import { heat, shadeOf, styleOf, themed } from "./colours.js";
 import { find, make, say } from "./dom.js";
-import { headOf } from "./figures.js";
+import { headOf, knownOf } from "./figures.js";
+import { textOf } from "./format.js";
 import { motionOf, shownMotion } from "./motion.js";
 import { kindAt, largest, PieceGrid, scaleOf, startsOf } from "./polylines.js";
 import { along, indexAt, oncePerFrame } from "./state.js";
@@ -158,6 +159,9 @@ class ArmView {
     if (this.problem) return this.problem;
     // Next to the drawing, the sentence is there or in the messages.
     if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
+    const { nearest, obstacle_t: near } = headOf(this.store);
+    const pair = knownOf(this.store).rows.get(nearest?.t === this.store.time ? "clearance.low" : near === this.store.time ? "obstacle" : "");
+    if (pair) return `Nearest here: ${pair.note}, ${textOf(pair)}`;
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.store.options.time !== motion.of) return "The executed motion is not there yet: this is the planned one.";
     return "";

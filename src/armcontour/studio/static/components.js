@@ -35,11 +35,11 @@ export const Remedies = ({ edits = [], take }) => edits.map((edit) => {
 });
 
 /**
- * Buttons for changes of the job; where they are brief, their conditions are titles.
- * @param {{changes: {label: string, condition?: string, edits: object[]}[], brief?: boolean, link: import("./connection.js").Link}} props
+ * Buttons for changes of the job; where they are brief, sentences are titles.
+ * @param {{changes: {label: string, short: string, condition?: string, edits: object[]}[], brief?: boolean, link: import("./connection.js").Link}} props
  */
-export const Changes = ({ changes, brief, link }) => changes.map(({ label, condition, edits }) =>
-  html`<button type="button" title=${condition && `If ${condition}`} onClick=${() => link.edit(edits)}>${label}${condition && !brief && `, if ${condition}`}</button>`);
+export const Changes = ({ changes, brief, link }) => changes.map(({ label, short, condition, edits }) =>
+  html`<button type="button" title=${brief && label} onClick=${() => link.edit(edits)}>${brief ? short : label}${condition && `, if ${condition}`}</button>`);
 
 /** Heads of columns; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */
 export function Heads({ names, words = 0 }) {

@@ -3,8 +3,8 @@
 import { styleOf, verdictOf } from "./colours.js";
 import { Changes } from "./components.js";
 import { find, say } from "./dom.js";
-import { difference, fixed, NONE, textOf } from "./format.js";
-import { largest, timeOf } from "./polylines.js";
+import { difference, fixed, NONE, whole } from "./format.js";
+import { timeOf, worstTime } from "./polylines.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -24,10 +24,7 @@ const NAMES = { kept: "verdict", duration: "motion" };
 const ALARMS = { saturated: (share) => share > 0, "clearance.low": (low) => low <= 0, obstacle: (low) => low <= 0 };
 /** Figures that show their place: the time of the largest error, and of the nearest pair. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
 const PLACES = {
-  off_drawing: (store) => {
-    const { t, off } = store.latest("executed")?.arrays ?? {};
-    return t?.[off.indexOf(largest(off))];
-  },
+  off_drawing: (store) => worstTime(store.latest("executed")),
   "clearance.low": (store) => headOf(store).nearest?.t,
   obstacle: (store) => headOf(store).obstacle_t,
 };
@@ -50,10 +47,11 @@ function Figure({ name, row, seen, store, exact }) {
   const looks = name === "kept" && row ? verdictOf(row.value, store.theme) : { colour: "", mark: "" };
   const { accuracy } = store.document?.data ?? {};
   const old = name === "duration" ? (exact ? past.before : past.rows)?.get(name) : undefined;
-  const gain = old && row && old.text !== row.text ? `${difference(row, old)}, was ${textOf(old)}` : "";
+  const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
+  const text = row && name === "duration" ? whole(row.text) : row?.text;
   const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
-    <span class="number"><span class="value">${isRefused ? "✗ refused" : `${looks.mark} ${row?.text ?? NONE}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && ` of ${accuracy}`}</span></span>
-    <span class=${gain && `note ${gain.startsWith("+") ? "worse" : "better"}` || "note"} title=${row?.note}>${gain || row?.note}</span>`;
+    <span class="number"><span class="value">${isRefused ? "✗ refused" : `${looks.mark} ${text ?? NONE}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && ` of ${accuracy}`}</span></span>
+    <span class=${gain ? `note ${row?.value > old?.value ? "worse" : "better"}` : "note"} title=${row?.note}>${gain || row?.note}</span>`;
   const shared = {
     class: `figure ${row && ALARMS[name]?.(row.value) ? "alarm" : ""}`, "data-figure": name, "data-value": row ? String(row.value) : "", "data-exact": String(exact),
     hidden: !seen && !NAMES[name], style: `color: ${isRefused ? "var(--refusal)" : looks.colour}`,
@@ -135,10 +133,7 @@ export function init(store, link) {
     region.classList.toggle("stale", store.refusal?.head.tier === 1);
     region.dataset.exact = String(exact);
     const figure = (/** @type {string} */ name) => html`<${Figure} key=${name} name=${name} row=${rows.get(name)} seen=${seen.get(name)} store=${store} exact=${exact} />`;
-    render(
-      html`<div class="row">${FIRST.map(figure)}<${Shares} store=${store} />${LAST.map(figure)}<${Advice} store=${store} link=${link} changes=${changes} /></div>`,
-      region,
-    );
+    render(html`<div class="row">${FIRST.map(figure)}<${Shares} store=${store} />${LAST.map(figure)}<${Advice} store=${store} link=${link} changes=${changes} /></div>`, region);
   };
   const soon = oncePerFrame(update);
   store.on("advice", (/** @type {any} */ found) => {

@@ -46,13 +46,15 @@ const OWN = { speed: "speed", tolerance: "corner tolerance", kerf: "kerf", lead_
 const wanted = signal("");
 const forRun = signal(false);
 const help = signal("");
+const unhelp = () => (help.value = "");
 /** Sentences of refused edits, by key. */
 const refusals = signal(/** @type {Record<string, any>} */ ({}));
 /**
  * Edits of a key.
- * @typedef {{key: string, edits: object[], outer: string}} Wish `outer` is the key around `key` that the server refused, or empty
+ * @typedef {{key: string, edits: object[], outer: string, was?: string}} Wish `outer` is the key around `key` that the server
+ *   refused, or empty; `was` is the written value as JSON, with which a refused one stays in its field
  */
-/** What was refused because of other keys of `outer`: it is sent again with the next edit there. */
+/** What was refused; what was because of other keys of `outer` is sent again with the next edit there. */
 const waiting = signal(/** @type {Wish[]} */ ([]));
 /** What has no answer, and what was sent with it. @type {{wish: Wish, more: Wish[]} | null} */
 let sent = null;
@@ -114,10 +116,19 @@ function readAs(f, text) {
   return f.list && !f.open ? [one(text)] : one(text);
 }
 
+/** Forget what was refused of a key, and its sentence. @param {string} key */
+function forget(key) {
+  waiting.value = waiting.value.filter((x) => x.key !== key);
+  if (key in refusals.value) refusals.value = { ...refusals.value, [key]: undefined };
+}
+
+/** @param {string} key @returns {string} its written value as JSON */
+const writtenOf = (key) => JSON.stringify(writtenAt(key.split(".")).written) ?? "";
+
 /** Send edits of a key, with those that wait for it. @param {Key} at @param {object[]} edits */
 function send(at, edits) {
   const key = at.join(".");
-  waiting.value = waiting.value.filter((x) => x.key !== key);
+  forget(key);
   const more = waiting.value.filter((x) => key.startsWith(`${x.outer}.`));
   sent = { wish: { key, edits, outer: "" }, more };
   link.edit([...more.flatMap((x) => x.edits), ...edits]);
@@ -171,19 +182,23 @@ export function refuseAt({ head: { key, sentence, remedies } }) {
   const place = [key, wish.key].find((x) => x && find("#form").querySelector(`[data-key="${CSS.escape(x)}"]`));
   const outer = [key, wish.key.slice(0, wish.key.lastIndexOf("."))].find((x) => x && wish.key.startsWith(`${x}.`) && `${key}.`.startsWith(`${x}.`));
   if (outer && key !== wish.key) waiting.value = [...waiting.value.map((x) => (more.includes(x) ? { ...x, outer } : x)), { ...wish, outer }];
+  else if (wish.edits.some((/** @type {any} */ x) => x.do === "set" && !x.insert && x.key.join(".") === wish.key)) waiting.value = [...waiting.value, { ...wish, was: writtenOf(wish.key) }];
   const take = (/** @type {object} */ edit) => send(wish.key.split("."), [...wish.edits, edit]);
   // The field says where it is, and the newest refusal has the reasons of those that wait.
   const said = sentence.replace(/^[\w.-]+: ([\w.-]+: )*/, "").replace(/ \(line \d+\)/, "").replace(/^the key \S*?(\w+) is missing/, (/** @type {string} */ _all, /** @type {string} */ name) => `${words(name)} is required as well`);
-  refusals.value = place ? { [place]: html`${said} <${Remedies} edits=${remedies} take=${take} />` } : {};
+  refusals.value = { ...refusedOf((x) => x.was !== undefined), [place ?? wish.key]: html`${said} <${Remedies} edits=${remedies} take=${take} />` };
   requestAnimationFrame(() => document.querySelector("#form .refused")?.scrollIntoView({ block: "nearest" }));
   return place !== undefined;
 }
 
-/** The job has changed: what was sent is made; what a change of others refused is forgotten. */
+/** Sentences of some of what waits. @param {(wish: Wish) => boolean} of */
+const refusedOf = (of) => Object.fromEntries(Object.entries(refusals.value).filter(([key]) => waiting.value.some((x) => of(x) && (x.key === key || x.outer === key))));
+
+/** The job has changed: what was sent is made; what others have changed is forgotten. */
 function accept() {
   const made = sent ? [sent.wish, ...sent.more] : waiting.value;
-  waiting.value = waiting.value.filter((x) => !made.includes(x));
-  refusals.value = Object.fromEntries(Object.entries(refusals.value).filter(([key]) => waiting.value.some((x) => x.key === key || x.outer === key)));
+  waiting.value = waiting.value.filter((x) => (x.was === undefined ? !made.includes(x) : x.was === writtenOf(x.key)));
+  refusals.value = refusedOf(() => true);
   sent = null;
 }
 
@@ -242,7 +257,8 @@ function One({ f, at, label = f.name }) {
   const id = `set-${key.replace(/[^\w]/g, "-")}`;
   const title = [f.text, where].filter(Boolean).join(" ");
   const name = words(label);
-  const more = { id, title };
+  const more = { id, title, "aria-invalid": String(refused !== null) };
+  const escape = (/** @type {KeyboardEvent} */ event) => event.key === "Escape" && forget(key);
   // What is written has changed while the field has the focus.
   useLayoutEffect(() => void (place.current?.contains(document.activeElement) && (help.value = title)), [title]);
   let control = html`<${Entry} ...${more} value=${value} placeholder=${hintOf(f)} list=${f.choices && `${id}-known`} send=${(/** @type {string} */ text) => set(at, text === "" ? "" : readAs(f, text))} />`;
@@ -259,7 +275,7 @@ function One({ f, at, label = f.name }) {
   const slider = row && typeof row.min === "number" && row.min < row.max ? { ...row, key, label: name.toLowerCase() } : null;
   // A plain number of the file stays one; its unit is reported next to it.
   const unit = (isPlain(value) && refused === null) || (f.list && !row) ? (row?.unit ?? f.unit) : "";
-  return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)} onInput=${() => (refusals.value = {})}>
+  return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)} onFocusOut=${unhelp} onKeyDown=${escape} onInput=${() => (refusals.value = { ...refusals.value, [key]: undefined })}>
     <label for=${id} title=${title}>${name}</label>
     <span class="from">${[unit, mark].filter(Boolean).join(" · ")}</span>
     ${(is === "job" || is === "run") && !f.needed && !(isChosen && f.label) && html`<${Without} at=${at} name=${name} />`}
@@ -393,7 +409,7 @@ function Tilt() {
     angle: ["Tilt of the tool", "Angle of the tool axis from the perpendicular into the drawing, or into the surface if the tool follows the tangent."],
     towards: ["Tilt towards", "Direction in which the tip of the tool axis leans: 0 is x of the drawing, or the direction of travel if the tool follows the tangent; 90 is y."],
   };
-  return html`${Object.entries(texts).map(([name, [label, text]]) => html`<div class="setting" data-key=${name === "angle" ? "tilt" : "tilt-towards"} onFocusIn=${() => (help.value = text)}>
+  return html`${Object.entries(texts).map(([name, [label, text]]) => html`<div class="setting" data-key=${name === "angle" ? "tilt" : "tilt-towards"} onFocusIn=${() => (help.value = text)} onFocusOut=${unhelp}>
     <label for=${`tilt-${name}`} title=${text}>${label}</label><span class="from">deg</span>
     <${Entry} id=${`tilt-${name}`} title=${text} value=${String(Number(tilt[name].toFixed(6)))} send=${(/** @type {string} */ value) => send(["tilt"], [{ do: "tilt", [name]: value }])} />
     ${name === "angle" && html`<${Refusal} at=${["tilt"]} />`}
@@ -463,14 +479,13 @@ function Form() {
   const choice = (/** @type {{value: boolean}} */ of, /** @type {boolean} */ is, /** @type {string} */ text, /** @type {string} */ title) =>
     html`<button type="button" title=${title} aria-pressed=${String(of.value === is)} onClick=${() => (of.value = is)}>${text}</button>`;
   const seek = html`<div class="seek">
-      <input type="search" aria-label="Search settings" placeholder="Search settings" value=${wanted} onInput=${(/** @type {any} */ e) => ([wanted.value, help.value] = [e.target.value.trim(), ""])} />
+      <input type="search" aria-label="Search settings" placeholder="Search settings" value=${wanted} onInput=${(/** @type {any} */ e) => (wanted.value = e.target.value.trim())} />
       <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "What is set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
       <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "For job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "For run", "Changes are for the shown run alone")}</span>
     </div>`;
   return html`${side.value === "contours" && html`<${Contour} />`}${seek}
     ${form.groups.map((/** @type {any} */ x) => (wanted.value || (SIDES[x.title] ?? "process") === side.value) && html`<${Group} key=${x.title} ...${x} />`)}
-    ${wanted.value && !form.groups.some((/** @type {any} */ x) => x.title.toLowerCase().includes(wanted.value.toLowerCase()) || x.fields.some(isFound)) && html`<p role="status">No setting matches "${wanted}".</p>`}
-    <p class="help quiet">${help}</p>`;
+    ${wanted.value && !form.groups.some((/** @type {any} */ x) => x.title.toLowerCase().includes(wanted.value.toLowerCase()) || x.fields.some(isFound)) && html`<p role="status">No setting matches "${wanted}".</p>`}`;
 }
 
 /** Fields, cells, formats and endings of jobs. @type {Promise<any>} */
@@ -483,15 +498,19 @@ export async function init(store, to) {
   store.on("document", (/** @type {any} */ frame) => {
     if (frame.rev !== rev) {
       rev = frame.rev;
+      head.value = frame.head;
       accept();
     }
     head.value = frame.head;
   });
+  store.on("reset", () => ([waiting.value, refusals.value] = [[], {}]));
   form = await known;
   for (const event of ["view", "picture"])
     store.on(event, () => {
+      if (side.value !== store.options.side) unhelp();
       side.value = store.options.side;
       contour.value = contourOf(store);
     });
   render(html`<${Form} />`, find("#form"));
+  render(html`${help}`, find("#hint"));
 }

@@ -16,6 +16,12 @@ export function fixed(x, decimals) {
 /** A figure of a frame; undefined if it has none. @param {any} head @param {string} name @returns {any} */
 export const rowOf = (head, name) => head?.rows?.find((/** @type {any} */ x) => x.name === name);
 
+/** Decimals of a figure with three digits, such as 17.0, of which zeros are left out. @param {string} text @returns {number} */
+const decimalsOf = (text) => Math.max(text.split(".")[1]?.length ?? 0, Number(text) ? 2 - Math.floor(Math.log10(Math.abs(Number(text)))) : 0);
+
+/** Digits of a figure, with those zeros. @param {string} text @returns {string} */
+export const whole = (text) => (isPlain(text) ? fixed(Number(text), decimalsOf(text)) : text);
+
 /** A figure with its unit. @param {{text: string, unit: string} | undefined} row @returns {string} */
 export const textOf = (row) => (row ? `${row.text} ${row.unit}`.trim() : NONE);
 
@@ -32,9 +38,8 @@ export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m :
 export function difference(a, b) {
   const by = Number(a?.text) - Number(b?.text);
   if (!a || !b || a.unit !== b.unit || !Number.isFinite(by)) return "";
-  const decimals = Math.min(...[a, b].map((x) => x.text.split(".")[1]?.length ?? 0));
-  const text = fixed(by, decimals);
-  return `${Number(text) > 0 ? "+" : ""}${text} ${a.unit}`;
+  const text = fixed(by, Math.min(decimalsOf(a.text), decimalsOf(b.text)));
+  return `${by > 0 && Number(text) ? "+" : ""}${text} ${a.unit}`;
 }
 
 /** A number with about four significant digits, without needless zeros. @param {number} x @param {number} [digits] @returns {string} */

@@ -7,11 +7,7 @@ import { html, render } from "./vendor/preact.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
 
-const ON_DISK = /** @type {Record<string, string>} */ ({
-  changed: "changed on disk",
-  missing: "not on disk",
-  none: "not yet a file",
-});
+const ON_DISK = /** @type {Record<string, string>} */ ({ changed: "changed on disk", missing: "not on disk", none: "not yet a file" });
 
 /** True if something would be lost; a drawing that was only looked at is in no job file yet. @param {any} head @returns {boolean} */
 export const hasChanges = (head) => Boolean(head?.dirty && (head.on_disk !== "missing" || head.undo_label));

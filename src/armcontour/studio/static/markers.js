@@ -2,6 +2,7 @@
 
 import { draw, make, mark, say } from "./dom.js";
 import { contourLabel, mm, seconds } from "./format.js";
+import { worstTime } from "./polylines.js";
 import { along, indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -23,8 +24,10 @@ class Marks {
     this.view = view;
     this.dot = draw("circle", { class: "cursor", r: 5, hidden: true, "aria-hidden": "true" });
     this.tool = draw("circle", { class: "cursor tool", r: 4, hidden: true, "aria-hidden": "true" });
-    this.refused = draw("path", { class: "refused", d: CROSS.map((x) => `M${x.join("L")}`).join(""), hidden: true, "aria-hidden": "true" });
-    view.overlay.append(this.dot, this.tool, this.refused);
+    const cross = (/** @type {string} */ name) => draw("path", { class: name, d: CROSS.map((x) => `M${x.join("L")}`).join(""), hidden: true, "aria-hidden": "true" });
+    this.refused = cross("refused");
+    this.largest = cross("largest");
+    view.overlay.append(this.dot, this.tool, this.refused, this.largest);
     this.tip = make("div", { class: "tip", role: "tooltip", hidden: true });
     view.region.append(this.tip);
     store.on("time", () => this.place());
@@ -57,6 +60,8 @@ class Marks {
     // Between the contours there is no execution.
     const isWorking = executed && !executed.arrays.breaks.includes(indexAt(executed.arrays.t, time) + 1);
     this.tool.toggleAttribute("hidden", !isWorking);
+    this.largest.toggleAttribute("hidden", !executed);
+    if (executed) move(this.largest, this.view.view.toScreen(this.toolAt(executed, worstTime(executed))));
     if (isWorking) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
   }
 
@@ -125,15 +130,11 @@ function sentenceAt(picture, i) {
   const { path_s: s, path_t: t, speed, assigned, binding } = picture.arrays;
   const limit = picture.head.limits[binding[i]];
   const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)}` : "";
-  const why = limit
-    ? limit.kind === "assigned velocity"
-      ? "; the assigned speed is reached"
-      : `; held back by: ${limit.name}`
-    : "";
+  const why = limit && (limit.kind === "assigned velocity" ? "; the assigned speed is reached" : `; held back by: ${limit.name}`);
   const isSlow = slowest(picture).some((x) => Math.abs(x.s - s[i]) < BESIDE);
   const slow = isSlow ? ", the slowest around here" : "";
   const contour = contourLabel(picture.head.contours[indexAt(picture.arrays.path_breaks, i)]);
-  return `${contour}, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${slow}${why}.`;
+  return `${contour}, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${slow}${why ?? ""}.`;
 }
 
 /** @param {Store} store @param {import("./connection.js").Link} _link @param {import("./pointer.js").Pointer} pointer */

@@ -95,5 +95,6 @@ export function init(store, link) {
     document.body.dataset.link = link.state;
     document.body.dataset.busy = String(link.busy);
     say(state, link.state === "open" ? "" : link.sentence);
+    state.title = link.sentence;
   });
 }

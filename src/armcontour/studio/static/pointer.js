@@ -46,6 +46,8 @@ export class Pointer {
      *   gesture: Gesture, before: import("./state.js").Frame | null} | null}
      */
     this.going = null;
+    /** Where the label is. @type {Point} px */
+    this.near = [0, 0];
     /** Changes without an answer. @type {Map<Movable, {values: number[], seq: number}>} */
     this.changed = new Map();
     this.follow = oncePerFrame(() => view.place());
@@ -161,7 +163,7 @@ export class Pointer {
     const { values, ...rest } = what.start(event);
     if (!values) return false;
     this.going = { what, ...rest, start: values, values, typed: "", gesture: new Gesture(this.link), before: this.store.latest("picture") };
-    this.view.putBeside(this.label, place);
+    this.near = place;
     return true;
   }
 
@@ -169,6 +171,7 @@ export class Pointer {
   move(by, event, place) {
     if (!this.going || this.going.typed) return;
     const { what, start, values: last } = this.going;
+    this.near = place;
     this.view.putBeside(this.label, place);
     const moved = what.moved(by, start, event);
     const round = this.rounded(moved, event, what);
@@ -241,12 +244,10 @@ export class Pointer {
     const parts = [make("span", { class: "value", text: `${typed ? `${typed}▏` : texts.join(", ")} ${unit[0] || "m"}` })];
     if (this.store.refusal) parts.push(make("span", { class: "worse", text: "refused" }));
     else if (now !== before && Number.isFinite(gained))
-      parts.push(
-        make("span", { class: gained > 0 ? "worse" : "better", text: `${gained > 0 ? "+" : ""}${seconds(gained)} s` }),
-        make("span", { class: "quiet", text: "preview" }),
-      );
+      parts.push(make("span", { class: gained > 0 ? "worse" : "better", text: `${gained > 0 ? "+" : ""}${seconds(gained)} s` }), make("span", { class: "quiet", text: "preview" }));
     this.label.replaceChildren(...parts);
     this.label.hidden = false;
+    this.view.putBeside(this.label, this.near);
   }
 }
 

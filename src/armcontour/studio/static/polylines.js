@@ -248,6 +248,12 @@ export function magnified(executed, magnify) {
   return { tool: polyline(points, executed.arrays.breaks), errors };
 }
 
+/** Time of the largest error of an execution. @param {import("./state.js").Frame | null} executed @returns {number} s */
+export function worstTime(executed) {
+  const { t, off } = executed?.arrays ?? {};
+  return t?.[off.indexOf(largest(off))];
+}
+
 /** Largest positive number, or 0. @param {Iterable<number | null>} values @returns {number} */
 export function largest(values) {
   let most = 0;

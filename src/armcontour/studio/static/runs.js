@@ -1,9 +1,10 @@
 // Table of runs with differences of duration and errors from the shown run.
 
 import { ask } from "./dialog.js";
+import { verdictOf } from "./colours.js";
 import { find, whileSeen } from "./dom.js";
 import { knownOf, past } from "./figures.js";
-import { difference, textOf } from "./format.js";
+import { difference, NONE, textOf } from "./format.js";
 import { Heads } from "./components.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -12,7 +13,7 @@ import { html, render } from "./vendor/preact.js";
 /** @typedef {Map<string, import("./figures.js").Row>} Known */
 
 const EVENTS = ["document", "picture", "executed", "figures"];
-const COLUMNS = ["(name)", "timing", "compensation", "corners", "cycle time", "Δ", "error RMS", "Δ", "largest", "(actions)"];
+const COLUMNS = ["(name)", "timing", "compensation", "corners", "verdict", "cycle time", "Δ", "off the drawing", "error RMS", "Δ", "largest", "(actions)"];
 
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
@@ -40,22 +41,20 @@ export function init(store, link) {
   const row = (/** @type {any} */ { name, timing, compensation, corners }, /** @type {Known | undefined} */ figures = known.get(name)) => {
     const { run, runs } = store.document;
     const isShown = name === run;
-    const [duration, rms, largest] = ["duration", "contour_error.rms", "contour_error.max"].map((x) => figures?.get(x));
+    const [kept, duration, off, rms, largest] = ["kept", "duration", "off_drawing", "contour_error.rms", "contour_error.max"].map((x) => figures?.get(x));
     const delta = (/** @type {any} */ x) => (isShown ? "" : difference(x, known.get(run)?.get(x?.name)));
     const act = (/** @type {string} */ title, /** @type {() => void} */ does) => html`<button type="button" aria-label=${`${title} run ${name}`} onClick=${does}>${title}</button>`;
     return html`<tr key=${name} aria-current=${isShown && "true"}>
       <th scope="row">${name}</th>${[timing, compensation, corners].map((x) => html`<td class="words">${x}</td>`)}
-      ${[textOf(duration), delta(duration), textOf(rms), delta(rms), textOf(largest)].map((x) => html`<td>${x}</td>`)}
+      <td style=${kept && `color: ${verdictOf(kept.value, store.theme).colour}`}>${kept ? `${verdictOf(kept.value, store.theme).mark} ${kept.text}` : NONE}</td>
+      ${[textOf(duration), delta(duration), textOf(off), textOf(rms), delta(rms), textOf(largest)].map((x) => html`<td>${x}</td>`)}
       <td class="acts">${!isShown && figures !== past.before && act("Show", () => link.send({ op: "select", run: name }))}${runs.length > 1 && figures !== past.before && act("Remove", () => link.edit([{ do: "unset", key: ["runs", name] }]))}</td>
     </tr>`;
   };
   for (const event of EVENTS) store.on(event, learn);
   whileSeen(store, region, EVENTS, () => {
     if (!store.document) return;
-    render(
-      html`<p class="acts"><button type="button" onClick=${add}>New run like this one</button></p>
-        <table><caption class="unseen">Runs</caption><${Heads} names=${COLUMNS} words=${4} /><tbody>${store.document.runs.map((/** @type {any} */ run) => row(run))}${past.before && row({ name: `${past.run}, before the last change` }, past.before)}</tbody></table>`,
-      region,
-    );
+    render(html`<p class="acts"><button type="button" onClick=${add}>New run like this one</button></p>
+        <table><caption class="unseen">Runs</caption><${Heads} names=${COLUMNS} words=${4} /><tbody>${store.document.runs.map((/** @type {any} */ run) => row(run))}${past.before && row({ name: `${past.run}, before the last change` }, past.before)}</tbody></table>`, region);
   });
 }

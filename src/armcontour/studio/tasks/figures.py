@@ -68,12 +68,14 @@ def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance 
 
 def changes(request: Request) -> MessageFrame:
     """Propose changes of the run that save time, or that repair it."""
+    from armcontour.core.render import number
     from armcontour.jobs.advice import advise
 
     advice = advise(request.job, request.result, request.progress)
     proposals = [
         {
             "label": f"{x.label}: {x.effect}",
+            "short": f"{x.edits[0][0].rpartition('.')[2].capitalize()}: {number(-x.saved, 's')}",
             "condition": x.condition,
             "edits": [_set(*y) for y in x.edits],
         }
