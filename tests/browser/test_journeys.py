@@ -61,7 +61,7 @@ def test_j2_a_dragged_corner_has_another_tolerance(studio, judge):
     assert judgement.trajectory.duration < before
     assert shares(studio) != bound
     studio.tab("runs")
-    old = studio.find("#tab-runs tr:has-text('before the last change') td").nth(3)
+    old = studio.find("#tab-runs tr:has-text('before the last change') td").nth(4)
     expect(old).to_have_text(f"{before:.2f} s")
     with studio.changing():
         studio.find("#undo").click()

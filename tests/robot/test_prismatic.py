@@ -390,7 +390,6 @@ def test_a_heavier_rail_moves_less_along_a_long_seam():
         assert np.abs(plan(t, 2)[:, 0]).max() <= 0.5
         rates = plan(np.sort(t), 1)[:, 0]
         assert (rates > 0).all()
-        # The arm does not stretch, although the rail would move least then.
         jacobian = arm.jacobian(plan(np.linspace(0, plan.duration, 500)))[..., 1:]
         assert np.linalg.svd(jacobian, compute_uv=False).min() > 0.04
         travels.append(float(plan(plan.duration)[0] - plan(0.0)[0]))
