@@ -197,5 +197,5 @@ def largest_tilt(arm: Arm, plan: Trajectory) -> float | None:
     if not isinstance(arm, SerialArm) or arm.chain.positioner is None:
         return None
     laws = [x.trajectory or plan for x in plan.contour_spans]
-    times = [np.linspace(0.0, x.duration, SAMPLES) for x in laws]
-    return max(float(angles_to_gravity(arm, x(t)).max()) for x, t in zip(laws, times, strict=True))
+    positions = (x(np.linspace(0.0, x.duration, SAMPLES)) for x in laws)
+    return max(float(angles_to_gravity(arm, q).max()) for q in positions)

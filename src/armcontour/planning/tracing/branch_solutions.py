@@ -120,10 +120,10 @@ def find_solutions(
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
     max_correction = EXACTLY if seed is None else NEARLY
+    # No posture of the arm changes this angle, so it is the reason before any other.
+    s = np.append(fine.s0, path.length)
+    check_fixed_tilt(arm, s, poses)
     if tilt_of(arm.chain) is None or not arm.chain.floor_link:
-        if tilt_of(arm.chain) is not None:
-            # No posture of the arm changes the angle, so it is the reason before any other.
-            check_fixed_tilt(arm, np.append(fine.s0, path.length), poses)
         starts = configurations(arm, poses[0], task, seed)
         if len(starts) == 0:
             _refuse_first_pose(path, arm, poses, task, seed)
@@ -131,7 +131,7 @@ def find_solutions(
     else:
         followed, failures = _follow_level(path, arm, poses, task, seed, max_correction)
     followed = [q[knot_index] for q in followed]
-    s = np.append(fine.s0, path.length)[knot_index]
+    s = s[knot_index]
     redundant = task < arm.dof
     if redundant:
         followed = _rank(arm, s, knot_poses, task, followed, seed)

@@ -121,11 +121,13 @@ def poses_from_floor(arm: SerialArm, poses: FloatArray, positions: FloatArray) -
 
 
 def check_fixed_tilt(arm: SerialArm, s: FloatArray, poses: FloatArray) -> None:
-    """`check_tilt` of tool poses, (n, 3, 4), on a part that no axis turns."""
-    tilt, down = tilt_of(arm.chain), turn_down(arm.chain, np.zeros((1, 0)))[0]
-    angles = _angles(poses[..., 2], down)
+    """`check_tilt` of tool poses, (n, 3, 4), if no axis turns the part."""
+    tilt = tilt_of(arm.chain)
+    if tilt is None or arm.chain.floor_link:
+        return
+    angles = _angles(poses[..., 2], turn_down(arm.chain, np.zeros((1, 0)))[0])
     k = int(np.argmax(angles))
-    if tilt is not None and angles[k] > tilt:
+    if angles[k] > tilt:
         _refuse_tilt(float(s[k]), poses[k, :, 3], float(angles[k]), tilt)
 
 

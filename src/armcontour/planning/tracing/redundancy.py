@@ -227,13 +227,12 @@ class _Cost:
         low, high = np.where(both, lower, 0.0), np.where(both, upper, 0.0)
         self.middle, self.half = (high + low) / 2, np.where(both, (high - low) / 2, np.inf)
         self.outside = RANGE_WEIGHT / np.sqrt(len(s))
-        self.chain, self.axes, tilt = arm.chain, axes, tilt_of(arm.chain)
+        self.arm, self.axes, tilt = arm, axes, tilt_of(arm.chain)
         self.chord = None if tilt is None else chord_of(tilt)
         # Joints of the arm on its external axes, which stay away from singularities; only six or
         # more joints can.
         own = np.setdiff1d(np.arange(arm.dof), arm.chain.external)
         self.own = own if len(arm.chain.external) and len(own) >= 6 else own[:0]
-        self.arm = arm
         # Shares of a step that are tried. A step may leave the inner range of the tilt, whose cost
         # the linearized cost does not include.
         self.shares = (1.0,) if tilt is None and not len(self.own) else SHARES
@@ -275,7 +274,7 @@ class _Cost:
     def _tilt(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Excess of the tilt, (paths, n), and its derivatives by the joints, (paths, n, dof)."""
         assert self.chord is not None
-        down, by_joint = turn_down(self.chain, q.reshape(-1, q.shape[2]))
+        down, by_joint = turn_down(self.arm.chain, q.reshape(-1, q.shape[2]))
         axes = np.tile(self.axes, (len(q), 1))
         chord = np.linalg.norm(axes - down, axis=1)
         excess = np.maximum(chord / self.chord - INNER_TILT, 0.0) * self.outside
@@ -290,25 +289,25 @@ class _Cost:
         scale = np.linalg.norm(np.asarray(chain.positions)[own[1:]], axis=1).sum()
         jacobian = self.arm.jacobian(q)[..., own]
         turning, moving = jacobian[..., 3:, :], jacobian[..., :3, :] / scale
-        left, values, right = np.linalg.svd(np.concatenate([moving, turning], axis=-2))
+        scaled = np.concatenate([moving, turning], axis=-2)
+        slopes, excess = np.zeros(q.shape), np.zeros(q.shape[:2])
+        near = np.linalg.svd(scaled, compute_uv=False)[..., 5] < NEARLY_SINGULAR
+        left, values, right = np.linalg.svd(scaled[near])
         u, v = left[..., -1], right[..., 5, :]
         # A joint turns the axes of itself and of the joints after it, and moves their tool points;
         # the joints before it keep their axes, and their tool point moves.
-        axes, points = (np.swapaxes(x, -1, -2) for x in (turning, moving))
-        by_joint = np.zeros((*q.shape[:2], len(own)))
-        for k in range(len(own)):
-            turned = np.cross(axes[..., k, None, :], np.concatenate([points, axes], axis=-2))
-            shifted, rotated = np.split(turned, 2, axis=-2)
-            before = np.cross(axes, points[..., k, None, :])
-            shifted[..., :k, :], rotated[..., :k, :] = before[..., :k, :], 0.0
+        axes, points = (np.swapaxes(x[near], -1, -2) for x in (turning, moving))
+        by_joint = np.zeros((len(u), q.shape[2]))
+        for k, joint in enumerate(own):
+            shifted, rotated = (np.cross(axes[:, k, None], x) for x in (points, axes))
+            shifted[:, :k], rotated[:, :k] = np.cross(axes[:, :k], points[:, k, None]), 0.0
             change = np.concatenate([shifted, rotated], axis=-1) @ u[..., None]
-            by_joint[..., k] = (v * change[..., 0]).sum(axis=-1)
+            by_joint[:, joint] = (v * change[..., 0]).sum(axis=-1)
         # A heavy axis must not outweigh the cost.
         cost = self.outside * max(1.0, float(np.asarray(chain.weights).max()))
-        excess = np.maximum(1.0 - values[..., 5] / NEARLY_SINGULAR, 0.0) * cost
-        slopes = np.zeros(q.shape)
-        slopes[..., own] = -by_joint * (cost / NEARLY_SINGULAR)
-        return excess, slopes * (excess > 0.0)[..., None]
+        excess[near] = (1.0 - values[:, 5] / NEARLY_SINGULAR) * cost
+        slopes[near] = -by_joint * (cost / NEARLY_SINGULAR)
+        return excess, slopes
 
     def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Equations of the null-space motion that minimizes the linearized cost."""
