@@ -115,7 +115,7 @@ def certify(
         job = Job(name="path", arm=arm, path=job, servo=servo, runs=(only,))
     elif (arm, servo, limits) != (None, None, None):
         raise InvalidInput("A job has an arm, a servo and limits. Remove these arguments.")
-    goal = goal_of(job) if goal is None else goal
+    goal = goal_of(job, run) if goal is None else goal
     optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
     chosen = choose_run(job, goal.run if run is None else run, "certified", optimal)
     if chosen.duration is not None:
@@ -161,12 +161,12 @@ def certify(
     return _make_certificate(*best, durations if FREE in durations else {}, plant)
 
 
-def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
-    """Goal of the job's certificate, or its accuracy as tolerance, with some fields replaced."""
+def goal_of(job: Job, run: str | None, /, **overrides: Any) -> CertificateGoal:
+    """Goal of the job, or the accuracy of a run (of all) as tolerance, with fields replaced."""
     if job.certificate is not None:
         return replace(job.certificate, **overrides)
     if overrides.get("tolerance") is None and overrides.get("servo_error") is None:
-        known = [x.accuracy for x in job.runs if x.accuracy is not None]
+        known = [x.accuracy for x in job.runs if x.accuracy is not None and run in (None, x.name)]
         overrides["tolerance"] = min(known, default=None)
     return CertificateGoal(**overrides)
 

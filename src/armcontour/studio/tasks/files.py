@@ -55,15 +55,13 @@ def certify(request: Request) -> MessageFrame:
     from armcontour.studies.certification import certify
     from armcontour.studies.certification.certification import goal_of
 
-    job, options = request.whole_job, dict(request.options)
-    if job.certificate is None and "tolerance" not in options:
-        options["tolerance"] = request.job.runs[0].accuracy
-    if options.get("tolerance", 0.0) is None:
+    job, chosen = request.whole_job, request.job.runs[0]
+    if job.certificate is None and request.options.get("tolerance", chosen.accuracy) is None:
         raise InvalidInput(
             "Certify requires a tolerance, because the job does not specify one. Enter it next to "
             "Certify."
         )
-    goal = goal_of(job, **options)
+    goal = goal_of(job, chosen.name, **request.options)
     certificate = certify(job, run=request.run, goal=goal, progress=request.progress)
     request.progress(Step(("writing",)))
     data = certificate.to_data()
