@@ -16,7 +16,7 @@ from armcontour.cli.inputs import open_job, read_option
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerRefused, InvalidInput
-from armcontour.core.quantities import AngularDistance
+from armcontour.core.quantities import AngularDistance, any_unit
 from armcontour.core.render import number, plain
 from armcontour.files import ResultFolder
 from armcontour.files.limits_and_servo_files import read_servo
@@ -97,7 +97,8 @@ def refuse_without_terminal(options: ControllerOptions) -> None:
 @contextmanager
 def confirmed(dry: Played, stop: threading.Event, progress: ProgressDisplay) -> Iterator[None]:
     """Context of a motion, which a signal stops, after the user has typed the name of the arm."""
-    name, distance = dry.job.arm.name, number(dry.distance, player.any_unit(dry.job.arm))
+    arm = dry.job.arm
+    name, distance = arm.name, number(dry.distance, any_unit("rad", arm.chain.slides))
     progress.hide()
     answer = typer.prompt(
         f"{name} will move on {dry.controller}, first by up to {distance} to "

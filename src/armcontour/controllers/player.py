@@ -15,7 +15,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput, NotRealizable
 from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import AngularDistance, Quantity, joint_units, shared_unit
+from armcontour.core.quantities import AngularDistance, Quantity, any_unit, joint_units
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.sampled_data import differences
@@ -227,7 +227,7 @@ class Played(Result):
         """Rows on the run, the checks, and the motion if one was executed."""
         record = self.record
         moved = None if record is None else record.stopped is None
-        units = any_unit(self.job.arm)
+        units = any_unit("rad", self.job.arm.chain.slides)
         rows = [
             Row("executed", bool(record or self.approach), "", "executed", level=VERDICT),
             *self.results,
@@ -426,8 +426,9 @@ class Player:
                 return
             if record.stopped is None or record.deviated:
                 break
+        rest = number(distance, any_unit("rad", job.arm.chain.slides))
         raise ControllerRefused(
-            f"The motion to the start ended {number(distance, any_unit(job.arm))} from it. "
+            f"The motion to the start ended {rest} from it. "
             f"{' '.join(record.notes) or 'Check the drives.'}"
         )
 
@@ -542,11 +543,6 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
             reason = f"joint {j + 1} rests {rest} from its simulated end"
     verdict = Row("kept", kept is not False, JUDGED, "verdict", reason, VERDICT)
     return replace(played, results=(verdict, *rows))
-
-
-def any_unit(arm: Arm) -> str:
-    """Unit of the position of any joint; several units if they differ."""
-    return shared_unit("rad", sorted(set(arm.chain.prismatic or ())))
 
 
 def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> Run:

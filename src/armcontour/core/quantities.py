@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
@@ -124,6 +124,21 @@ def shared_unit(unit: str, prismatic: Iterable[bool]) -> str:
     """Unit of all joints, from that of revolute joints; a list of units if they differ."""
     units = joint_units(unit, prismatic)
     return ", ".join(units) if len(set(units)) > 1 else (units or [unit])[0]
+
+
+def any_unit(unit: str, prismatic: Iterable[bool]) -> str:
+    """Unit of any joint, from that of revolute joints; two units if they differ."""
+    return shared_unit(unit, sorted(set(prismatic)))
+
+
+def list_values(texts: Sequence[str], unit: str, prismatic: Iterable[bool]) -> str:
+    """Values of all joints with their unit, or each with its own; one value if they are equal."""
+    units = joint_units(unit, prismatic)
+    if len(set(units)) > 1:
+        every = [*texts] * (len(units) if len(texts) == 1 else 1)
+        return ", ".join(f"{x} {y}" for x, y in zip(every, units, strict=True))
+    text = texts[0] if len(set(texts)) == 1 else ", ".join(texts)
+    return f"{text} {units[0] if units else unit}".rstrip()
 
 
 def linear_unit(unit: str) -> str:

@@ -30,7 +30,8 @@ from armcontour.core.quantities import (
     JointVelocities,
     Quantity,
     SpeedLimit,
-    joint_units,
+    list_values,
+    shared_unit,
 )
 from armcontour.core.text import digits, format_table, short_repr
 
@@ -157,14 +158,8 @@ class Limits(Checked):
 
     def _list_values(self, name: str, values: npt.ArrayLike) -> str:
         """The values of all joints with their units; one value if they are equal."""
-        units = joint_units(UNITS[name], self.prismatic if name in JOINT_VALUES else ())
-        rows = np.atleast_1d(values)
-        listed = [" to ".join(digits(x) for x in np.atleast_1d(row)) for row in rows]
-        if len(set(units)) > 1:
-            listed = listed * (len(units) if len(listed) == 1 else 1)
-            return ", ".join(f"{x} {unit}" for x, unit in zip(listed, units, strict=True))
-        text = listed[0] if len(set(listed)) == 1 else ", ".join(listed)
-        return f"{text} {units[0] if units else UNITS[name]}"
+        texts = [" to ".join(map(digits, np.atleast_1d(x))) for x in np.atleast_1d(values)]
+        return list_values(texts, UNITS[name], self.prismatic if name in JOINT_VALUES else ())
 
     def _check_range(self) -> None:
         lower, upper = self.joint_lower, self.joint_upper
@@ -179,7 +174,7 @@ class Limits(Checked):
         if empty.any():
             j = int(np.argmax(empty))
             low, high = (float(np.broadcast_to(x, empty.shape)[j]) for x in (lower, upper))
-            unit = "m" if self.prismatic and self.prismatic[j] else "rad"
+            unit = shared_unit("rad", self.prismatic[j : j + 1])
             raise InvalidInput(
                 f"The range of joint {j + 1} is empty. joint_lower ({low:g} {unit}) must be less "
                 f"than joint_upper ({high:g} {unit})."

@@ -21,6 +21,7 @@ from armcontour.control.learning.lifted_model import REST_TIME, Lifted, Nominal
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.quantities import shared_unit
 from armcontour.core.sampled_data import differences, interpolate
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.execution import check_set_points, describe_excess
@@ -315,7 +316,7 @@ def _contradiction(lifted: Lifted, run: LearningRun) -> str:
     j = int(np.argmax(ratios))
     if not ratios[j] > MAX_MISFIT:
         return ""
-    unit = "mm" if any(run.prismatic[j : j + 1]) else "mrad"
+    unit = shared_unit("mrad", run.prismatic[j : j + 1])
     return (
         f"{run.source} contradicts the servo: joint {j + 1} deviates by {misfit[j] * 1e3:.3g} "
         f"{unit} RMS from the simulation with the servo, but by {lag[j] * 1e3:.3g} {unit} from its "

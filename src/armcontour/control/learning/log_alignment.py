@@ -12,7 +12,7 @@ from armcontour.control.learning.learning_result import LearningResult, Learning
 from armcontour.control.learning.lifted_model import REST_TIME, Lifted, rms
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import shared_unit
+from armcontour.core.quantities import any_unit
 from armcontour.core.sampled_data import interpolate, white_noise
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import check_completeness
@@ -147,7 +147,7 @@ def require_same_set_points(recording: Recording, run: LearningRun, set_points: 
     error, noise = rms(run.error), rms(run.noise)
     allowed = max(SET_POINT_TOLERANCE, ERROR_SHARE * error, NOISE_MULTIPLE * noise)
     if run.set_points_off > allowed:
-        unit = shared_unit("mrad", sorted(set(run.prismatic)))
+        unit = any_unit("mrad", run.prismatic)
         raise InvalidInput(
             f"{run.source} is the log of another run, because its set-points differ from those of "
             f"this run by {run.set_points_off * 1e3:.3g} {unit} RMS. At most {allowed * 1e3:.3g} "

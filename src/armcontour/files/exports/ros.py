@@ -16,7 +16,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
-from armcontour.core.quantities import Axes, Duration, Quantity, shared_unit
+from armcontour.core.quantities import Axes, Duration, Quantity, any_unit
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.files.exports.export_table import (
     FEWER_DECIMALS,
@@ -155,7 +155,7 @@ def select_points(table: SetPointTable, most: int, tolerance: float) -> SetPoint
             middle = (low * high) ** 0.5
             fits = len(_rows_within(t, given, printed, middle)) <= most
             low, high = (low, middle) if fits else (middle, high)
-        unit = shared_unit("rad", sorted(set(table.prismatic)))
+        unit = any_unit("rad", table.prismatic)
         raise InvalidInput(
             f"{most} points of {table.name!r} cannot stay within {tolerance:.3g} {unit} of the "
             f"set-points, which requires {len(rows)} points. {most} points stay within {high:.3g} "

@@ -20,7 +20,7 @@ from armcontour.core.quantities import (
     Choice,
     OwnAccelerations,
     Quantity,
-    joint_units,
+    list_values,
 )
 
 INTERPOLATIONS = ("linear", "step", "cubic")
@@ -248,6 +248,7 @@ class ServoModel(Checked):
         Args:
             prismatic: Whether each joint is prismatic.
         """
+        slides = () if prismatic is None else prismatic
         parts = [] if self.order == "second" else [f"order {_join_texts(self.order)}"]
         rows = [(x, "1/s", 1.0) for x in ("kp", "kv", "ki")] + [("dead_time", "ms", 1e3)]
         rows += [("velocity_feedforward", "", 1.0), ("acceleration_feedforward", "", 1.0)]
@@ -257,13 +258,8 @@ class ServoModel(Checked):
             if values is None or not np.any(np.isfinite(values) & (values > 0)):
                 continue
             words = name.replace("_", " ").replace("feedforward", "feed-forward")
-            listed = [f"{x:g}" if np.isfinite(x) else "none" for x in np.atleast_1d(values * scale)]
-            units = joint_units(unit, () if prismatic is None else prismatic) or [unit]
-            if len(set(units)) > 1:
-                listed = listed * len(units) if len(listed) == 1 else listed
-                listed = [f"{x} {y}" for x, y in zip(listed, units, strict=True)]
-                units = [""]
-            parts.append(f"{words} {_join_texts(listed)} {units[0]}".rstrip())
+            texts = [f"{x:g}" if np.isfinite(x) else "none" for x in np.atleast_1d(values * scale)]
+            parts.append(f"{words} {list_values(texts, unit, slides)}")
         return ", ".join(parts)
 
     def for_joints(self, dof: int) -> ServoModel:
