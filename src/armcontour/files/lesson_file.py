@@ -71,7 +71,7 @@ def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
                 raise InvalidInput(
                     f"the lesson file has version {about['version']}, written by armcontour "
                     f"{about['armcontour']}, but armcontour {__version__} requires version "
-                    f"{VERSION}. Continue learning with the former armcontour, or start again with "
+                    f"{VERSION}. Continue learning with that version, or start again with "
                     "the set-points of the job."
                 )
             arrays: dict[str, Any] = {x: source[x] for x in source.files if x != JSON_ENTRY}

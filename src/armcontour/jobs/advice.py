@@ -89,9 +89,9 @@ def advise(
             "faster."
         )
     smallest = -inf if repairs else MIN_SAVING * result.trajectory.duration
-    for k, group in enumerate(groups[:most]):
+    for k, group in enumerate(planned := groups[:most]):
         for candidate in group:
-            report(Step((STEP,), done=k / len(groups)))
+            report(Step((STEP,), done=k / len(planned)))
             tried = _plan_change(candidate, result)
             if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)

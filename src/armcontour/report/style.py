@@ -45,9 +45,9 @@ def thin(t: FloatArray, *curves: FloatArray, count: int = MAX_POINTS) -> list[Fl
     points next to them.
     """
     gaps = np.isnan(np.stack(curves)).any(axis=0)
-    beside = np.convolve(gaps, np.ones(3), "same") > 0
+    near_gaps = np.convolve(gaps, np.ones(3), "same") > 0
     known = [np.where(np.isnan(x), np.nanmean(x), x) for x in curves]
-    chosen = select_points(np.where(beside, np.inf, 0.0), known, count)
+    chosen = select_points(np.where(near_gaps, np.inf, 0.0), known, count)
     return [t[chosen], *(x[chosen] for x in curves)]
 
 

@@ -64,7 +64,7 @@ function Figure({ name, row, seen, store, exact }) {
 function Shares({ store }) {
   const kinds = /** @type {{kind: string, share: string}[]} */ (headOf(store).kinds ?? []);
   const look = (/** @type {string} */ kind) => styleOf(kind, store.theme);
-  const told = kinds.map(({ kind, share }) => `${look(kind).label} ${share}`);
+  const shares = kinds.map(({ kind, share }) => `${look(kind).label} ${share}`);
   const show = (/** @type {string} */ kind) => {
     const picture = store.latest("picture");
     const { rapid_t: times, rapid_breaks: breaks } = picture?.arrays ?? {};
@@ -73,7 +73,7 @@ function Shares({ store }) {
   };
   return html`<div class="figure shares" hidden=${!kinds.length}><span class="label">Where the time goes</span>
     <span class="bar" aria-hidden="true">${kinds.map(({ kind, share }) => html`<span style=${`flex-grow: ${parseFloat(share)}; background: ${look(kind).colour}`} />`)}</span>
-    <span class="note" title=${told.join(", ")}>${kinds.filter(({ share }) => parseFloat(share) >= LEAST).map(({ kind, share }) => html`<button type="button" title="Show where that is longest" onClick=${() => show(kind)}><span class="key" style=${`background: ${look(kind).colour}`} />${look(kind).label} ${fixed(parseFloat(share), 0)} %</button>`)}</span></div>`;
+    <span class="note" title=${shares.join(", ")}>${kinds.filter(({ share }) => parseFloat(share) >= LEAST).map(({ kind, share }) => html`<button type="button" title="Show where that is longest" onClick=${() => show(kind)}><span class="key" style=${`background: ${look(kind).colour}`} />${look(kind).label} ${fixed(parseFloat(share), 0)} %</button>`)}</span></div>`;
 }
 
 /** Changes that save time. @param {{store: Store, link: import("./connection.js").Link, changes?: any[] | null}} props changes: null while they are searched, none before */
@@ -155,8 +155,8 @@ export function init(store, link) {
   /** The verdict for screen readers, at most once a second, when it rests. */
   const speak = () => {
     const { rows } = knownOf(store);
-    const told = FIRST.flatMap((name) => rows.get(name) ?? []);
-    const sentence = store.refusal?.head.sentence ?? told.map((x) => `${x.label} ${x.text} ${x.unit}`).join(", ");
+    const main = FIRST.flatMap((name) => rows.get(name) ?? []);
+    const sentence = store.refusal?.head.sentence ?? main.map((x) => `${x.label} ${x.text} ${x.unit}`).join(", ");
     if (sentence !== region.dataset.spoken) say(find("#spoken"), sentence);
     region.dataset.spoken = sentence;
   };

@@ -78,7 +78,7 @@ export function init(store) {
   const region = find("#playback");
   let [rate, playing] = [1, false];
   /** Time to which it has played [s]; of the last frame, and of the last change of the numbers [ms]. */
-  let [played, last, told] = [0, 0, 0];
+  let [played, last, shown] = [0, 0, 0];
 
   /** @param {boolean} on */
   const play = (on) => {
@@ -98,7 +98,7 @@ export function init(store) {
     played = Math.min(motion.duration, store.time + (Math.max(0, now - last) / 1000) * rate);
     last = now;
     store.setTime(played);
-    if (now - told > PLAYING) show();
+    if (now - shown > PLAYING) show();
     if (played >= motion.duration) play(false);
     else requestAnimationFrame(advance);
   };
@@ -108,7 +108,7 @@ export function init(store) {
     store.setTime(Math.min(Math.max(0, t), shownMotion(store)?.duration ?? 0));
   };
   const show = () => {
-    told = performance.now();
+    shown = performance.now();
     const motion = shownMotion(store);
     const { time, options } = store;
     const [now, end] = [time, motion?.duration ?? 0].map(seconds);

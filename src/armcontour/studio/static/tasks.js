@@ -19,7 +19,7 @@ import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js
 /**
  * Result of a task.
  * @typedef {{id: string, task: string, title: string, time: string, state: "running" | "done" | "refused" | "cancelled" | "failed",
- *   rev?: number, told?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
+ *   rev?: number, progress?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
  */
 /** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 
@@ -78,10 +78,10 @@ function Form({ start, ...task }) {
 }
 
 /** @param {{result: Result, store: Store, link: Link}} props */
-function Outcome({ result: { id, task, title, time, state, told, frame, sentence, rev }, store, link }) {
-  const { steps = [], share, eta } = told ?? {};
+function Outcome({ result: { id, task, title, time, state, progress, frame, sentence, rev }, store, link }) {
+  const { steps = [], share, eta } = progress ?? {};
   const { sentence: said = sentence, rows = [], tables = [], changes = [], notes = [], warnings = [], file } = frame?.head ?? {};
-  const step = told ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
+  const step = progress ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
   return html`<article class="task-result" data-task=${task} data-id=${id} data-state=${state} data-share=${share ?? ""}>
     <h3>${title} <span class="quiet">${time}</span></h3>
     ${state === "running" && html`<div class="task-progress"><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label=${`${title}: progress`} /><span class="quiet">${step}</span>
@@ -132,7 +132,7 @@ export function init(store, link) {
     const old = results.value.find((x) => x.id === id);
     if (!old || old.state !== "running") return;
     results.value = results.value.map((x) => (x === old ? { ...x, ...more } : x));
-    if (more.told) return;
+    if (more.progress) return;
     tell();
     if (old.task === "changes" && old.rev === store.latest("document")?.rev) store.tell("advice", more.frame?.head.changes);
     if (results.value.every((x) => x.state !== "running")) say(find("#spoken"), region.querySelector(".task-sentence, .tiles")?.textContent ?? "");
@@ -151,7 +151,7 @@ export function init(store, link) {
     // In a narrow page the results are below the forms.
     requestAnimationFrame(() => region.querySelector(".task-result")?.scrollIntoView({ block: "nearest" }));
   };
-  store.on("progress", (/** @type {Frame} */ { head }) => renew(head.id, { told: /** @type {any} */ (head) }));
+  store.on("progress", (/** @type {Frame} */ { head }) => renew(head.id, { progress: /** @type {any} */ (head) }));
   store.on("result", (/** @type {Frame} */ frame) => {
     const { id, kept } = frame.head;
     renew(id, { state: kept === false ? "refused" : "done", frame });

@@ -77,7 +77,7 @@ export function init(store, _link, { view }) {
       html`<span class="tools" role="group" aria-label="Tools">
           ${canDraw(store) && Object.entries(PEN).map(pen)}
           <${Tool} name="Place part" d=${MOVE} title="Move and turn the part as a whole (M)" is=${options.place} act=${() => set("place")(!store.options.place)} />
-          <${Tool} name="Add obstacle" d=${BLOCK} id="add-obstacle" title="A box beside the part, with a name and a height; drag it or its corner, press F2 to change them" /></span>
+          <${Tool} name="Add obstacle" d=${BLOCK} id="add-obstacle" title="A box next to the part, with a name and a height; drag it or its corner, press F2 to change them" /></span>
         <span class="looks"><${Choice} label="Colour by" names=${COLOURINGS} now=${options.colour} choose=${set("colour")} />
           <span class="group zoom">${button("−", "Zoom out (−)", () => view.zoomBy(1 / 1.4))}${button("+", "Zoom in (+)", () => view.zoomBy(1.4))}${button("Fit", "Show all (F)", () => view.fit())}</span></span>
         <${Choice} label="View" names=${STAGES} now=${options.stage} choose=${set("stage")} />`,
