@@ -293,7 +293,7 @@ export class Viewer {
 
   /** Look from a side, at the part or at all of the arm. @param {string} view "" for the side from which it is */
   look(view) {
-    const { controls, eye } = this;
+    const { controls, eye, host } = this;
     const path = this.points.map((x) => x.clone().applyMatrix4(this.work));
     const all = view === "Part" && path.length ? path : [...path, ...this.joints, this.tip.position];
     const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
@@ -302,7 +302,7 @@ export class Viewer {
       high.max(x);
     }
     const radius = Math.max(0.05, 0.5 * low.distanceTo(high) * (view === "Part" ? 1 : 1.15));
-    const away = (radius / Math.sin((FIELD * Math.PI) / 360)) * Math.max(1, 1 / eye.aspect);
+    const away = (radius / Math.sin((FIELD * Math.PI) / 360)) * Math.max(1, host.clientHeight / Math.max(1, host.clientWidth));
     const azimuth = view ? VIEWS[view][0] : controls.getAzimuthalAngle() - Math.PI / 2;
     const elevation = view ? VIEWS[view][1] : Math.PI / 2 - controls.getPolarAngle();
     controls.target.copy(low).add(high).multiplyScalar(0.5);
@@ -380,12 +380,11 @@ function dot() {
 /** @param {Matrix4} pose */
 const originOf = (pose) => new Vector3().setFromMatrixPosition(pose);
 
-/** Some of the points. @param {ArrayLike<number>} points (n, 3) @returns {Vector3[]} */
+/** Some of the points, with both ends. @param {ArrayLike<number>} points (n, 3) @returns {Vector3[]} */
 function sampled(points) {
-  const step = 3 * Math.max(1, Math.floor(points.length / 450));
-  const found = [];
-  for (let k = 0; k + 2 < points.length; k += step) found.push(new Vector3().fromArray(points, k));
-  return found;
+  const last = points.length / 3 - 1;
+  const count = Math.min(150, last + 1);
+  return Array.from({ length: count }, (_, k) => new Vector3().fromArray(points, 3 * Math.round((k * last) / Math.max(1, count - 1))));
 }
 
 /** @param {import("./vendor/three.js").Object3D} object @param {Matrix4} p */
