@@ -147,8 +147,8 @@ def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: boo
     remedy = unit_hint(gap) if far else ". " + _remedy(points, rapid)
     return Unreachable(
         f"{capitalise(called)} is out of reach of the arm {job.arm.name} by up to "
-        f"{f'{gap:.3g} m' if far else number(gap, 'm')}, most at {_place(point, far)}, {s:.6g} m "
-        f"along it{before}{others}{remedy}.",
+        f"{f'{gap:.3g} m' if far else number(gap, 'm')}, most at {_place(point, far)}, "
+        f"{f'{s:.6g} m' if far else f'{1e3 * s:.6g} mm'} along it{before}{others}{remedy}.",
         point=point.tolist(),
         s=s,
         limit="reach",

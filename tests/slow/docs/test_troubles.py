@@ -89,7 +89,7 @@ TROUBLES = {
         arm={"file": "robot.urdf", "tip": "l6"},
         limits={"speed": "0.1 m/s", "joint_acceleration": "inf"},
     ),
-    "The tool stops on the way": changed(limits={"joint_jerk": 10}, corners="sharp"),
+    "A stop at a sharp corner": changed(limits={"joint_jerk": 10}, corners="sharp"),
     "A contour that is too short for its speed": changed(
         path={"points": [[0.30, 0.20], [0.303, 0.20]]}, corners="sharp",
         process={"lead_in": {"length": "30 mm"}, "switch": {"name": "laser"}},
