@@ -23,7 +23,7 @@ for programs. Messages count joints, segments, waypoints, corners and items of a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 
 from armcontour.core.text import Keys, key_text, to_line
@@ -49,8 +49,8 @@ class ArmContourError(Exception):
         key: Names and indices, from 0, of the wrong value: keys of a file, from the outermost one,
             or the field of a class or the argument of a function. Empty if unknown.
         value: The wrong value, for a file as it is written; None if unknown.
-        remedies: Alternative fixes: a key relative to `key`, and its value as in a file; None to
-            remove the key.
+        remedies: Alternative fixes: values as in a file, by keys relative to `key`; None to remove
+            a key.
     """
 
     exit_code = 1
@@ -69,7 +69,7 @@ class ArmContourError(Exception):
         allowed: float | None = None,
         key: Keys = (),
         value: object = None,
-        remedies: Sequence[tuple[Keys, str | float | None]] = (),
+        remedies: Sequence[Mapping[Keys, str | float | None]] = (),
     ) -> None:
         # Messages repeat text of files, which must not control the terminal.
         super().__init__(to_line(message))

@@ -266,7 +266,7 @@ def _timing(model: RunModel, cycle: float) -> PlanOptions:
         raise InvalidInput(
             f"duration requires the timing method optimal, not {model.timing.method}. Remove "
             "duration, or write timing: {method: optimal}.",
-            remedies=((("duration",), None), (("timing", "method"), Optimal.method)),
+            remedies=({("duration",): None}, {("timing", "method"): Optimal.method}),
         )
     if isinstance(model.timing, Paper):
         return dataclasses.replace(model.timing, cycle=cycle)
@@ -280,7 +280,7 @@ def _check_corner_speed(keys: Keys, corners: Rounding, limits: Limits) -> None:
             f"{key_text(keys)} requires either tolerance, the largest corner error, or both speed "
             "and acceleration.",
             key=keys,
-            remedies=((("tolerance",), FIRST_TOLERANCE),),
+            remedies=({("tolerance",): FIRST_TOLERANCE},),
         )
 
 

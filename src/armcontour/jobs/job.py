@@ -257,20 +257,20 @@ class Rounding(Checked):
                 f"{key}.shape: free requires the timing method optimal, but this run has the "
                 f"method {timing}. Add corners to the run, such as corners: {{tolerance: 1 mm}}, "
                 "or set timing: {method: optimal}.",
-                remedies=((("shape",), ARC),),
+                remedies=({("shape",): ARC},),
             )
         for name in ("speed", "acceleration"):
             if getattr(self, name) is not None:
                 raise InvalidInput(
                     f"{key}.{name} determines the radius of arcs, but the shape is free. Remove "
                     f"{name} and specify tolerance, the largest distance from the objective.",
-                    remedies=(((name,), None), (("shape",), ARC)),
+                    remedies=({(name,): None}, {("shape",): ARC}),
                 )
         if self.tolerance is None:
             raise InvalidInput(
                 f"{key}.tolerance is missing. Shape free requires the largest distance from the "
                 "objective, such as tolerance: 1 mm.",
-                remedies=((("tolerance",), FIRST_TOLERANCE),),
+                remedies=({("tolerance",): FIRST_TOLERANCE},),
             )
 
     def _check_continuity(self, timing: str, key: str) -> None:
@@ -281,13 +281,13 @@ class Rounding(Checked):
             raise InvalidInput(
                 f"{key}.continuity requires shape: arc, but the shape is free. Remove continuity, "
                 "or set shape: arc.",
-                remedies=((("continuity",), None), (("shape",), ARC)),
+                remedies=({("continuity",): None}, {("shape",): ARC}),
             )
         if self.continuity == CURVATURE and timing == Method.PAPER:
             raise InvalidInput(
                 f"{key}.continuity is curvature, but the timing method paper supports only lines "
                 "and arcs. Set continuity: tangent, or timing: {method: optimal}.",
-                remedies=((("continuity",), TANGENT),),
+                remedies=({("continuity",): TANGENT},),
             )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import astuple, dataclass, field, fields, replace
 from functools import partial
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
@@ -35,6 +35,7 @@ from armcontour.core.quantities import (
     Speed,
     Time,
 )
+from armcontour.core.text import Keys
 from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weave import Weave
 from armcontour.program.moves import Contour, Event, Value
@@ -46,7 +47,8 @@ LEAD_LENGTH = Key(
 )
 BEGIN = Key(hint=Literal["auto", "drawn"] | Distance | Annotated[list[Length], Items(2, 3)])
 # Usual values of what a message says is missing.
-SWITCH, TABS = ((("switch", "name"), "torch"),), ((("count",), 3), (("spacing",), "50 mm"))
+SWITCH: dict[Keys, Any] = {("switch", "name"): "torch"}
+TABS: tuple[dict[Keys, Any], ...] = ({("count",): 3}, {("spacing",): "50 mm"})
 SHAPES = ("line", "arc")
 SIDES = ("left", "right")
 # The waste side of a contour.
@@ -306,7 +308,7 @@ class Process(Checked, LayerProcess):
             raise InvalidInput(
                 f"direction {self.direction} requires the tool to the {side} of the contour, but "
                 f"kerf_side is {self.kerf_side}. Remove direction or kerf_side.",
-                remedies=((("direction",), None), (("kerf_side",), None)),
+                remedies=({("direction",): None}, {("kerf_side",): None}),
             )
         object.__setattr__(self, "begin", _checked_begin(self.begin))
         names = [x.name for x in self.analog]
@@ -323,22 +325,20 @@ class Process(Checked, LayerProcess):
 
     def _check_switch(self) -> None:
         """Raise InvalidInput for tabs or a pierce on which the switch has no effect."""
-        if self.tabs is not None and self.switch is None:
+        is_off = self.pierce is not None and self.lead_in is not None and not self.lead_in.active
+        active: dict[Keys, Any] = {("lead_in", "active"): True} if is_off else {}
+        if self.switch is None and (self.tabs or self.pierce):
+            use, key = "A pierce needs an output", "pierce"
+            if self.tabs is not None:
+                use, key = "Tabs need an output that is off on each tab", "tabs"
             raise InvalidInput(
-                "Tabs need an output that is off on each tab. Specify switch.name, or remove tabs.",
-                remedies=SWITCH,
+                f"{use}. Specify switch.name, or remove {key}.", remedies=(SWITCH | active,)
             )
-        if self.pierce is None:
-            return
-        if self.switch is None:
-            raise InvalidInput(
-                "A pierce needs an output. Specify switch.name, or remove pierce.", remedies=SWITCH
-            )
-        if self.lead_in is not None and not self.lead_in.active:
+        if is_off:
             raise InvalidInput(
                 "The tool pierces at the start of the lead-in, but the process is off along the "
                 "lead-in. Set active: true in lead_in.",
-                remedies=((("lead_in", "active"), True), (("pierce",), None)),
+                remedies=(active, {("pierce",): None}),
             )
 
     def _make_parts(self) -> None:
@@ -359,15 +359,31 @@ class Process(Checked, LayerProcess):
                     try:
                         made[part] = replace(self, by_layer={}, by_contour={}, **part_values)
                     except InvalidInput as error:
-                        # A common value cannot be removed here, nor one of its keys changed.
-                        error.remedies = tuple(
-                            (keys, x)
-                            for keys, x in error.remedies
-                            if keys[0] in values or not getattr(self, str(keys[0]), None)
-                        )
+                        remedies = (self._remedy_of_part(x, values) for x in error.remedies)
+                        error.remedies = tuple(filter(None, remedies))
                         raise
             object.__setattr__(self, key, MappingProxyType(dict(values_by_part)))
         object.__setattr__(self, "_parts", MappingProxyType(made))
+
+    def _remedy_of_part(
+        self, remedy: Mapping[Keys, Any], values: Mapping[str, Any]
+    ) -> dict[Keys, Any]:
+        """Remedy with the values of a part; empty if it would change a value of all contours."""
+        fixed: dict[Keys, Any] = {}
+        for keys, x in remedy.items():
+            if keys[0] in values or not getattr(self, str(keys[0]), None):
+                # All contours have the same switch.
+                parts = *self.by_layer.values(), *self.by_contour.values()
+                names = (part["switch"].name for part in parts if part.get("switch"))
+                fixed[keys] = next(names, x) if keys in SWITCH else x
+            elif self.lead_in is not None and keys == ("lead_in", "active"):
+                length, shape, side, _ = astuple(self.lead_in)
+                text = "auto" if length is None else f"{1e3 * length:.12g} mm"
+                lead = {"active": x, "length": text, "shape": shape, "side": side}
+                fixed |= {("lead_in", name): x for name, x in lead.items()}
+            else:
+                return {}
+        return fixed
 
     def __reduce__(self) -> tuple[Callable[[], Process], tuple[()]]:
         """Pickle without read-only mappings, which cannot be copied to other processes."""

@@ -14,6 +14,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError
 from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data, Table
+from armcontour.core.text import Keys
 from armcontour.geometry import Path, RoundedPath
 from armcontour.jobs import Job, Run
 from armcontour.jobs.rows import verdict_rows
@@ -194,12 +195,16 @@ def refusal_header(
 
 
 def error_place(error: ArmContourError) -> dict[str, Any]:
-    """Key of an error in the job, and edits that fix it."""
+    """Key of an error in the job, and alternative lists of edits that fix it."""
     edits = [
-        {"do": "unset" if x is None else "set", "key": [*error.key, *keys], "value": x}
-        for keys, x in error.remedies
+        [_edit((*error.key, *keys), value) for keys, value in remedy.items()]
+        for remedy in error.remedies
     ]
     return {"key": ".".join(map(str, error.key)), "remedies": edits}
+
+
+def _edit(keys: Keys, value: Any) -> dict[str, Any]:
+    return {"do": "unset" if value is None else "set", "key": [*keys], "value": value}
 
 
 def picture_frame(planned: Preview, view: View) -> MessageFrame:

@@ -28,10 +28,10 @@ export function Entry({ value, send, ...more }) {
   return html`<input type="text" autocomplete="off" spellcheck=${false} ref=${field} onChange=${change} onKeyDown=${key} ...${more} />`;
 }
 
-/** Buttons that do what a refusal proposes. @param {{edits?: {key: (string | number)[], value: any}[], take: (edit: object) => void}} props */
-export const Remedies = ({ edits = [], take }) => edits.map((edit) => {
-  const name = edit.key.slice(-2).join(" ").replaceAll("_", " ");
-  return html`<button type="button" title=${edit.key.join(".")} onClick=${() => take(edit)}>${edit.value === null ? `Remove ${name}` : `Set ${name}: ${edit.value}`}</button> `;
+/** Buttons that do what a refusal proposes, each with all its edits; the first two are its label. @param {{all?: {key: (string | number)[], value: any}[][], take: (edits: object[]) => void}} props */
+export const Remedies = ({ all = [], take }) => all.map((edits) => {
+  const texts = edits.map(({ key, value }) => `${value === null ? "Remove" : "Set"} ${key.slice(-2).join(" ").replaceAll("_", " ")}${value === null ? "" : `: ${value}`}`);
+  return html`<button type="button" title=${edits.map(({ key }) => key.join(".")).join(", ")} onClick=${() => take(edits)}>${texts.slice(0, 2).join(", ").replaceAll(", Set", ",")}</button> `;
 });
 
 /**

@@ -183,10 +183,10 @@ export function refuseAt({ head: { key, sentence, remedies } }) {
   const outer = [key, wish.key.slice(0, wish.key.lastIndexOf("."))].find((x) => x && wish.key.startsWith(`${x}.`) && `${key}.`.startsWith(`${x}.`));
   if (outer && key !== wish.key) waiting.value = [...waiting.value.map((x) => (more.includes(x) ? { ...x, outer } : x)), { ...wish, outer }];
   else if (wish.edits.some((/** @type {any} */ x) => x.do === "set" && !x.insert && x.key.join(".") === wish.key)) waiting.value = [...waiting.value, { ...wish, was: writtenOf(wish.key) }];
-  const take = (/** @type {object} */ edit) => send(wish.key.split("."), [...wish.edits, edit]);
+  const take = (/** @type {object[]} */ edits) => send(wish.key.split("."), [...wish.edits, ...edits]);
   // The field says where it is, and the newest refusal has the reasons of those that wait.
   const said = sentence.replace(/^[\w.-]+: ([\w.-]+: )*/, "").replace(/ \(line \d+\)/, "").replace(/^the key \S*?(\w+) is missing/, (/** @type {string} */ _all, /** @type {string} */ name) => `${words(name)} is required as well`);
-  refusals.value = { ...refusedOf((x) => x.was !== undefined), [place ?? wish.key]: html`${said} <${Remedies} edits=${remedies} take=${take} />` };
+  refusals.value = { ...refusedOf((x) => x.was !== undefined), [place ?? wish.key]: html`${said} <${Remedies} all=${remedies} take=${take} />` };
   requestAnimationFrame(() => document.querySelector("#form .refused")?.scrollIntoView({ block: "nearest" }));
   return place !== undefined;
 }

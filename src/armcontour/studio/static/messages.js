@@ -45,9 +45,8 @@ export function init(store, link) {
   store.on("picture", () => clear("early"));
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
-  const take = (/** @type {object} */ edit) => link.edit([edit]);
   const refuse = (sentence = "", rest = "", edits = /** @type {any[]} */ ([])) =>
-    render(html`<span>${sentence}</span><span class="quiet">${rest}</span><${Remedies} edits=${edits} take=${take} />`, refused);
+    render(html`<span>${sentence}</span><span class="quiet">${rest}</span><${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
   refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
     refused.hidden = !frame;
