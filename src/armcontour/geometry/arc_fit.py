@@ -75,12 +75,7 @@ SAME_POINT = 1e-11
 
 
 def fit_many(
-    curves: Curves,
-    breaks: FloatArray,
-    rows: IntArray,
-    tolerance: float,
-    *,
-    separate: bool = False,
+    curves: Curves, breaks: FloatArray, rows: IntArray, tolerance: float, *, separate: bool = False
 ) -> list[Segments]:
     """Lines and tangent arcs along many curves, within a tolerance of the curves.
 
@@ -254,11 +249,7 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
 
 
 def _tangents(
-    curves: Curves,
-    breaks: FloatArray,
-    row: IntArray,
-    starts: IntArray,
-    size: FloatArray,
+    curves: Curves, breaks: FloatArray, row: IntArray, starts: IntArray, size: FloatArray
 ) -> list[tuple[FloatArray, FloatArray]]:
     """One-sided unit tangents and their uncertainties [rad], at the starts and at the ends."""
     row, begin, end = row[starts], breaks[starts], breaks[starts + 1]

@@ -171,11 +171,7 @@ class Path(Checked):
     @classmethod
     @checked
     def circle(
-        cls,
-        center: Sequence[float],
-        radius: Size,
-        *,
-        segment_limits: SegmentLimits = NO_LIMITS,
+        cls, center: Sequence[float], radius: Size, *, segment_limits: SegmentLimits = NO_LIMITS
     ) -> Path:
         """The counter-clockwise circle that starts on the +x side of its centre.
 

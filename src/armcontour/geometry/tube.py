@@ -95,11 +95,7 @@ class Tube(Frozen):
         return rows, np.array(self.tolerance), excluded_ends
 
     @classmethod
-    def around(
-        cls,
-        objective: Path,
-        tolerance: npt.ArrayLike,
-    ) -> Tube:
+    def around(cls, objective: Path, tolerance: npt.ArrayLike) -> Tube:
         """The tube around an objective path.
 
         Tolerances of the objective's own segments cap those of their pieces and corners.

@@ -107,12 +107,7 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
         part = path if len(ends) == 2 else cut_path(path, begin, end)
         seam, matched_s = _smooth_seam(part, pitch, weave.width)
         wave = _Wave(
-            part=part,
-            seam=seam,
-            places=matched_s,
-            width=weave.width,
-            pitch=pitch,
-            edge=edge,
+            part=part, seam=seam, places=matched_s, width=weave.width, pitch=pitch, edge=edge
         )
         seams.append(seam)
         if part.length < pitch / 2:

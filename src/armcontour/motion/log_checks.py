@@ -240,11 +240,7 @@ def check_range_of_log(
 
 
 def check_speeds(
-    source: str,
-    t: FloatArray,
-    q: FloatArray,
-    joint_names: Sequence[str],
-    prismatic: Sequence[bool],
+    source: str, t: FloatArray, q: FloatArray, joint_names: Sequence[str], prismatic: Sequence[bool]
 ) -> None:
     """Raise InvalidInput if a joint is faster than any robot."""
     noise, interval = white_noise(q), float(np.median(np.diff(t)))

@@ -317,9 +317,7 @@ class Limits(Checked):
 
     @checked
     def bounds(
-        self,
-        name: Annotated[str, Choice(JOINT_LIMITS)],
-        dof: Annotated[int, AtLeast(1)],
+        self, name: Annotated[str, Choice(JOINT_LIMITS)], dof: Annotated[int, AtLeast(1)]
     ) -> tuple[FloatArray, FloatArray]:
         """Lower (negative) and upper bounds of a joint limit; infinite without a limit.
 

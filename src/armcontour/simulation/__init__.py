@@ -2,8 +2,5 @@
 
 from armcontour.core.lazy import lazy_names
 
-_HOME = {
-    "plant": "Plant ServoPlant simulate",
-    "rigid_body_plant": "RigidBodyPlant",
-}
+_HOME = {"plant": "Plant ServoPlant simulate", "rigid_body_plant": "RigidBodyPlant"}
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -100,10 +100,7 @@ class LimitedPlant(Immutable, Plant):
 
 @checked
 def simulate(
-    set_points: SetPoints,
-    plant: Plant | ServoModel,
-    *,
-    resolution: Interval = 1e-3,
+    set_points: SetPoints, plant: Plant | ServoModel, *, resolution: Interval = 1e-3
 ) -> Execution:
     """Execute set-points on a plant.
 

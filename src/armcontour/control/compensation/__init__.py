@@ -4,6 +4,6 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "compensator": "METHODS CompensationOptions Inverse InverseDynamics NoCompensation "
-    "PolePlacement compensate",
+    "PolePlacement compensate"
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -85,11 +85,7 @@ def run_filter(
                     series[k, 0], series[k, 1], series[k, 2] = x1, x2, x3
                     source = local[k] if k < 6 else 0.0
                     scale = p * h / (k + 1)
-                    x1, x2, x3 = (
-                        scale * x2,
-                        scale * x3,
-                        scale * (source - x1 - d1 * x2 - d2 * x3),
-                    )
+                    x1, x2, x3 = (scale * x2, scale * x3, scale * (source - x1 - d1 * x2 - d2 * x3))
                     if k > 5 and abs(x1) + abs(x2) + abs(x3) <= negligible:
                         terms = k + 1
                         break

@@ -354,10 +354,7 @@ SERVO_FIT = ServoFit()
 
 @checked
 def identify(
-    logs: Log | Sequence[Log],
-    options: ServoFit = SERVO_FIT,
-    *,
-    progress: Progress | None = None,
+    logs: Log | Sequence[Log], options: ServoFit = SERVO_FIT, *, progress: Progress | None = None
 ) -> Identification:
     """Identify the servo of every joint from logs.
 

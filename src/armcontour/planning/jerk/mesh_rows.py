@@ -241,16 +241,7 @@ class MeshRows:
         cells = {name: getattr(p, name)[first:last] for name in ("width", "begin", "end")}
         parts = {
             name: getattr(p, name)[start:end]
-            for name in (
-                "plain",
-                "low",
-                "high",
-                "curved",
-                "raised",
-                "about",
-                "round",
-                "radius",
-            )
+            for name in ("plain", "low", "high", "curved", "raised", "about", "round", "radius")
         }
         return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
 

@@ -151,10 +151,7 @@ def _round_within(
 
     def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
         path = round_path(
-            objective,
-            tolerance=tolerance,
-            angular_tolerance=options.angular_tolerance,
-            curve=curve,
+            objective, tolerance=tolerance, angular_tolerance=options.angular_tolerance, curve=curve
         )
         matches = match(tube, path, _matching_lengths(path), REACH * options.tolerance)
         return path, matches, _corners_outside(tube, path, matches)

@@ -31,12 +31,7 @@ from armcontour.planning.tracing.positioner_tilt import (
 from armcontour.planning.tracing.redundancy import null_space, smooth
 from armcontour.robot import SerialArm, newton
 from armcontour.robot.arm import shift_by_turns, unit_hint
-from armcontour.robot.inverse_kinematics import (
-    REACH_SEEDS,
-    configurations,
-    out_of_reach,
-    seeds,
-)
+from armcontour.robot.inverse_kinematics import REACH_SEEDS, configurations, out_of_reach, seeds
 from armcontour.robot.limit_use import use_of
 
 T = TypeVar("T")

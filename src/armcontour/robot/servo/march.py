@@ -294,13 +294,7 @@ def count_terms(x: float) -> int:
 
 @compiled(inner=True, fastmath=FUSED)
 def expand(
-    servo: Servo,
-    u: Command,
-    side: float,
-    terms: int,
-    q: FloatArray,
-    x: FloatArray,
-    z: FloatArray,
+    servo: Servo, u: Command, side: float, terms: int, q: FloatArray, x: FloatArray, z: FloatArray
 ) -> None:
     """Compute the Taylor coefficients of position minus command value, integral and demand.
 

@@ -156,9 +156,7 @@ class ServoModel(Checked):
     kp: Annotated[Gains, About(usual=(1.0, 500.0))]
     kv: Annotated[Gains | None, About(usual=(1.0, 2e3))]
     ki: Annotated[
-        FloatArray,
-        Quantity("1/s", "5 1/s", within=(0.0, GAINS[1])),
-        About(usual=(0.1, 2e2)),
+        FloatArray, Quantity("1/s", "5 1/s", within=(0.0, GAINS[1])), About(usual=(0.1, 2e2))
     ]
     order: Annotated[str | tuple[str, ...], Choice(ORDERS)]
     dead_time: Annotated[FloatArray, replace(DEAD_TIME, within=(0.0, LONGEST_DEAD_TIME))]

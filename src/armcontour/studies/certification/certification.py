@@ -15,15 +15,7 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.certificate_goal import CertificateGoal
-from armcontour.jobs.job import (
-    ARC,
-    FREE,
-    Job,
-    Rounding,
-    Run,
-    build_plant,
-    choose_run,
-)
+from armcontour.jobs.job import ARC, FREE, Job, Rounding, Run, build_plant, choose_run
 from armcontour.jobs.run_plan import explained_reach, plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.motion import Method

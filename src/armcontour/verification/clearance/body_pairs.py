@@ -133,9 +133,7 @@ def _links_without_shape(chain: Chain, bodies: Sequence[LinkShape]) -> list[Left
     links = {x.link for x in bodies}
     return [
         LeftOut(
-            first=f"the link after {joint}",
-            second="everything",
-            reason="no shape of it is known",
+            first=f"the link after {joint}", second="everything", reason="no shape of it is known"
         )
         for k, joint in enumerate(chain.joints, start=1)
         if k > chain.floor_link and k not in links

@@ -257,11 +257,7 @@ class Clearance(Result):
 
 @checked
 def check_clearance(
-    motion: Motion,
-    arm: Arm | None = None,
-    scene: Scene | None = None,
-    *,
-    resolution: float = 1e-3,
+    motion: Motion, arm: Arm | None = None, scene: Scene | None = None, *, resolution: float = 1e-3
 ) -> Clearance:
     """Prove the distances of an arm from itself and from its cell in a motion.
 
