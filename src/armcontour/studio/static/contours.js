@@ -2,7 +2,7 @@
 
 import { styleOf } from "./colours.js";
 import { find } from "./dom.js";
-import { layers, runLayer } from "./form.js";
+import { layers, moveContour, runLayer } from "./form.js";
 import { contourLabel, seconds } from "./format.js";
 import { kindAt } from "./polylines.js";
 import { nowAndThen, READING } from "./state.js";
@@ -13,6 +13,9 @@ import { html, render } from "./vendor/preact.js";
 
 /** So many are listed; the others are selected in the drawing. */
 const MOST = 500;
+
+/** Buttons of the selected row, with their keys. @type {[string, string, string, number][]} */
+const MOVES = [["ArrowUp", "↑", "earlier", -1], ["ArrowDown", "↓", "later", 1]];
 
 /** The limit that takes most of the time of a contour. @param {import("./state.js").Frame} picture @param {number} k @returns {string} */
 function limitOf(picture, k) {
@@ -28,40 +31,54 @@ function limitOf(picture, k) {
 /** @param {Store} store */
 export function init(store) {
   const region = find("#tab-contours");
+  const all = () => /** @type {Contour[]} */ (store.latest("picture")?.head.contours ?? []);
+  let dragged = -1;
+  let isMoved = false;
   const select = (/** @type {number} */ k) => {
     const [begin] = store.latest("picture")?.head.contours[k]?.t ?? [];
+    isMoved = false;
     store.setView({ contour: store.options.contour === k ? -1 : k });
     if (begin !== undefined) store.setTime(begin);
   };
   const row = (/** @type {Contour} */ { number, name, layer, t }, /** @type {number} */ k) => {
     const picture = /** @type {import("./state.js").Frame} */ (store.latest("picture"));
     const { colour } = styleOf(t ? limitOf(picture, k) : "unknown", store.theme);
-    return html`<li><button type="button" aria-pressed=${String(store.options.contour === k)} onClick=${() => select(k)}>
+    return html`<li draggable=${true} onDragStart=${() => (dragged = k)} onDragOver=${(/** @type {Event} */ e) => dragged >= 0 && e.preventDefault()} onDrop=${() => move(dragged, k)} onDragEnd=${() => (dragged = -1)}><button type="button" aria-pressed=${String(store.options.contour === k)} onClick=${() => select(k)}>
       <span class="dot" style=${`background: ${colour}`} /><span class="name">${contourLabel({ number, name })}</span>
-      <small>${!name.startsWith(`${layer}-`) && layer}</small><span class="time">${t ? `${seconds(t[1] - t[0])} s` : ""}</span></button></li>`;
+      <small>${!name.startsWith(`${layer}-`) && layer}</small><span class="time">${t ? `${seconds(t[1] - t[0])} s` : ""}</span></button>${store.options.contour === k && MOVES.map(([key, text, when, by]) => html`<button type="button" class="move" title=${`Run it ${when} (Alt+${text})`} aria-label=${`Run contour ${number} ${when}`} aria-keyshortcuts=${`Alt+${key}`} onClick=${() => move(k, k + by)}>${text}</button>`)}</li>`;
   };
-  /** Arrow keys go from row to row. @param {KeyboardEvent} event */
+  const move = (/** @type {number} */ k, /** @type {number} */ to) => {
+    store.setView({ contour: k });
+    isMoved = true;
+    moveContour(all(), k, to);
+  };
+  /** Arrow keys go from row to row, with Alt they move the row. @param {KeyboardEvent} event */
   const walk = (event) => {
     const { key, target } = event;
     const row = /** @type {Element} */ (target).closest("li");
     const next = { ArrowDown: row?.nextElementSibling, ArrowUp: row?.previousElementSibling }[key]?.firstElementChild;
     if (!(next instanceof HTMLElement)) return;
     event.preventDefault();
+    const [k, to] = [row, next.parentElement].map((x) => [...(row?.parentElement?.children ?? [])].indexOf(/** @type {Element} */ (x)));
+    if (event.altKey) return move(k, to);
+    isMoved = false;
     next.focus();
   };
   const update = nowAndThen(READING, () => {
-    const contours = /** @type {Contour[]} */ (store.latest("picture")?.head.contours ?? []);
+    const contours = all();
     if (region.hidden) return;
     const more = contours.length - MOST;
-    const all = layers();
+    const known = layers();
     render(
-      html`${all.length > 1 && html`<div class="layers" role="group" aria-label="Layers that are run">${all.map(([name, is]) =>
+      html`${known.length > 1 && html`<div class="layers" role="group" aria-label="Layers that are run">${known.map(([name, is]) =>
         html`<label class="field"><input type="checkbox" checked=${is} onChange=${(/** @type {any} */ e) => runLayer(name, e.target.checked)} />${name}${!is && html` <small>not run</small>`}</label>`)}</div>`}
         <ol class="contours" onKeyDown=${walk}>${contours.slice(0, MOST).map(row)}</ol>
         ${!contours.length && html`<p class="quiet">No contour yet: draw one, or open a drawing.</p>`}
         ${more > 0 && html`<p class="quiet">${more} more: click them in the drawing.</p>`}`,
       region,
     );
+    // The focus goes with a moved row.
+    if (isMoved && region.contains(document.activeElement)) /** @type {HTMLElement | null} */ (region.querySelector("[aria-pressed=true]"))?.focus();
   });
   for (const event of ["document", "picture", "view", "theme"]) store.on(event, update);
   let shown = -1;

@@ -445,13 +445,35 @@ function Group({ title, fields }) {
   </details>`;
 }
 
-/** The selected contour, with its key in `path.contours`: its name, or its number if others have this name. @param {Store} store */
+/** The selected contour as JSON, with its key: its name, or its number if others have this name. @param {Store} store */
 function contourOf(store) {
   const all = /** @type {any[]} */ (store.latest("picture")?.head.contours ?? []);
   const { number, layer } = all[store.options.contour] ?? {};
+  return number && head.value ? JSON.stringify({ number, layer, ...keyOf(all, number) }) : "";
+}
+
+/** @param {any[]} all contours @param {number} number @returns {{name: string, key: Key}} */
+function keyOf(all, number) {
   // Further passes have other names.
   const name = all.find((x) => x.number === number)?.name;
-  return number ? JSON.stringify({ number, name, layer, key: name && all.every((x) => x.name !== name || x.number === number) ? name : number }) : "";
+  const isNamed = name && head.value.data.path.contours?.[number] === undefined && all.every((x) => x.name !== name || x.number === number);
+  return { name, key: ["path", "contours", isNamed ? name : number] };
+}
+
+/** Give contours orders, so that one runs at the place of another. @param {any[]} all in the order of the motion @param {number} k @param {number} other */
+export function moveContour(all, k, other) {
+  const numbers = [...new Set(all.map((x) => x.number))];
+  const [from, to] = [k, other].map((i) => numbers.indexOf(all[i]?.number));
+  if (to < 0 || from === to) return;
+  const keys = numbers.map((x) => [...keyOf(all, x).key, "order"]);
+  const orders = keys.map((key) => valueIn(head.value.data, key) ?? 0);
+  keys.splice(to, 0, ...keys.splice(from, 1));
+  const [low, high] = [Math.min(from, to), Math.max(from, to) + 1];
+  // Tours are searched anew among contours of equal order; else the shorter side gets orders, and the other keeps its own.
+  const isTour = ["nearest", "shortest"].includes(head.value.data.process?.order);
+  const [begin, end] = isTour ? [0, keys.length] : high < keys.length - low ? [0, high] : [low, keys.length];
+  const first = end < keys.length ? orders[end] - high : isTour ? 1 : (orders[low - 1] ?? 0) + 1;
+  link.edit(keys.slice(begin, end).map((key, i) => ({ do: "set", key, value: first + i })));
 }
 
 /** Fields of the selected contour. */
@@ -465,7 +487,7 @@ function Contour() {
   const shared = { order: 0, speed: limits?.speed, tolerance: corners?.tolerance, ...process, ...process?.by_layer?.[layer], ...path?.layers?.[layer] };
   const field = (/** @type {string} */ label, /** @type {string} */ of) => {
     const f = { .../** @type {Field} */ (known.find((x) => x.name === of)), label, example: "" };
-    const at = ["path", "contours", path?.contours?.[number] === undefined ? key : number, of];
+    const at = [...key, of];
     const none = shared[of] && html`<p class="acts"><button type="button" onClick=${() => set(at, null)}>None on this contour</button></p>`;
     return f.fields ? html`<${Part} key=${of} f=${f} at=${at} more=${none} />` : html`<${Leaf} key=${of} f=${{ ...f, default: shared[of] ?? f.default }} at=${at} />`;
   };
