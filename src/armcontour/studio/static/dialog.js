@@ -43,10 +43,7 @@ export async function ask(title, label, value) {
   const answer = show(
     title,
     [make("label", { class: "field", text: label }, [field])],
-    [
-      { value: "yes", text: "OK" },
-      { value: "", text: "Cancel" },
-    ],
+    [{ value: "yes", text: "OK" }, { value: "", text: "Cancel" }],
   );
   field.select();
   return (await answer) === "yes" ? field.value.trim() : null;

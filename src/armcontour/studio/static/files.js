@@ -43,8 +43,7 @@ class Files {
       event.preventDefault();
       document.body.classList.toggle("dropping", event.type === "dragover");
     };
-    for (const name of /** @type {("dragover" | "dragleave")[]} */ (["dragover", "dragleave"]))
-      window.addEventListener(name, over);
+    for (const name of /** @type {("dragover" | "dragleave")[]} */ (["dragover", "dragleave"])) window.addEventListener(name, over);
     window.addEventListener("drop", (event) => {
       over(event);
       const file = event.dataTransfer?.files[0];
@@ -85,21 +84,15 @@ class Files {
     const content = [];
     if (loses)
       content.push(make("p", { text: "The changes of the open job are not saved; they are offered when it is opened again." }));
-    const cells = make(
-      "select",
-      {},
-      ["", ...(names ?? [])].map((cell) => make("option", { value: cell, text: cell || "this job's arm and limits" })),
-    );
+    const options = ["", ...(names ?? [])].map((cell) => make("option", { value: cell, text: cell || "this job's arm and limits" }));
+    const cells = make("select", {}, options);
     cells.value = chosenArm();
     const skips = make("input", { type: "checkbox" });
     if (names) {
       content.push(make("label", { class: "field", text: "Cell: arm, limits and servo " }, [cells]));
       content.push(make("label", { class: "field" }, [skips, " Leave out what cannot be read (unknown: skip)"]));
     }
-    const answer = await show(`Open ${name}`, content, [
-      { value: "open", text: "Open" },
-      { value: "", text: "Cancel" },
-    ]);
+    const answer = await show(`Open ${name}`, content, [{ value: "open", text: "Open" }, { value: "", text: "Cancel" }]);
     if (answer !== "open") return null;
     return { ...(names && cells.value && { cell: cells.value }), ...(skips.checked && { unknown: "skip" }) };
   }

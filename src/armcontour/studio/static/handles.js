@@ -181,9 +181,7 @@ class Handles {
     const element = this.shape("corner", index, [draw("path", { class: "stem" }), draw("path", { d: "M0-6 6 0 0 6-6 0Z", class: "seen" })]);
     const corner = () => this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
     /** The tolerance of the file, which the corner need not use up. */
-    const tolerance = () => {
-      return this.store.document.values["corners.tolerance"]?.value ?? corner().error;
-    };
+    const tolerance = () => this.store.document.values["corners.tolerance"]?.value ?? corner().error;
     /** The error that is drawn, which the pointer grabs. */
     const drawn = () => this.pointer.held(handle)?.[0] ?? corner().error;
     const handle = this.movable({

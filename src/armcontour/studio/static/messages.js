@@ -62,10 +62,7 @@ export function init(store, link) {
     work.hidden = state === "done";
     const name = tier === "exact" ? "Exact figures" : WORK[task];
     const how = `: ${steps.at(-1) ?? "…"}${share ? `, ${Math.round(100 * share)} %` : ""}`;
-    render(
-      html`<span>${name + how}</span><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label="Progress" />`,
-      work,
-    );
+    render(html`<span>${name + how}</span><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label="Progress" />`, work);
   });
   // A job that is refused has started, too.
   for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (work.hidden ||= task === "start" && Boolean(frame)));

@@ -127,15 +127,9 @@ class Obstacles {
   place() {
     const { plane } = this;
     const obstacles = plane ? this.list() : [];
-    while (this.elements.length > obstacles.length) this.remove();
+    for (const { body, sizer } of this.elements.splice(obstacles.length)) for (const x of [body, sizer]) x.remove();
     while (this.elements.length < obstacles.length) this.elements.push(this.make(this.elements.length));
     obstacles.forEach((obstacle, k) => this.placeOne(obstacle, this.elements[k]));
-  }
-
-  remove() {
-    const last = this.elements.pop();
-    last?.body.remove();
-    last?.sizer.remove();
   }
 
   /** @param {Obstacle} obstacle @param {{body: SVGGElement, shape: SVGElement, sizer: SVGGElement}} element */

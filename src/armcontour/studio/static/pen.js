@@ -28,12 +28,7 @@ const SHAPES = {
     segments: ([a, b], [x, y]) => [{ via: [(a + x) / 2 + BULGE * (y - b), (b + y) / 2 - BULGE * (x - a)], to: [x, y] }],
     radius: ([a, b], [x, y]) => ((1 + 4 * BULGE ** 2) / (8 * BULGE)) * Math.hypot(x - a, y - b),
   },
-  Circle: {
-    names: ["radius"],
-    start: ([a, b], [radius]) => [a + radius, b],
-    segments: (center) => [{ center }],
-    radius: (_, [radius]) => radius,
-  },
+  Circle: { names: ["radius"], start: ([a, b], [radius]) => [a + radius, b], segments: (center) => [{ center }], radius: (_, [radius]) => radius },
   Rectangle: {
     names: ["width", "height"],
     segments: ([a, b], [wide, high]) => [{ to: [a + wide, b] }, { to: [a + wide, b + high] }, { to: [a, b + high] }, { to: [a, b] }],

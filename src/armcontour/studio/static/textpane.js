@@ -27,16 +27,9 @@ export function init(store, link) {
   const update = () => {
     apply.disabled = back.disabled = !changed();
     const newer = changed() && sent === null && store.document?.text !== text;
-    say(
-      state,
-      newer
-        ? "The job was changed elsewhere meanwhile; applying takes this text."
-        : changed()
-          ? "Not yet applied."
-          : store.document?.line
-            ? `Line ${store.document.line}: ${store.document.sentence}`
-            : "",
-    );
+    const { line, sentence } = store.document ?? {};
+    const unsent = newer ? "The job was changed elsewhere meanwhile; applying takes this text." : changed() ? "Not yet applied." : "";
+    say(state, unsent || (line ? `Line ${line}: ${sentence}` : ""));
   };
   /** Select the line of what is refused when a job is opened, so that it can be corrected. @param {any} head */
   const show = ({ id, line }) => {
