@@ -22,7 +22,6 @@ PAGES = [
 CODE = (".py", ".css", ".js")
 SHORTEST = 30  # characters that say what a picture shows
 ELSEWHERE = re.compile(r"https://[\w.-]+/|mailto:")
-# What the examples print, which their pages show.
 
 
 @functools.cache
@@ -71,6 +70,15 @@ def faults(page):
 def test_links_have_targets_and_tables_have_equal_columns():
     wrong = [f"{page.relative_to(ROOT)}: {x}" for page in PAGES for x in faults(page)]
     assert not wrong, "\n".join(wrong)
+
+
+def test_commands_of_make_on_pages_are_targets_and_the_readme_has_the_two_that_set_up_all():
+    goals = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
+    named = {
+        x: set(re.findall(r"^make ([\w-]+)", x.read_text(encoding="utf-8"), re.M)) for x in PAGES
+    }
+    assert {x: y - goals for x, y in named.items() if y - goals} == {}
+    assert named[ROOT / "README.md"] == {"demo", "test"}
 
 
 def test_pages_that_are_generated_are_up_to_date():
