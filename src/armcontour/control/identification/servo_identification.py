@@ -415,7 +415,7 @@ def identify(
     longest, orders = min(options.longest_dead_time, shortest / 4), MODELS[options.model]
     search = Search(longest, options.drive_cycle or 0.0, orders)
     for j, name in enumerate(first.joint_names):
-        report(Step((name,)))
+        report(Step((name,), j / first.dof))
         joints.append(identify_joint(every, j, interpolation, search))
     judged, judgement = choose_and_judge(every, joints, interpolation, search.longest, arm)
     return Identification(

@@ -368,10 +368,11 @@ def attempts(case: Case, robots: Sequence[FloatArray]) -> Generator[Attempt, Ver
     goals = [GOALS.copy() for _ in moves]
     for _ in range(MAX_VERDICTS):
         tries = Counter[int]()
-        active = set(range(len(moves)))
+        active, most = set(range(len(moves))), 0
         while active:
-            trials = sum(x.trials for x in moves if x.number is not None)
-            case.progress(Step((f"trial {trials}",)))
+            counts = [x.trials for x in moves if x.number is not None]
+            most = most or sum(counts) + MAX_TRIALS * len(counts)
+            case.progress(Step((f"trial {sum(counts)} of at most {most}",)))
             attempt = Attempt.joined(case, moves)
             runs = execute(case, attempt.set_points, robots)
             excess = _find_excess(case, attempt, runs, goals, active)
