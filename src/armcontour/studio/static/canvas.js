@@ -140,16 +140,12 @@ export class Painter {
     context.strokeStyle = themed("--grid");
     context.lineWidth = 1;
     context.beginPath();
-    for (let k = Math.ceil((left + centre[0]) / step); k * step <= right + centre[0]; k++) {
-      const x = Math.round(view.toScreen([k * step - centre[0], 0])[0]) + 0.5;
-      context.moveTo(x, 0);
-      context.lineTo(x, view.height);
-    }
-    for (let k = Math.ceil((bottom + centre[1]) / step); k * step <= top + centre[1]; k++) {
-      const y = Math.round(view.toScreen([0, k * step - centre[1]])[1]) + 0.5;
-      context.moveTo(0, y);
-      context.lineTo(view.width, y);
-    }
+    for (const [axis, low, high] of [[0, left, right], [1, bottom, top]])
+      for (let k = Math.ceil((low + centre[axis]) / step); k * step <= high + centre[axis]; k++) {
+        const at = Math.round(view.toScreen([k * step - centre[0], k * step - centre[1]])[axis]) + 0.5;
+        context.moveTo(axis ? 0 : at, axis ? at : 0);
+        context.lineTo(axis ? view.width : at, axis ? at : view.height);
+      }
     context.stroke();
   }
 }

@@ -116,16 +116,13 @@ class Handles {
       element,
       at: () => this.store.document?.waypoints[index]?.uv ?? null,
       edits: (values) => [{ do: "move_waypoint", index, to: this.pointer.global(values) }],
-      describe: () => this.describeWaypoint(element, index),
+      describe: () => {
+        const at = this.waypointAt(index);
+        if (!at) return;
+        mark(element, "aria-valuenow", String(Math.round(1000 * at[0] * 10) / 10));
+        mark(element, "aria-valuetext", `x ${mm(at[0], 1)} mm, y ${mm(at[1], 1)} mm`);
+      },
     });
-  }
-
-  /** @param {SVGGElement} element @param {number} index */
-  describeWaypoint(element, index) {
-    const at = this.waypointAt(index);
-    if (!at) return;
-    mark(element, "aria-valuenow", String(Math.round(1000 * at[0] * 10) / 10));
-    mark(element, "aria-valuetext", `x ${mm(at[0], 1)} mm, y ${mm(at[1], 1)} mm`);
   }
 
   /** Insert after, or remove. @param {KeyboardEvent} event @param {number} index */
@@ -134,12 +131,10 @@ class Handles {
     if (!insert && event.key !== "Delete" && event.key !== "Backspace") return;
     event.preventDefault();
     event.stopPropagation();
-    this.link.whenKnown(() => (insert ? this.insertAfter(index) : this.remove(index)));
-  }
-
-  /** @param {number} index */
-  remove(index) {
-    if (this.store.document.waypoints[index]?.removable) this.link.edit([{ do: "remove_waypoint", index }]);
+    this.link.whenKnown(() => {
+      if (insert) this.insertAfter(index);
+      else if (this.store.document.waypoints[index]?.removable) this.link.edit([{ do: "remove_waypoint", index }]);
+    });
   }
 
   /** @param {number} index */

@@ -17,6 +17,8 @@ import { scaleBar } from "./viewport.js";
 /** Shades from one text to another. @typedef {{shades: string[], from: string, to: string}} Shades */
 
 const LENGTH = 26; // px
+/** The mark of the tool where two bodies are nearest to each other [px]. */
+export const NEAREST = [[-7, -5], [7, 5], [7, -5], [-7, 5]];
 const SHADES = 24;
 
 /** @param {string} colour @param {number[]} dash @param {number} width @param {string} text @param {number} [length] @returns {Sample} */
@@ -63,6 +65,7 @@ export function legendOf(store, layers, picture, magnify) {
   if (picture.arrays.rapid?.length && !found.some((x) => "text" in x && x.text.startsWith("rapids"))) found.push(sample(themed("--faint"), [1.5, 4], 1, "rapid"));
   if (picture.arrays.idle?.length) found.push(sample(themed("--ink"), [], 0.8, "process off"));
   if (handledOf(picture).length) found.push({ ...sample(themed("--handle"), [], 1, "corner tolerance", 10), corners: [[0, -5], [5, 0], [0, 5], [-5, 0]] });
+  if (headOf(store).nearest) found.push({ ...sample(themed("--refusal"), [], 1, "nearest pair", 14), corners: NEAREST });
   return found;
 }
 

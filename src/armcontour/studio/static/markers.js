@@ -2,6 +2,8 @@
 
 import { draw, make, mark, say } from "./dom.js";
 import { contourLabel, mm, seconds } from "./format.js";
+import { headOf } from "./figures.js";
+import { NEAREST } from "./legend.js";
 import { worstTime } from "./polylines.js";
 import { along, indexAt } from "./state.js";
 
@@ -14,8 +16,8 @@ import { along, indexAt } from "./state.js";
 const NEAR = 14; // px
 // Distance at which a slow point shows its text.
 const BESIDE = 0.002; // m
-/** Lines of the cross at the place of a refusal [px]. */
-const CROSS = [[[-9, -9], [9, 9]], [[-9, 9], [9, -9]]];
+/** The cross at the place of a refusal, and at the largest error. */
+const CROSS = "M-9-9 9 9M-9 9 9-9";
 
 class Marks {
   /** @param {Store} store @param {View2d} view */
@@ -24,10 +26,11 @@ class Marks {
     this.view = view;
     this.dot = draw("circle", { class: "cursor", r: 5, hidden: true, "aria-hidden": "true" });
     this.tool = draw("circle", { class: "cursor tool", r: 4, hidden: true, "aria-hidden": "true" });
-    const cross = (/** @type {string} */ name) => draw("path", { class: name, d: CROSS.map((x) => `M${x.join("L")}`).join(""), hidden: true, "aria-hidden": "true" });
-    this.refused = cross("refused");
-    this.largest = cross("largest");
-    view.overlay.append(this.dot, this.tool, this.refused, this.largest);
+    const shape = (/** @type {string} */ name, d = CROSS) => draw("path", { class: name, d, hidden: true, "aria-hidden": "true" });
+    this.refused = shape("refused");
+    this.largest = shape("largest");
+    this.nearest = shape("nearest", `M${NEAREST.join("L")}Z`);
+    view.overlay.append(this.nearest, this.dot, this.tool, this.refused, this.largest);
     this.tip = make("div", { class: "tip", role: "tooltip", hidden: true });
     view.region.append(this.tip);
     store.on("time", () => this.place());
@@ -56,6 +59,9 @@ class Marks {
     const isPlanned = picture.arrays.path_t.length > 0;
     this.dot.toggleAttribute("hidden", !isPlanned);
     if (isPlanned) move(this.dot, this.view.view.toScreen(pointOf(picture, time, place)));
+    const near = isPlanned && headOf(this.store).nearest?.t;
+    this.nearest.toggleAttribute("hidden", typeof near !== "number");
+    if (typeof near === "number") move(this.nearest, this.view.view.toScreen(pointOf(picture, near, this.store.placeAt(near))));
     const executed = refusal || options.colour !== "error" || !this.store.isCurrent(this.store.latest("executed")) ? null : this.store.latest("executed");
     // Between the contours there is no execution.
     const isWorking = executed && !executed.arrays.breaks.includes(indexAt(executed.arrays.t, time) + 1);

@@ -186,8 +186,13 @@ export class Store {
 
   /** Arc length of the path at the shown time, as planned [m]. */
   get place() {
+    return this.placeAt(this.time);
+  }
+
+  /** Arc length of the path at a time, as planned [m]. @param {number} t [s] */
+  placeAt(t) {
     const arrays = this.latest("picture")?.arrays;
-    return arrays?.path_t.length ? along(arrays.path_t, arrays.path_s, this.time)[0] : 0;
+    return arrays?.path_t.length ? along(arrays.path_t, arrays.path_s, t)[0] : 0;
   }
 
   /** The selected contour stays selected in another order of the contours. @param {Frame} next */
