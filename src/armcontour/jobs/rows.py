@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.fields import quantities
 from armcontour.core.render import number, plain, units
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
-from armcontour.core.text import count_noun, list_some
+from armcontour.core.text import count_noun, joint_label, list_some
 from armcontour.geometry import RoundedPath, ShapedPath
 from armcontour.geometry.shaped_path import SHAPED
 from armcontour.jobs.plan_quantities import (
@@ -333,7 +333,7 @@ def _torque_rows(
     share = peak / limit
     worst = int(share.argmax())
     largest, allowed = (number(x[worst], arm.chain.unit("N m", worst)) for x in (peak, limit))
-    note = f"{arm.joint_names[worst]}, {largest} of {allowed}"
+    note = f"joint {joint_label(worst + 1, arm.joint_names)}, {largest} of {allowed}"
     yield Row("torque_ratio", share, "1", f"drive torque, {kind}", note)
 
 
@@ -366,8 +366,8 @@ def _set_points(result: RunResult) -> Iterator[Row]:
         return
     cost, use = set_points.limit_cost, set_points.command_use
     name = max(use, key=lambda x: use[x].max())
-    joint = result.arm.joint_names[int(use[name].argmax())]
-    note = f"{joint}, {name.replace('_', ' ')}; " + (
+    joint = joint_label(int(use[name].argmax()) + 1, result.arm.joint_names)
+    note = f"joint {joint}, {name.replace('_', ' ')}; " + (
         "no set-point is changed" if cost is None else f"changed by {cost}"
     )
     yield Row("command_use", use, "1")

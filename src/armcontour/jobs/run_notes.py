@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.control.compensation import NoCompensation
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import figure, number
-from armcontour.core.text import capitalise, count_noun, list_some
+from armcontour.core.text import capitalise, count_noun, joint_label, list_some
 from armcontour.geometry import Path
 from armcontour.geometry.rounding.rounded_path import describe_large_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
@@ -283,9 +283,9 @@ def _not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> str:
     if run.for_bodies or ratio <= FAR_ABOVE or isinstance(run.timing, Conventional):
         return ""
     t = float(executed.t[int(np.abs(executed.demand[:, joint]).argmax())])
-    name = executed.arm.joint_names[joint]
+    label = joint_label(joint + 1, executed.arm.joint_names)
     return (
-        f"the demand of {name if name.startswith('joint') else f'joint {name}'} is {ratio:.3g} "
+        f"the demand of joint {label} is {ratio:.3g} "
         f"times its acceleration limit at {t:.4g} s, so the joint saturates; the contour error "
         f"is {error}."
     )

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
-from armcontour.core.text import count_noun, short_repr
+from armcontour.core.text import count_noun, joint_label, short_repr
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job
@@ -318,8 +318,9 @@ class Certificate(Result):
             others = {x: number(t, "s") for x, t in self.shapes.items() if x != shape}
             note = ", ".join(f"{x} takes at least {t}" for x, t in others.items())
             yield Row("shape", shape, "", "corner shape", note)
-        joint = self.job.arm.joint_names[int(self.headroom.argmax())]
-        yield Row("headroom", self.headroom, "1", "acceleration derated", f"at most, {joint}")
+        joint = joint_label(int(self.headroom.argmax()) + 1, self.job.arm.joint_names)
+        note = f"at most, joint {joint}"
+        yield Row("headroom", self.headroom, "1", "acceleration derated", note)
         yield Row("pauses", self.pauses, "s", "pauses after rapids" if self.pauses else "")
         yield Row("limits_used", {x.name: x.ratio for x in self.check.uses}, "1")
         yield Row("not_judged", self.check.not_judged)

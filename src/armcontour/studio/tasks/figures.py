@@ -75,7 +75,8 @@ def changes(request: Request) -> MessageFrame:
     proposals = [
         {
             "label": f"{x.label}: {x.effect}",
-            "short": f"{x.edits[0][0].rpartition('.')[2].capitalize()}: {number(-x.saved, 's')}",
+            "short": f"{x.edits[0][0].rpartition('.')[2].capitalize()}: "
+            + number(-x.saved, "s").replace("-", "−"),
             "condition": x.condition,
             "edits": [_set(*y) for y in x.edits],
         }
