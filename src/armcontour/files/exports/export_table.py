@@ -18,7 +18,6 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Axes, Interval, Quantity, joint_units
-from armcontour.core.quintics import solve_banded
 from armcontour.motion import (
     DEFAULT_CYCLE,
     LONGEST_CLOCK,
@@ -71,7 +70,6 @@ class SetPointTable(Checked):
         events: Events in the order of their times, which count from the first point too.
         start_time: Time of the first point in the plan [s], where the plan starts at 0.
         analog: Values of analog outputs by their names, (n,) each.
-        contours: Start times [s] and names of contours.
         command_limits: Limits that the joint positions satisfy, as set-points.
 
     Raises:
@@ -89,7 +87,6 @@ class SetPointTable(Checked):
     events: tuple[TimedEvent, ...] = ()
     start_time: float = 0.0
     analog: Mapping[str, FloatArray] = field(default_factory=dict)
-    contours: tuple[tuple[float, str], ...] = ()
     command_limits: Limits | None = None
     prismatic: tuple[bool, ...] = ()
     external: tuple[int, ...] = ()
@@ -154,18 +151,9 @@ class SetPointTable(Checked):
     @property
     def point_of_events(self) -> list[int]:
         """Index of the last point at or before each event, as a list."""
-        return self.points_at([x.t for x in self.events])
-
-    def points_at(self, times: Sequence[float]) -> list[int]:
-        """Index of the last point at or before each time; 0 for times before the first point."""
-        late = np.array(times) + EVENT_TOLERANCE * self.cycle
+        late = np.array([x.t for x in self.events]) + EVENT_TOLERANCE * self.cycle
         indices = np.searchsorted(self.t, late, side="right") - 1
         return [max(0, int(i)) for i in indices]
-
-    @property
-    def named_contours(self) -> list[tuple[float, str]]:
-        """Start times [s] and names of the contours that have a name."""
-        return [(t, name) for t, name in self.contours if name]
 
     @property
     def decimals(self) -> int:
@@ -229,7 +217,6 @@ def make_table(
         joint_names=joint_names,
         derivatives=derivatives,
         analog={key: values(samples.t + start) for key, values in functions.items()},
-        contours=tuple((x.t[0] - start, x.name) for x in plan.contour_spans),
         command_limits=data.command_limits if isinstance(data, SetPoints) else None,
     )
 
@@ -326,23 +313,16 @@ def regular_times(count: int, cycle: float) -> FloatArray:
 
 def sample_spline(q: FloatArray, cycle: float) -> Samples:
     """Samples of set-points with the derivatives of the clamped cubic spline through them."""
+    from scipy.interpolate import CubicSpline
+
     t = regular_times(len(q), cycle)
-    if len(q) == 1:
-        return Samples(t=t, q=q, dq=np.zeros_like(q), ddq=np.zeros_like(q))
     dq, ddq = np.zeros_like(q), np.zeros_like(q)
-    # The velocities v of a cubic spline with equal intervals h solve
-    # v[i-1] + 4 v[i] + v[i+1] = 3 (q[i+1] - q[i-1]) / h, with zero at both ends.
-    for j in range(q.shape[1]):
-        positions, velocities = np.ascontiguousarray(q[:, j]), dq[:, j]
-        if len(q) > 2:
-            right = (3 / cycle * (positions[2:] - positions[:-2]))[:, None]
-            solve_banded(np.tile([4.0, 1.0], (len(right), 1)), right)
-            velocities[1:-1] = right[:, 0]
-        slope = np.diff(positions) / cycle
-        ddq[:-1, j] = (6 * slope - 4 * velocities[:-1] - 2 * velocities[1:]) / cycle
-        ddq[-1, j] = (2 * velocities[-2] + 4 * velocities[-1] - 6 * slope[-1]) / cycle
+    # One joint at once, because a long motion has gigabytes of set-points.
+    for j in range(q.shape[1] if len(q) > 1 else 0):
+        spline = CubicSpline(t, q[:, j], bc_type="clamped")
+        dq[1:-1, j], ddq[:, j] = spline(t[1:-1], 1), spline(t, 2)
     for values in (dq, ddq):
-        # Samples copies writable arrays; a long motion has gigabytes of set-points.
+        # Samples copies writable arrays.
         values.setflags(write=False)
     return Samples(t=t, q=q, dq=dq, ddq=ddq)
 

@@ -18,6 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Duration, Quantity, any_unit
 from armcontour.core.quintics import evaluate, quintic
+from armcontour.core.sampled_data import interpolate
 from armcontour.files.exports.export_table import (
     FEWER_DECIMALS,
     SetPointTable,
@@ -72,8 +73,7 @@ def predict_tolerances(execution: Execution, factor: float = 2.0) -> GoalToleran
     if factor < 1:
         raise InvalidInput(f"factor must be at least 1, but is {factor:g}.", allowed=1.0)
     commands, t = execution.set_points, execution.t
-    command = np.column_stack([np.interp(t, commands.t, q) for q in commands.q.T])
-    errors = np.abs(command - execution.q)
+    errors = np.abs(interpolate(t, commands.t, commands.q) - execution.q)
     late = float(t[-1] - commands.t[-1])
     return GoalTolerances(
         path=np.maximum(factor * errors.max(axis=0), MIN_TOLERANCE),
@@ -90,7 +90,7 @@ def write_ros_yaml(
 ) -> None:
     """Write a JointTrajectory message as YAML; with tolerances, a FollowJointTrajectory goal."""
     # `ros2 topic pub` accepts the text, which has the form of `ros2 topic echo`. The message has no
-    # field for events and contours; each is a comment in JSON at the top, `# event: {...}`.
+    # field for events; each is a comment in JSON at the top, `# event: {...}`.
     fields = {
         name: (getattr(table, x), fixed_form(table.decimals - FEWER_DECIMALS.get(x, 0), table.dof))
         for name, x in FIELDS.items()
@@ -102,17 +102,13 @@ def write_ros_yaml(
     ns = _nanoseconds(table)
     values = np.column_stack([*present.values(), ns // SECOND, ns % SECOND])
     events = "".join(f"# event: {json.dumps(event_data(x))}\n" for x in table.events)
-    contours = "".join(
-        f"# contour: {json.dumps({'name': name, 't': round(t, 9)}, ensure_ascii=False)}\n"
-        for t, name in table.named_contours
-    )
     names = [json.dumps(x, ensure_ascii=False) for x in table.joint_names]
     listed = "".join(f"- {x}\n" for x in names)
     head = (
         "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
         f"joint_names:\n{listed}points:\n"
     )
-    about, end = f"# {table.name}\n{contours}{events}", list[str]()
+    about, end = f"# {table.name}\n{events}", list[str]()
     if tolerances is not None:
         about += "trajectory:\n"
         head, point = indent(head, "  "), indent(point, "  ")
@@ -180,14 +176,10 @@ def _rows_within(
     rows, last = [0], len(t) - 1
     while rows[-1] < last:
         start = rows[-1]
-        # The farthest row within the tolerance, by doubling and bisection.
+        # The farthest row within the tolerance, by doubling until one is beyond it, then bisection.
         good, bad = start + 1, last + 1
-        while good < last < bad:
-            tried = min(2 * good - start, last)
-            within = _deviation(t, given, printed, start, tried) <= tolerance
-            good, bad = (tried, bad) if within else (good, tried)
-        while bad <= last and bad - good > 1:
-            tried = (good + bad) // 2
+        while bad - good > 1:
+            tried = min(2 * good - start, last) if bad > last else (good + bad) // 2
             within = _deviation(t, given, printed, start, tried) <= tolerance
             good, bad = (tried, bad) if within else (good, tried)
         rows.append(good)

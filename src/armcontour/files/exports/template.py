@@ -54,8 +54,6 @@ class Point:
     ddq: tuple[float, ...] | None  # Joint accelerations [rad/s²]; None unless exported
     analog: Mapping[str, float]  # Values of analog outputs by their names
     events: tuple[TimedEvent, ...]  # Events from this point until before the next point
-    # Start times [s] and names of contours that start from this point until before the next point
-    contours: tuple[tuple[float, str], ...]
 
 
 class _Refused(Exception):
@@ -207,40 +205,29 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
 
 
 def _template_points(table: SetPointTable) -> tuple[Point, ...]:
-    """Points of a table, each with its events and contours."""
+    """Points of a table, each with its events."""
     events: dict[int, list[TimedEvent]] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
         events.setdefault(i, []).append(event)
-    contours: dict[int, list[tuple[float, str]]] = {}
-    named = table.named_contours
-    for contour, i in zip(named, table.points_at([t for t, _ in named]), strict=True):
-        contours.setdefault(i, []).append(contour)
-    count = len(table.t)
     external = list(table.external)
     shown = np.where(table.prismatic, table.q * 1e3, np.degrees(table.q))
-    own = np.delete(shown, external, axis=1)
-    arrays = (table.q, own, shown[:, external], table.dq, table.ddq)
-    analog = {key: values.tolist() for key, values in table.analog.items()}
-    none: list[tuple[float, ...] | None] = [None] * count
-    rows = zip(
-        *(none if x is None else [tuple(y) for y in x.tolist()] for x in arrays), strict=True
-    )
+    arrays = {
+        "q": table.q,
+        "q_deg": np.delete(shown, external, axis=1),
+        "external": shown[:, external],
+        "dq": table.dq,
+        "ddq": table.ddq,
+    }
+    rows: dict[str, Any] = {x: y if y is None else y.tolist() for x, y in arrays.items()}
     return tuple(
         Point(
             number=i + 1,
             t=t,
-            q=q or (),
-            q_deg=degrees or (),
-            external=others or (),
-            dq=dq,
-            ddq=ddq,
-            analog={key: values[i] for key, values in analog.items()},
+            **{key: x and tuple(x[i]) for key, x in rows.items()},
+            analog={key: float(values[i]) for key, values in table.analog.items()},
             events=tuple(events.get(i, ())),
-            contours=tuple(contours.get(i, ())),
         )
-        for i, (t, (q, degrees, others, dq, ddq)) in enumerate(
-            zip(table.t.tolist(), rows, strict=True)
-        )
+        for i, t in enumerate(table.t.tolist())
     )
 
 

@@ -69,7 +69,7 @@ def write_urscript(
     comment states the exact time. The interval before the last sample of a trajectory is always a
     whole cycle, even if the time of the sample is earlier. An event with a digital output switches
     the output on or off; any other event writes a message by `textmsg`. An analog output with a
-    number is set at each set-point at which its level changes. Comments name the contours.
+    number is set at each set-point at which its level changes.
     """
     _check_table(table)
     named_outputs = outputs or {}
@@ -89,11 +89,7 @@ def write_urscript(
         first=numbers[0],
     )
     # Computed before the file is opened, because an invalid event raises an error.
-    lines = [
-        (t / table.cycle, f"  # contour {name} from {t:.6f} s\n")
-        for t, name in table.named_contours
-    ]
-    lines += [(x.t / table.cycle, _set_output(x, digital)) for x in table.events]
+    lines = [(x.t / table.cycle, _set_output(x, digital)) for x in table.events]
     for name, number in analog.items():
         lines += _set_levels(name, _analog_number(name, number), table.analog[name])
     lines.sort(key=lambda x: round(x[0]))
