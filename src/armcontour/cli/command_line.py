@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from functools import partial
 from importlib import import_module
 from inspect import Parameter, Signature, cleandoc
 from pathlib import Path as FilePath
-from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, dataclass_transform, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
@@ -142,14 +142,16 @@ def program_for(arguments: Sequence[str] = ()) -> typer.Typer:
     return program
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
 def command(topic: str, example: str, module: str = "") -> Callable[[type[T]], type[T]]:
-    """Decorator that makes a command of a dataclass: its fields are arguments and options.
+    """Decorator that makes a dataclass and its command: its fields are arguments and options.
 
-    The docstring of the dataclass is the help. The command calls the function with the name of the
+    The docstring of the class is the help. The command calls the function with the name of the
     command in a module (by default `run_command` for `run`), which is imported only then.
     """
 
-    def declare(options: type[T]) -> type[T]:
+    def declare(declared: type[T]) -> type[T]:
+        options = dataclass(frozen=True, kw_only=True, eq=False, repr=False)(declared)
         name = options.__name__.lower()
 
         def work(*arguments: Any) -> Outcome:

@@ -127,7 +127,6 @@ class ControllerOptions:
 
 
 @command(RUN, "run gasket.dxf --cell ur5e --out gasket --export urscript")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Run(JobOptions, Results):
     """Run a job or a drawing: writes summary.json, report.html, and trajectories (CSV).
 
@@ -146,7 +145,6 @@ class Run(JobOptions, Results):
 
 
 @command(RUN, "demo", "run_command")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Demo(Results):
     """Run two built-in jobs: the paper's job on the PMK-3s, and a plate that a UR5e cuts."""
 
@@ -156,7 +154,6 @@ class Demo(Results):
 
 
 @command(RUN, "studio gasket.dxf --cell ur5e")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Studio(CellOptions):
     """Open a web page on which you edit the path and see the resulting robot motion at once.
 
@@ -173,7 +170,6 @@ class Studio(CellOptions):
 
 
 @command(PREPARE, "show gasket.dxf --layer CUT")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Show(Json):
     """Show size and layers of a drawing; no arm is required.
 
@@ -186,7 +182,6 @@ class Show(Json):
 
 
 @command(RUN, "batch job.yaml --over 'limits.speed=[0.1, 0.2]' --out results", "study_commands")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Batch(JobOptions, WorkerOptions):
     """Run a job for all combinations of values of its keys.
 
@@ -203,7 +198,6 @@ class Batch(JobOptions, WorkerOptions):
 
 
 @command(PREPARE, "place job.yaml --x '-0.3 m .. 0.3 m, 25' --out place", "study_commands")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Place(JobOptions, WorkerOptions, Results):
     """Plan a job at every place of a grid of its part: writes a map, a table, and the best job.
 
@@ -228,13 +222,11 @@ class Place(JobOptions, WorkerOptions, Results):
 
 
 @command(PREPARE, "arms", "installation_commands")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Arms:
     """List the built-in arms with their sources and assumed parameters."""
 
 
 @command(PREPARE, "init ur5e --out cell.yaml", "installation_commands")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Init:
     """Write a built-in cell as a job file to edit, with arm, limits, servo and comments.
 
@@ -250,7 +242,6 @@ class Init:
 
 
 @command(JUDGE, "check motion.csv --arm ur5e --noise '0.05 mrad'")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Check(LogOptions, Json):
     """Check a joint trajectory against limits.
 
@@ -284,7 +275,6 @@ class Check(LogOptions, Json):
 
 
 @command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate", "study_commands")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Certify(JobOptions, Results, Json):
     """Find the fastest plan whose execution stays within a tolerance; exit code 4 without one.
 
@@ -297,7 +287,6 @@ class Certify(JobOptions, Results, Json):
 
 
 @command(ROBOT, "export gasket gasket.script")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Export:
     """Export the set-points or the plan of an earlier result for a robot controller.
 
@@ -319,7 +308,6 @@ class Export:
 
 
 @command(ROBOT, "identify shake.csv --out servo")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Identify(ControllerOptions, WindowOptions, SetOptions, Results, Json):
     """Identify servos from logs; with --on, from new motions.
 
@@ -348,7 +336,6 @@ class Identify(ControllerOptions, WindowOptions, SetOptions, Results, Json):
 
 
 @command(ROBOT, "learn job.yaml --set-points result --log robot.csv --out next")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
     """Learn the set-points of the next run from logs; with --on, from runs on the robot.
 
@@ -379,7 +366,6 @@ class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
 
 
 @command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Play(JobOptions, ControllerOptions, Results, Json):
     """Play a run on a robot controller and record it; the robot moves only with --execute.
 
@@ -401,7 +387,6 @@ class Play(JobOptions, ControllerOptions, Results, Json):
 
 
 @command(INSTALLED, "compile usual", "installation_commands")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Compile:
     """Compile functions now that are otherwise compiled at first use, to avoid later waiting.
 
@@ -414,6 +399,5 @@ class Compile:
 
 
 @command(INSTALLED, "schema", "installation_commands")
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Schema:
     """Print the JSON Schema of job files."""
