@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import FrozenInstanceError, fields, is_dataclass
 from functools import cache, wraps
 from inspect import Parameter, signature
 from os import PathLike
 from pathlib import Path as FilePath
-from types import UnionType
+from types import MappingProxyType, UnionType
 from typing import (
     Any,
     ClassVar,
@@ -70,13 +71,18 @@ WORDS: dict[Any, str] = {
 }
 
 
+def frozen_mapping(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
+    """Read-only copy of a mapping."""
+    return MappingProxyType(dict(mapping))
+
+
+# Pickle does not support read-only mappings, but some pickled dataclasses have such fields.
+copyreg.pickle(MappingProxyType, lambda x: (frozen_mapping, (dict(x),)))
+
+
 def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
     """Read-only copy of `values` as a float array; `values` itself if it is read-only already."""
-    if isinstance(values, np.ndarray) and _is_frozen(values):
-        return values
-    array = np.array(floats(name, values, unit))
-    array.setflags(write=False)
-    return array
+    return freeze(floats(name, values, unit))
 
 
 def kernel_array(values: npt.ArrayLike) -> FloatArray:
@@ -87,12 +93,6 @@ def kernel_array(values: npt.ArrayLike) -> FloatArray:
         if flags.c_contiguous and flags.writeable:
             return values
     return np.require(values, np.float64, ["C", "W"])
-
-
-def _is_frozen(array: npt.NDArray[Any]) -> bool:
-    """Return whether an array of floats is read-only and owns its data."""
-    flags = array.flags
-    return array.dtype == np.float64 and flags.owndata and not flags.writeable
 
 
 def freeze(array: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -391,7 +391,11 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
     written = replace(quantity, sign="any", within=None) if quantity and quantity.unit else None
 
     def freeze(value: Any, who: str) -> Any:
-        return _freeze_array(value, kind, who, unit)
+        if kind is np.float64:
+            return checks.frozen_array(value, who, unit)
+        array = checks.indices(who, value) if kind is np.intp else value
+        checks.raise_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
+        return checks.freeze(array)
 
     def read(value: Any, who: str) -> Any:
         # Fast paths for most values. NaN fails the comparisons.
@@ -431,15 +435,6 @@ def texts_to_si(value: Any, quantity: Quantity, who: str) -> Any:
         return read_quantity(value, quantity) if isinstance(value, str) else value
     except ValueError as error:
         raise InvalidInput(f"{who}: {str(error).rstrip('.')}.") from None
-
-
-def _freeze_array(value: Any, kind: Any, who: str, unit: str) -> Any:
-    """Read-only array of a type; the value itself if it is a read-only array already."""
-    if kind is np.float64:
-        return checks.frozen_array(value, who, unit)
-    array = checks.indices(who, value) if kind is np.intp else value
-    checks.raise_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
-    return checks.freeze(array)
 
 
 def _refuse_outside(array: Any, quantity: Quantity, who: str) -> None:

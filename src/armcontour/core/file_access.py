@@ -129,7 +129,8 @@ def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> byte
     except InvalidInput:
         raise
     except (OSError, ValueError) as error:
-        raise _unreadable(noun, path, error) from None
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InvalidInput(f"The {noun} {path} cannot be read: {reason}.") from None
     if size > maximum:
         raise InvalidInput(
             f"The {noun} {path} has {size / MEGABYTE:.0f} MB, more than the "
@@ -160,12 +161,6 @@ def read_text(file: str | FilePath, noun: str, *, maximum: int = SMALL, latin: b
         raise InvalidInput(
             f"The {noun} {file} cannot be read, because it is not UTF-8 text."
         ) from None
-
-
-def _unreadable(noun: str, file: FilePath, error: Exception) -> InvalidInput:
-    """Error for a file that cannot be read."""
-    reason = error.strerror if isinstance(error, OSError) else error
-    return InvalidInput(f"The {noun} {file} cannot be read: {reason}.")
 
 
 class Staging:

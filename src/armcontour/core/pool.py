@@ -6,7 +6,6 @@ process ends for any reason.
 
 from __future__ import annotations
 
-import copyreg
 import gc
 import os
 import pickle
@@ -15,12 +14,11 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager, suppress
 from functools import lru_cache, partial
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 from armcontour.core.errors import ExecutionError, InvalidInput
@@ -66,15 +64,6 @@ class ProcessEnded(ExecutionError):
             f"A process ended before its work was done ({reason}), for example because memory ran "
             "out. Use fewer processes, or free some memory."
         )
-
-
-def frozen_mapping(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
-    """Read-only copy of a mapping."""
-    return MappingProxyType(dict(mapping))
-
-
-# Pickle does not support read-only mappings, but some pickled dataclasses have such fields.
-copyreg.pickle(MappingProxyType, lambda x: (frozen_mapping, (dict(x),)))
 
 
 def processors() -> int:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field, fields, replace
-from functools import partial
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
@@ -362,7 +361,7 @@ class Process(Checked, LayerProcess):
                         remedies = (self._remedy_of_part(x, values) for x in error.remedies)
                         error.remedies = tuple(filter(None, remedies))
                         raise
-            object.__setattr__(self, key, MappingProxyType(dict(values_by_part)))
+            object.__setattr__(self, key, checks.frozen_mapping(values_by_part))
         object.__setattr__(self, "_parts", MappingProxyType(made))
 
     def _remedy_of_part(
@@ -384,12 +383,6 @@ class Process(Checked, LayerProcess):
             else:
                 return {}
         return fixed
-
-    def __reduce__(self) -> tuple[Callable[[], Process], tuple[()]]:
-        """Pickle without read-only mappings, which cannot be copied to other processes."""
-        values = {x.name: getattr(self, x.name) for x in fields(self) if x.init}
-        values |= {x: dict(values[x]) for x in ("by_layer", "by_contour", "layers")}
-        return partial(type(self), **values), ()
 
     @checked
     def of_contour(self, contour: Contour) -> Process:
