@@ -18,7 +18,7 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import AngularDistance, Quantity, any_unit, joint_units
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
-from armcontour.core.sampled_data import differences
+from armcontour.core.sampled_data import differences, interpolate
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.rows import judge
@@ -353,7 +353,7 @@ def prepare_motion(
         if bodies is not None and planned.judged is bodies.evaluation:
             simulated = bodies.execution
         assert simulated is not None
-        predicted = np.column_stack([np.interp(t, simulated.t, x) for x in simulated.q.T])
+        predicted = interpolate(t, simulated.t, simulated.q)
     else:
         _check_same_plan(set_points, planned)
         predicted = planned.trajectory.with_rests(t)

@@ -28,7 +28,7 @@ from armcontour.files.job_arm import arm_of
 from armcontour.files.job_model import CellModel, JobModel, PathModel, RunModel
 from armcontour.files.job_patch import apply_patch, write_patch
 from armcontour.files.job_path import CONTOUR_LIMITS, find_contours, part_of, path_of, read_drawing
-from armcontour.files.job_text_edits import REMOVE, move_files
+from armcontour.files.job_text_edits import REMOVE, line_of, move_files
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Exports, Job, Rounding, Run
@@ -73,11 +73,7 @@ def parse_job(
     """
     data = read_data(text, source)
     with file_context(text, source, patch):
-        if patch:
-            from armcontour.files.job_patch import apply_patch
-
-            data = apply_patch(data, patch)
-        model: JobModel = read_keys(JobModel, data)
+        model: JobModel = read_keys(JobModel, apply_patch(data, patch or {}))
         return job_of(model, folder or FilePath(), reading)
 
 
@@ -88,8 +84,6 @@ def file_context(text: str, source: str, patch: Patch | None = None) -> Iterator
         with error_context(source):
             yield
     except ArmContourError as error:
-        from armcontour.files.job_text_edits import line_of
-
         line = line_of(text, error.key) if error.key and error.key not in (patch or ()) else None
         if line is not None:
             sentence = str(error)

@@ -186,7 +186,7 @@ class _Choices:
         """
         from scipy.spatial.distance import cdist
 
-        n, (exits, entries, first) = len(self.first) - 1, self._options
+        n, first, (entries, exits) = len(self.first) - 1, self.first, self.ends.swapaxes(0, 1)
         owners = np.repeat(np.arange(n), np.diff(first))
         waits = np.bincount(parents[parents >= 0], minlength=n)
         # Entries of the contours that may be next; infinite for other contours.
@@ -263,7 +263,7 @@ class _Choices:
         """Option of every contour with which a tour is shortest, by dynamic programming, (n,)."""
         from scipy.spatial.distance import cdist
 
-        exits, entries, first = self._options
+        first, (entries, exits) = self.first, self.ends.swapaxes(0, 1)
         slices = [slice(first[c], first[c + 1]) for c in tour]
         length, before = np.zeros(slices[0].stop - slices[0].start), []
         for last, now in itertools.pairwise(slices):
@@ -276,12 +276,6 @@ class _Choices:
         option = np.empty(len(tour), np.intp)
         option[tour] = first[tour] + chosen[::-1]
         return option
-
-    @property
-    def _options(self) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Exits and entries of all options, and the first option of every contour."""
-        entries, exits = (np.ascontiguousarray(self.ends[:, k]) for k in (0, 1))
-        return exits, entries, self.first
 
 
 def _options(contour: Contour, process: Process, count: int) -> list[Option]:

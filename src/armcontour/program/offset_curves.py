@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -284,8 +285,7 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
     return both[mask], np.repeat(np.arange(n), 2)[mask]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Parts:
+class _Parts(NamedTuple):
     """The n parts into which pieces are cut where they meet."""
 
     pieces: FloatArray  # The parts as a table of pieces, (n, 6)
@@ -295,12 +295,7 @@ class _Parts:
 
     def select(self, mask: BoolArray | IntArray) -> _Parts:
         """The parts selected by a mask or by indices."""
-        return _Parts(
-            pieces=self.pieces[mask],
-            rows=self.rows[mask],
-            owners=self.owners[mask],
-            nodes=self.nodes[mask],
-        )
+        return _Parts._make(x[mask] for x in self)
 
     def without_dead_ends(self, ends: FloatArray | None) -> _Parts:
         """Discard parts that lead nowhere; an open offset starts and ends at `ends`, (2, 2)."""
@@ -375,7 +370,7 @@ class _Parts:
         merged = chain.select(begins)
         pieces = merged.pieces.copy()
         pieces[:, LENGTH] = np.bincount(group, weights=chain.pieces[:, LENGTH])
-        return _Parts(pieces=pieces, rows=merged.rows, owners=merged.owners, nodes=merged.nodes)
+        return merged._replace(pieces=pieces)
 
 
 def _end_circles(pieces: FloatArray, d: float) -> FloatArray:

@@ -49,21 +49,8 @@ COMMENT_RANGE = 10_000
 ABSOLUTE = re.compile(r"\d\s*(?:mm|cm|in|pt|pc|q)$", re.IGNORECASE)
 # Elements that draw nothing.
 UNDRAWN = (
-    "",
-    "clipPath",
-    "defs",
-    "desc",
-    "filter",
-    "linearGradient",
-    "marker",
-    "mask",
-    "metadata",
-    "pattern",
-    "radialGradient",
-    "script",
-    "solidcolor",
-    "title",
-    "view",
+    *("", "clipPath", "defs", "desc", "filter", "linearGradient", "marker", "mask", "metadata"),
+    *("pattern", "radialGradient", "script", "solidcolor", "title", "view"),
 )
 # Elements that draw their children, or the element to which they refer.
 CONTAINERS = ("g", "a", "svg", "symbol", "use", "switch")

@@ -8,13 +8,16 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from armcontour.core.checks import frozen_array
 from armcontour.core.errors import InvalidInput
 from armcontour.files.drawings.arc_chain import Affine
+
+if TYPE_CHECKING:
+    from xml.parsers.expat import XMLParserType
 
 SVG = "http://www.w3.org/2000/svg"
 # Namespaces of the attributes that are read, and the prefixes for their names.
@@ -121,11 +124,10 @@ def parse_tree(data: bytes, source: str) -> Element:
 
     if data[:2] == b"\x1f\x8b":
         raise InvalidInput(f"{source} is compressed (svgz). Decompress the file first.")
-    builder = _Builder(source, data)
+    parser = expat.ParserCreate(namespace_separator="\n")
+    parser.buffer_text = True
+    builder = _Builder(source, data, parser)
     try:
-        parser = expat.ParserCreate(namespace_separator="\n")
-        parser.buffer_text = True
-        builder.register_handlers(parser)
         parser.Parse(data, True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
@@ -152,34 +154,22 @@ def _svg_element(root: Element | None, source: str) -> Element:
 class _Builder:
     """Builds the tree of elements from events of the XML parser."""
 
-    def __init__(self, source: str, data: bytes) -> None:
+    def __init__(self, source: str, data: bytes, parser: XMLParserType) -> None:
         self.source = source
-        self._data = data
-        self._expanded = 0
+        self._data, self._parser = data, parser
+        self._expanded = self._count = 0
         self.root: Element | None = None
         self._open: list[Element] = []
-        self._count = 0
-        self._line = 0
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self._text
+        parser.EntityDeclHandler = self._check_entity
 
-    def register_handlers(self, parser: object) -> None:
-        """Register this builder's methods as handlers of the parser."""
-
-        def start(name: str, attributes: dict[str, str]) -> None:
-            self._start(name, attributes, parser.CurrentLineNumber)  # type: ignore[attr-defined]
-
-        def entity(name: str, parameter: int, value: str | None, *_: object) -> None:
-            line = parser.CurrentLineNumber  # type: ignore[attr-defined]
-            self._check_entity(name, None if parameter else value, line)
-
-        parser.StartElementHandler = start  # type: ignore[attr-defined]
-        parser.EndElementHandler = self._end  # type: ignore[attr-defined]
-        parser.CharacterDataHandler = self._text  # type: ignore[attr-defined]
-        parser.EntityDeclHandler = entity  # type: ignore[attr-defined]
-
-    def _check_entity(self, name: str, value: str | None, line: int) -> None:
+    def _check_entity(self, name: str, parameter: int, value: str | None, *_: object) -> None:
         """Refuse an XML entity that is not plain text in the file or that expands too much."""
+        line = self._parser.CurrentLineNumber
         location = f"{self.source}, line {line}: the entity {name[:60]!r}"
-        if value is None or "&" in value or "%" in value or "<" in value:
+        if parameter or value is None or "&" in value or "%" in value or "<" in value:
             raise InvalidInput(
                 f"{location} must be plain text within the file, but is not. Save the drawing as "
                 "plain SVG."
@@ -193,7 +183,7 @@ class _Builder:
                 "unknown number. Save the drawing as plain SVG."
             )
 
-    def _start(self, name: str, attributes: dict[str, str], line: int) -> None:
+    def _start(self, name: str, attributes: dict[str, str]) -> None:
         """Add an element to the innermost open element."""
         self._count += 1
         if self._count > MAX_ELEMENTS:
@@ -207,7 +197,7 @@ class _Builder:
             if not owner or owner in PREFIXES:
                 read[PREFIXES.get(owner, "") + bare] = value
         tag = local if space in ("", SVG) else ""
-        element = Element(tag, read, self.source, line)
+        element = Element(tag, read, self.source, self._parser.CurrentLineNumber)
         if tag in ("rect", "circle", "ellipse"):
             # In SVG 2, lengths of shapes can also be properties of the attribute style.
             read.update({x: value for x in LENGTHS if (value := element.style_property(x))})

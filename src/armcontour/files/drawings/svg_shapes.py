@@ -143,15 +143,15 @@ class Pen:
             self.position = self.start if kind == "Z" else complex(*numbers) + base
             self.start = self.position
         elif kind == "H":
-            self._line(complex(numbers[0] + base.real, self.position.imag))
+            self._draw(False, [complex(numbers[0] + base.real, self.position.imag)])
         elif kind == "V":
-            self._line(complex(self.position.real, numbers[0] + base.imag))
+            self._draw(False, [complex(self.position.real, numbers[0] + base.imag)])
         elif kind == "A":
             self._arc(numbers[:5], complex(*numbers[5:]) + base)
         else:
             points = [complex(*x) + base for x in zip(numbers[::2], numbers[1::2], strict=True)]
             if kind == "L":
-                self._line(points[0])
+                self._draw(False, points)
             else:
                 control = self._bezier(kind, points)
         self.previous = kind, control
@@ -162,10 +162,6 @@ class Pen:
         if self.shapes:
             self.outlines.append(Outline(self.shapes, closed))
         self.shapes = []
-
-    def _line(self, end: complex) -> None:
-        """Draw a line from the current point."""
-        self._draw(False, [end])
 
     def _bezier(self, kind: str, points: list[complex]) -> complex:
         """Draw a Bézier curve (command C, S, Q or T); return its last control point."""
@@ -206,7 +202,7 @@ class Pen:
         """Draw an arc from the current point; `numbers` are radii, tilt and flags of A."""
         rx, ry, tilt, large, sweep = numbers
         if rx == 0 or ry == 0 or self.position == end:
-            self._line(end)
+            self._draw(False, [end])
             return
         self._add_pending()
         first, last = _plane([self.position, end])

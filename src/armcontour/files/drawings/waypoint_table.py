@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
 
 import numpy as np
 
@@ -48,7 +49,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     table, notes = _read(data, source, options)
     values = _quantities(table, options)
     orientation = _orientation(table, values)
-    texts = {key: list(_fill_down(_texts(table, key))) for key in TEXTS}
+    texts = {key: list(accumulate(_texts(table, key), _fill_down)) for key in TEXTS}
     bounds = [0, *_changes(texts), len(table.lines)]
     contours = []
     for k, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
@@ -176,12 +177,9 @@ def _texts(table: CsvTable[str], key: str) -> list[str]:
     return [x for _, (texts,) in table.cell_blocks([key]) for x in texts]
 
 
-def _fill_down(texts: Iterable[str]) -> Iterator[str]:
-    """Yield the texts of a column, with each empty cell replaced by the cell above."""
-    last = ""
-    for text in texts:
-        last = text or last
-        yield last
+def _fill_down(above: str, text: str) -> str:
+    """Text of a cell, or of the cell above if it is empty."""
+    return text or above
 
 
 def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
 from pathlib import Path as FilePath
 
 from armcontour.core.checks import LONGEST_NAME, FloatArray
@@ -60,15 +59,6 @@ def _pair(element: ET.Element, location: FilePath) -> LeftOut:
     return LeftOut(first=first, second=second, reason=f"{location.name}: {reason}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CollisionElement:
-    """A collision element of a link."""
-
-    where: str  # Description of the element, for messages
-    geometry: ET.Element  # Child of the `geometry` element, such as <box>
-    place: Frame  # Frame of the geometry in the frame of the link
-
-
 def link_shapes(
     tree: Tree,
     carried: Mapping[str, tuple[int, Frame]],
@@ -81,32 +71,24 @@ def link_shapes(
     shapes = []
     for name, (link, frame) in carried.items():
         tool = last in carried and link == carried[last][0] and name != last
-        for element in collision_elements(tree, name):
-            shape = shape_of(tree, element)
-            body = LinkShape(
-                name=name, link=link, shape=shape, place=frame @ element.place, tool=tool
-            )
+        location = f"A collision of the link {name} of {tree.file}"
+        for element in tree.links[name].findall("collision"):
+            geometry = element.find("geometry")
+            if geometry is None or len(geometry) != 1:
+                raise InvalidInput(
+                    f"{location} must have exactly one geometry: a box, cylinder, capsule, sphere "
+                    "or mesh."
+                )
+            place = frame @ origin_of(element, location)
+            shape = _shape_of(tree, geometry[0], location)
+            body = LinkShape(name=name, link=link, shape=shape, place=place, tool=tool)
             shapes.append(body.with_hull())
     return tuple(shapes)
 
 
-def collision_elements(tree: Tree, link: str) -> Iterator[CollisionElement]:
-    """Yield the collision elements of a link."""
-    for element in tree.links[link].findall("collision"):
-        location = f"A collision of the link {link} of {tree.file}"
-        geometry = element.find("geometry")
-        if geometry is None or len(geometry) != 1:
-            raise InvalidInput(
-                f"{location} must have exactly one geometry: a box, cylinder, capsule, sphere or "
-                "mesh."
-            )
-        place = origin_of(element, location)
-        yield CollisionElement(where=location, geometry=geometry[0], place=place)
-
-
-def shape_of(tree: Tree, collision: CollisionElement) -> Shape:
-    """Shape of a collision element."""
-    kind, element, location = collision.geometry.tag, collision.geometry, collision.where
+def _shape_of(tree: Tree, element: ET.Element, location: str) -> Shape:
+    """Shape of a child of a `geometry` element, such as <box>; `location` is for messages."""
+    kind = element.tag
     if kind == "box":
         return Box(size=read_numbers(location, "size", element.get("size", "")))
     if kind == "sphere":
