@@ -112,11 +112,9 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
     rows, breaks = path.segments, path.breaks
     arcs, vertices = fit_through(path, breaks, tolerance)
     source = np.repeat(np.arange(len(rows)), np.diff(vertices))
-    drawn, unchanged = (
-        np.flatnonzero(rows.is_transition[source]),
-        np.flatnonzero(~rows.is_transition),
-    )
-    columns = {x: getattr(rows, x)[source[drawn]] for x in ("speeds", "tolerances", "tags")}
+    drawn = np.flatnonzero(rows.is_transition[source])
+    unchanged = np.flatnonzero(~rows.is_transition)
+    columns = rows[source[drawn]].limit_columns
     lines = rows[unchanged].replace(quintics=np.empty((len(unchanged), 0, 0)))
     source = np.concatenate([unchanged, source[drawn]])
     order = np.argsort(source, kind="stable")

@@ -56,6 +56,11 @@ def make_biarcs(
     return _arc(p0, t0, along, share * d), _arc((q0 + w * q1) / (1 + w), along, t1, d)
 
 
+def join_pairs(first: Segments, second: Segments) -> Segments:
+    """Table in which the second segment of each pair follows the first."""
+    return Segments.join([first, second])[np.arange(2 * len(first)).reshape(2, -1).T.ravel()]
+
+
 def _arc(
     start: FloatArray, tangent: FloatArray, end_tangent: FloatArray, tangent_length: FloatArray
 ) -> Segments:
@@ -185,7 +190,7 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     with np.errstate(invalid="ignore"):  # A straight quintic has no normal.
         halves = make_biarcs(*ends)
     source = np.flatnonzero(bent)[row]
-    columns = {x: getattr(segments, x)[source] for x in ("speeds", "tolerances", "tags")}
+    columns = segments[source].limit_columns
     share = step / (halves[0].lengths + halves[1].lengths)
     breaks, others = segments.breaks, np.flatnonzero(~bent)
     first = breaks[source] + number * step

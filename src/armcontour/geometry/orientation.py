@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,7 @@ RATE_FLOOR = 1e-9
 ROUNDING = 1e-15
 # Coefficients of f(u) = u.
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
+ROTATIONS, POLYNOMIALS = ("starts", "first", "second"), ("f", "g")
 
 
 # Coefficients of fast rotations are large, so any finite value is accepted.
@@ -125,16 +126,12 @@ class Orientation(Checked):
         offsets = np.concatenate([[0.0], np.cumsum(lengths)])
         breaks = [x.breaks[:-1] + offset for x, offset in zip(parts, offsets, strict=False)]
         size = max(x.f.shape[1] for x in parts)
+        columns = {name: [getattr(x, name) for x in parts] for name in ROTATIONS}
+        for name in POLYNOMIALS:
+            columns[name] = [raise_degree(getattr(x, name), size - 1) for x in parts]
         return cls(
             breaks=np.concatenate([*breaks, offsets[-1:]]),
-            **{
-                name: np.concatenate([getattr(x, name) for x in parts])
-                for name in ("starts", "first", "second")
-            },
-            **{
-                name: np.concatenate([raise_degree(getattr(x, name), size - 1) for x in parts])
-                for name in ("f", "g")
-            },
+            **{name: np.concatenate(x) for name, x in columns.items()},
             axis_only=all(x.axis_only for x in parts),
             follows=all(x.follows for x in parts),
         )
@@ -244,6 +241,14 @@ class Orientation(Checked):
         inner = self.breaks[1:-1].copy()
         return inner[(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)] if len(inner) else inner
 
+    def columns(self, pieces: IntArray) -> dict[str, Any]:
+        """Copies of the rotations and polynomials of some pieces, by the names of the fields.
+
+        Args:
+            pieces: Indices of the pieces, (n,).
+        """
+        return {x: getattr(self, x)[pieces] for x in (*ROTATIONS, *POLYNOMIALS)}
+
     def cut(self, begin: float, length: float, shortest: float) -> Orientation:
         """The orientation along a part of the path.
 
@@ -254,7 +259,7 @@ class Orientation(Checked):
         """
         breaks = self.breaks - begin
         i = np.flatnonzero((breaks[1:] > shortest) & (breaks[:-1] < length - shortest))
-        rows = {x: getattr(self, x)[i].copy() for x in ("starts", "first", "second", "f", "g")}
+        rows = self.columns(i)
         before = max(-float(breaks[i[0]]), 0.0)
         if before > 0:
             # The first piece now starts inside its former range. Its start rotation is the

@@ -26,6 +26,7 @@ EVERY = slice(None)
 BISECTIONS = 30
 VECTORS = ("starts", "tangents", "normals")
 NUMBERS = ("curvatures", "lengths", "speeds", "tolerances")
+LIMITS = ("speeds", "tolerances", "tags")
 COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
 # Matrix from the coefficients of x² to x⁵ of a quintic to the Bernstein control points of its
 # second derivative.
@@ -161,6 +162,11 @@ class Segments:
         if not self.quintics.shape[1]:
             return np.zeros(len(self), dtype=bool)
         return np.asarray(self.quintics[:, 0, 0] == 0)
+
+    @property
+    def limit_columns(self) -> dict[str, Any]:
+        """Columns of the speeds, tolerances and tags."""
+        return {name: getattr(self, name) for name in LIMITS}
 
     @property
     def breaks(self) -> FloatArray:
@@ -367,7 +373,7 @@ class Segments:
                 )
         if (self.lengths <= 0).any() or (self.curvatures < 0).any():
             raise InvalidInput("Segment lengths must be above zero and curvatures not negative.")
-        for name in ("speeds", "tolerances", "tags"):
+        for name in LIMITS:
             if getattr(self, name).shape != (n,):
                 raise InvalidInput(
                     f"{name} of a path must have one value per segment ({n}), but have the shape "

@@ -271,8 +271,7 @@ def _put_on_part(contour: Contour, path: Path, *, ring: bool) -> Contour:
 def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
     """The path of an offset part, with speeds, tolerances, tags and orientation of its source."""
     rows = part.segments
-    originals = source.segments[part.rows]
-    columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}
+    columns = source.segments[part.rows].limit_columns
     if source.dimension == 3:
         axes = perpendicular_axes(up)
         height = float(source.starts[0] @ up) * up

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.geometry.biarcs import dot, length, make_biarcs, unit
+from armcontour.geometry.biarcs import dot, join_pairs, length, make_biarcs, unit
 from armcontour.geometry.rounding.connections import around_vertices, connect, draw_connections
 from armcontour.geometry.rounding.line_corners import CornerBounds, CornerCurves, CornerKind
 from armcontour.geometry.rounding.rounded_orientation import middle_fraction
@@ -128,10 +128,9 @@ class _Pair(_Blend):
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         pairs = _make_pairs(bounds.before, bounds.after, tangent)
-        order = np.arange(2 * len(tangent)).reshape(2, -1).T.ravel()
         return _make_curves(
             bounds,
-            Segments.join([pairs.first, pairs.second])[order],
+            join_pairs(pairs.first, pairs.second),
             np.repeat(np.arange(len(tangent)), 2),
             np.maximum(pairs.first.curvatures, pairs.second.curvatures),
             pairs.error,

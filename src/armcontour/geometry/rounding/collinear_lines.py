@@ -92,9 +92,7 @@ def merge_lines(path: Path, allowed: FloatArray) -> tuple[Path, IntArray, FloatA
         frame = exp(shortest(rows.tangents[0], table.tangents[0])) @ orientation.starts[0]
         orientation = carry_frame(table, frame, axis_only=orientation.axis_only)
     elif orientation is not None:
-        columns = {
-            x: getattr(orientation, x)[first] for x in ("starts", "first", "second", "f", "g")
-        }
+        columns = orientation.columns(first)
         columns["first"] *= (np.add.reduceat(rows.lengths, first) / table.lengths)[:, None]
         orientation = replace(orientation, breaks=table.breaks, **columns)
     merged = Path(segments=table, merged=path.merged, orientation=orientation)

@@ -24,6 +24,7 @@ from armcontour.geometry.biarcs import (
     tangent_and_curvature,
     unit,
 )
+from armcontour.geometry.orientation import evaluate_polynomials
 from armcontour.geometry.segments import EVERY, Segments, bound_second_derivatives
 
 DEGREE = 7
@@ -67,11 +68,7 @@ class Connections:
 
     def evaluate(self, i: IntArray | slice, x: FloatArray, order: int = 0) -> FloatArray:
         """Positions relative to the starts of connections `i` at x, or their derivatives by x."""
-        c = self.coefficients[i]
-        values = np.zeros(np.shape(x) + c.shape[-1:])
-        for k in range(DEGREE, order - 1, -1):
-            values = values * x[..., None] + math.perm(k, order) * c[..., k, :]
-        return np.asarray(values)
+        return evaluate_polynomials(np.swapaxes(self.coefficients[i], -1, -2), x[..., None], order)
 
     def lengths_to(self, i: IntArray | slice, x: FloatArray) -> FloatArray:
         """Arc lengths from the starts of connections `i` to x [m], (n,)."""

@@ -167,10 +167,11 @@ def _insert_transitions(
     """Insert transitions; returns the path, and corresponding arc lengths on both paths [m]."""
     # A transition has the speed, tolerance and tag of the segment on its side of the vertex.
     originals = path.segments[np.where(first, after, after + 1)]
-    columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}
     cut = np.zeros(len(path) + 1)
     cut[vertex + 1] = w
-    table, source, _ = replace_vertices(path.segments, cut, drawn.replace(**columns), after)
+    table, source, _ = replace_vertices(
+        path.segments, cut, drawn.replace(**originals.limit_columns), after
+    )
     index = np.searchsorted(vertex, after)
     sides = [
         np.asarray(np.bincount(index, drawn.lengths * x, minlength=len(w)), dtype=float)

@@ -26,7 +26,14 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampled_data import number_parts
-from armcontour.geometry.biarcs import STRAIGHT, join_by_quintics, make_biarcs, unit, unit_across
+from armcontour.geometry.biarcs import (
+    STRAIGHT,
+    join_by_quintics,
+    join_pairs,
+    make_biarcs,
+    unit,
+    unit_across,
+)
 from armcontour.geometry.rounding.rounded_orientation import SLIVER, middle_fraction
 from armcontour.geometry.segments import REPEATED_POINT, Segments, combine_limits
 
@@ -252,9 +259,7 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
         tan = np.sinh(w)
         ends += [np.stack([tan, tan * tan / 2], axis=1)]
         ends += [np.stack([1 / np.cosh(w), np.tanh(w)], axis=1)]
-    first, second = make_biarcs(*ends)
-    order = np.arange(2 * len(parabola)).reshape(2, -1).T.ravel()
-    return Segments.join([first, second])[order], np.repeat(parabola, 2)
+    return join_pairs(*make_biarcs(*ends)), np.repeat(parabola, 2)
 
 
 def _length_of_parabolas(half: FloatArray) -> FloatArray:

@@ -151,9 +151,8 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
     t, total = float(size[0]), path.length
     begin, end = np.zeros(len(rows)), rows.lengths.copy()
     begin[0], end[-1] = t, end[-1] - t
-    names = ("speeds", "tolerances", "tags")
     ends = [
-        x.replace(**{name: getattr(row, name) for name in names})
+        x.replace(**row.limit_columns)
         for row, arcs in ((first, leaving), (last, arriving))
         for x in arcs
     ]

@@ -12,7 +12,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.quintics import quintic
 from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path, Segments, SmoothCurve
-from armcontour.geometry.biarcs import make_biarcs
+from armcontour.geometry.biarcs import join_pairs, make_biarcs
 from armcontour.planning.shaping.spline_rows import JointSpline
 from armcontour.robot import Arm
 
@@ -100,9 +100,7 @@ def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
     # Returns the arcs; the arc lengths of the ends of the parts [m]; coefficients of the quintics.
     with np.errstate(divide="ignore", invalid="ignore"):
         # Straight parts have no normal.
-        first, second = make_biarcs(begin[0], begin[1], end[0], end[1])
-    order = np.arange(2 * len(begin[0])).reshape(2, -1).T.ravel()
-    arcs = Segments.join([first, second])[order]
+        arcs = join_pairs(*make_biarcs(begin[0], begin[1], end[0], end[1]))
     breaks = arcs.breaks[::2]
     return arcs, breaks, quintic(np.diff(breaks), begin, end)
 
