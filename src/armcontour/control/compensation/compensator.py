@@ -318,14 +318,16 @@ def _set_points(
         end = trajectory([trajectory.duration], side="left")
         return 0.0, np.concatenate([trajectory(t), end]), None
     if isinstance(options, PolePlacement):
-        from armcontour.control.compensation.pole_placement import pole_placement
+        from armcontour.control.compensation.pole_placement import place_poles
 
-        start, q = pole_placement(trajectory, servo, cycle, options.poles)
+        start, q = place_poles(trajectory, servo, cycle, options.poles)
     elif isinstance(options, InverseDynamics):
-        from armcontour.control.compensation.inverse_dynamics import inverse_dynamics
+        from armcontour.control.compensation.inverse_dynamics import invert_dynamics
 
-        fed = options.gravity_feedforward
-        start, q = inverse_dynamics(trajectory, servo, cycle, arm, fed, options.controller)
+        start, q = invert_dynamics(
+            trajectory, servo, cycle, arm,
+            gravity_feedforward=options.gravity_feedforward, controller=options.controller,
+        )  # fmt: skip
     else:
         start, q = invert_servo(trajectory, servo, cycle)
     if not servo.has_feedforward and not servo.ki.any():

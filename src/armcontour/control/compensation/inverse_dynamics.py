@@ -29,13 +29,14 @@ from armcontour.robot.servo import ServoModel
 MEAN_WEIGHTS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
 
 
-def inverse_dynamics(
+def invert_dynamics(
     trajectory: Trajectory,
     servo: ServoModel,
     cycle: float,
     arm: Arm | None,
-    gravity_feedforward: bool = True,
-    controller: Arm | None = None,
+    *,
+    gravity_feedforward: bool,
+    controller: Arm | None,
 ) -> tuple[float, FloatArray]:
     """Time of the first set-point [s], and set-points by the inverse `Drives` [rad], (n, dof)."""
     if arm is None:

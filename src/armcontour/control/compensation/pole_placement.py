@@ -113,7 +113,7 @@ def default_poles(servo: ServoModel) -> ComplexArray:
     return poles
 
 
-def pole_placement(
+def place_poles(
     trajectory: Trajectory, servo: ServoModel, cycle: float, poles: npt.ArrayLike | None = None
 ) -> tuple[float, FloatArray]:
     """Time of the first set-point [s], and set-points by pole placement (26) [rad], (n, dof).
@@ -155,7 +155,9 @@ def _set_points(
     dwell = np.zeros((len(after), *moving.shape[1:]))
     dwell[:, 0] = end[-1]
     motion, width = np.concatenate([moving, dwell]), np.concatenate([np.diff(knots), after])
-    states, lead, rate, damping = run_poles(servo.kv, placed, width, motion, motion[0, 0])
+    rate, damping, lead = _filter_parameters(servo.kv, placed)
+    fastest = np.abs(placed).max(axis=1)
+    states = run_filter(width, motion, damping, rate, fastest, motion[0, 0])
     indices = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
     x1, x2, x3 = np.moveaxis(states[indices], 2, 0)
     # Each polynomial begins at its knot. The end of the last polynomial uses the same value,
@@ -168,37 +170,18 @@ def _set_points(
     return set_points
 
 
-def run_poles(
-    kv: FloatArray,
-    placed: ComplexArray,
-    width: FloatArray,
-    coefficients: FloatArray,
-    start: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """States of the filter F G from `run_filter`, numerator factor x / p², p, and damping.
-
-    - `kv`: [1/s], (dof,).
-    - `placed`: poles [1/s], (dof, 3).
-    """
-    x, (c0, c1, c2) = transfer(kv, placed)
-    rate = np.cbrt(c0)
-    damping = np.stack([c1 / rate**2, c2 / rate], axis=1)
-    states = run_filter(width, coefficients, damping, rate, np.abs(placed).max(axis=1), start)
-    return states, x / rate**2, rate, damping
-
-
-def transfer(
+def _filter_parameters(
     kv: FloatArray, placed: ComplexArray
-) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
-    """Coefficients x and (c0, c1, c2) of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)`, (dof,).
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Parameters of F G with given poles: p [1/s], (dof,); d1 and d2, (dof, 2); numerator, (dof,).
 
-    - `kv`: [1/s], (dof,).
-    - `placed`: poles [1/s], (dof, 3).
+    With z = s / p, F G is `(1 + numerator z) / (1 + d1 z + d2 z² + z³)`.
     """
     m1, m2, g = placed.T
     c0, c1, c2 = (-m1 * m2 * g).real, (m1 * m2 + (m1 + m2) * g).real, -(m1 + m2 + g).real
     x = ((kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g).real
-    return x, (c0, c1, c2)
+    rate = np.cbrt(c0)
+    return rate, np.stack([c1 / rate**2, c2 / rate], axis=1), x / rate**2
 
 
 def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:

@@ -106,7 +106,7 @@ class ErrorEstimate:
         change, response = lifted.correct(remaining, penalty)
         self.q = np.asarray(runs[0].q + change)
         self.error = moved - response
-        self.repeats = lifted.judge(self.error).rms
+        self.repeats = lifted.measure_tool_error(self.error).rms
         self.noise = self._find_noise()
         self.steps = self._choose_steps()
 
@@ -120,7 +120,7 @@ class ErrorEstimate:
             mean = np.mean([x.error for x in group], axis=0)
             for run in group if len(group) > 1 else ():
                 deviation = smooth_error(self._lifted, run.error - mean, run.noise)
-                squares += self._lifted.judge(deviation).rms ** 2
+                squares += self._lifted.measure_tool_error(deviation).rms ** 2
         return float(np.sqrt(squares / freedom)) if freedom else None
 
     def _choose_steps(self) -> FloatArray:
@@ -241,7 +241,7 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
         offset=offset, rate=rate, source=recording.source, notes=recording.notes,
         set_points_off=log_alignment.set_points_off(plan_times, recording.command, set_points),
         prismatic=() if arm is None or arm.chain.prismatic is None else arm.chain.prismatic,
-        **lifted.judge(smooth)._asdict(),
+        **lifted.measure_tool_error(smooth)._asdict(),
     )  # fmt: skip
 
 
@@ -272,7 +272,7 @@ def _learn_next(
     for k in range(setbacks, setbacks + TRIALS):
         requested = best.q + SETBACK_STEP**k * change
         q, reason = _keep_limits(set_points, requested, best.q, applied, fastest)
-        expected = float(lifted.judge(estimate.error + lifted.respond(q - best.q)).rms)
+        expected = float(lifted.measure_tool_error(estimate.error + lifted.respond(q - best.q)).rms)
         if useful := expected * USEFUL_FACTOR < estimate.repeats:
             break
     end = _reason_to_finish(lifted, runs, estimate, setbacks)

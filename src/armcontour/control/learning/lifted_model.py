@@ -323,7 +323,7 @@ class Lifted:
             bridged[missing] = self.smooth(bridged, penalty)[missing]
         return bridged
 
-    def judge(self, error: FloatArray) -> ToolError:
+    def measure_tool_error(self, error: FloatArray) -> ToolError:
         """Errors of the tool due to errors of the joints [rad], (n, dof)."""
         # Root mean squares of a single path end when the tool comes to rest, as in `evaluate`;
         # largest errors include the rest. Contours of a program are evaluated while the process is

@@ -37,7 +37,7 @@ from armcontour.studies.certification.derating_search import (
     Verdict,
     attempts,
     execute_box,
-    judge,
+    verify_attempt,
     worst_robots,
 )
 from armcontour.verification.contour_errors import pieces_of
@@ -234,7 +234,7 @@ def find_verdict(case: Case, robots: Sequence[BoxErrors]) -> Verdict:
         )
     search = attempts(case, worst_robots(robots, case.budget))
     attempt = next(search)
-    while not (verdict := judge(case, attempt)).kept:
+    while not (verdict := verify_attempt(case, attempt)).kept:
         attempt = search.send(verdict)
     return verdict
 

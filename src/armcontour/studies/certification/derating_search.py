@@ -2,8 +2,8 @@
 
 An attempt is executed on the nominal robot and on some robots of the box. Cells of moves in which
 these executions exceed a limit or the error budget are derated, and the next attempt is planned. An
-attempt without excess is yielded. `judge` decides whether it is certified, so
-errors of these estimates cost time, but they cannot make a certificate wrong.
+attempt without excess is yielded. `verify_attempt` decides whether it is certified, so errors of
+these estimates cost time, but they cannot make a certificate wrong.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ PHASE_TOLERANCE = 1e-9
 ENTRY_SHARE = 0.25
 # Estimated ratios to limits and budget in the n cells of a move by cause, (n,) or (n, dof).
 Uses = dict[str, FloatArray]
-# Ratios at which the derating of a move aims, by cause; the judge lowers them.
+# Ratios at which the derating of a move aims, by cause. Verdicts reduce them.
 Goals = dict[str, float]
 # Parts of executions, one per contour.
 Pieces = Sequence[Sequence[ContourExecution]]
@@ -156,7 +156,7 @@ class Verdict:
         return max(errors + [float(x.max.max()) for x in self.robots])
 
 
-def judge(case: Case, attempt: Attempt) -> Verdict:
+def verify_attempt(case: Case, attempt: Attempt) -> Verdict:
     """Execute an attempt, and compare it with all limits and with the goal."""
     executed = simulate(attempt.set_points, case.plant(), resolution=RESOLUTION)
     pieces = pieces_of(executed, case.program, None, None)
