@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -390,41 +391,36 @@ def pieces_of(
             f"{len(objective.contours)}."
         )
     if path.single_path is None:
-        judged = [_find_window(executed, x) for x in spans]
+        windows = [_find_window(executed, x) for x in spans]
     else:
-        judged = [(slice(0, len(executed.t)), (None, last), 0.0)]
-    starts = [which.start for which, _, _ in judged[1:]]
-    beyond = [*starts, len(executed.t)]
-    before = [None] * count if objective is None else objective.contours
-    return [
-        ContourExecution(
-            executed=executed,
-            path=contour.path,
-            objective=None if first is None else first.path,
-            which=which,
-            since=begin,
-            end_time=end,
-            rms_end_time=None if path.single_path is None else rms_end_time,
-            beyond=following,
-            work=contour.at_work,
-            before_work=None if first is None else first.at_work,
-            offset=offset,
+        every = slice(0, len(executed.t))
+        windows = [{"which": every, "end_time": last, "rms_end_time": rms_end_time}]
+    beyond = [*(x["which"].start for x in windows[1:]), len(executed.t)]
+    pieces = []
+    for k, (contour, window) in enumerate(zip(path.contours, windows, strict=True)):
+        first = None if objective is None else objective.contours[k]
+        pieces.append(
+            ContourExecution(
+                executed=executed,
+                path=contour.path,
+                objective=None if first is None else first.path,
+                beyond=beyond[k],
+                work=contour.at_work,
+                before_work=None if first is None else first.at_work,
+                **window,
+            )
         )
-        for contour, first, (which, (begin, end), offset), following in zip(
-            path.contours, before, judged, beyond, strict=True
-        )
-    ]
+    return pieces
 
 
-def _find_window(
-    executed: Execution, span: Span
-) -> tuple[slice, tuple[float | None, float], float]:
-    """Slice of a contour's samples, its start and end [s], length of the previous contours [m]."""
+def _find_window(executed: Execution, span: Span) -> dict[str, Any]:
+    """Samples, times and offset of the piece of a contour, as fields of `ContourExecution`."""
     assert span.work is not None
     start, end = np.searchsorted(executed.t, span.work)
     # A piece has at least two samples, even on a very short contour.
     start = min(int(start), len(executed.t) - 2)
-    return slice(start, max(int(end), start + 2)), span.work, span.s[0]
+    which = slice(start, max(int(end), start + 2))
+    return {"which": which, "since": span.work[0], "end_time": span.work[1], "offset": span.s[0]}
 
 
 def _side(path: Path, followed: Followed, tool: FloatArray) -> FloatArray:

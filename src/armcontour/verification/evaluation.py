@@ -161,7 +161,7 @@ class Evaluation(Result, Frozen):
             Row("demand", self.demand, self._unit("rad/s^2")),
             demand_row(self.demand_ratio),
             Row("jerk", self.jerk, self._unit("rad/s^3")),
-            _of_joints("jerk_ratio", self.jerk_ratio, "1", "joint jerk"),
+            _joint_row("jerk_ratio", self.jerk_ratio, "joint jerk"),
             Row("command_jerk", self.command_jerk, self._unit("rad/s^3")),
             saturated_row(self.saturated),
         )
@@ -195,7 +195,7 @@ def settled_row(settled: float) -> Row:
 
 def demand_row(shares: FloatArray) -> Row:
     """Row of the largest demanded fraction of each joint's acceleration limit, (dof,)."""
-    return _of_joints("demand_ratio", shares, "1", "joint demand")
+    return _joint_row("demand_ratio", shares, "joint demand")
 
 
 def saturated_row(shares: FloatArray) -> Row:
@@ -204,11 +204,11 @@ def saturated_row(shares: FloatArray) -> Row:
     return Row("saturated", shares, "1", "saturated", ", ".join(joints) or "no joint", VERDICT)
 
 
-def _of_joints(name: str, shares: FloatArray, unit: str, label: str) -> Row:
-    """Row of one value per joint, with the joint of the largest value; no label if all are 0."""
+def _joint_row(name: str, shares: FloatArray, label: str) -> Row:
+    """Row of one ratio per joint, with the joint of the largest ratio; no label if all are 0."""
     if not shares.any():
-        return Row(name, shares, unit)
-    return Row(name, shares, unit, label, f"joint {int(shares.argmax()) + 1}")
+        return Row(name, shares, "1")
+    return Row(name, shares, "1", label, f"joint {int(shares.argmax()) + 1}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -413,15 +413,13 @@ def _fastest(arm: Arm, speeds: FloatArray) -> dict[str, Any]:
 def _end_speeds(log: SampledMotion, limits: Limits) -> FloatArray:
     """Joint velocities at both ends [rad/s], or lower bounds, (2, dof)."""
     if log.dq is not None:
-        speeds = np.abs(log.dq[[0, -1]])
-    else:
-        # At the acceleration a, the velocity at an end of an interval h differs from the mean
-        # velocity by at most h a / 2.
-        span = np.diff(log.t)[[0, -1], None]
-        mean = (np.abs(np.diff(log.q, axis=0)[[0, -1]]) - 2 * log.errors[0]) / span
-        low, high = limits.acceleration_bounds(log.q.shape[1])
-        speeds = np.maximum(mean - span * np.maximum(-low, high) / 2, 0.0)
-    return speeds
+        return np.abs(log.dq[[0, -1]])
+    # At the acceleration a, the velocity at an end of an interval h differs from the mean velocity
+    # by at most h a / 2.
+    span = np.diff(log.t)[[0, -1], None]
+    mean = (np.abs(np.diff(log.q, axis=0)[[0, -1]]) - 2 * log.errors[0]) / span
+    low, high = limits.acceleration_bounds(log.q.shape[1])
+    return np.maximum(mean - span * np.maximum(-low, high) / 2, 0.0)
 
 
 def _check_path(

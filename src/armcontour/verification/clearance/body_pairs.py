@@ -248,8 +248,6 @@ class Distances:
 
     def __init__(self, chain: Chain, pairs: Sequence[Pair]) -> None:
         self._coal = _coal()
-        # `ComputeDistance` is faster, but its result depends on the previous calls.
-        self._least = self._coal.distance
         self._pairs = pairs
         made = partial(_geometry, self._coal)
         # Bodies are compared by identity.
@@ -308,10 +306,7 @@ class Distances:
 
     def _distance(self, pair: int, placement: Any, result: Any) -> float:
         """Distance of a pair [m]; `placement`: second body in the frame of the first body."""
-        first, second = self._shapes[pair]
-        # This repeats the code of `_between`, because it runs up to 100,000 times.
-        result.clear()
-        distance: float = self._least(first, self._still, second, placement, self._request, result)
+        distance = self._between(*self._shapes[pair], placement, result)
         exact = self._exact[pair]
         if exact is not None and distance < self._pairs[pair].margin + UNCERTAINTY:
             distance = max(distance, self._between(*exact, placement, result))
@@ -320,9 +315,9 @@ class Distances:
     def _between(self, first: Any, second: Any, placement: Any, result: Any) -> float:
         """Distance of two library objects [m]; negative if they overlap."""
         result.clear()
-        return float(
-            self._coal.distance(first, self._still, second, placement, self._request, result)
-        )
+        # `ComputeDistance` is faster, but its result depends on the previous calls.
+        distance = self._coal.distance
+        return float(distance(first, self._still, second, placement, self._request, result))
 
     def _placements(self, q: FloatArray) -> FloatArray:
         """Placements of all bodies in the work frame, (n, bodies, 3, 4)."""
@@ -388,36 +383,28 @@ def _geometry(coal: Any, shape: Shape) -> Any:
             return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
         case Mesh():
             if shape not in MESHES:
-                make = _hull if shape.triangles is None else _triangles
-                MESHES[shape] = make(coal, shape)
+                MESHES[shape] = _mesh(coal, shape)
             return MESHES[shape]
     raise InvalidInput(
         f"Distances are not available for shapes of the kind {type(shape).__name__}."
     )
 
 
-def _hull(coal: Any, shape: Mesh) -> Any:
-    """Make the library object of the convex hull of a mesh."""
-    model = coal.BVHModelOBBRSS()
-    model.beginModel(0, len(shape.points))
+def _mesh(coal: Any, shape: Mesh) -> Any:
+    """Make the library object of the triangles of a mesh, or of its convex hull without them."""
+    triangles, model = shape.triangles, coal.BVHModelOBBRSS()
+    model.beginModel(0 if triangles is None else len(triangles), len(shape.points))
     model.addVertices(np.ascontiguousarray(shape.points))
+    if triangles is not None:
+        model.addTriangles(np.ascontiguousarray(triangles, dtype=np.int64))
     model.endModel()
+    if triangles is not None:
+        return model
     # `buildConvexRepresentation` would assume that the triangles are convex.
     model.buildConvexHull(True, "Qt")
     if model.convex is None:
         raise InvalidInput(f"The convex hull of {shape.source or 'a mesh'} cannot be computed.")
     return model.convex
-
-
-def _triangles(coal: Any, shape: Mesh) -> Any:
-    """Make the library object of the triangles of a mesh."""
-    assert shape.triangles is not None
-    model = coal.BVHModelOBBRSS()
-    model.beginModel(len(shape.triangles), len(shape.points))
-    model.addVertices(np.ascontiguousarray(shape.points))
-    model.addTriangles(np.ascontiguousarray(shape.triangles, dtype=np.int64))
-    model.endModel()
-    return model
 
 
 def exclude_touching(arm: Arm) -> ArmShapes:

@@ -316,9 +316,8 @@ class Cell:
             return Clearance(pairs=(), left_out=self.left_out, below=below)
         search = _ClearanceSearch(motion, self.pairs, self._distances, resolution)
         search.run()
-        results = sorted(search.results(), key=lambda x: x.low - x.margin)
         return Clearance(
-            pairs=tuple(results),
+            pairs=tuple(sorted(search.results(), key=lambda x: x.low - x.margin)),
             left_out=self.left_out,
             evaluations=search.evaluations,
             below=below,
