@@ -39,6 +39,12 @@ def quintic(
     return np.asarray(kernel(kernel_array(width), first, last, width_error))
 
 
+def to_bernstein(degree: int) -> FloatArray:
+    """Matrix from coefficients of powers to Bernstein control points, (degree + 1, degree + 1)."""
+    rows = range(degree + 1)
+    return np.array([[math.comb(k, m) / math.comb(degree, m) for m in rows] for k in rows])
+
+
 @compiled()
 def _fill_coefficients(
     width: FloatArray, begin: Derivatives, end: Derivatives, width_error: float

@@ -218,6 +218,11 @@ def count_noun(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
+def limit_label(limit: str, joint: int | None) -> str:
+    """A limit with its joint, such as "joint 2 acceleration"; without a joint, the limit alone."""
+    return limit if joint is None else f"joint {joint + 1} {limit}"
+
+
 def joint_label(joint: int, names: Sequence[str]) -> str:
     """The number of a joint, from 1, followed by its name unless that is "joint N"."""
     name = names[joint - 1]

@@ -183,14 +183,11 @@ def cut_log(
 def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
     """Mask of the samples from `start` to `end`, (n,); raise InvalidInput if there are none."""
     for name, value in (("first", start), ("last", end)):
-        if not isinstance(value, int | float | np.number):
+        # NaN fails the comparison; NumPy cannot compare larger integers.
+        largest = checks.LARGEST if isinstance(value, int) else math.inf
+        if not (isinstance(value, int | float | np.number) and abs(value) <= largest):
             raise InvalidInput(
                 f"The {name} time of {source} must be a number in s, not {show(value)}."
-            )
-        # NaN fails the comparison; NumPy cannot compare larger integers.
-        if not abs(value) <= (checks.LARGEST if isinstance(value, int) else math.inf):
-            raise InvalidInput(
-                f"The {name} time to use must be a number of seconds, not {show(value)}."
             )
     used = (np.asarray(t) >= start) & (np.asarray(t) <= end)
     if len(t) and not used.any():

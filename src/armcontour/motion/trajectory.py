@@ -237,21 +237,16 @@ class Trajectory(Checked):
             reserve: Fraction of the limits reserved for the servo.
             arm: The arm; by default the arm of the trajectory.
         """
-        spans = tuple(
-            x
-            if x.trajectory is None
-            else replace(
-                x,
-                trajectory=x.trajectory.limited(
-                    limits if x.kind == "contour" else limits.of_joints, reserve
-                ),
-            )
-            for x in self.spans
-        )
+        spans = list(self.spans)
+        for k, span in enumerate(spans):
+            if span.trajectory is not None:
+                move_limits = limits if span.kind == "contour" else limits.of_joints
+                move = span.trajectory.limited(move_limits, reserve)
+                spans[k] = replace(span, trajectory=move)
         plan_arm = self.arm if arm is None else arm
         # The laws and their ranges are the same.
         return checks.copy_unchecked(
-            self, spans=spans, limits=limits, reserve=reserve, arm=plan_arm
+            self, spans=tuple(spans), limits=limits, reserve=reserve, arm=plan_arm
         )
 
     @checked
@@ -532,12 +527,8 @@ class Trajectory(Checked):
             part = self._law_ranges[k]
             if part.law is None:
                 still = 0.0 if side == "left" else self.laws[k].breaks[-1]
-                yield (
-                    k,
-                    indices,
-                    np.zeros(len(indices), dtype=np.intp),
-                    np.full(len(indices), still),
-                )
+                first = np.zeros(len(indices), dtype=np.intp)
+                yield k, indices, first, np.full(len(indices), still)
             else:
                 yield k, indices, *part.law.reach(s[indices] - part.offset, side)
 

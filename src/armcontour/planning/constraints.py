@@ -14,6 +14,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import checked
+from armcontour.core.text import limit_label
 from armcontour.motion import JointPath, PathLaw
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import (
@@ -247,7 +248,7 @@ def check_rest(
     needed, s = float(value[i, end, row]), float(grid.s[i + end])
     allowed = float(high[row] if needed > high[row] else low[row])
     joint = int(row) if constraint.joints else None
-    who = constraint.name if joint is None else f"joint {joint + 1} {constraint.name}"
+    who = limit_label(constraint.name, joint)
     unit = "".join(f" {LIMITS[x].unit}" for x in constraint.serves)
     raise NotRealizable(
         f"At {s:.6g} m along the path the {who} is {needed:.4g}{unit} {when}, but its limit in "

@@ -15,6 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
+from armcontour.core.text import limit_label
 from armcontour.motion import Method, PathLaw, Trajectory, arm_of
 from armcontour.planning.constraints import CONSTRAINTS, Constraint, IntervalEnds, assigned_speeds
 from armcontour.planning.path_grid import Grid
@@ -66,7 +67,7 @@ class Binding:
     @property
     def name(self) -> str:
         """The limit with its joint for messages, such as "joint 2 acceleration"."""
-        return self.limit if self.joint is None else f"joint {self.joint + 1} {self.limit}"
+        return limit_label(self.limit, self.joint)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -385,14 +386,13 @@ def _bindings(
     offsets: tuple[float, float],
 ) -> tuple[Binding, ...]:
     t_start, s_start = offsets
-    edges = np.flatnonzero(np.diff(limit_index)) + 1
-    starts, ends = np.append(0, edges), np.append(edges, len(limit_index))
+    starts, count = _runs(limit_index)
     largest = np.maximum.reduceat(share, starts)
     bindings = []
-    for i, k, largest_share in zip(starts, ends, largest, strict=True):
-        limit, joint = ("nothing", None) if limit_index[i] < 0 else names[limit_index[i]]
-        t = (t_start + float(law.breaks[i]), t_start + float(law.breaks[k]))
-        s = (s_start + float(law.s[i]), s_start + float(law.s[k]))
+    for first, end, largest_share in zip(starts, starts + count, largest, strict=True):
+        limit, joint = ("nothing", None) if limit_index[first] < 0 else names[limit_index[first]]
+        t = (t_start + float(law.breaks[first]), t_start + float(law.breaks[end]))
+        s = (s_start + float(law.s[first]), s_start + float(law.s[end]))
         bindings.append(Binding(limit=limit, joint=joint, t=t, s=s, share=float(largest_share)))
     return tuple(bindings)
 
@@ -427,8 +427,7 @@ def _shortfalls(
             neighbours = neighbours[neighbours >= 0]
             reason = "the transition between two limits"
             if len(neighbours):
-                limit, joint = names[int(np.bincount(neighbours).argmax())]
-                reason = limit if joint is None else f"joint {joint + 1} {limit}"
+                reason = limit_label(*names[int(np.bincount(neighbours).argmax())])
             middle = (i + k) // 2
             result.append(
                 Shortfall(

@@ -212,6 +212,11 @@ class PaperLine:
         """Run the pass backwards in time from the end of the line at `speed` [m/s]."""
         return Pass(*run_laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
 
+    def final_speed(self, run: Pass) -> float:
+        """Tool speed at the end of a pass [m/s]; infinite if a limit ends the pass earlier."""
+        is_whole = run.joint < 0 and run.last_within(self.assigned) == len(self.s) - 1
+        return float(run.speed[-1]) if is_whole else np.inf
+
     def plan(self, start: float, end: float) -> list[LinePhase]:
         """Plan the line from the tool speed `start` to the tool speed `end` [m/s]."""
         forward, reverse = self.forward(start), self.reverse(end)
@@ -484,15 +489,11 @@ def _place_knots(start: float, end: float, count: int, at_rest: tuple[bool, bool
 def _match_speeds(lines: list[PaperLine], junctions: list[Junction]) -> None:
     """Reduce the speeds of junctions to speeds that the lines can reach."""
     for number, line in enumerate(lines):
-        run = line.forward(junctions[number].speed)
-        if run.joint < 0 and run.last_within(line.assigned) == len(line.s) - 1:
-            after = junctions[number + 1]
-            after.speed = min(after.speed, float(run.speed[-1]))
+        before, after = junctions[number : number + 2]
+        after.speed = min(after.speed, line.final_speed(line.forward(before.speed)))
     for number, line in reversed(list(enumerate(lines))):
-        run = line.reverse(junctions[number + 1].speed)
-        if run.joint < 0 and run.last_within(line.assigned) == len(line.s) - 1:
-            before = junctions[number]
-            before.speed = min(before.speed, float(run.speed[-1]))
+        before, after = junctions[number : number + 2]
+        before.speed = min(before.speed, line.final_speed(line.reverse(after.speed)))
 
 
 def _arc_part(name: str, joint_path: JointPath, segment: int, speed: float) -> RulePart:

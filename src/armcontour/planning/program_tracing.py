@@ -141,17 +141,8 @@ def trace_program(
         shaped = [x.path for x in program.contours if isinstance(x.path, ShapedPath)]
         seed = shaped[0].outcome.joints if shaped else None
     limited, contours = arm.with_limits(bounds), program.contours
-    tracer = _Tracer(
-        program,
-        contours,
-        arm,
-        limited,
-        bounds,
-        configuration,
-        seed,
-        accept,
-        {} if fastest is None else fastest,
-    )
+    cached = {} if fastest is None else fastest
+    tracer = _Tracer(program, contours, limited, configuration, seed, accept, cached)
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
         if isinstance(move, Contour) and progress is not None:
@@ -167,9 +158,7 @@ class _Tracer:
 
     program: Program
     contours: tuple[Contour, ...]
-    arm: Arm
-    limited: Arm
-    limits: Limits
+    arm: Arm  # The arm with the limits of the motion
     configuration: str | None
     seed: npt.ArrayLike | None
     accept: Callable[[JointPath], bool] | None
@@ -222,41 +211,34 @@ class _Tracer:
     def _trace(self, path: Path, i: int) -> JointPath:
         """Trace the path of a move in the current configuration, if possible, or the fastest."""
         if self.last is None:
-            return self._fastest(path, i, configuration=self.configuration, seed=self.seed)
+            return self._fastest(path, i, self.seed)
         try:
-            return trace(path, self.limited, **configuration_of(self.arm, ends_of(self.last)[1]))
+            return trace(path, self.arm, **configuration_of(self.arm, ends_of(self.last)[1]))
         except Unreachable:
             if not self.looks_ahead:
-                return self._fastest(path, i, configuration=self.configuration)
+                return self._fastest(path, i)
             if i not in self.fastest:
-                self.fastest[i] = self._fastest(path, i, configuration=self.configuration)
+                self.fastest[i] = self._fastest(path, i)
             return self.fastest[i]
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
-        arm, limited = self.arm, self.limited
+        arm, moves = self.arm, self.program.moves
         try:
-            index = next(
-                k for k in range(i, len(self.program.moves)) if self.program.moves[k] is contour
-            )
-            fastest = self._fastest(contour.path, index, configuration=self.configuration)
-            back = trace(path.reversed(), limited, **configuration_of(arm, fastest(0.0)))
-            return trace(path, limited, **configuration_of(arm, back(back.length)))
+            index = next(k for k in range(i, len(moves)) if moves[k] is contour)
+            fastest = self._fastest(contour.path, index)
+            back = trace(path.reversed(), arm, **configuration_of(arm, fastest(0.0)))
+            return trace(path, arm, **configuration_of(arm, back(back.length)))
         except ArmContourError:
             # Try the other configurations. Errors of the contour are raised when the contour is
             # traced.
             return self._trace(path, i)
 
-    def _fastest(
-        self,
-        path: Path,
-        i: int,
-        configuration: str | None = None,
-        seed: npt.ArrayLike | None = None,
-    ) -> JointPath:
+    def _fastest(self, path: Path, i: int, seed: npt.ArrayLike | None = None) -> JointPath:
         """Trace a move in its fastest accepted configuration; the next moves decide ties."""
         accept = self.accept if self.looks_ahead else None
         first: JointPath | None = None
-        for group in trace_by_duration(path, self.limited, configuration=configuration, seed=seed):
+        groups = trace_by_duration(path, self.arm, configuration=self.configuration, seed=seed)
+        for group in groups:
             for joint_path in self._sort_by_next_moves(group, i):
                 if accept is None or np.all(accept(joint_path)):
                     self.faster_rejected |= first is not None
@@ -285,7 +267,7 @@ class _Tracer:
             except ArmContourError:
                 return np.inf
         joint_paths = [x.joint_path for x in trial.steps if x.joint_path is not None]
-        return sum(bound_duration(x, self.limits) for x in joint_paths)
+        return sum(bound_duration(x, self.arm.limits) for x in joint_paths)
 
 
 def _straight_line(begin: FloatArray, end: FloatArray) -> JointPath:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.kernel_cache import compiled
+from armcontour.core.quintics import to_bernstein
 from armcontour.planning.constraints import Constraint, JointMotion, limits_on
 from armcontour.planning.jerk.interior_point import JerkSection
 from armcontour.planning.jerk.mesh import JerkMesh
@@ -54,16 +54,6 @@ def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
     square = np.stack([value, y * first, np.broadcast_to(y**2 * second / 2, value.shape)], axis=2)
     rate = np.stack([first, np.broadcast_to(y * second, first.shape)], axis=2) / (2 * h[..., None])
     return Basis(square, rate, second / (2 * h**2))
-
-
-def to_bernstein(degree: int) -> FloatArray:
-    """Matrix that converts coefficients of powers to control points, (degree + 1, degree + 1)."""
-    return np.array(
-        [
-            [math.comb(k, m) / math.comb(degree, m) for m in range(degree + 1)]
-            for k in range(degree + 1)
-        ]
-    )
 
 
 def raised(basis: Basis, degree: int) -> FloatArray:

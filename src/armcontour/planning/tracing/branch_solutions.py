@@ -234,6 +234,11 @@ def _map_in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> l
     return map_in_threads(work, items) if poses >= THREADED_POSES else [work(x) for x in items]
 
 
+def _spread(count: int, most: int) -> IntArray:
+    """At most `most` evenly distributed indices below `count`, with both ends; all if possible."""
+    return np.unique(np.linspace(0, count - 1, most).astype(np.intp))
+
+
 def _rank(
     arm: SerialArm,
     s: FloatArray,
@@ -246,8 +251,7 @@ def _rank(
     # Solutions that repeat an earlier one come last.
     if len(followed) == 1 and len(s) > ROUGH_KNOTS:
         return [shift_by_turns(arm, followed[0])[0]]
-    few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
-
+    few = _spread(len(s), ROUGH_KNOTS)
     shifted = [shift_by_turns(arm, q)[0] for q in followed]
     options = {"start_stays": seed is not None, "rounds": ROUGH_ROUNDS}
     rough = _smooth(arm, s[few], poses[few], task, [q[few] for q in shifted], **options)
@@ -294,7 +298,7 @@ class _DistinctSolutions:
 
     @cached_property
     def _few(self) -> IntArray:
-        return np.unique(np.linspace(0, len(self.poses) - 1, FEW_KNOTS).astype(np.intp))
+        return _spread(len(self.poses), FEW_KNOTS)
 
     def add(self, q: FloatArray) -> bool:
         """Add joint positions, (n, dof), and return true, unless they repeat a known solution."""
@@ -400,7 +404,7 @@ def _refuse_first_pose(
         _refuse_seed(arm, poses[0], task, seed)
     point = poses[0, :, 3]
     gap = _reach_gap(arm, poses[0], task, seeds(arm)[:REACH_SEEDS])
-    indices = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), SOME_POSES)).astype(np.intp))
+    indices = _spread(len(poses), SOME_POSES)
     gaps = out_of_reach(arm, poses[indices], task, seeds(arm)[:REACH_SEEDS])
     worst = int(indices[np.argmax(gaps)])
     farthest = ""
@@ -450,7 +454,7 @@ def _largest_reach_gap(
     arm: SerialArm, poses: FloatArray, task: int, q: FloatArray
 ) -> tuple[float, int]:
     """Distance of the tool from the pose farthest out of reach [m], and its index; or 0, 0."""
-    indices = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MANY_POSES)).astype(np.intp))
+    indices = _spread(len(poses), MANY_POSES)
     gaps = out_of_reach(arm, poses[indices], task, q)
     more_seeds = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
     for i in np.argsort(-gaps)[:SOME_POSES]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import Unreachable
+from armcontour.core.quintics import to_bernstein
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.tracing.knots import suggest_remedy
@@ -15,17 +16,6 @@ from armcontour.robot import Arm, Limits
 
 # Tolerance of joint ranges [rad], above rounding errors and below the resolution of robots.
 ROUNDING = 1e-9
-# Matrix from the monomial to the Bernstein coefficients of a quintic, binom(i, j) / binom(5, j).
-BERNSTEIN = np.array(
-    [
-        [1, 0, 0, 0, 0, 0],
-        [1, 1 / 5, 0, 0, 0, 0],
-        [1, 2 / 5, 1 / 10, 0, 0, 0],
-        [1, 3 / 5, 3 / 10, 1 / 10, 0, 0],
-        [1, 4 / 5, 6 / 10, 4 / 10, 1 / 5, 0],
-        [1, 1, 1, 1, 1, 1],
-    ]
-)
 
 
 def check_joint_range(joint_path: JointPath, limits: Limits, arm: Arm) -> None:
@@ -39,7 +29,7 @@ def check_joint_range(joint_path: JointPath, limits: Limits, arm: Arm) -> None:
         return
     # Most pieces need no roots, because a polynomial is within the hull of its Bernstein
     # coefficients.
-    hull = np.matmul(BERNSTEIN, joint_path.coefficients)
+    hull = np.matmul(to_bernstein(5), joint_path.coefficients)
     suspect = (hull.min(axis=1) < lower - ROUNDING) | (hull.max(axis=1) > upper + ROUNDING)
     worst, largest = ROUNDING, None
     for piece, joint in np.argwhere(suspect):
