@@ -150,7 +150,7 @@ def _samples(options: Check, arm: Arm) -> TrajectoryFile:
         if samples.prismatic and samples.prismatic[j] not in (slides, None):
             raise InvalidInput(
                 f"{position} must be in {arm.chain.unit('rad', j)}, as the joint is "
-                f"{'prismatic' if slides else 'revolute'}. Correct the unit in the title."
+                f"{'prismatic' if slides else 'revolute'}. Correct the unit in the column title."
             )
         if not slides:
             refuse_wrapped(position, samples.t, samples.q[:, j], j)

@@ -40,8 +40,8 @@ RUN, EXCITATION = "run", "excitation"
 
 # Duration of the motion, and of the fade-in at its start and the fade-out at its end [s].
 DURATION, FADING = 12.0, 2.0
-# Frequencies of the first joint [Hz]. Those of joint j are higher by the share j * DETUNED, so that
-# motions of joints are not correlated.
+# Frequencies of the first joint [Hz]. Those of joint j are higher by the fraction j * DETUNED, so
+# that motions of joints are not correlated.
 FREQUENCIES, DETUNED = (0.31, 0.83, 1.9, 3.7), 0.17
 # Maximum amplitude [rad], and fraction of the limits that the motion uses.
 AMPLITUDE, SHARE = 0.1, 0.6

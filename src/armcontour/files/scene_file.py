@@ -128,7 +128,7 @@ def more_link_shapes(
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
     """Rotation matrix of a model, (3, 3); None if the model specifies no rotation."""
     if model.rpy is not None and model.quaternion is not None:
-        raise InvalidInput(f"{key or 'It'} must have either rpy or quaternion, not both.")
+        raise InvalidInput(f"{key or 'It'} has rpy and quaternion. Remove one of them.")
     if model.quaternion is not None:
         return rotations(f"{key}.quaternion".lstrip("."), model.quaternion)
     return None if model.rpy is None else from_rpy(model.rpy)

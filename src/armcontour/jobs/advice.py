@@ -282,7 +282,7 @@ def _tolerance(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> 
 
 
 def _reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
-    """Change of the reserve for the servo to a new share."""
+    """Change of the reserve for the servo to a new value."""
     old = run.timing.reserve
     return _Candidate(
         label=f"{'Raise' if new > old else 'Lower'} the reserve {_describe_change(old, new, '1')}",

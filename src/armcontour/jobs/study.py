@@ -50,7 +50,7 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
         job: The job.
         simulate: Whether to execute and evaluate; otherwise runs end with their set-points.
         progress: Called before each step with its names, such as ("proposed", "timing"). While a
-            program is traced or planned, called again with the share that is done.
+            program is traced or planned, called again with the fraction that is done.
 
     Raises:
         ArmContourError: The error of the first run that fails.

@@ -159,7 +159,7 @@ def with_units_of(log: Log, arm: Arm) -> Log:
         if linear and not expected:
             raise InvalidInput(
                 f"{log.source}: {name} has a unit of length, but this joint of {arm.name} is "
-                "revolute. Correct the unit in the title."
+                "revolute. Correct the unit in the column title."
             )
     return log if log.prismatic == slides else replace(log, prismatic=slides)
 

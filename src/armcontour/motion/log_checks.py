@@ -31,11 +31,11 @@ JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 GAP = 3.0
 # Fraction of gaps above which the times come in bursts.
 MAX_GAPS = 0.05
-# Joint positions [rad] above this require a unit in the title, because they may be degrees. No arm
-# of the library turns by more than two turns.
+# Joint positions [rad] above this require a unit in the column title, because they may be degrees.
+# No arm of the library turns by more than two turns.
 MAX_ANGLE = 4 * math.pi
-# Times require a unit in the title if they increase by LONG_STEP [s] or more per sample and all
-# joints are slower than MIN_SPEED [rad/s], because the times may be milliseconds.
+# Times require a unit in the column title if they increase by LONG_STEP [s] or more per sample and
+# all joints are slower than MIN_SPEED [rad/s], because the times may be milliseconds.
 LONG_STEP, MIN_SPEED = 1.0, 0.01
 # A jump that differs from a whole turn by less than this angle [rad] indicates a wrapped angle.
 NEAR_A_TURN = 0.6
@@ -117,7 +117,7 @@ def check_angle_unit(column: str, values: FloatArray, fix: str) -> None:
     """Reject joint positions without a unit that are probably degrees.
 
     - `column`: location for the message.
-    - `fix`: columns with their unit, for --columns.
+    - `fix`: value of --columns that sets the unit to degrees, for the message.
     """
     low, high = values.min(), values.max()
     if MAX_ANGLE < max(-low, high) <= LARGEST["q"]:

@@ -41,17 +41,17 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, require_orientation
 from armcontour.robot.limits import LIMITS, TOOL_LIMITS
 
-# Times of the samples of an interval as shares of its duration, (5, 1)
+# Times of the samples of an interval as fractions of its duration, (5, 1)
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
 # Classes of constraints of `Limits`. The order is that of the planner, which requires the rows with
-# viscous friction first. An explanation prefers the first of two limits with equal shares.
+# viscous friction first. An explanation prefers the first of two limits with equal fractions.
 CONSTRAINTS: list[type[Constraint]] = []
 Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]
-# Positions of the samples on a piece of the joint path, as shares of its length, (9, 1)
+# Positions of the samples on a piece of the joint path, as fractions of its length, (9, 1)
 PIECE_SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
-# Positions of the samples on an interval, as shares of its length, (5, 1)
+# Positions of the samples on an interval, as fractions of its length, (5, 1)
 INTERVAL_SAMPLES = np.linspace(0.0, 1.0, 5)[:, None]
-# The curvature of a piece is constant if it varies by at most this share.
+# The curvature of a piece is constant if it varies by at most this fraction.
 EVEN_CURVATURE = 1e-3
 # The bound of x on an interval is a tangent of `limit / curvature`. The curvature at its point of
 # contact is at least this fraction of the larger of the curvatures at both ends.
@@ -153,7 +153,7 @@ class Constraint:
         return [(self.name, k) for k in range(np.size(self.limit))]
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Used fraction of the limit on each interval: the larger of the shares at its two ends."""
+        """Used fraction of the limit on each interval: the larger one of its two ends."""
         # The shape is (n, joints) if `joints` is true, otherwise (n, 1).
         used = np.zeros((len(ends.grid), 1))
         for form in self.discretize(ends.path):

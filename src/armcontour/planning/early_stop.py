@@ -31,14 +31,14 @@ from armcontour.robot.limits import reduce_limits
 MAX_PIECE = 2e-3
 # Relative precision of the duration of a stop with limits of jerk
 PRECISION = 0.02
-# Delays of a stop with limits of jerk that are tried, as shares of the time from the request to its
-# end. If the jerk of the plan is at its limit, a stop that begins immediately can take many times
-# longer.
+# Delays of a stop with limits of jerk that are tried, as fractions of the time from the request to
+# its end. If the jerk of the plan is at its limit, a stop that begins immediately can take many
+# times longer.
 DELAYS = (0.0, 0.25, 0.5)
 # A plan is at rest if no joint is faster than this [rad/s].
 REST_SPEED = 1e-6
-# At first, a stop has a reserve that is smaller than that of the plan by this share of the limits,
-# because the grid of the stop has other margins than the grid of the plan.
+# At first, a stop has a reserve that is smaller than that of the plan by this fraction of the
+# limits, because the grid of the stop has other margins than the grid of the plan.
 MARGIN = 0.01
 # Number of grid intervals of a stop without limits of jerk
 INTERVALS = 200

@@ -1,4 +1,4 @@
-"""Explanation of a plan: the active limit at each point, and the share at the assigned velocity."""
+"""Explanation of a plan: active limits, and the fraction at the assigned velocity."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limits import LIMITS, reduce_limits
 
 # A limit is active on an interval if its used fraction is at least this. Margins of the planner may
-# use the remainder. Below this share, the plan is in transition between two limits.
+# use the remainder. Below this fraction, the plan is in transition between two limits.
 ACTIVE = 0.99
 # Margins are larger on wide intervals. Next to an interval with an active limit, the same limit is
-# active from the share ACTIVE_ADJACENT on, if it is the most used limit on more than MAX_TRANSITION
-# intervals in a row. A transition takes at most MAX_TRANSITION intervals.
+# active from the fraction ACTIVE_ADJACENT on, if it is the most used limit on more than
+# MAX_TRANSITION intervals in a row. A transition takes at most MAX_TRANSITION intervals.
 ACTIVE_ADJACENT, MAX_TRANSITION = 0.9, 2
-# Value of ACTIVE for plans with limits of jerk. Their intervals are longer, so the used share of a
-# limit changes more along an interval.
+# Value of ACTIVE for plans with limits of jerk. Their intervals are longer, so the used fraction of
+# a limit changes more along an interval.
 ACTIVE_WITH_JERK = 0.9
 # The assigned velocity counts as reached from this fraction of it on.
 REACHED = 0.999
-# An extreme of the speed is confirmed once the speed differs from it by this share.
+# An extreme of the speed is confirmed once the speed differs from it by this fraction.
 FLAT = 0.01
 # Label of the parts with the limit "nothing".
 BETWEEN = "between two limits"
@@ -116,10 +116,10 @@ class Explanation(Result):
 
     Args:
         bindings: The active limits in order, from the start of the motion to its end.
-        assigned_length: Share of the length at the assigned velocity, counted over the part of the
-            path that has an assigned velocity; None if no part has one.
-        assigned_time: Share of the time at the assigned velocity, counted over the same part; None
-            if no part has one.
+        assigned_length: Fraction of the length at the assigned velocity, counted over the part of
+            the path that has an assigned velocity; None if no part has one.
+        assigned_time: Fraction of the time at the assigned velocity, counted over the same part;
+            None if no part has one.
         shortfalls: Speed extremes below the assigned velocity, with their causes.
         jerk_stops: Arc lengths at which limits of jerk require a stop, because accelerations
             would jump at any speed [m].
@@ -202,7 +202,7 @@ class Explanation(Result):
 
     @property
     def longest(self) -> tuple[str, float] | None:
-        """Limit or kind of move with the longest time, and its share; None if there is neither."""
+        """Limit or kind of move with the longest time, with its fraction; None if there is none."""
         return next(((x.name, x.of_time) for x in self.shares if x.name != BETWEEN), None)
 
     @property
@@ -320,7 +320,7 @@ def _explain_law(
     names: list[tuple[str, int | None]] = []
     used: list[FloatArray] = []
     reached = np.zeros(len(grid), dtype=bool)
-    # If the used shares of two limits are equal, the first limit is active.
+    # If the used fractions of two limits are equal, the first limit is active.
     for limit in (*(x for kind in CONSTRAINTS for x in kind.serves), "joint_jerk"):
         if limit == "speed" and np.isfinite(assigned).any():
             speed, _ = ends.states.measure("speed")
@@ -351,7 +351,7 @@ def _explain_law(
 def _find_active(shares: FloatArray, threshold: float) -> IntArray:
     """Column of the active limit on each interval, (n,), -1 for none; `shares`: (n, limits).
 
-    A limit is active from the share `threshold` on, regardless of neighbouring intervals.
+    A limit is active from the fraction `threshold` on, regardless of neighbouring intervals.
     """
     share, most_used = shares.max(axis=1), shares.argmax(axis=1)
     certain = share >= threshold
@@ -444,7 +444,7 @@ def _shortfalls(
 def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tuple[int, int, str]]:
     """First and last index of every extreme of the speed, and its kind: "fastest" or "slowest".
 
-    An extreme is confirmed once the speed differs from it by the share `FLAT`. All points within
+    An extreme is confirmed once the speed differs from it by the fraction `FLAT`. All points within
     `FLAT` belong to it.
 
     `points` are the indices at which the sign of the slope changes, and the index of the last

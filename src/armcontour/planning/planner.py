@@ -62,7 +62,7 @@ def plan(
             limit; `Shaped`, the fastest path within a tolerance of the given one, with that
             timing; `Paper`, the paper's method; or `Conventional`, uniform speed along the raw
             path.
-        progress: Called after every contour with the step "timing" and the share done.
+        progress: Called after every contour with the step "timing" and the fraction done.
 
     Raises:
         InvalidInput: A limit that the method needs is missing, an option that applies to one path

@@ -37,7 +37,7 @@ from armcontour.robot.limits import LIMITS
 RAPID_INTERVALS = 200
 # Events closer in time than this are simultaneous [s].
 SAME_TIME = 1e-9
-# Durations that differ by less than this share are equal.
+# Durations that differ by less than this fraction are equal.
 SAME_DURATION = 1e-9
 
 
@@ -57,7 +57,7 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
     joints only. Moves are planned independently, in other processes if that saves time.
 
     - `traced`: the program with its joint paths.
-    - `progress`: called after every contour with the step "timing" and the share done.
+    - `progress`: called after every contour with the step "timing" and the fraction done.
     """
     number, count = 0, len(traced.program.contours)
     rapid_speed = traced.program.rapid_speed

@@ -38,13 +38,13 @@ MAX_PLANNED = 8_000
 LONG_PATH = 20_000
 PART_SEGMENTS, PART_EVERY, MAX_PARTS = 200, 2500, 40
 MAX_SLOWER = 0.01
-# Configurations whose durations on the parts differ by less than this share differ by a turn of the
-# wrist only, and are equally fast on the whole path.
+# Configurations whose durations on the parts differ by less than this fraction differ by a turn of
+# the wrist only, and are equally fast on the whole path.
 SAME_ON_PARTS = 1e-4
 # A configuration is not planned if this fraction of its lower bound of the duration exceeds the
-# duration of a plan. The share is below 1 because the bound evaluates limits at points only.
+# duration of a plan. The fraction is below 1 because the bound evaluates limits at points only.
 BOUND_SHARE = 0.998
-# Durations that differ by at most this share, the accuracy of the planner, are equal.
+# Durations that differ by at most this fraction, the accuracy of the planner, are equal.
 EQUALLY_FAST = 1e-6
 # Number of following contours that decide between equally fast configurations.
 LOOK_AHEAD = 4
@@ -130,7 +130,7 @@ def trace_program(
         seed: As in `plan`; by default the start at which the contours were shaped, if they were.
         accept: Returns whether a contour may follow a joint path. It is called when a configuration
             is chosen; a rejected configuration is used only if all are rejected.
-        progress: Called after every contour with the step "tracing" and the share done.
+        progress: Called after every contour with the step "tracing" and the fraction done.
         fastest: Cache of the fastest joint paths, for calls that differ in `seed` only.
 
     Raises:

@@ -461,8 +461,8 @@ def _check_switching(contour: Contour, start: float, outputs: Mapping[str, Value
         if len(values) > 1:
             raise InvalidInput(
                 f"{contour_called(contour, 0) if contour.name else 'A closed contour'} switches "
-                f"{name} along its path, and would run parts of it with another value of {name} "
-                f"than drawn if it started at {start:g} m. Remove begin.",
+                f"{name} along its path. If it started at {start:g} m, parts of the path would "
+                f"have another value of {name} than drawn. Remove begin.",
                 s=start,
             )
 

@@ -109,7 +109,7 @@ class Plot:
     # Factor to a second unit that is shown under the pointer, and the unit
     also: tuple[float, str] | None = None
     logarithmic: bool = False
-    # True if the abscissae are counts
+    # True if the horizontal values are integers, such as run numbers
     counts: bool = False
     # Height [px]
     height: int = HEIGHT

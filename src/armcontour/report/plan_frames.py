@@ -26,7 +26,7 @@ from armcontour.report.arm_frame import nearest_pair
 from armcontour.report.message_frame import MessageFrame
 from armcontour.report.view import (
     View,
-    drawing_error,
+    allowed_drawing_error,
     drawn_arc_lengths,
     drawn_points,
     essential_points,
@@ -251,7 +251,7 @@ def _line_arrays(
     """
     paths = [x.path for x in program.contours]
     points, _ = drawn_points(paths, np.inf)
-    error = drawing_error(view.uv(points))
+    error = allowed_drawing_error(view.uv(points))
     header: dict[str, Any] = {"limits": [], "kerfs": [], "contours": _contours(planned, program)}
     if planned is not None:
         paths = [x.path for x in planned.objective.contours]
@@ -466,5 +466,5 @@ def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, A
 
 
 def signed_shares(name: str, limits: Limits, values: FloatArray) -> FloatArray:
-    """Values as shares of a joint limit, with the signs of the values, (n, dof)."""
+    """Values as fractions of a joint limit, with the signs of the values, (n, dof)."""
     return np.copysign(use_of(name, limits, values).ratio, values)

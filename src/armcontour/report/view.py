@@ -144,8 +144,8 @@ def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) ->
     return np.flatnonzero(mask)
 
 
-def drawing_error(uv: FloatArray) -> float:
-    """Maximum distance between path and drawn line [m] in a picture with points [m], (n, 2)."""
+def allowed_drawing_error(uv: FloatArray) -> float:
+    """Allowed distance between path and drawn line [m], for points of a picture [m], (n, 2)."""
     # This measure of the size does not change when the path is rotated.
     away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
     return max(2.0 * float(away.max(initial=0.0)), MIN_SIZE) / PICTURE_FINENESS

@@ -247,7 +247,7 @@ class Limits(Checked):
 
     @property
     def limits_jerk(self) -> bool:
-        """True if the jerk of any joint is limited; only the method `optimal` satisfies it."""
+        """True if the jerk of any joint is limited; only the method `optimal` supports this."""
         return self.joint_jerk is not None and bool(np.isfinite(self.joint_jerk).any())
 
     @property

@@ -23,8 +23,8 @@ from armcontour.simulation.drive_loop import Functions
 # accepts. STOPPING_STEPS: shortest time in which a joint can be stopped [integration steps].
 MAX_IMPEDANCE = 0.9999
 STOPPING_STEPS = 2.0
-# An inertia counts as zero if it is at most the share SINGULAR_SHARE of the arm's largest inertia,
-# or at most LEAST_INERTIA [kg m²].
+# An inertia counts as zero if it is at most the fraction SINGULAR_SHARE of the arm's largest
+# inertia, or at most LEAST_INERTIA [kg m²].
 SINGULAR_SHARE = 1e-12
 LEAST_INERTIA = 1e-13
 # Largest number of set-points at which stability is checked before the simulation.

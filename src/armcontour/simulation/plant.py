@@ -34,8 +34,8 @@ REST_CHUNK = 0.25
 # constants]. For time constants of 1 ms, their error is about 2e-11 s² times the acceleration of
 # the servo.
 MAX_TIME_CONSTANTS = 1.0
-# A set-point that reaches a joint within this share of a step from a result counts as reaching the
-# joint at the result.
+# A set-point that reaches a joint within this fraction of a step from a result counts as reaching
+# the joint at the result.
 ARRIVAL_TOLERANCE = 1e-6
 # Number of parts into which the motion between two results is divided. Cubics over a part have
 # errors below 1e-11 rad for time constants of 1 ms.

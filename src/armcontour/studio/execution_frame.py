@@ -15,7 +15,7 @@ from armcontour.report.message_frame import MessageFrame
 from armcontour.report.plan_frames import Preview
 from armcontour.report.view import (
     View,
-    drawing_error,
+    allowed_drawing_error,
     essential_points,
     in_space,
     sample_times,
@@ -64,7 +64,7 @@ def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
     offset = view.screen_vectors(tool - base)
     indices = np.arange(len(base))
     if len(indices) > MAX_SAMPLES:
-        error = drawing_error(view.uv(base))
+        error = allowed_drawing_error(view.uv(base))
         weight = np.where(essential_points(base, ends, error), np.inf, 0.0)
         weight[[np.argmax(distance), np.argmax(off)]] = np.inf
         shown = [*offset.T.astype(np.float64), distance, off]

@@ -331,7 +331,7 @@ def is_long_program(program: Program) -> bool:
 
 
 def path_only(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Data of a job with the arm and the path of another one, whose other keys may be invalid."""
+    """Data of a job with only the arm and the path of `data`, whose other keys may be invalid."""
     used = {key: data[key] for key in ("arm", "path") if key in data}
     return {"name": "path", **used, "servo": {"kp": 1.0, "kv": 1.0}, "runs": {"path": {}}}
 

@@ -16,9 +16,9 @@ from armcontour.geometry.kernels import Point, distance2, find_foot, point_at
 EQUAL = 1e-9
 # Largest number of reachable path intervals; further intervals are merged with the last one.
 MAX_STRETCHES = 64
-# Largest number of pending halves in the search of a path part for its farthest point, and accuracy
-# of the distance [m].
-MAX_HALVES, SURE = 64, 1e-10
+# Search of a path part for the point farthest from the tool: largest number of subintervals on the
+# stack, and accuracy of the distance [m].
+MAX_SUBINTERVALS, DISTANCE_ACCURACY = 64, 1e-10
 # Approximate number of point-segment pairs per batch, to bound the memory.
 PAIRS = 50_000
 
@@ -240,12 +240,12 @@ def _measure_parts(
 
     A part is measured at its ends, and halved while its bound exceeds the largest distance so far.
     Updates `distances` [m], -1 if not measured, and their arc lengths `distance_s`, (n,) each. The
-    largest distance found is at most SURE below the largest distance of all parts.
+    largest distance found is at most DISTANCE_ACCURACY below the largest distance of all parts.
     """
     n = len(motion.points)
-    halves, worst = np.empty((MAX_HALVES, 2)), -1.0
+    halves, worst = np.empty((MAX_SUBINTERVALS, 2)), -1.0
     for m in order:
-        if parts.bounds[m] <= worst + SURE:
+        if parts.bounds[m] <= worst + DISTANCE_ACCURACY:
             continue
         i, g = parts.indices[m, 0], rows[parts.indices[m, 1]]
         first, last = parts.ends[m, 0], parts.ends[m, 1]
@@ -270,7 +270,7 @@ def _measure_parts(
             apart = last_s - first_s
             bound = min(bound + g[9] * apart**2 / 8, (a + b + apart) / 2)
             middle = first_s + apart / 2
-            if bound > worst + SURE and first_s < middle < last_s:
+            if bound > worst + DISTANCE_ACCURACY and first_s < middle < last_s:
                 halves[count, 0], halves[count, 1] = middle, last_s
                 halves[count + 1, 0], halves[count + 1, 1] = first_s, middle
                 count += 2

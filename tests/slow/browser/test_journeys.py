@@ -15,8 +15,6 @@ from tools.studio_page import serving, write_job
 pytestmark = pytest.mark.browser
 DRAWINGS = Path(__file__).parents[3] / "examples" / "drawings"
 EXACT = 1e-9
-# From the middle of the part to the face of an obstacle [m]: the wrist is nearer to the box than to
-# its own arm, and not any more.
 
 
 def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tmp_path):

@@ -26,7 +26,7 @@ from armcontour.robot.servo.simulation import ServoSimulation
 # RAMPS times the duration of a jerk-limited ramp from zero to the acceleration limit.
 TIME_CONSTANTS, RAMPS = 2.0, 4.0
 # Set-points are changed to satisfy a limit of velocity or acceleration that the plan exceeds by at
-# most this share. A plan with a larger excess is rejected.
+# most this fraction. A plan with a larger excess is rejected.
 SMOOTHED_SHARE = 0.01
 UNLIMITED = np.array([[-np.inf], [np.inf]])
 

@@ -23,8 +23,8 @@ SAMPLE_SPACING = 8e-3
 LEAST_CORRELATION = 0.05
 # Whiteness test: significance level, and smallest number of spectral lines of its low band.
 SIGNIFICANCE, FEWEST_LINES = 0.01, 8
-# POSITION_ROUNDING: differences of positions up to this share of their range are rounding errors.
-# STEP_ROUNDING: largest relative deviation of a difference from a multiple of the encoder's
+# POSITION_ROUNDING: differences of positions up to this fraction of their range are rounding
+# errors. STEP_ROUNDING: largest relative deviation of a difference from a multiple of the encoder's
 # resolution. VARIANCE_SLACK: relative excess over the variance of quantization that is still
 # accepted.
 POSITION_ROUNDING, STEP_ROUNDING, VARIANCE_SLACK = 1e-9, 0.01, 0.2
@@ -129,7 +129,7 @@ def solve(
     slopes(x): residuals and their derivatives. An orthogonal transformation reduces the residuals
     to their norm and zeros, so that the solver does not decompose long matrices, which is slow with
     several BLAS threads. Residuals may be nan. The search ends when an iteration reduces the sum of
-    squares by less than the share `near`.
+    squares by less than the fraction `near`.
     """
     from scipy.optimize import least_squares
 

@@ -27,13 +27,13 @@ from armcontour.motion.log import FEWEST
 from armcontour.robot.servo.simulation import JointServo
 
 # Derivatives are computed from parabolas through the fewest samples for which the noise is below
-# the share MAX_NOISE of the largest derivative, and through at most LONGEST_WINDOW seconds on each
-# side.
+# the fraction MAX_NOISE of the largest derivative, and through at most LONGEST_WINDOW seconds on
+# each side.
 MAX_NOISE, LONGEST_WINDOW = 0.015, 0.04
 # TOP_PERCENTILE: the first guess of a limit is this percentile of the magnitudes of the derivative.
 # PLATEAU_RANGE: the limit is first searched within this fraction of the guess above and below it.
 TOP_PERCENTILE, PLATEAU_RANGE = 99.0, 0.1
-# A value is at a limit if it differs from the limit by at most the share PLATEAU_SHARE of the
+# A value is at a limit if it differs from the limit by at most the fraction PLATEAU_SHARE of the
 # limit, or by at most PLATEAU_SIGMAS standard deviations of the noise.
 PLATEAU_SHARE, PLATEAU_SIGMAS = 0.01, 4.0
 # Searches: derivative, kind of the limit, range, and time before and after a plateau [s] in which
@@ -47,8 +47,8 @@ SEARCHES = (
 # Smallest number of successive samples of a plateau, and its shortest duration [s].
 FEWEST_SAMPLES, SHORTEST_PLATEAU = 4, 5e-3
 # On a saturated plateau, the commanded acceleration exceeds the measured acceleration by more than
-# the share EXCESS of the largest acceleration, and by more than EXCESS_ERRORS times the RMS error
-# of the commanded acceleration at the unsaturated samples.
+# the fraction EXCESS of the largest acceleration, and by more than EXCESS_ERRORS times the RMS
+# error of the commanded acceleration at the unsaturated samples.
 EXCESS, EXCESS_ERRORS = 0.05, 4.0
 # Number of dead times that are tried for the commanded acceleration, and the longest of them [s].
 DELAY_COUNT, LONGEST_DELAY = 26, 0.1
@@ -63,9 +63,10 @@ FEWEST_UNSATURATED = 20
 # Largest number of segments that are fitted; the free initial states of more segments would explain
 # most of the motion. LONGEST_SEGMENTS: number of segments between samples at a velocity limit.
 MAX_SEGMENTS, LONGEST_SEGMENTS = 40, 10
-# If a joint is at its acceleration limit for more than the share MAX_LIMIT_TIME of the time, a
-# model with undetermined K_p is rejected. If the other samples determine no model, the times of
-# the reversals must determine it: at least one for each of K_p, K_v, feed-forward and dead time.
+# If a joint is at its acceleration limit for more than the fraction MAX_LIMIT_TIME of the time,
+# models with undetermined K_p are rejected. If the unsaturated samples determine no model, the
+# times of the reversals must determine it. FEWEST_REVERSALS of them are sufficient, one for each of
+# K_p, K_v, feed-forward and dead time.
 MAX_LIMIT_TIME, FEWEST_REVERSALS = 0.5, 4
 # Margin before and after saturated samples [s], because drives react up to one drive cycle later.
 MARGIN = 1e-3
@@ -89,13 +90,13 @@ CANDIDATES = (
 # without them.
 OPTIONAL = (ACCELERATION, FEED, FRICTION)
 # A richer model is selected under two conditions. The median over the parts of its error divided by
-# the error of the poorer model is below GAIN, or LIMIT_GAIN for a model with an acceleration limit.
+# the error of the simpler model is below GAIN, or LIMIT_GAIN for models with an acceleration limit.
 # Its error is smaller on at least the fraction MIN_BETTER_PARTS of the parts.
 GAIN, LIMIT_GAIN, MIN_BETTER_PARTS = 0.9, 0.5, 0.6
-# A richer model is discarded if its error on the fitted data exceeds this share of the error of the
-# best model.
+# A richer model is discarded if its error on the fitted data exceeds this fraction of the error of
+# the best model.
 RICHER_SHARE = 0.97
-# A poorer model is discarded if its cost on the fitted data exceeds this multiple of the best cost.
+# A simpler model is discarded if its cost on the fitted data exceeds this multiple of the best.
 POORER_RATIO = 2.0
 # A cascade is fitted if the error of the best model so far is below this fraction of the tracking
 # error.
@@ -105,8 +106,8 @@ LEAST_DAMPING = 0.2
 # Largest number of evaluations of a cross-validation fit, which starts from the fit of all parts.
 REFIT_EVALUATIONS = 10
 # Selection uses samples with the spacing COARSE_SPACING [s] if linear interpolation of their
-# set-points reproduces the command with an RMS error below the share THINNING_ERROR of the noise of
-# the positions.
+# set-points reproduces the command with an RMS error below the fraction THINNING_ERROR of the noise
+# of the positions.
 COARSE_SPACING = 4e-3
 THINNING_ERROR = 0.3
 # Upper bound of the initial dead time in the fit of a saturating joint [s].
@@ -404,7 +405,7 @@ class Selected:
         return self.rms * GAIN < max(self.fit.noise, ROUNDING)
 
     def is_better(self, other: Selected) -> bool:
-        """Return whether this model is significantly better than a poorer one, see GAIN."""
+        """Return whether this model is significantly better than the simpler `other`, see GAIN."""
         limited = LIMIT in self.fit.problem.model.free
         ratio = float(np.median(self.errors / np.maximum(other.errors, 1e-300))) ** 0.5
         better = float(np.mean(self.errors < other.errors))
@@ -521,12 +522,12 @@ class _Trials:
         result = fit(problem, [problem.guess(start._asdict(), best.servo.dead_time)])
         if is_implausible(result) or result.cost > POORER_RATIO * best.cost:
             return
-        poorer = predict_parts(result)
-        if not self.best.is_better(poorer):
-            self.best = poorer
+        simpler = predict_parts(result)
+        if not self.best.is_better(simpler):
+            self.best = simpler
 
     def _starts(self, model: Model) -> list[dict[str, float]]:
-        """Initial parameters of a fit: generic loops (STARTS), or the fit of a poorer model."""
+        """Initial parameters of a fit: generic loops (STARTS), or the fit of a simpler model."""
         (order, free), lag = model, self.lag
         if order == "delay":
             return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
@@ -538,8 +539,8 @@ class _Trials:
         new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
         if KI in free or not new:
             return loops
-        poorer = self.fits[Model(order, tuple(x for x in free if x not in new))]
-        initial = poorer.servo._asdict()
+        simpler = self.fits[Model(order, tuple(x for x in free if x not in new))]
+        initial = simpler.servo._asdict()
         if LIMIT not in new:
             return [initial]
         # If a joint often saturates, the fit without a limit is a useless start. Therefore generic

@@ -56,8 +56,8 @@ RECORD = (
 SPACING = 4e-3
 # Two logs are of the same program if their commands differ by at most this fraction of their range.
 SAME_PROGRAM = 0.02
-# Without an arm, errors of a joint are divided by its RMS tracking error, or by this share of the
-# largest tracking error if that is larger. Then the noise of a joint that hardly moves is not
+# Without an arm, errors of a joint are divided by its RMS tracking error, or by this fraction of
+# the largest tracking error if that is larger. Then the noise of a joint that hardly moves is not
 # amplified.
 LEAST_WEIGHT = 0.1
 # NEWTON_STEPS: number of Newton steps for a delay. DELAY_MARGIN: the delay of the contour is
@@ -68,8 +68,8 @@ MAX_WEAK = 0.8
 # Smallest fraction of a mean square that counts as signal, because the noise of a finite number of
 # samples correlates.
 LEAST_SIGNAL = 0.01
-# If all models are good, a joint is weak if compensation leaves more than the share TRUSTED of its
-# deviation from the contour in a log, and this deviation is more than MAIN_SHARE of the contour
+# If all models are good, a joint is weak if compensation leaves more than the fraction TRUSTED of
+# its deviation from the contour in a log, and this deviation is more than MAIN_SHARE of the contour
 # error that remains in this log.
 MAIN_SHARE = 0.5
 # Lower bound of divisors.
@@ -80,7 +80,7 @@ MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": 
 # times the encoder noise. A weak model is written only if its error is at most GOOD_SHARE times the
 # motion.
 GOOD_SHARE, NOISE_MULTIPLE = 0.3, 3.0
-# The columns are checked if the error exceeds this share of the motion.
+# The columns are checked if the error exceeds this fraction of the motion.
 MISREAD_SHARE = 0.1
 # A joint is at rest if the standard deviation of its measured positions is at most REST_SIGMAS
 # times that of the noise, or if their range is at most LEAST_MOTION [rad] (a 32-bit encoder has a

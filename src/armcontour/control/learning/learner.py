@@ -58,8 +58,8 @@ TRIALS = 4
 # largest acceleration before learning, whichever is larger. The acceleration of a joint that hardly
 # moves counts as RESTING_SHARE times the acceleration of the fastest joint.
 ACCELERATION_FACTOR, RESTING_SHARE = 2.0, 0.25
-# If learning ends by setbacks and more than this share of the first error remains, the servo may be
-# wrong.
+# If learning ends by setbacks and more than this fraction of the first error remains, the servo may
+# be wrong.
 PROVEN_SHARE = 0.5
 
 

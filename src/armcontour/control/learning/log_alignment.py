@@ -24,8 +24,8 @@ MAX_RATE_DIFFERENCE = 0.03
 AVERAGED_CYCLES = 10
 # Largest number of Newton steps, and the time change below which they end [s].
 MAX_STEPS, CONVERGED = 30, 1e-9
-# A recording belongs to the motion if it differs from the expected motion by at most this share of
-# the motion. A loaded arm with weak gains differs by some percent, another job by 100 % or more.
+# A recording belongs to the motion if it differs from the expected motion by at most this fraction
+# of the motion. A loaded arm with weak gains differs by some percent, another job by 100 % or more.
 MAX_DIFFERENCE = 0.3
 # Smallest number of samples per period of the loops' natural frequency, because disturbances up to
 # this frequency cause errors.
@@ -33,11 +33,11 @@ SAMPLES_PER_PERIOD = 5.0
 # Relative tolerance of the sample interval, because clocks drift.
 INTERVAL_TOLERANCE = 0.01
 # Logged set-points belong to another run if their RMS difference from the set-points of the run
-# exceeds SET_POINT_TOLERANCE [rad], the share ERROR_SHARE of the RMS error, and NOISE_MULTIPLE
+# exceeds SET_POINT_TOLERANCE [rad], the fraction ERROR_SHARE of the RMS error, and NOISE_MULTIPLE
 # times the noise.
 SET_POINT_TOLERANCE, ERROR_SHARE, NOISE_MULTIPLE = 1e-4, 0.05, 10.0
-# A log belongs to an earlier run if the misfit of its set-points is below this share of the misfit
-# of the current set-points.
+# A log belongs to an earlier run if the misfit of its set-points is below this fraction of the
+# misfit of the current set-points.
 NEARER = 0.5
 # A joint rests if it has moved by at most REST_SIGMAS times the noise or REST_MOTION [rad].
 REST_SIGMAS, REST_MOTION = 6.0, 1e-6

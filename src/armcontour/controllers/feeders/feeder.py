@@ -378,14 +378,14 @@ def take_stdout() -> Pipe:
 
 
 def main(device: Device) -> None:
-    """Run a feeder; its first argument is the file for the samples."""
+    """Run a feeder; the first command-line argument is the file for the samples."""
     # A garbage collection can take longer than a cycle. The loop creates no cyclic garbage.
     gc.disable()
     Feeder(device, sys.argv[1], take_stdout()).run()
 
 
 def main_guarded(device: GuardedDevice) -> None:
-    """Run a feeder behind a guard; the first argument is the file for the samples."""
+    """Run a feeder behind a guard; the first command-line argument is the file for the samples."""
     out = take_stdout()
     lines, pipe = os.pipe()
     state = memoryview(mmap.mmap(-1, 32)).cast("q")

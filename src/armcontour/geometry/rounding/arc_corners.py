@@ -1,9 +1,10 @@
 """Blends at corners next to arcs: pairs of tangent arcs, or connections, within a corner error.
 
-A blend replaces the tangent length t of both segments at a corner by two arcs. Each arc has more
-curvature than its neighbouring segment, by nearly the same amount. If the turn is zero, the blend
-equals both segments; between two lines it is the single arc of (10)-(16). Where the curvature must
-not jump, a blend is a connection (connections.py). See docs/guides/rounding.md.
+A blend replaces the part of length t of both segments at a corner by two tangent arcs. Each arc is
+more curved than the segment next to it, and the increase of both curvatures is nearly the same. If
+the corner does not turn, the blend equals the segments. Between two lines, the blend is the single
+arc of (10)-(16) of the paper. Where the curvature must not jump, a blend is a connection
+(connections.py). See docs/guides/rounding.md.
 """
 
 from __future__ import annotations

@@ -31,7 +31,8 @@ PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
 # MANY_CELLS plus MANY_PER_PIECE for each polynomial. A section counts as PIECES_OF_SECTION more
 # polynomials, because of the cells at its ends.
 MAX_CELLS, MANY_CELLS, MANY_PER_PIECE, PIECES_OF_SECTION = 20_000, 4000, 8, 10
-# Motion is uniform if its path acceleration is below this share of the largest path acceleration.
+# Motion is uniform if its path acceleration is below this fraction of the largest path
+# acceleration.
 UNIFORM = 0.01
 # The first pass has the number of cells divided by COARSER, but at least FEWEST cells.
 COARSER, FEWEST = 5, 60
@@ -41,20 +42,20 @@ COARSE_GAP, FINE_GAP = 1e-2, 1e-4
 INSIDE = 0.9
 # A start, the initial ds² of a search, is reduced near violated rows by factors between MIN_FACTOR
 # and MAX_FACTOR, at most MAX_REDUCTIONS times. The factor rises with the distance from these rows
-# by at most the share RISE_SHARE of the slopes that jerk and acceleration allow.
+# by at most the fraction RISE_SHARE of the slopes that jerk and acceleration allow.
 MIN_FACTOR, MAX_FACTOR, MAX_REDUCTIONS = 0.5, 0.95, 400
 RISE_SHARE = 0.1
 # Smallest relative slack of a start.
 CLEAR = 1e-4
 # Margins are valid for ds², dds and slope up to these multiples of their values in the previous
-# plan. If rows need a lower bound of ds², it is the share LEAST of ds² in the previous plan.
+# plan. If rows need a lower bound of ds², it is the fraction LEAST of ds² in the previous plan.
 HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
 LEAST = 0.3
 # Smallest bound of dds, as a fraction of the largest dds.
 LEAST_RATE = 0.02
 # The second pass is repeated with bounds that are wider by the factor WIDER, up to WIDEST, if
-# bounds closer to the plan than the share TOO_NEAR may cost more than the share LEAST_GAIN of the
-# duration. Distances below TINY are rounding errors.
+# bounds closer to the plan than the fraction TOO_NEAR may cost more than the fraction LEAST_GAIN of
+# the duration. Distances below TINY are rounding errors.
 TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
 # Cells whose margins take more than this fraction of a limit are split.
 LARGEST_MARGIN, MAX_PARTS, MAX_SPLITS = 1e-2, 10, 6

@@ -18,15 +18,17 @@ from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 # Shares of the cells that are distributed evenly in time, evenly in arc length, and like the grid
 # of the plan without limits of jerk, which is finer where the joints turn
 OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
-# Length of the cell at a rest, as a share of the build-up distance, in which acceleration builds up
+# Length of the cell at a rest, as a fraction of the build-up distance, in which acceleration builds
+# up
 FIRST_CELL = 0.3
 # Up to this multiple of the build-up distance from a rest, cells have equal durations.
 RAMPS = 8.0
 # Farther away, the length of a cell increases by this fraction of the distance from the rest.
 GROWTH = 0.3
-# Largest and smallest length of the first cell, as shares of a section.
+# Largest and smallest length of the first cell, as fractions of a section.
 LONGEST_FIRST, SHORTEST_FIRST = 0.02, 1e-9
-# Smallest length of other cells, as a share of a section; below it the slope is a rounding error.
+# Smallest length of other cells, as a fraction of a section; below it the slope is a rounding
+# error.
 SHORTEST = 1e-9
 # Number of points at which the cumulative number of cells next to a rest is computed
 SAMPLES = 200
@@ -35,17 +37,17 @@ SAMPLES = 200
 NEAR_KNOT = 0.3
 # A node closer to a break than this fraction of the shorter adjacent cell is moved to the break.
 SNAP = 0.2
-# A jump of d2q_ds2 requires a stop under two conditions. It exceeds
-# the share KINK of the sum of the values on both sides. At the speed of the plan and with the jerk
-# limit, the change of acceleration takes more than the share TOO_SHORT of the duration.
+# A jump of d2q_ds2 requires a stop under two conditions. It exceeds the fraction KINK of the sum of
+# the values on both sides. At the speed of the plan and with the jerk limit, the change of
+# acceleration takes more than the fraction TOO_SHORT of the duration.
 KINK, TOO_SHORT = 1e-6, 1e-8
-# Time that replaces the share TOO_SHORT in a long plan [s]: half of the time that `check` tolerates
-# as rounding
+# Time that replaces the fraction TOO_SHORT in a long plan [s]: half of the time that `check`
+# tolerates as rounding
 ROUNDING_TIME = 5e-6
 # Largest change of direction over the length `End.even` [rad].
 EVEN_BEND = 5e-4
-# dq_ds vanishes at an end if it is below the share VANISHED of dq_ds nearby. The first cell is then
-# at most the share FIRST_AT_VANISHED of the section.
+# dq_ds vanishes at an end if it is below the fraction VANISHED of dq_ds nearby. The first cell is
+# then at most the fraction FIRST_AT_VANISHED of the section.
 VANISHED, FIRST_AT_VANISHED = 0.1, 5e-4
 # Distance from an end at which acceleration and jerk are evaluated, as a fraction of the section
 NEAR_REST = 5e-3
@@ -284,8 +286,8 @@ def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[
         edge = section_ends[side : len(section_ends) - 1 + side]
         j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
         straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
-        # If dq_ds vanishes at the end, `even` is not defined there, and a share of the section is
-        # used.
+        # If dq_ds vanishes at the end, `even` is not defined there, and a fraction of the section
+        # is used.
         standing = size[j] < VANISHED * size[i]
         straight = np.where(standing, FIRST_AT_VANISHED * np.diff(section_ends), straight)
         rows = zip(acceleration[i], jerk[i], speed, straight, strict=True)

@@ -82,7 +82,7 @@ def shape(
         arm: The arm.
         limits: Limits that replace those of the arm, as in `plan`; None for those of the arm.
         options: Tolerances, search, and reserve.
-        progress: Called with the step "shaping" and the share done.
+        progress: Called with the step "shaping" and the fraction done.
 
     Raises:
         InvalidInput: Limits that do not fit the arm.
@@ -315,7 +315,7 @@ def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
 
 
 def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
-    """Shape one contour; `report` is called with the share done."""
+    """Shape one contour; `report` is called with the fraction done."""
     objective, timer, options = task.objective, task.timer, task.options
     tube = Tube.around(objective, options.tolerance)
     candidates = _time_starts(objective, tube, timer, options)

@@ -335,7 +335,7 @@ def _distribute_nodes(
     start: Candidate, arm: Arm, tube: Tube, marks: _Marks
 ) -> tuple[FloatArray, IntArray] | None:
     """Arc lengths of nodes, and the mark at each node or -1; None if there are too many nodes."""
-    # From its value at a mark, the distance between nodes grows by the share GROWTH per node.
+    # From its value at a mark, the distance between nodes grows by the fraction GROWTH per node.
     path, matches, joint_path = start.path, start.places, start.joint_path
     rests = marks.s[marks.rest]
     samples, _ = _divide(marks.s, marks.s, np.full(len(marks.s) - 1, SAMPLES))

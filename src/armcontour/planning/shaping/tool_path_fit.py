@@ -19,7 +19,7 @@ from armcontour.robot import Arm
 # Largest relative change of the joint velocity along a part of a span
 CHANGE = 0.1
 MAX_PARTS = 8
-# Largest distance of arcs from the curve: the share NEAR of the tolerance, but at least NEAREST
+# Largest distance of arcs from the curve: the fraction NEAR of the tolerance, but at least NEAREST
 # [m]. Spans with larger distances are divided into more parts.
 NEAR, NEAREST = 1e-4, 1e-10
 MAX_ROUNDS = 4

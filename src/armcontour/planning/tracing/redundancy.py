@@ -36,7 +36,7 @@ SETTLED = 1e-4
 # Regularization of the diagonal of an iteration's matrix, relative to its largest entry; the matrix
 # is singular if no cost depends on a null-space motion.
 DAMPING = 1e-6
-# Shares of a step that are tried with costs that are not quadratic.
+# Fractions of a step that are tried with costs that are not quadratic.
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Smallest singular value of the Jacobian of an arm with external axes, with lengths relative to
 # those of the arm, below which a posture has a cost.
@@ -215,9 +215,9 @@ def smooth(
 class _Cost:
     """Sum of squares of the weighted joint steps and of the excess over inner ranges."""
 
-    # The weight of a step decreases with its share of the tool path and of the initial joint path,
-    # because at a tight corner the joints move far on a short path, which must not outweigh all
-    # other steps.
+    # The weight of a step decreases with its fraction of the tool path and of the initial joint
+    # path, because at a tight corner the joints move far on a short path, which must not outweigh
+    # all other steps.
 
     def __init__(self, arm: SerialArm, s: FloatArray, q: FloatArray, axes: FloatArray) -> None:
         # `s`: arc lengths [m], (n,); `q`: joint positions in several configurations [rad], (paths,
@@ -233,8 +233,8 @@ class _Cost:
         # more joints can.
         own = np.setdiff1d(np.arange(arm.dof), arm.chain.external)
         self.own = own if len(arm.chain.external) and len(own) >= 6 else own[:0]
-        # Shares of a step that are tried. A step may leave the inner range of the tilt, whose cost
-        # the linearized cost does not include.
+        # Fractions of a step that are tried. A step may leave the inner range of the tilt, whose
+        # cost the linearized cost does not include.
         self.shares = (1.0,) if tilt is None and not len(self.own) else SHARES
         pace = np.ones(arm.dof)
         if arm.limits.joint_velocity is not None:

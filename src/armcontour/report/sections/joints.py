@@ -108,7 +108,7 @@ def _range(curves: list[FloatArray], low: float, high: float) -> tuple[float, fl
 
 
 def _table(result: RunResult) -> TextTable:
-    """Table with range and largest values of every joint, and the used shares of its limits."""
+    """Table with range and largest values of every joint, and the used fractions of its limits."""
     done, arm, limits = result.motion, result.arm, result.run.limits
     plan = result.torques
     amounts = [

@@ -31,8 +31,8 @@ from armcontour.report.style import (
 # Ratio of the largest errors of two runs above which the axis of errors is logarithmic, and share
 # of the allowed error above which it is drawn.
 VARIED, WORTH_SHOWING = 10.0, 0.3
-# If the largest speed on contours is below this share of the largest speed (of a rapid), the speed
-# axis is scaled to the contours.
+# If the largest speed on contours is below this fraction of the largest speed (of a rapid), the
+# speed axis is scaled to the contours.
 SQUEEZED = 0.5
 # Maximum number of bars of a plan.
 MAX_BARS = 1200

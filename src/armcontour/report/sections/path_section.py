@@ -21,7 +21,7 @@ from armcontour.verification import ErrorProfile, Evaluation
 MAX_PATH_POINTS = 3000
 # Fraction of the drawing's size that is visible in an enlarged drawing.
 VISIBLE = 1 / 50_000
-# Upper ends of the classes of errors as shares of the allowed error, and the colours of the
+# Upper ends of the classes of errors as fractions of the allowed error, and the colours of the
 # classes on light and dark pages. The last class exceeds the allowed error.
 CLASSES = (0.25, 0.5, 0.75, 1.0)
 COLOURS = (
