@@ -9,6 +9,6 @@ def test_the_pages_show_the_baseline_and_every_missed_bar():
     texts = [x.read_text(encoding="utf-8") for x in page.FILES]
     for text in texts:
         assert page.filled(text, lines, sessions) == text, "Run `python -m benchmarks --page`."
-    begins = tuple(x for text in texts for x in page.named(text))
+    shown = tuple(x for text in texts for x in page.named(text))
     missed = [name for name, x in baseline.baselines_by_name(sessions).items() if x.missed]
-    assert [x for x in missed if not x.startswith(begins)] == []
+    assert [x for x in missed if not x.startswith(shown)] == []

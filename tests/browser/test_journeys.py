@@ -1,6 +1,6 @@
-"""One journey per area of the Studio in a real browser; the page is held to the library.
+"""One journey per area of the Studio in a real browser; its values are those of the library.
 
-Longer ones are in tests/slow/browser.
+Longer journeys are in tests/slow/browser.
 """
 
 import re
@@ -38,7 +38,7 @@ def shares(studio):
     return [tuple(x.locator("th, td").all_inner_texts()) for x in rows.all()]
 
 
-def test_j1_the_papers_job_is_shown_with_its_cycle_time(studio, judge):
+def test_the_papers_job_is_shown_with_its_cycle_time(studio, judge):
     expect(studio.find("[data-figure=duration] .value")).to_have_text("5.33")
     judgement = judge(studio)
     agree(studio, judgement)
@@ -47,7 +47,7 @@ def test_j1_the_papers_job_is_shown_with_its_cycle_time(studio, judge):
     assert studio.find("g.handle.corner").count() == 2
 
 
-def test_j2_a_dragged_corner_has_another_tolerance(studio, judge):
+def test_a_dragged_corner_has_another_tolerance(studio, judge):
     before, bound = studio.figure("duration"), shares(studio)
     with studio.changing():
         with studio.grabbing(studio.handle("corner", 1)) as (x, y):
@@ -68,7 +68,7 @@ def test_j2_a_dragged_corner_has_another_tolerance(studio, judge):
     assert studio.figure("duration") == before
 
 
-def test_j3_a_refusal_is_shown_at_the_waypoint_out_of_reach(studio, judge):
+def test_a_refusal_is_shown_at_the_waypoint_out_of_reach(studio, judge):
     original = studio.text
     handle = studio.handle("waypoint", 1)
     with studio.grabbing(handle) as (x, y):
@@ -98,7 +98,7 @@ def test_j3_a_refusal_is_shown_at_the_waypoint_out_of_reach(studio, judge):
     assert studio.text == original
 
 
-def test_j7_undo_and_redo_reach_every_state_and_survive_a_reload(studio):
+def test_undo_and_redo_reach_every_state_and_survive_a_reload(studio):
     texts = [studio.text]
     studio.tab("process")
     for change in ("speed", "waypoint", "corner"):
@@ -129,7 +129,7 @@ def test_j7_undo_and_redo_reach_every_state_and_survive_a_reload(studio):
     assert studio.text == texts[3]
 
 
-def test_j9_results_are_saved_as_files(studio, judge, tmp_path):
+def test_results_are_saved_as_files(studio, judge, tmp_path):
     task_result = studio.do("export", {"format": "csv"})
     studio.wait(".task-result[data-task=export]", state="done")
     name, content = studio.save_file(task_result.locator("button, a").first)
@@ -149,7 +149,7 @@ def press(studio, within, name):
     studio.find(within).get_by_role("button", name=name).click()
 
 
-def test_j27_drawing_and_arm_and_slider_and_charts_show_the_same_time(studio):
+def test_drawing_and_arm_and_slider_and_charts_show_the_same_time(studio):
     press(studio, "#viewbar", "Both")
     studio.wait("#view3d", time="0")
     dot = studio.find("circle.cursor:not(.tool)")
@@ -180,7 +180,7 @@ def test_j27_drawing_and_arm_and_slider_and_charts_show_the_same_time(studio):
     press(studio, "#viewbar", "2D")
 
 
-def test_j30_a_new_waypoint_has_the_focus(studio):
+def test_a_new_waypoint_has_the_focus(studio):
     original, count = studio.text, 4
     waypoints = studio.find("g.handle.waypoint")
     plus = studio.handle("middle", 2)
@@ -216,7 +216,7 @@ def points(studio):
     return numbers(studio.text.partition("points:")[2].partition("limits:")[0])
 
 
-def test_j40_a_dragged_waypoint_snaps_and_shows_its_gain(studio, judge):
+def test_a_dragged_waypoint_snaps_and_shows_its_gain(studio, judge):
     before, original = studio.figure("duration"), studio.text
     handle = studio.handle("waypoint", 1)
     expect(label(studio)).to_be_hidden()
@@ -248,7 +248,7 @@ def test_j40_a_dragged_waypoint_snaps_and_shows_its_gain(studio, judge):
     expect(studio.find("#undo")).to_be_disabled()
 
 
-def test_j46_a_typed_value_keeps_its_digits_and_escape_reverts_it(studio, judge):
+def test_a_typed_value_keeps_its_digits_and_escape_reverts_it(studio, judge):
     original = studio.text
     handle = studio.handle("waypoint", 1)
     with studio.changing():

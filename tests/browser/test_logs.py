@@ -37,7 +37,7 @@ def done(studio, task):
     return result
 
 
-def test_j42_the_studio_learns_the_next_set_points_from_a_log(shown, log):
+def test_the_studio_learns_the_next_set_points_from_a_log(shown, log):
     drop(shown, log)
     result = done(shown, "learn")
     expect(result).to_have_attribute("data-state", "done")
@@ -46,7 +46,7 @@ def test_j42_the_studio_learns_the_next_set_points_from_a_log(shown, log):
     assert name.endswith("set_points.csv") and content.startswith(b"t [s],")
 
 
-def test_j43_errors_in_a_log_are_shown_as_text(shown, robot):
+def test_errors_in_a_log_are_shown_as_text(shown, robot):
     markup = "<img src=x onerror=alert(1)>"
     bad = write_table(
         robot.folder / f"{markup}.csv", robot.table(robot.execute())[:, :4], HEAD[:-17]

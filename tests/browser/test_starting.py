@@ -45,7 +45,7 @@ def draw(studio, begin, end, *, typed=""):
     mouse.up()
 
 
-def test_j50_a_drawn_rectangle_is_planned_and_moved(started, judge):
+def test_a_drawn_rectangle_is_planned_and_moved(started, judge):
     studio = started
     take(studio, "empty")
     text = studio.text

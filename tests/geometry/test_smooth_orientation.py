@@ -53,5 +53,5 @@ def test_the_angular_error_reaches_but_does_not_exceed_its_tolerance(kind, allow
         errors = angle_between(rotations[:, :, 2], expected[:, :, 2])
     np.testing.assert_allclose(errors, c.angular_error, atol=1e-12)
     assert (errors <= allowed + 1e-12).all()
-    # At the larger tolerance neighbours leave each other no room to use it.
+    # At 0.1 rad, the corners have no room to use the whole tolerance.
     assert errors.max() > 0.8 * allowed or allowed == 0.1

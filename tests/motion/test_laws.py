@@ -80,7 +80,7 @@ LIMITS = ac.Limits(joint_velocity=[1.0, 2.0], joint_acceleration=[3.0, 2.0])
 
 @pytest.fixture(scope="module")
 def many():
-    """A dozen laws along bent joint paths, of which each goes on from the last, and two pauses."""
+    """Laws along bent joint paths, each of which continues the previous one, and two pauses."""
     rng = np.random.default_rng(3)
     laws, q = [], np.zeros(2)
     for k in range(12):

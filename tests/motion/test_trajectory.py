@@ -1,4 +1,4 @@
-"""Trajectories, executions and column errors of logs."""
+"""Trajectories and executions."""
 
 import dataclasses
 
@@ -10,7 +10,7 @@ from armcontour.motion import LapLaw, LawPhase
 
 
 def lap(duration, q, dq, ddq):
-    """One lap of one joint pair that moves as q + dq t + ddq t² / 2."""
+    """One lap with constant acceleration: q + dq t + ddq t² / 2."""
     q, dq, ddq = (np.atleast_2d(np.asarray(x, float)) for x in (q, dq, ddq))
     end = q + duration * (dq + duration * ddq / 2)
     return LapLaw(breaks=np.array([0.0, duration]), q=np.concatenate([q, end]), dq=dq, ddq=ddq)
@@ -38,7 +38,7 @@ def test_values_on_both_sides_of_breaks_are_those_computed_by_hand(bent):
         (2.0, 1, "right", (0, -1)),
         (2.0, 2, "left", (1, 0)),
         (2.0, 2, "right", (0, 0)),
-        # At the ends both sides are the inner one.
+        # At both ends, `side` has no effect.
         (0.0, 1, "left", (0, 1)),
         (3.0, 1, "right", (0, -1)),
     ):
@@ -95,7 +95,7 @@ def test_an_execution_is_interpolated_only_at_multiples_of_its_interval(conventi
     for part, is_known in (
         (slice(0, None, 2), True),
         (slice(5, None), True),
-        # Fewer than set-points, across a set-point, over a gap, a time twice.
+        # Rejected: larger than the cycle, across a set-point, with a gap, with a repeated time.
         (slice(0, None, 20), False),
         (slice(0, None, 3), False),
         (slice(5, None, 2), False),
@@ -108,8 +108,7 @@ def test_an_execution_is_interpolated_only_at_multiples_of_its_interval(conventi
 
 
 def test_a_law_that_starts_late_has_both_sides_of_its_breaks():
-    # The sum of start and break, less the start, is the break on few of them: it is rounded up on
-    # some, and down on others.
+    # For few breaks, (start + break) - start equals the break; some are rounded up, others down.
     random = np.random.default_rng(0)
     breaks = np.append(0.0, np.cumsum(random.uniform(0.5e-3, 2e-3, 400)))
     starts, numbers = 1.0 / 3.0 + 33.0, np.arange(400.0)[:, None]

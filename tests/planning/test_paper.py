@@ -128,7 +128,7 @@ def test_corners_are_passed_at_their_own_speed(arm, rounded, limits, mac):
     assert corner.speed == pytest.approx(0.02, rel=1e-6)
 
 
-def test_the_tool_stops_at_a_sharp_corner_and_passes_a_straight_vertex_at_speed(arm, objective, limits):
+def test_a_sharp_corner_is_a_stop_and_a_straight_vertex_is_passed_at_speed(arm, objective, limits):
     planned = ac.plan(objective, arm, limits, ac.Paper(knots=200))
     stop_times = [x.t[1] for x in planned.stretches if x.s[1] in objective.stops]
     assert len(stop_times) == 2

@@ -189,7 +189,7 @@ def test_random_polylines_are_rounded_within_their_tolerance():
         stopped_ones += int(corners.stopped.sum())
         shrunk_ones += int(corners.shrunk.sum())
         merged_ones += len(path.merged)
-    # The corpus does hold what it is meant to hold.
+    # The corpus contains all kinds of corners.
     assert rounded_ones > 3 * BATCH and shrunk_ones > BATCH
     assert stopped_ones > BATCH / 5 and merged_ones > BATCH / 5
 
@@ -200,7 +200,7 @@ def test_an_angular_tolerance_of_zero_stops_the_tool_at_corners():
     made = rounded(line.oriented(turns), 0.1, 0.0)
     np.testing.assert_allclose(made.stops, [1.0, 2.0, 3.0])
     assert made.corners.stopped.all() and (made.corners.angular_error == 0).all()
-    # Not where the rate goes on, though rounding makes two numbers of it.
+    # The tool does not stop where the angular rate is continuous up to rounding errors.
     corner = ac.Path.polyline([(0, 0, 0), (0.7, 0, 0), (0.7, 0.7, 0)])
     steady = Rotation.from_rotvec(np.outer([0, 1, 2], [0.11, 0.07, 0.2]))
     for held in (corner.oriented(steady), corner.oriented(Rotation.from_rotvec([0.1, 0.2, 0.3]))):

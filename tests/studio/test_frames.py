@@ -31,12 +31,12 @@ from armcontour.verification import check, evaluate
 
 
 def packed(frame):
-    """What the page gets."""
+    """The frame as the page receives it."""
     return MessageFrame.unpack(frame.pack())
 
 
 def uv(view, points):
-    """Points in the plane by hand: this one is that of x and y."""
+    """Coordinates in the drawing plane, which is the x-y plane here."""
     return points[..., :2] - view.plane.origin[:2]
 
 
@@ -145,7 +145,7 @@ def test_the_cut_is_half_of_the_kerf_from_the_drawn_contours(previewer, square, 
 
 
 def test_the_process_of_each_contour_is_drawn(previewer, square, view):
-    """Numbers and names, pierces, and where the process is off: on one contour otherwise."""
+    """Numbers, names, pierces and parts with the process off; one contour has other settings."""
     square["path"] = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
     lead, tabs = {"length": "2 mm"}, {"count": 2, "width": "1 mm"}
     process = {"lead_in": lead, "lead_out": lead, "switch": {"name": "laser"}}
@@ -331,13 +331,13 @@ class TestResults:
         for name in ("kept", "off_drawing"):
             row = result.to_data()[name]
             assert rows[name]["value"] == row.value
-            # The preview does not simulate what does not judge.
+            # The preview omits simulations on which the verdict does not depend.
             assert row.note.startswith(rows[name]["note"])
         assert result.judged is result.experiment.evaluation
         assert figure(frame.header, "contour_error.max") == result.judged.contour_error.max
 
 
-class TestWhatIsDoneAgain:
+class TestCache:
     def test_earlier_results_are_cached_until_files_change(self, previewer, paper):
         for name in ("optimal", "proposed"):
             previewer.execute(previewer.plan(paper, name))

@@ -123,7 +123,7 @@ def test_user_units_are_converted_and_y_points_up():
         np.testing.assert_allclose(vertices, expected, rtol=1e-12, err_msg=page)
     page = 'width="100mm" height="80mm" viewBox="-50 -40 100 80"'
     np.testing.assert_allclose(only('<line x2="1"/>', page).starts[0], [50e-3, 40e-3])
-    # The unit of the reading goes before that of the file.
+    # The option `units` overrides the unit of the file.
     vertices = only('<line y2="10"/>', 'width="9in" viewBox="0 0 50 40"', units=1e-3).vertices
     np.testing.assert_allclose(vertices, [[0, 40e-3], [0, 30e-3]], rtol=1e-12)
     program = read('<line y2="96"/>', page="")

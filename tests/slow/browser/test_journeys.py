@@ -17,7 +17,7 @@ DRAWINGS = Path(__file__).parents[3] / "examples" / "drawings"
 EXACT = 1e-9
 
 
-def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tmp_path):
+def test_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tmp_path):
     file = write_job(tmp_path / "job.yaml", "optimal")
     original = file.read_bytes()
     with serving(file, folder=tmp_path) as server:
@@ -38,7 +38,7 @@ def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tm
         assert studio.figure("duration") == pytest.approx(written["duration"], abs=EXACT)
         rms = written["contour_error"]["rms"]
         assert studio.figure("contour_error.rms") == pytest.approx(rms, abs=EXACT)
-        # Another program changes the file: neither side is lost.
+        # Another program changes the file: both versions remain available.
         file.write_bytes(original)
         studio.tab("process")
         with studio.changing():
@@ -52,7 +52,7 @@ def test_j8_a_saved_job_runs_on_the_command_line_with_the_same_figures(pages, tm
         assert studio.text.encode() == original
 
 
-def test_j11_a_dropped_drawing_is_played(pages, judge):
+def test_a_dropped_drawing_is_played(pages, judge):
     studio = pages()
     studio.rest()
     content = (DRAWINGS / "gasket.dxf").read_text()
@@ -86,7 +86,7 @@ def test_j11_a_dropped_drawing_is_played(pages, judge):
     np.testing.assert_allclose(joints, planned, atol=1e-4)
 
 
-def test_j13_a_draft_survives_closing_the_page_and_the_server(pages, tmp_path):
+def test_a_draft_survives_closing_the_page_and_the_server(pages, tmp_path):
     file = write_job(tmp_path / "job.yaml", "optimal")
     with serving(file, folder=tmp_path) as server:
         studio = pages(server)
@@ -102,7 +102,7 @@ def test_j13_a_draft_survives_closing_the_page_and_the_server(pages, tmp_path):
         studio.wait("body", link="lost")
         expect(studio.find("#link-state")).to_contain_text("does not answer")
         assert studio.figure("duration") == shown
-        # Nothing is called exact, and nothing can be changed that would be lost.
+        # No figure is marked as exact, and nothing can be changed that would be lost.
         studio.wait("#figures", exact="false")
         expect(studio.find(".exactness")).to_have_text("not connected")
         expect(studio.find("#messages")).to_contain_text("nothing can be changed")
@@ -127,7 +127,7 @@ def test_j13_a_draft_survives_closing_the_page_and_the_server(pages, tmp_path):
         assert studio.page.evaluate("location.hash") == ""
 
 
-def test_j25_a_job_refused_when_it_is_opened_is_shown_at_its_line(pages, tmp_path):
+def test_a_job_refused_when_it_is_opened_is_shown_at_its_line(pages, tmp_path):
     job = write_job(tmp_path / "job.yaml", "optimal", changes=[("  speed:", "  sped:")])
     line = next(k for k, x in enumerate(job.read_text().splitlines(), 1) if "sped:" in x)
     with serving(job, folder=tmp_path) as server:

@@ -55,7 +55,7 @@ def bend():
 
 
 def gasket():
-    """Ten contours of a drawing on the UR5e, as of the README."""
+    """Ten contours of a drawing on the UR5e, as in the README."""
     return read_cell("ur5e", DRAWINGS / "gasket.dxf")
 
 
@@ -138,24 +138,24 @@ DRAWN = "body[data-drawn]"
 
 
 @contextmanager
-def opened(browser, text, folder, width, **how):
-    """A page whose visible figures are drawn, and that has had no trouble."""
+def opened(browser, text, folder, width, **options):
+    """A page whose visible figures are drawn; fails if it reports an error or loads a file."""
     file = folder / "report.html"
     file.write_text(text, encoding="utf-8")
-    page = browser.new_page(viewport={"width": width, "height": 900}, **how)
-    troubles = []
-    page.on("pageerror", lambda x: troubles.append(str(x)))
-    page.on("console", lambda x: troubles.append(x.text) if x.type == "error" else None)
+    page = browser.new_page(viewport={"width": width, "height": 900}, **options)
+    errors = []
+    page.on("pageerror", lambda x: errors.append(str(x)))
+    page.on("console", lambda x: errors.append(x.text) if x.type == "error" else None)
     page.on(
         # Packed data of the page are read as a blob.
         "request",
-        lambda x: x.url.startswith((file.as_uri(), "blob:")) or troubles.append(x.url),
+        lambda x: x.url.startswith((file.as_uri(), "blob:")) or errors.append(x.url),
     )
     page.goto(file.as_uri())
-    if how.get("java_script_enabled", True):
+    if options.get("java_script_enabled", True):
         page.wait_for_selector(DRAWN, state="attached", timeout=120_000)
     yield page
-    assert not troubles, troubles
+    assert not errors, errors
     page.close()
 
 

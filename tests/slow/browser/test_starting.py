@@ -11,7 +11,7 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.mark.parametrize(("colours", "width"), [("light", 1400), ("dark", 500)])
-def test_j54_the_start_page_is_accessible_and_operable_by_keys(started, pages, colours, width):
+def test_the_start_page_is_accessible_and_operable_by_keys(started, pages, colours, width):
     studio = pages(started.server, colours=colours, size=(width, 900))
     studio.wait_for("#start[open]")
     load_axe(studio.page)

@@ -99,7 +99,7 @@ def test_processes_end_with_the_program_that_started_them(number, tmp_path):
         (os.killpg if number == signal.SIGINT else os.kill)(program.pid, number)
         program.wait(20)
         end = time.monotonic() + 20
-        # Also the processes that clean up after the others.
+        # Also wait for the helper processes that release resources.
         while any(map(is_running, pids)) or processes_of(program.pid):
             assert time.monotonic() < end
             time.sleep(0.05)

@@ -50,14 +50,14 @@ def test_parabolas_keep_the_plane_and_speeds_and_corners_next_to_arcs():
     space = round_path(ac.Path.polyline(flat @ basis.T), tolerance=5e-3, curve="parabola")
     s = np.linspace(0, plane.length, 301)
     np.testing.assert_allclose(space(s), plane(s) @ basis.T, atol=1e-14)
-    # Demands are those of the lines.
+    # Speeds, tolerances and tags are those of the lines.
     first = line((0, 0), (1, 0), speed=0.2, tolerance=1e-3, tag="x")
     path = path_of(first, line((1, 0), (1, 1), speed=0.1, tag="x"))
     rounded = round_path(path, tolerance=0.1, curve="parabola")
     assert rounded.corners.error[0] == pytest.approx(1e-3)
     assert rounded.speeds[0] == 0.2 and (rounded.speeds[1:] == 0.1).all()
     assert set(rounded.tags) == {"x"} and (rounded.tolerances[:-1] == 1e-3).all()
-    # The places of corners are their middles.
+    # `place` maps a vertex to the middle of its corner.
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1)])
     rounded = round_path(path, tolerance=[0.02, 0.05], curve="parabola")
     distances = np.linalg.norm(rounded(rounded.place(path.breaks)) - path.vertices, axis=1)
@@ -115,7 +115,7 @@ def test_random_polylines_stay_within_the_tolerance_in_both_directions(seed, dim
     rounded = round_path(path, tolerance=tolerance, curve="parabola")
     c = rounded.corners
     assert (c.error <= tolerance * (1 + 1e-12)).all()
-    # Own lines only: what a crossing line would hide.
+    # Project to the two lines of the corner only, because a crossing line may be nearer.
     for i in np.flatnonzero(~c.stopped):
         corner_path = ac.Path.polyline(points[i : i + 3])
         s = np.linspace(c.start[i], c.end[i], 301)
