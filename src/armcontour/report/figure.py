@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 from functools import cache
 from html import escape
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -22,32 +22,29 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.render import VERDICTS, number
 from armcontour.report.message_frame import MessageFrame
 
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+
 # Significant digits of drawn values, which are finer than a pixel, and of their abscissae.
 DIGITS, X_DIGITS = 5, 7
-# Minimum width of one of several columns of plots, and height of a plot [px].
-LEAST_WIDTH, HEIGHT = 260, 150
+# Height of a plot [px].
+HEIGHT = 150
 # Values whose digits say nothing to a reader, see `render.FINE`.
 TINY = re.compile(r"(?<![\d.])-?0\.000\d{3}(?= [\w%])")
-# Text that the page shows if a figure is wider than the page.
-HINT = (
-    '<p class="hint" aria-hidden="true">The figure continues to the right. Scroll it, or use the '
-    "arrow keys.</p>"
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Picture:
     """A figure or a drawing of a report, which can also be a page of its own."""
 
+    # Template that renders the picture, with the id `key` of its element
+    template: ClassVar[str]
     title: str
     # True for half of the width of a wide page
     half: bool = False
     # Data of the picture that are no figures
     frames: tuple[MessageFrame, ...] = ()
-
-    def to_html(self, key: str) -> str:
-        """Render the picture for a page with the data of its figures; `key`: id of its element."""
-        raise NotImplementedError
 
     def write_html(self, file: str | FilePath) -> None:
         """Write the picture as one self-contained page, atomically."""
@@ -119,51 +116,57 @@ class Plot:
 class Figure(Picture):
     """Plots in rows and columns, which share the pointer, the zoom and the legend."""
 
+    template: ClassVar[str] = "figure.html"
     plots: tuple[Plot, ...]
     # Titles of the columns
     columns: tuple[str, ...] = ("",)
 
-    def to_html(self, key: str) -> str:
-        """Render title and place of the figure; the page has its data by its key."""
-        count = len(self.columns)
-        least = LEAST_WIDTH * count if count > 1 else 0
-        titles = "".join(f"<b>{escape(x)}</b>" for x in self.columns if x)
-        return (
-            f'<figure class="plotted{" half" * self.half}">'
-            f'<figcaption id="{key}-title">{escape(self.title)}</figcaption>'
-            f'<div class="scroll" role="group" aria-labelledby="{key}-title">'
-            f'<div id="{key}" class="plots" '
-            f'style="--columns:{count};min-width:{least}px">{titles}</div></div>'
-            f'{HINT}<ul class="keys"></ul><noscript><p class="trouble">This figure needs '
-            "JavaScript.</p></noscript></figure>"
-        )
-
 
 def render_page(**values: Any) -> str:
-    """Render the template with values to a self-contained HTML page."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-
+    """Render a self-contained HTML page."""
     pictures: dict[str, Picture] = {}
 
     def place(picture: Picture, key: str) -> Markup:
         pictures[f"figure-{key}"] = picture
-        return Markup(picture.to_html(f"figure-{key}"))
+        return render(picture.template, picture=picture, key=f"figure-{key}")
 
-    environment = Environment(
-        loader=PackageLoader("armcontour.report"), autoescape=True, undefined=StrictUndefined
-    )
-    environment.filters["number"] = number
-    environment.globals["figure"] = place
-    # The data are packed after the template has placed the figures.
-    environment.globals["packed"] = lambda: _packed(pictures)
-    page = environment.get_template("report.html").render(
+    return render(
+        "report.html",
         version=__version__,
         verdicts=VERDICTS,
-        uplot_css=Markup(_static("vendor/uplot.css").decode()),
+        uplot_css=_static("vendor/uplot.css").decode(),
+        figure=place,
+        # The data are packed after the template has placed the figures.
+        packed=lambda: _packed(pictures),
         **values,
     )
-    return TINY.sub("&lt; 0.001", page)
+
+
+def render(template: str, **values: Any) -> Markup:
+    """Render a template with values."""
+    from markupsafe import Markup
+
+    return Markup(_environment().get_template(template).render(**values))
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("armcontour.report"),
+        autoescape=True,
+        finalize=_without_noise,
+        trim_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters["number"] = number
+    return environment
+
+
+def _without_noise(value: Any) -> Any:
+    """Value to display; of texts, tiny numbers are shortened."""
+    return TINY.sub("< 0.001", value) if type(value) is str else value
 
 
 def _packed(pictures: Mapping[str, Picture]) -> dict[str, str]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -35,17 +34,7 @@ VISIBLE = 1 / 4000
 class MovingArm(Picture):
     """The arm and its cell in space, with a slider of the time; `frames`: arm and motion."""
 
-    def to_html(self, key: str) -> str:
-        """Render title and controls; the page draws the arm by the frames with its key."""
-        return (
-            f'<figure class="moving" id="{key}">'
-            f'<figcaption id="{key}-title">{escape(self.title)}</figcaption>'
-            f'<div class="space" aria-labelledby="{key}-title"></div><div class="player" hidden>'
-            '<button type="button" class="play">Play</button>'
-            '<input type="range" min="0" step="any" value="0" aria-label="Time">'
-            '<span class="clock"></span></div>'
-            '<noscript><p class="trouble">The arm needs JavaScript.</p></noscript></figure>'
-        )
+    template: ClassVar[str] = "arm.html"
 
 
 def draw_arm(result: RunResult, job: Job) -> MovingArm:

@@ -6,8 +6,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from armcontour.core.text import count_noun
 from armcontour.jobs import Job, RunResult
 from armcontour.planning.explanation import BETWEEN, RAPIDS, Binding, LimitShare
 from armcontour.program import Contour, Process, contour_called, cut_parts, idle_parts
-from armcontour.report.figure import Picture
+from armcontour.report.figure import Picture, render
 from armcontour.report.view import drawn_arc_lengths, drawn_curve, points_at, simplify
 
 # Width, maximum and minimum height, and margin of the drawing [px].
@@ -35,9 +34,8 @@ RAPID_PLACES, APART = 24, 7.0
 # contour, and room that keeps two numbers apart [px].
 MAX_NUMBERED, FREE = 60, 22.0
 BESIDE = 15.0 * np.array([[1.0, -1.0], [-1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-# AXIS: length of a coordinate axis that is parallel to the picture [px]. SHORT_AXIS: an axis is not
-# drawn if its projection is below this fraction of it.
-AXIS, SHORT_AXIS = 26.0, 0.25
+# An axis is not drawn if its projection is shorter than this fraction of it.
+SHORT_AXIS = 0.25
 # Fraction of the maximum speed below which the tool counts as stopped.
 STILL = 1e-6
 # Fraction of the duration below which a limit is not listed in the legend.
@@ -77,6 +75,17 @@ class Mark(NamedTuple):
     window: float = 0.0
 
 
+class Line(NamedTuple):
+    """A line in a drawing."""
+
+    # SVG attributes
+    look: str
+    # Points as the SVG attribute `d`
+    d: str
+    # Tooltip
+    words: str = ""
+
+
 class Key(NamedTuple):
     """An entry below a drawing."""
 
@@ -95,25 +104,13 @@ Tab = tuple[Contour, float, float, float]
 class Drawing(Picture):
     """A drawing with its legends."""
 
+    template: ClassVar[str] = "drawing.html"
     svg: str
     keys: tuple[Key, ...]
     # Kinds of limits, in order of decreasing time
     legend: tuple[LegendEntry, ...] = ()
     # Ids of marks, by names of the values that they show
     places: Mapping[str, str] = field(default_factory=dict)
-
-    def to_html(self, key: str) -> str:
-        """Render title, drawing and legend."""
-        entries = []
-        for x in self.keys:
-            text = f"{x.symbol} {escape(x.words)}"
-            place = f'<a href="#{escape(x.place)}">{text}</a>' if x.place else text
-            entries.append(f"<li>{place}</li>")
-        return (
-            f'<figure class="drawn" id="{key}">'
-            f"<figcaption>{escape(self.title)}</figcaption>{self.svg}"
-            f'<output></output><ul class="keys">{"".join(entries)}</ul></figure>'
-        )
 
 
 def draw_plan(result: RunResult, job: Job) -> Drawing:
@@ -123,21 +120,21 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
     # A flat part is viewed from above, also if the tool is lifted between its contours.
     axes = view_of(np.concatenate(outline))
     sheet = Sheet.of(np.concatenate([*outline, *rapids]), axes)
-    parts = [
+    lines = [
         *_kerf(result, job.process, sheet),
         *_as_drawn(result, job, sheet),
         *_leads(result, sheet),
     ]
     if rapids:
-        parts.append(line(sheet, rapids, f'class="limit" {look_of(RAPIDS)}'))
+        lines.append(sheet.line(rapids, f'class="limit" {look_of(RAPIDS)}'))
     for kind, curves in pieces_of(result, SHORTEST / sheet.size).items():
-        parts.append(line(sheet, curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
+        lines.append(sheet.line(curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
     gaps = [drawn_curve(contour.path, a, b) for contour, _, a, b in tabs]
     if gaps:
-        parts.append(line(sheet, gaps, 'class="tab"', "tab, not cut"))
+        lines.append(sheet.line(gaps, 'class="tab"', "tab, not cut"))
     prefix = slug(job.name)
     extremes = list(_extremes(result, prefix))
-    marks: dict[str, tuple[str, str, list[Mark]]] = {
+    kinds: dict[str, tuple[str, str, list[Mark]]] = {
         "start": ("▶", "start of a contour", _starts(result)),
         "stop": ("■", "stop inside a contour", _stops(result)),
         "pierce": ("⊙", "pierce", _pierces(result, job.process)),
@@ -146,14 +143,14 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         **{name: (symbol, mark.words, [mark]) for name, symbol, mark in extremes},
     }
     keys = [Key("┄", f"tab ({len(tabs)})")] if tabs else []
-    for name, (symbol, words, points) in marks.items():
+    marks: list[tuple[str, Mark]] = []
+    for name, (symbol, words, points) in kinds.items():
         if points:
-            parts += sheet.mark(name, points)
+            marks += ((name, x) for x in sheet.without_overlap(points))
             place = points[0].place
             keys.append(Key(symbol, words if place else f"{words} ({len(points)})", place))
     limits = _limit_marks(result, prefix)
-    parts += [sheet.ring(x) for x in limits.values()]
-    parts += [*_numbers(result, sheet), *sheet.scale()]
+    marks += (("", x) for x in limits.values())
     legend = legend_of(result, {kind: x.place for kind, x in limits.items()})
     label = f"Path of the tool, {count_noun(len(outline), 'contour')}; what takes the time: "
     label += ", ".join(f"{x.word} {number(x.share, '1')}" for x in legend) or "unknown"
@@ -163,9 +160,8 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         if kind in limits:
             places["time_limit"] = limits[kind].place
     title = "Path" + ", coloured by the active limit" * bool(legend)
-    return Drawing(
-        title=title, svg=sheet.svg(label, parts), keys=tuple(keys), legend=legend, places=places
-    )
+    svg = sheet.svg(prefix, label, lines, marks, _numbers(result, sheet))
+    return Drawing(title=title, svg=svg, keys=tuple(keys), legend=legend, places=places)
 
 
 # Values that are shown at their places, by name of the mark.
@@ -224,65 +220,80 @@ class Sheet:
         across = (points @ self.axes.T - self.origin) * self.size
         return np.asarray(np.stack([across[..., 0], self.height - across[..., 1]], axis=-1))
 
-    def mark(self, name: str, marks: Iterable[Mark]) -> Iterator[str]:
-        """Yield the SVG elements of marks of one kind; of overlapping marks, only the first."""
-        taken: set[tuple[int, ...]] = set()
+    def line(
+        self, curves: Sequence[FloatArray], look: str, words: str = "", *, fine: bool = False
+    ) -> Line:
+        """Line through curves [m], simplified to a deviation of VISIBLE on the screen.
+
+        `fine`: the curves are simplified already; their details are seen in the enlarged drawing.
+        """
+        drawn, digits = [self.place(x) for x in curves], 2 if fine else 1
+        if not fine:
+            chosen = simplify(drawn, VISIBLE)
+            drawn = [points[few] for points, few in zip(drawn, chosen, strict=True)]
+        texts = ("M" + " ".join(f"{x:.{digits}f}" for x in y.ravel().tolist()) for y in drawn)
+        return Line(look, "".join(texts), words)
+
+    def without_overlap(self, marks: Iterable[Mark]) -> list[Mark]:
+        """Marks of which those that would overlap an earlier one are omitted."""
+        cells: dict[tuple[float, ...], Mark] = {}
         for mark in marks:
-            right, down = self.place(mark.point)
-            cell = (int(right // APART), int(down // APART))
-            if cell not in taken:
-                taken.add(cell)
-                along = np.array([1.0, 0.0]) if mark.along is None else mark.along @ self.axes.T
-                angle = -np.degrees(np.arctan2(along[1], along[0]))
-                turn = f"translate({right:.1f} {down:.1f}) rotate({angle:.0f})"
-                title = f"<title>{escape(mark.words)}</title>"
-                yield f'<use href="#mark-{name}" transform="{turn}">{title}</use>'
-                if mark.place:
-                    yield self.ring(mark)
+            cells.setdefault(tuple((self.place(mark.point) // APART).tolist()), mark)
+        return list(cells.values())
 
-    def ring(self, mark: Mark) -> str:
-        """SVG circle that shows a place after a link to it was followed."""
-        right, down = self.place(mark.point)
-        window = mark.window * self.size or WIDTH / CLOSER
-        return (
-            f'<circle id="{escape(mark.place)}" class="place" cx="{right:.1f}" cy="{down:.1f}" '
-            f'r="11" data-window="{window:.2f}"><title>{escape(mark.words)}</title></circle>'
-        )
+    def angle(self, mark: Mark) -> float:
+        """Direction of a mark, clockwise from right [deg]."""
+        along = np.array([1.0, 0.0]) if mark.along is None else mark.along @ self.axes.T
+        return float(-np.degrees(np.arctan2(along[1], along[0])))
 
-    def inset(self, mark: Mark, drawn: str) -> str:
-        """Enlarged part of the drawing around a mark; `drawn`: id of the elements to repeat."""
-        side = mark.window * self.size or WIDTH / CLOSER
-        x, y = self.place(mark.point) - side / 2
-        words = escape(mark.words)
-        return (
-            f'<a href="#{escape(mark.place)}"><svg class="inset" role="img" aria-label="{words}" '
-            f'viewBox="{x:.3f} {y:.3f} {side:.3f} {side:.3f}"><use href="#{escape(drawn)}"/></svg>'
-            f"{words}</a>"
-        )
+    def window(self, mark: Mark) -> float:
+        """Size of what a link to a mark shows [px]."""
+        return mark.window * self.size or WIDTH / CLOSER
 
-    def svg(self, label: str, parts: Iterable[str]) -> str:
-        """SVG of drawn elements; a view from above also states the origin [mm] and the scale."""
-        view = f'viewBox="0 0 {WIDTH:.0f} {self.height:.0f}"'
-        x, y = self.origin * 1e3
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Width and height [px]."""
+        return WIDTH, self.height
+
+    @property
+    def in_mm(self) -> tuple[float, ...]:
+        """Coordinates of the lower left corner [mm] and size of a pixel [mm], seen from above."""
         flat = np.array_equal(self.axes, np.eye(*self.axes.shape))
-        view += f' data-mm="{x} {y} {1e3 / self.size}"' if flat else ""
-        parts = "".join(parts)
-        return f'<svg class="drawing" role="img" {view} aria-label="{escape(label)}">{parts}</svg>'
+        return (*self.origin * 1e3, 1e3 / self.size) if flat else ()
 
-    def scale(self) -> Iterator[str]:
-        """Yield the SVG elements of the coordinate axes and of a scale bar with a round length."""
+    @property
+    def bar(self) -> float:
+        """Round length of the scale bar [m]."""
         longest = WIDTH / 5 / self.size
         power = 10.0 ** np.floor(np.log10(longest))
-        length = max(x * power for x in (1, 2, 5) if x * power <= longest)
-        end, low = 12 + length * self.size, self.height - 10
-        yield f'<path class="scale" d="M12 {low - 4:.1f}v4H{end:.1f}v-4"/>'
-        yield f'<text x="{end + 6:.1f}" y="{low:.1f}">{number(length, "m")}</text>'
-        for k, (right, up) in enumerate(self.axes.T.tolist()):
-            if np.hypot(right, up) > SHORT_AXIS:
-                x, y = 22 + AXIS * right, low - 22 - AXIS * up
-                yield f'<path class="scale" d="M22 {low - 22:.1f}L{x:.1f} {y:.1f}"/>'
-                x, y = 22 + (AXIS + 9) * right, low - 18 - (AXIS + 9) * up
-                yield f'<text class="axis" x="{x:.1f}" y="{y:.1f}">{"xyz"[k]}</text>'
+        return float(max(x * power for x in (1, 2, 5) if x * power <= longest))
+
+    @property
+    def visible_axes(self) -> list[tuple[str, float, float]]:
+        """Name, and components to the right and up, of the coordinate axes that are drawn."""
+        axes = zip("xyz", *self.axes.tolist(), strict=False)
+        return [x for x in axes if np.hypot(*x[1:]) > SHORT_AXIS]
+
+    def svg(
+        self,
+        id: str,
+        label: str,
+        lines: Iterable[Line],
+        marks: Iterable[tuple[str, Mark]],
+        numbers: Iterable[tuple[int, FloatArray]] = (),
+        insets: Sequence[Mark] = (),
+    ) -> str:
+        """SVG of a drawing; `insets`: marks whose surroundings are shown enlarged below."""
+        return render(
+            "drawing.svg",
+            sheet=self,
+            id=id,
+            label=label,
+            lines=lines,
+            marks=marks,
+            numbers=numbers,
+            insets=insets,
+        )
 
 
 def view_of(points: FloatArray) -> FloatArray:
@@ -294,22 +305,6 @@ def view_of(points: FloatArray) -> FloatArray:
     if len(size) == 2 or size[2] <= FLAT * size.max():
         return np.eye(2, len(size))
     return OBLIQUE
-
-
-def line(
-    sheet: Sheet, curves: Sequence[FloatArray], look: str, words: str = "", *, fine: bool = False
-) -> str:
-    """SVG path of curves [m], simplified to a deviation of VISIBLE on the screen.
-
-    `fine`: the curves are simplified already, and their details are seen in the enlarged drawing.
-    """
-    drawn, digits = [sheet.place(x) for x in curves], 2 if fine else 1
-    if not fine:
-        chosen = simplify(drawn, VISIBLE)
-        drawn = [points[few] for points, few in zip(drawn, chosen, strict=True)]
-    texts = ("M" + " ".join(f"{x:.{digits}f}" for x in y.ravel().tolist()) for y in drawn)
-    title = f"<title>{escape(words)}</title>" if words else ""
-    return f'<path {look} d="{"".join(texts)}">{title}</path>'
 
 
 def pieces_of(result: RunResult, shortest: float) -> dict[str, list[FloatArray]]:
@@ -374,28 +369,28 @@ def rapid_paths(result: RunResult) -> list[FloatArray]:
     return list(points.reshape(len(spans), RAPID_PLACES, -1))
 
 
-def _kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[str]:
-    """Yield SVG paths of the bands of material that the kerf removes."""
+def _kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[Line]:
+    """Yield the bands of material that the kerf removes."""
     widths: defaultdict[float, list[FloatArray]] = defaultdict(list)
     for path, begin, end, kerf in cut_parts(result.path, process):
         widths[kerf].append(drawn_curve(path, begin, end))
     for kerf, curves in widths.items():
         look = f'class="kerf" stroke-width="{kerf * sheet.size:.1f}"'
-        yield line(sheet, curves, look, f"kerf {number(kerf, 'm')}")
+        yield sheet.line(curves, look, f"kerf {number(kerf, 'm')}")
 
 
-def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[str]:
-    """Yield the SVG path of contours as drawn: those with kerf, else all if rounding is visible."""
+def _as_drawn(result: RunResult, job: Job, sheet: Sheet) -> Iterator[Line]:
+    """Yield the contours as drawn: those with kerf, else all if rounding is visible."""
     contours = [x for x in job.program.contours if job.process.of_contour(x).kerf]
     if not contours and (result.rounding_error or 0.0) * sheet.size > SHORTEST:
         contours = list(result.objective.contours)
     curves = [drawn_curve(x.path) for x in contours]
     if curves:
-        yield line(sheet, curves, 'class="objective"', "as drawn")
+        yield sheet.line(curves, 'class="objective"', "as drawn")
 
 
-def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
-    """Yield the SVG path of leads and pierce moves, which is drawn as a wide band."""
+def _leads(result: RunResult, sheet: Sheet) -> Iterator[Line]:
+    """Yield leads and pierce moves, which are drawn as a wide band."""
     curves = []
     for contour in result.path.contours:
         begin, end = contour.at_work
@@ -403,7 +398,7 @@ def _leads(result: RunResult, sheet: Sheet) -> Iterator[str]:
             if (b - a) * sheet.size > SHORTEST:
                 curves.append(drawn_curve(contour.path, a, b))
     if curves:
-        yield line(sheet, curves, f'class="lead" stroke="{LINES["leads"]}"', "lead")
+        yield sheet.line(curves, f'class="lead" stroke="{LINES["leads"]}"', "lead")
 
 
 def _starts(result: RunResult) -> list[Mark]:
@@ -416,8 +411,8 @@ def _starts(result: RunResult) -> list[Mark]:
     return marks
 
 
-def _numbers(result: RunResult, sheet: Sheet) -> Iterator[str]:
-    """Yield SVG texts with the numbers of contours, if there are 2 to MAX_NUMBERED contours."""
+def _numbers(result: RunResult, sheet: Sheet) -> Iterator[tuple[int, FloatArray]]:
+    """Yield numbers of contours and their places [px], if there are 2 to MAX_NUMBERED contours."""
     contours = result.path.contours
     if 1 < len(contours) <= MAX_NUMBERED:
         starts = sheet.place(np.array([x.path(0.0) for x in contours]))
@@ -428,8 +423,7 @@ def _numbers(result: RunResult, sheet: Sheet) -> Iterator[str]:
             places = starts[k] + BESIDE
             room = np.abs(places[:, None] - others).max(axis=2).min(axis=1)
             taken.append(places[np.argmax(np.minimum(room, FREE))])
-            x, y = taken[-1]
-            yield f'<text class="number" x="{x:.1f}" y="{y:.1f}">{contour.number or k + 1}</text>'
+            yield contour.number or k + 1, taken[-1]
 
 
 def _stops(result: RunResult) -> list[Mark]:

@@ -12,7 +12,7 @@ from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.rows import DEFAULT_ACCURACY
 from armcontour.motion import Execution
 from armcontour.program import contour_called
-from armcontour.report.plan_drawing import Drawing, Key, Mark, Sheet, line, slug, view_of
+from armcontour.report.plan_drawing import Drawing, Key, Mark, Sheet, slug, view_of
 from armcontour.report.section import Section
 from armcontour.report.view import drawn_arc_lengths, simplify
 from armcontour.verification import ErrorProfile, Evaluation
@@ -78,7 +78,7 @@ def draw_tool(tool: Tool, job: str) -> Drawing:
     classes = _classes(tool, error)
     points = np.concatenate([*outline, *(x for y in classes.values() for x in y)])
     sheet = Sheet.of(points, view_of(points))
-    parts = [line(sheet, outline, 'class="objective"', "drawing", fine=True)]
+    lines = [sheet.line(outline, 'class="objective"', "drawing", fine=True)]
     keys = [Key("┄", "drawing")]
     allowed, named = _scale(tool)
     ends = [0.0, *CLASSES]
@@ -87,14 +87,11 @@ def draw_tool(tool: Tool, job: str) -> Drawing:
         look = f'class="limit{{}}" style="--light:{light};--dark:{dark}"'
         words = f"{ends[k]:.0%} to {CLASSES[k]:.0%}" if k < len(CLASSES) else f"more than {1:.0%}"
         words = f"{words} of the {named} {number(allowed, 'm')}" if allowed else "planned"
-        parts.append(line(sheet, curves, look.format(" path"), words, fine=True))
+        lines.append(sheet.line(curves, look.format(" path"), words, fine=True))
         keys.append(Key(f"<i {look.format(' swatch')}></i>", words))
     corners = _corners(tool, prefix)
     label = f"Drawing and executed path of {tool.name}"
-    marks = (f'<g id="{prefix}-lines">{"".join(parts)}</g>', *map(sheet.ring, corners))
-    svg = sheet.svg(label, (*marks, *sheet.scale()))
-    insets = (sheet.inset(x, f"{prefix}-lines") for x in corners)
-    svg += f'<div class="insets">{"".join(insets)}</div>' if corners else ""
+    svg = sheet.svg(prefix, label, lines, [("", x) for x in corners], insets=corners)
     return Drawing(title=f"Path of the tool: {tool.name}", svg=svg, keys=tuple(keys))
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armcontour.core.render import number, scale, split
+from armcontour.report.figure import render
 from armcontour.report.plan_drawing import WIDTH, Drawing, Key
 from armcontour.report.section import Front, tiles
 
@@ -54,10 +54,8 @@ def draw_map(result: Placement) -> Drawing:
     numbers = {x: k for k, x in enumerate(result.refusals, start=1)}
     columns, rows = (sorted({key[k] if k < len(axes) else 0.0 for key in best}) for k in (0, 1))
     size = min(LARGEST, (WIDTH - LEFT) / len(columns))
-    bottom, parts = len(rows) * size, list[str]()
+    cells = []
     for key, place in best.items():
-        x = LEFT + columns.index(key[0]) * size
-        y = bottom - (rows.index(key[1]) + 1) * size if axes[1:] else 0.0
         if place.duration is None:
             colour, text, ink = REFUSED, str(numbers[place.refusal]), "#000"
         else:
@@ -65,32 +63,29 @@ def draw_map(result: Placement) -> Drawing:
             colour, text = _heat(share), split(place.duration, "s")[0] * (size > LEAST_TEXT)
             ink = "#000" if share > 0.5 else "#fff"
         words = f"{place}: {place.why_not or number(place.duration, 's')}"
-        parts.append(
-            f'<g><title>{escape(words)}</title><rect x="{x:.1f}" y="{y:.1f}" width="{size:.1f}" '
-            f'height="{size:.1f}" fill="{colour}"/><text x="{x + size / 2:.1f}" '
-            f'y="{y + size / 2 + 4:.1f}" style="fill:{ink}">{text}</text></g>'
-        )
-    for k, values in enumerate((columns, rows)[: len(axes)]):
-        unit, factor = scale("rad" if axes[k] == "yaw" else "m")
+        row = rows.index(key[1]) if axes[1:] else 0
+        cells.append((columns.index(key[0]), row, colour, ink, text, words))
+    labelled = []
+    for name, values, least in zip(axes, (columns, rows), (LEAST_TEXT, LEAST_ROW), strict=False):
+        unit, factor = scale("rad" if name == "yaw" else "m")
         # As many values are written as have room.
-        step = int(np.ceil((LEAST_TEXT, LEAST_ROW)[k] / size))
-        for i in range(0, len(values), step):
-            at = (i + 0.5) * size
-            at_place = f'x="{LEFT + at}" y="{bottom + 16}"', f'x="{LEFT - 6}" y="{bottom - at + 4}"'
-            parts.append(f'<text class="tick{k}" {at_place[k]}>{values[i] / factor:.4g}</text>')
-        turn = (f"translate({LEFT + len(columns) * size / 2} {bottom + 36})",
-                f"translate(12 {bottom / 2}) rotate(-90)")[k]  # fmt: skip
-        parts.append(f'<text transform="{turn}">{axes[k]} [{unit}]</text>')
+        shown = range(0, len(values), int(np.ceil(least / size)))
+        ticks = [((i + 0.5) * size, f"{values[i] / factor:.4g}") for i in shown]
+        labelled.append((f"{name} [{unit}]", ticks))
     keys = [Key(_swatch(_heat(0.0)), f"shortest motion {number(low, 's')}")] if times else []
     keys += [Key(_swatch(_heat(1.0)), f"longest {number(high, 's')}")] if high > low else []
     keys += [Key(_swatch(REFUSED), "refused, with the number of the reason")] if numbers else []
     label = f"Shortest motion at {len(best)} places, {len(best) - len(times)} refused"
     return Drawing(
         title="Shortest motion at each place [s]",
-        svg=(
-            f'<svg class="map" role="img" viewBox="0 0 {LEFT + len(columns) * size:.0f} '
-            f'{bottom + 44:.0f}" style="max-width:{LEFT + len(columns) * size:.0f}px" '
-            f'aria-label="{label}">{"".join(parts)}</svg>'
+        svg=render(
+            "map.svg",
+            left=LEFT,
+            size=size,
+            counts=(len(columns), len(rows)),
+            cells=cells,
+            axes=labelled,
+            label=label,
         ),
         keys=tuple(keys),
     )
