@@ -21,6 +21,7 @@ from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import VERDICTS, number
 from armcontour.report.message_frame import MessageFrame
+from armcontour.report.style import MAX_POINTS, thin
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -110,6 +111,8 @@ class Plot:
     counts: bool = False
     # Height [px]
     height: int = HEIGHT
+    # Approximate maximum number of points of a curve
+    max_points: int = MAX_POINTS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,14 +220,15 @@ def _plain_plot(plot: Plot) -> dict[str, Any]:
     """Plot as plain data: curves refer to their arrays of abscissae by index."""
     arrays, curves = list[FloatArray](), []
     for curve in plot.curves:
-        same = (k for k, x in enumerate(arrays) if np.array_equal(x, curve.x))
+        x, y = thin(curve.x, curve.y, plot.max_points)
+        same = (k for k, array in enumerate(arrays) if np.array_equal(array, x))
         index = next(same, len(arrays))
         if index == len(arrays):
-            arrays.append(curve.x)
+            arrays.append(x)
         look = {"name": curve.name, "colour": curve.colour, "width": curve.width}
         look |= {"dash": curve.dash, "marked": curve.marked}
-        curves.append({**look, "x": index, "y": _rounded(curve.y, DIGITS)})
-    names = {x.name for x in fields(plot)} - {"curves"}
+        curves.append({**look, "x": index, "y": _rounded(y, DIGITS)})
+    names = {x.name for x in fields(plot)} - {"curves", "max_points"}
     values = {x: getattr(plot, x) for x in sorted(names)}
     return {**values, "x": [_rounded(x, X_DIGITS) for x in arrays], "curves": curves}
 

@@ -10,7 +10,7 @@ from armcontour.core.result import TABLE, Data
 from armcontour.core.text import capitalise
 from armcontour.report.figure import Curve, Figure, Plot, render_page
 from armcontour.report.section import Chapter, Front, Section, Tile, text_table, tiles
-from armcontour.report.style import EXECUTED_COLOUR, LIMIT_COLOUR, PLANNED_COLOUR, thin
+from armcontour.report.style import EXECUTED_COLOUR, LIMIT_COLOUR, PLANNED_COLOUR
 
 # Gap between successive logs in the figures [s], and height of the plots of a joint [px].
 APART, HEIGHT = 1.0, 56
@@ -93,15 +93,18 @@ def _figure(identification: Identification) -> Figure:
             # The curves have a gap between the logs.
             parts.append(np.array([[t[-1] + APART / 2, np.nan, np.nan]]))
             start = t[-1] + APART
-        times, measured, residuals = np.concatenate(parts).T
-        t, measured, predicted = thin(times, measured, measured - residuals)
-        positions = (("measured", measured, EXECUTED_COLOUR), (SOURCE, predicted, PLANNED_COLOUR))
-        curves = [Curve(x=t, y=y, name=x, colour=colour, width=1.2) for x, y, colour in positions]
+        t, measured, residuals = np.concatenate(parts).T
+        curves = [
+            Curve(x=t, y=y, name=name, colour=colour, width=1.2)
+            for name, y, colour in (
+                ("measured", measured, EXECUTED_COLOUR),
+                (SOURCE, measured - residuals, PLANNED_COLOUR),
+                ("residual", residuals * 1e3, LIMIT_COLOUR),
+            )
+        ]
         label = f"joint {j + 1}{' [m, mm]' * joint.prismatic}"
-        plots.append(Plot(label=label, curves=tuple(curves), height=HEIGHT))
-        t, residuals = thin(times, residuals * 1e3)
-        rest = Curve(x=t, y=residuals, name="residual", colour=LIMIT_COLOUR, width=1.2)
-        plots.append(Plot(label="", curves=(rest,), height=HEIGHT))
+        plots.append(Plot(label=label, curves=tuple(curves[:2]), height=HEIGHT))
+        plots.append(Plot(label="", curves=tuple(curves[2:]), height=HEIGHT))
     columns = ("position [rad]", "residual [mrad]")
     return Figure(
         title="Positions and residuals of the joints", plots=tuple(plots), columns=columns

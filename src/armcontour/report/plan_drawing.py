@@ -160,7 +160,8 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         if kind in limits:
             places["time_limit"] = limits[kind].place
     title = "Path" + ", coloured by the active limit" * bool(legend)
-    svg = sheet.svg(prefix, label, lines, marks, _numbers(result, sheet))
+    drawn = {"sheet": sheet, "lines": lines, "marks": marks, "numbers": _numbers(result, sheet)}
+    svg = render("drawing.svg", id=prefix, label=label, insets=(), **drawn)
     return Drawing(title=title, svg=svg, keys=tuple(keys), legend=legend, places=places)
 
 
@@ -202,8 +203,8 @@ class Sheet:
     origin: FloatArray
     # Scale [px/m]
     size: float
-    # Height of the drawing [px]
-    height: float
+    # Width and height of the drawing [px], (2,)
+    extent: FloatArray
 
     @classmethod
     def of(cls, points: FloatArray, axes: FloatArray) -> Sheet:
@@ -211,14 +212,14 @@ class Sheet:
         low, high = (f(points @ axes.T, axis=0) for f in (np.min, np.max))
         wide, high_up = np.maximum(high - low, 1e-9)
         size = min((WIDTH - 2 * EDGE) / wide, (HEIGHT - 2 * EDGE) / high_up)
-        height = max(FLATTEST, high_up * size + 2 * EDGE)
-        room = (np.array([WIDTH, height]) / size - (high - low)) / 2
-        return cls(axes, low - room, float(size), float(height))
+        extent = np.array([WIDTH, max(FLATTEST, high_up * size + 2 * EDGE)])
+        room = (extent / size - (high - low)) / 2
+        return cls(axes, low - room, float(size), extent)
 
     def place(self, points: FloatArray) -> FloatArray:
         """Project points [m], (n, dimension), to positions in the drawing [px], (n, 2)."""
         across = (points @ self.axes.T - self.origin) * self.size
-        return np.asarray(np.stack([across[..., 0], self.height - across[..., 1]], axis=-1))
+        return np.asarray(np.stack([across[..., 0], self.extent[1] - across[..., 1]], axis=-1))
 
     def line(
         self, curves: Sequence[FloatArray], look: str, words: str = "", *, fine: bool = False
@@ -251,11 +252,6 @@ class Sheet:
         return mark.window * self.size or WIDTH / CLOSER
 
     @property
-    def extent(self) -> tuple[float, float]:
-        """Width and height [px]."""
-        return WIDTH, self.height
-
-    @property
     def in_mm(self) -> tuple[float, ...]:
         """Coordinates of the lower left corner [mm] and size of a pixel [mm], seen from above."""
         flat = np.array_equal(self.axes, np.eye(*self.axes.shape))
@@ -273,27 +269,6 @@ class Sheet:
         """Name, and components to the right and up, of the coordinate axes that are drawn."""
         axes = zip("xyz", *self.axes.tolist(), strict=False)
         return [x for x in axes if np.hypot(*x[1:]) > SHORT_AXIS]
-
-    def svg(
-        self,
-        id: str,
-        label: str,
-        lines: Iterable[Line],
-        marks: Iterable[tuple[str, Mark]],
-        numbers: Iterable[tuple[int, FloatArray]] = (),
-        insets: Sequence[Mark] = (),
-    ) -> str:
-        """SVG of a drawing; `insets`: marks whose surroundings are shown enlarged below."""
-        return render(
-            "drawing.svg",
-            sheet=self,
-            id=id,
-            label=label,
-            lines=lines,
-            marks=marks,
-            numbers=numbers,
-            insets=insets,
-        )
 
 
 def view_of(points: FloatArray) -> FloatArray:

@@ -38,17 +38,19 @@ def run_widths(names: Iterable[str]) -> dict[str, float]:
     return {name: min(1.5 + 1.3 * (len(listed) - 1 - i), 7.0) for i, name in enumerate(listed)}
 
 
-def thin(t: FloatArray, *curves: FloatArray, count: int = MAX_POINTS) -> list[FloatArray]:
-    """Reduce times and curves, (n,) each, to about `count` points.
+def thin(x: FloatArray, y: FloatArray, count: int = MAX_POINTS) -> tuple[FloatArray, FloatArray]:
+    """Reduce a curve through n points to about `count` points.
 
-    The result contains the extremes of every curve in equal intervals, and all gaps (NaN) with the
-    points next to them.
+    The result contains the extremes in equal intervals, and all gaps (NaN) with the points next to
+    them.
     """
-    gaps = np.isnan(np.stack(curves)).any(axis=0)
+    if len(x) <= count:
+        return x, y
+    gaps = np.isnan(y)
     near_gaps = np.convolve(gaps, np.ones(3), "same") > 0
-    known = [np.where(np.isnan(x), np.nanmean(x), x) for x in curves]
-    chosen = select_points(np.where(near_gaps, np.inf, 0.0), known, count)
-    return [t[chosen], *(x[chosen] for x in curves)]
+    known = np.where(gaps, np.nanmean(y), y)
+    chosen = select_points(np.where(near_gaps, np.inf, 0.0), [known], count)
+    return x[chosen], y[chosen]
 
 
 def few(sentences: Iterable[str], noun: str = "of these") -> tuple[str, ...]:

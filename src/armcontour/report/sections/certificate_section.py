@@ -14,7 +14,7 @@ from armcontour.report.moving_arm import draw_arm
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, side_by_side, text_table, tiles
 from armcontour.report.sections.contours import MAX_ROWS
-from armcontour.report.style import RUN_COLOURS, thin
+from armcontour.report.style import RUN_COLOURS
 
 if TYPE_CHECKING:
     from armcontour.jobs import JobResult
@@ -82,18 +82,15 @@ def _derating(certificate: Certificate) -> Figure:
         np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
         for start, x in zip(starts[:-1], deratings, strict=True)
     ]
+    s = np.concatenate(places)
     for j in range(certificate.job.arm.dof):
         shares = [np.append(x.share[:, j], np.nan) for x in deratings]
-        s, usable = thin(np.concatenate(places), np.concatenate(shares))
-        colour = RUN_COLOURS[j % len(RUN_COLOURS)]
-        curves.append(Curve(x=s, y=usable * 100, name=f"joint {j + 1}", colour=colour, width=1.5))
-    several, least = (
-        len(certificate.contours) > 1,
-        100 * min(float(x.share.min()) for x in deratings),
-    )
+        y, colour = np.concatenate(shares) * 100, RUN_COLOURS[j % len(RUN_COLOURS)]
+        curves.append(Curve(x=s, y=y, name=f"joint {j + 1}", colour=colour, width=1.5))
+    least = 100 * min(float(x.share.min()) for x in deratings)
     plot = Plot(
         label="usable [%]",
-        x_label="arc length of the contours [m]" if several else "arc length [m]",
+        x_label="arc length" + " of the contours" * (len(deratings) > 1) + " [m]",
         curves=tuple(curves),
         # The range has a minimum size, so that rounding errors do not fill the height.
         limits=(min(least, 100 - LEAST_RANGE) - 0.2, 100.2),

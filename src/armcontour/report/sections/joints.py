@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from armcontour.core.result import Row, Table
 from armcontour.jobs import JobResult, RunResult
 from armcontour.report.figure import Curve, Figure, Plot
 from armcontour.report.section import Section, TextTable, text_table
-from armcontour.report.style import EXECUTED_COLOUR, EXPERIMENT_COLOUR, PLANNED_COLOUR, thin
+from armcontour.report.style import EXECUTED_COLOUR, EXPERIMENT_COLOUR, PLANNED_COLOUR
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import Use, use_of
 
@@ -47,52 +47,46 @@ def joints(study: JobResult) -> Section:
 
 def draw_joints(name: str, result: RunResult) -> Figure:
     """Figure with position, velocity and acceleration of every joint of a run."""
-    n = result.arm.dof
-    limits, plots = result.run.limits, []
+    limits, n, plots = result.run.limits, result.arm.dof, []
     bounds = limits.joint_range(n), limits.velocity_bounds(n), limits.acceleration_bounds(n)
-    motions = [_motions(result, order) for order in range(3)]
-    slides = result.arm.chain.slides
+    motions, slides = list(_motions(result)), result.arm.chain.slides
     for j in range(n):
-        for order, (motion, both) in enumerate(zip(motions, bounds, strict=True)):
+        for order, both in enumerate(bounds):
             low, high = (float(x[j]) for x in both)
+            curves = tuple(
+                Curve(x=t, y=values[order][:, j], name=label, **look)
+                for label, t, values, look in motions
+            )
             # A limit of positions is far away, so that it would flatten the curves.
             nearby = (low, high) if order else (-np.inf, np.inf)
-            visible = _range([values[:, j] for _, values, _ in motion.values()], *nearby)
-            curves = []
-            for label, (t, values, look) in motion.items():
-                times, y = thin(t, values[:, j], count=MAX_POINTS)
-                curves.append(Curve(x=times, y=y, name=label, **look))
+            visible = _range([x.y for x in curves], *nearby)
             plots.append(
                 Plot(
                     # The axis shows the joint number, because joint names are longer than the
                     # plot is high.
                     label="" if order else f"joint {j + 1}" + " (m)" * bool(slides[j]),
-                    curves=tuple(curves),
+                    curves=curves,
                     limits=visible,
                     lines=tuple(x for x in (low, high) if visible[0] < x < visible[1]),
                     height=HEIGHT,
+                    max_points=MAX_POINTS,
                 )
             )
     titles = tuple(x.replace("rad", "rad, m") for x in QUANTITIES) if slides.any() else QUANTITIES
     return Figure(title=f"Run {name}: joints", plots=tuple(plots), columns=titles)
 
 
-def _motions(
-    result: RunResult, order: int
-) -> dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]]:
-    """Times, values and line options of the curves of a derivative (`order`), by name."""
-    t = np.linspace(0, result.trajectory.duration, MAX_POINTS)
-    curves: dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]] = {}
+def _motions(result: RunResult) -> Iterator[tuple[str, FloatArray, Sequence[FloatArray], Any]]:
+    """Yield name, times, positions with two derivatives, and look of the curves."""
     if result.experiment is not None:
         done = result.experiment.execution
         look = {"colour": EXPERIMENT_COLOUR, "width": 1.2}
-        curves["experiment"] = (done.t, (done.q, done.dq, done.ddq)[order], look)
+        yield "experiment", done.t, (done.q, done.dq, done.ddq), look
     if (moved := result.execution) is not None:
-        values = (moved.q, moved.dq, moved.ddq)[order]
-        curves["executed"] = (moved.t, values, {"colour": EXECUTED_COLOUR})
-    dotted = {"colour": PLANNED_COLOUR, "width": 1.5, "dash": (2.0, 3.0)}
-    curves["planned"] = (t, result.trajectory(t, order), dotted)
-    return curves
+        yield "executed", moved.t, (moved.q, moved.dq, moved.ddq), {"colour": EXECUTED_COLOUR}
+    t = np.linspace(0, result.trajectory.duration, MAX_POINTS)
+    planned = [result.trajectory(t, order) for order in range(3)]
+    yield "planned", t, planned, {"colour": PLANNED_COLOUR, "width": 1.5, "dash": (2.0, 3.0)}
 
 
 def _range(curves: list[FloatArray], low: float, high: float) -> tuple[float, float]:

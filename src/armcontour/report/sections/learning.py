@@ -19,7 +19,6 @@ from armcontour.report.style import (
     MAX_SENTENCES,
     PATH_COLOUR,
     PLANNED_COLOUR,
-    thin,
 )
 
 if TYPE_CHECKING:
@@ -98,10 +97,10 @@ def _over_time(study: LearningStudy) -> Figure:
     shown = {0: PLANNED_COLOUR, best: EXECUTED_COLOUR} if best else {0: PLANNED_COLOUR}
     for k, colour in shown.items():
         profile = study.profile(k)
-        t, values = thin(profile.t, profile.values * 1e3)
         name = "before learning" if k == 0 else f"run {k + 1}"
         rms, largest = study.errors(k)
         label = f"{name}: RMS {number(rms, 'm')}, largest {number(largest, 'm')}"
-        curves.append(Curve(x=t, y=values, name=label, colour=colour, width=1.5))
+        y = profile.values * 1e3
+        curves.append(Curve(x=profile.t, y=y, name=label, colour=colour, width=1.5))
     plot = Plot(label="contour error [mm]", height=HEIGHT, **error_axis(curves))
     return Figure(title="Contour error as measured, over time", plots=(plot,))

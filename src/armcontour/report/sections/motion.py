@@ -25,7 +25,6 @@ from armcontour.report.style import (
     LIMIT_DASH,
     run_colours,
     run_widths,
-    thin,
 )
 
 # Ratio of the largest errors of two runs above which the axis of errors is logarithmic, and share
@@ -76,9 +75,8 @@ def speed(study: JobResult) -> Plot:
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     curves = []
     for name, result in study.runs.items():
-        motion = result.motion
-        t, values = thin(motion.t, motion.tool_speed * 1e3)
-        curves.append(Curve(x=t, y=values, name=name, colour=colours[name], width=widths[name]))
+        t, y = result.motion.t, result.motion.tool_speed * 1e3
+        curves.append(Curve(x=t, y=y, name=name, colour=colours[name], width=widths[name]))
     visible = (0.0, 1.2 * _largest_on_contours(study) * 1e3) if _is_squeezed(study) else None
     return Plot(label="speed [mm/s]", curves=(*curves, *_assigned(study)), limits=visible)
 
@@ -143,9 +141,9 @@ def error(study: JobResult) -> Plot | None:
     for name, result, _, evaluation in tools_of(study):
         if evaluation is not None:
             e, run = evaluation.contour_error, result.run.name
-            t, y = thin(e.t, e.values / unit)
             dash = () if name == run else EXPERIMENT_DASH
-            curves.append(Curve(x=t, y=y, name=name, colour=colours[run], dash=dash))
+            y = e.values / unit
+            curves.append(Curve(x=e.t, y=y, name=name, colour=colours[run], dash=dash))
     largest = [float(np.nanmax(x.y)) for x in curves]
     label = f"contour error [% of {number(limit, 'm')}]" if limit else "contour error [mm]"
     return Plot(
@@ -201,8 +199,7 @@ def _assigned(study: JobResult) -> Iterator[Curve]:
             label = f"assigned velocity {number(known[0], 'm/s')}"
         if label not in steps or t[-1] > steps[label][0][-1]:
             steps[label] = t, value * 1e3
-    for label, both in steps.items():
-        t, value = thin(*both)
+    for label, (t, value) in steps.items():
         yield Curve(x=t, y=value, name=label, colour=LIMIT_COLOUR, dash=LIMIT_DASH, width=1.0)
 
 

@@ -12,6 +12,7 @@ from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.rows import DEFAULT_ACCURACY
 from armcontour.motion import Execution
 from armcontour.program import contour_called
+from armcontour.report.figure import render
 from armcontour.report.plan_drawing import Drawing, Key, Mark, Sheet, slug, view_of
 from armcontour.report.section import Section
 from armcontour.report.view import drawn_arc_lengths, simplify
@@ -91,7 +92,8 @@ def draw_tool(tool: Tool, job: str) -> Drawing:
         keys.append(Key(f"<i {look.format(' swatch')}></i>", words))
     corners = _corners(tool, prefix)
     label = f"Drawing and executed path of {tool.name}"
-    svg = sheet.svg(prefix, label, lines, [("", x) for x in corners], insets=corners)
+    drawn = {"sheet": sheet, "lines": lines, "marks": [("", x) for x in corners], "numbers": ()}
+    svg = render("drawing.svg", id=prefix, label=label, insets=corners, **drawn)
     return Drawing(title=f"Path of the tool: {tool.name}", svg=svg, keys=tuple(keys))
 
 
