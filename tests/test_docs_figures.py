@@ -90,7 +90,7 @@ def test_the_readme_states_the_error_of_its_example_without_compensation():
     plain = ac.compensate(names["planned"], names["servo"], ac.NoCompensation(), cycle=CYCLE)
     execution = ac.simulate(plain, ac.ServoPlant(names["arm"], names["servo"]))
     error = ac.evaluate(execution, names["rounded"]).contour_error
-    printed = re.search(r"Without compensation, the error is ([\d.]+) mm RMS", text)
+    printed = re.search(r"Without compensation: ([\d.]+) mm RMS", text)
     is_printed([error.rms * 1e3], printed.groups())
 
 
