@@ -174,6 +174,22 @@ def test_settings_change_the_selected_contour_only(studio):
     expect(studio.slider("path.contours.CUT-1.speed").locator("input")).to_have_value("")
 
 
+def test_contours_are_moved_left_out_and_run_again(studio):
+    planned(studio)
+    rows = studio.find("ol.contours .name")
+    names = rows.all_inner_texts()
+    rows.nth(1).click()
+    with studio.changing():
+        studio.page.keyboard.press("Alt+ArrowUp")
+    assert rows.all_inner_texts() == [names[1], names[0], *names[2:]]
+    with studio.changing():
+        studio.find(".layers input").first.click()
+    assert sorted(rows.all_inner_texts()) == names
+    with studio.changing():
+        studio.find(".left-out").first.click()
+    expect(studio.find(".left-out")).to_have_count(0)
+
+
 def test_a_contour_is_selected_by_a_click_in_space(studio):
     planned(studio)
     studio.find("[data-view='Part']").click()
@@ -196,7 +212,6 @@ def test_a_refusal_offers_what_is_missing(studio):
     studio.type("process.tabs.width", "2 mm")
     refusal = studio.find("#panel .refused")
     refusal.get_by_role("button", name="spacing").click()
-    # Tabs also need an output, which the next refusal offers.
     with studio.renewing():
         refusal.get_by_role("button", name="torch").click()
     tabs = load(studio.text, "")["process"]

@@ -252,6 +252,7 @@ class Program(Checked):
         rapid_speed: Largest tool speed of rapids without a path [m/s]; None for the limits of the
             joints only.
         other_layers: Names of the layers of the drawing that are not run.
+        left_out: Contours of the drawing that are not run, if known.
 
     Raises:
         InvalidInput: There is no contour, an object is not a move, an event between contours has an
@@ -264,6 +265,7 @@ class Program(Checked):
     remarks: tuple[str, ...] = ()
     rapid_speed: Speed | None = None
     other_layers: tuple[str, ...] = ()
+    left_out: tuple[Contour, ...] = ()
 
     def _check_together(self) -> None:
         # These texts come from files and are printed on terminals.
@@ -357,19 +359,23 @@ class Program(Checked):
         Args:
             change: Function from an old path to a new path.
         """
+
+        def map_contour(contour: Contour) -> Contour:
+            path = change(contour.path)
+            checks.check_type("result of change", path, Path)
+            scale = partial(np.multiply, path.length / contour.path.length)
+            woven = contour.woven and replace(contour.woven, seam=change(contour.woven.seam))
+            return put_on_path(contour, path, scale, woven=woven)
+
         moves: list[Move] = []
         for move in self.moves:
             if isinstance(move, Contour):
-                path = change(move.path)
-                checks.check_type("result of change", path, Path)
-                scale = partial(np.multiply, path.length / move.path.length)
-                woven = move.woven and replace(move.woven, seam=change(move.woven.seam))
-                moves.append(put_on_path(move, path, scale, woven=woven))
+                move = map_contour(move)
             elif isinstance(move, Rapid) and move.path is not None:
-                moves.append(Rapid(path=change(move.path)))
-            else:
-                moves.append(move)
-        return replace(self, moves=tuple(moves))
+                move = Rapid(path=change(move.path))
+            moves.append(move)
+        left_out = tuple(map_contour(x) for x in self.left_out)
+        return replace(self, moves=tuple(moves), left_out=left_out)
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Program:
         """The program in space with one tool orientation, as by `Path.oriented`.
@@ -450,7 +456,7 @@ class Program(Checked):
                         name = name_copy(move.name, row, column)
                         move = replace(move, name=name, number=next(numbers))
                     moves.append(move)
-        return replace(self, moves=tuple(moves))
+        return replace(self, moves=tuple(moves), left_out=())
 
     def _check_size(self, copies: int) -> None:
         """Raise InvalidInput if all copies together have too many moves or segments."""
@@ -491,7 +497,7 @@ class Program(Checked):
         notes = self.notes
         if any(x.path.orientation is not None for x in self.contours):
             notes = (*notes, "the tool orientation is removed together with z.")
-        return replace(self, moves=tuple(moves), notes=notes)
+        return replace(self, moves=tuple(moves), notes=notes, left_out=())
 
     def selected(
         self, *, layers: Collection[str] | None = None, names: Collection[str] | None = None
@@ -509,9 +515,9 @@ class Program(Checked):
             return self
         by_layer = self._selection_mask("layer", layers, [x.layer for x in self.contours])
         by_name = self._selection_mask("contour", names, [x.name for x in self.contours])
-        contours = tuple(
-            x for x, *chosen in zip(self.contours, by_layer, by_name, strict=True) if all(chosen)
-        )
+        contours, others = list[Contour](), list[Contour]()
+        for contour, *chosen in zip(self.contours, by_layer, by_name, strict=True):
+            (contours if all(chosen) else others).append(contour)
         if not contours:
             reason = "no contour matches both the layers and the names. Remove one of both lists"
             if layers is None or names is None:
@@ -521,12 +527,17 @@ class Program(Checked):
         if len(self.contours) < len(self.moves):
             note = "rapids, dwells and events between the selected contours are removed."
             notes += (note,)
-        others = Counter(
+        unused = Counter(
             x.layer for x, chosen in zip(self.contours, by_layer, strict=True) if not chosen
         )
-        remarks = (*self.remarks, *describe_not_run(others))
-        other = (*self.other_layers, *others)
-        return replace(self, moves=contours, notes=notes, remarks=remarks, other_layers=other)
+        return replace(
+            self,
+            moves=tuple(contours),
+            notes=notes,
+            remarks=(*self.remarks, *describe_not_run(unused)),
+            other_layers=(*self.other_layers, *unused),
+            left_out=(*self.left_out, *others),
+        )
 
     def _selection_mask(
         self, kind: str, requested: Collection[str] | None, available: Sequence[str]

@@ -21,7 +21,7 @@ from armcontour.jobs.rows import verdict_rows
 from armcontour.jobs.run_result import RunResult
 from armcontour.motion import LawAlongPath, Trajectory
 from armcontour.planning import Explanation
-from armcontour.program import Program, cut_parts, idle_parts
+from armcontour.program import Contour, Program, cut_parts, idle_parts
 from armcontour.report.arm_frame import nearest_pair
 from armcontour.report.message_frame import MessageFrame
 from armcontour.report.view import (
@@ -252,10 +252,19 @@ def _line_arrays(
     paths = [x.path for x in program.contours]
     points, _ = drawn_points(paths, np.inf)
     error = allowed_drawing_error(view.uv(points))
-    header: dict[str, Any] = {"limits": [], "kerfs": [], "contours": _contours(planned, program)}
+    header: dict[str, Any] = {
+        "limits": [],
+        "kerfs": [],
+        "contours": _contours(planned, program.contours),
+    }
     if planned is not None:
         paths = [x.path for x in planned.objective.contours]
+        program = planned.job.program
     arrays = _lines("objective", *drawn_points(paths, error), view, error)
+    if program.left_out:
+        header["left_out"] = _contours(None, program.left_out)
+        left_out = drawn_points([x.path for x in program.left_out], error)
+        arrays |= _lines("left_out", *left_out, view, error)
     if planned is None:
         return header, arrays
     header["limits"] = limits = _limits(planned.explanation)
@@ -279,15 +288,15 @@ def _line_arrays(
     return header, arrays
 
 
-def _contours(planned: Preview | None, program: Program) -> list[dict[str, Any]]:
+def _contours(planned: Preview | None, contours: Sequence[Contour]) -> list[dict[str, Any]]:
     """Number, name and layer of each contour in the order of the motion, with a plan also times."""
     rows: list[dict[str, Any]] = [
         {"number": x.number or k + 1, "name": x.name, "layer": x.layer}
-        for k, x in enumerate(program.contours)
+        for k, x in enumerate(contours)
     ]
     if planned is not None:
         process, spans = planned.job.process, planned.trajectory.contour_spans
-        for row, contour, span in zip(rows, program.contours, spans, strict=True):
+        for row, contour, span in zip(rows, contours, spans, strict=True):
             row |= {"t": span.t, "pierces": process.of_contour(contour).pierce is not None}
     return rows
 

@@ -1,6 +1,7 @@
 """Entry point of all readers: units, scale, frame, selection and refusals."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tests.files.tables import refusals
 import armcontour as ac
 from armcontour.files.drawings.outlines import BezierSpline, fit_splines
 
+GASKET = Path(__file__).parents[3] / "examples" / "drawings" / "gasket.dxf"
 CSV = "x,y,contour,layer\n0,0,a,CUT\n20,0,a,CUT\n0,10,b,MARK\n20,10,b,MARK\n"
 GCODE = "G21 F600\nG0 X0 Y0\nG1 X20\nG0 X0 Y10 Z2\nG1 X20\n"
 SVG = (
@@ -76,6 +78,11 @@ def test_layers_and_names_select_contours(read):
     (remark,) = read(units="mm", layers=["CUT"]).remarks
     assert "MARK (1)" in remark and "CUT" not in remark
     assert read(units="mm").remarks == read(units="mm", layers=["CUT", "MARK"]).remarks == ()
+    for name in ("w.csv", GASKET):
+        cut = read(name, layers=["CUT"])
+        numbers = {x.name: x.number for x in (*cut.contours, *cut.left_out)}
+        assert numbers == {x.name: x.number for x in read(name).contours}
+        assert cut.left_out and {x.layer for x in cut.left_out} == {"MARK"}
     # Only a program of one contour has a path.
     assert read("PART.SVG").path.length == pytest.approx(0.02)
     refusals(lambda x: x.path, [(read(units="mm"), "w.csv has 2 contours")])

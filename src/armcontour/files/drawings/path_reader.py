@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path as FilePath
@@ -84,9 +84,11 @@ def read_path(
     read = getattr(importlib.import_module(f"armcontour.files.drawings.{module}"), name)
     if module in WITH_PROGRESS:
         read = partial(read, progress=progress)
-    program: Program = read(
-        read_bytes(location, "file", maximum=MAX_FILE_SIZE), source=location.name, options=options
-    )
+    content = read_bytes(location, "file", maximum=MAX_FILE_SIZE)
+    read = partial(read, content, source=location.name)
+    program: Program = read(options=options)
+    if program.other_layers:
+        program = _number_in_drawing(program, lambda: read(options=replace(options, layers=None)))
     factor, unit = options.scale, options.unit
     program = _select(program, options)
     far = _farthest(program) * factor
@@ -109,6 +111,24 @@ def read_path(
     program = program.placed(Frame() if frame is None else frame, scale=factor)
     _check_scaled_size(program, factor)
     return program
+
+
+def _number_in_drawing(program: Program, read_all: Callable[[], Program]) -> Program:
+    """The program with the contours of other layers, and with numbers that include these.
+
+    The program is unchanged if its drawing can only be read without the other layers.
+    """
+    try:
+        drawn = read_all().contours
+    except InvalidInput:
+        return program
+    layers = {x.layer for x in program.contours}
+    numbers = [x.number for x in drawn if x.layer in layers]
+    if len(numbers) != len(program.contours):
+        return program
+    pairs = zip(program.contours, numbers, strict=True)
+    moves = tuple(replace(contour, number=number) for contour, number in pairs)
+    return replace(program, moves=moves, left_out=tuple(x for x in drawn if x.layer not in layers))
 
 
 def _select(program: Program, options: ReadOptions) -> Program:

@@ -81,6 +81,7 @@ export class Painter {
     const count = picture.arrays.path.length;
     const dashed = count > 0 && count < LONG;
     stroke(context, objective, count ? themed("--faint") : themed("--ink"), px, dashed ? [5 * px, 4 * px] : []);
+    stroke(context, layers.lines(picture, "left_out"), themed("--line"), 2 * px);
     stroke(context, layers.lines(picture, "rapid"), themed("--faint"), 1 * px, [1.5 * px, 4 * px]);
     if (store.options.contour >= 0) stroke(context, layers.contour(picture, store.options.contour), themed("--selected"), 11 * px);
     // Below the colours of the limits: it is seen where it leaves them.

@@ -2,7 +2,7 @@
 
 import { styleOf } from "./colours.js";
 import { find } from "./dom.js";
-import { layers, moveContour, runLayer } from "./form.js";
+import { layers, moveContour, runContour, runLayer } from "./form.js";
 import { contourLabel, seconds } from "./format.js";
 import { kindAt } from "./polylines.js";
 import { nowAndThen, READING } from "./state.js";
@@ -69,10 +69,12 @@ export function init(store) {
     if (region.hidden) return;
     const more = contours.length - MOST;
     const known = layers();
+    const left = /** @type {Contour[]} */ (store.latest("picture")?.head.left_out ?? []);
     render(
       html`${known.length > 1 && html`<div class="layers" role="group" aria-label="Layers that are run">${known.map(([name, is]) =>
         html`<label class="field"><input type="checkbox" checked=${is} onChange=${(/** @type {any} */ e) => runLayer(name, e.target.checked)} />${name}${!is && html` <small>not run</small>`}</label>`)}</div>`}
-        <ol class="contours" onKeyDown=${walk}>${contours.slice(0, MOST).map(row)}</ol>
+        <ol class="contours" onKeyDown=${walk}>${contours.slice(0, MOST).map(row)}${left.slice(0, MOST).map((x) => html`<li><button type="button" class="left-out" title="Run it again" onClick=${() => runContour(x)}>
+          <span class="dot" /><span class="name">${contourLabel(x)}</span><small>${x.layer}</small><span class="time">not run +</span></button></li>`)}</ol>
         ${!contours.length && html`<p class="quiet">No contour yet: draw one, or open a drawing.</p>`}
         ${more > 0 && html`<p class="quiet">${more} more: click them in the drawing.</p>`}`,
       region,

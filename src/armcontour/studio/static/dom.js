@@ -85,12 +85,8 @@ export function give(content, name) {
 export function whileSeen(store, panel, events, update) {
   let due = false;
   const run = () => {
-    if (panel.hidden || !store.options.dock) {
-      due = true;
-      return;
-    }
-    due = false;
-    update();
+    due = Boolean(panel.hidden) || !store.options.dock;
+    if (!due) update();
   };
   const wish = oncePerFrame(run);
   for (const event of events) store.on(event, wish);

@@ -165,6 +165,13 @@ export function runLayer(name, is) {
   else unset(key);
 }
 
+/** Run a contour that is left out, with its layer. @param {{name: string, layer: string}} contour */
+export function runContour({ name, layer }) {
+  const { written } = writtenAt(["path", "names"]);
+  if (layers().some((x) => x[0] === layer && !x[1])) runLayer(layer, true);
+  else if (written) set(["path", "names"], [...written, name]);
+}
+
 /** @param {Key} key */
 const unset = (key) => send(key, [...listed(key), { do: "unset", key }]);
 

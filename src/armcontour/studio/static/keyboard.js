@@ -7,14 +7,7 @@ import { find } from "./dom.js";
 /** @typedef {import("./view2d.js").View2d} View2d */
 
 /** True if keys belong to the element: text is typed there. @param {EventTarget | null} target */
-function isField(target) {
-  if (!(target instanceof HTMLElement)) return false;
-  return (
-    target instanceof HTMLTextAreaElement ||
-    target instanceof HTMLSelectElement ||
-    (target instanceof HTMLInputElement && !["range", "checkbox", "radio", "button"].includes(target.type))
-  );
-}
+const isField = (target) => target instanceof Element && target.matches("textarea, select, input:not([type=range], [type=checkbox], [type=radio], [type=button])");
 
 /** @param {KeyboardEvent} event @returns {string} such as "ctrl+shift+z" */
 function nameOf({ key, ctrlKey, metaKey, altKey, shiftKey }) {

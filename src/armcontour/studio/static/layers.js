@@ -42,8 +42,8 @@ export class Layers {
   }
 
   /**
-   * Lines of a name: the objective, contours with a kerf as they are drawn, ways between contours.
-   * @param {Frame} picture @param {"objective" | "drawn" | "rapid"} name @returns {Path2D}
+   * Lines of a name: the objective, contours with a kerf as they are drawn, those that are not run, ways between contours.
+   * @param {Frame} picture @param {"objective" | "drawn" | "rapid" | "left_out"} name @returns {Path2D}
    */
   lines(picture, name) {
     const { [name]: points = new Float32Array(0), [`${name}_breaks`]: breaks } = picture.arrays;

@@ -48,11 +48,6 @@ class Marks {
     this.placeRefusal(centre);
   }
 
-  /** @param {[number, number]} uv @param {[number, number]} centre @returns {[number, number]} px */
-  screen(uv, centre) {
-    return this.view.view.toScreen([uv[0] - centre[0], uv[1] - centre[1]]);
-  }
-
   /** @param {Frame} picture */
   placeCursor(picture) {
     const { time, place, options, refusal } = this.store;
@@ -83,7 +78,7 @@ class Marks {
     const refusal = this.store.refusal;
     const at = refusal?.head.at?.uv;
     this.refused.toggleAttribute("hidden", !at);
-    if (at) move(this.refused, this.screen(at, centre));
+    if (at) move(this.refused, this.view.view.toScreen([at[0] - centre[0], at[1] - centre[1]]));
   }
 
   /** @param {PointerEvent} event */
@@ -94,7 +89,6 @@ class Marks {
     const { view, layers } = this.view;
     const i = layers.nearest(picture, view.toPlane([x, y]), NEAR / view.scale);
     if (i < 0) return this.leave();
-    this.hovering = true;
     this.store.setTime(picture.arrays.path_t[i]);
     say(this.tip, sentenceAt(picture, i));
     this.tip.hidden = false;
@@ -102,11 +96,8 @@ class Marks {
   }
 
   leave() {
-    if (!this.hovering) return;
-    this.hovering = false;
     this.tip.hidden = true;
   }
-
 }
 
 /** Minima of the speed below the assigned one. @param {Frame | null} picture @returns {{s: number, uv: [number, number]}[]} */

@@ -116,7 +116,8 @@ export class View2d {
     const { head, arrays } = refusal?.head.outline ? { ...refusal, head: refusal.head.outline } : picture;
     return this.layers.keep("box", [picture, arrays], () => {
       const [u, v] = [0, 1].map((k) => head.centre[k] - picture.head.centre[k]);
-      const box = boxOf(arrays.objective) ?? boxOf(picture.arrays.path);
+      const { objective, left_out: left = [] } = arrays;
+      const box = boxOf(left.length ? [...objective, ...left] : objective) ?? boxOf(picture.arrays.path);
       return box && { left: box.left + u, right: box.right + u, bottom: box.bottom + v, top: box.top + v };
     });
   }
