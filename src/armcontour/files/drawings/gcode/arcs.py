@@ -1,7 +1,7 @@
 """Geometry of arcs (G2, G3) that are defined by end and centre or by end and radius.
 
-All points are in the plane of the arc [m]; `turn` is 1 for counter-clockwise (G3), -1 for
-clockwise.
+All points are complex numbers x + i y in the plane of the arc [m]; `turn` is 1 for
+counter-clockwise (G3), -1 for clockwise.
 
 An arc must start and end exactly at the programmed points, but programmed centres are rounded to
 a few decimals. Therefore the centre is projected onto the perpendicular bisector of start and end,
@@ -12,14 +12,13 @@ the programmed centre over half the angle, and a tangent arc from there to the e
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from armcontour.files.drawings.gcode.words import Fault
 from armcontour.geometry.segments import REPEATED_POINT
-
-Point = tuple[float, float]
 
 # LinuxCNC's tolerances for the difference between the distances from the centre to start and end
 # [m], for programs in millimetres and in inches. A difference up to ALWAYS_ALLOWED is always
@@ -45,34 +44,34 @@ END_TOLERANCE = REPEATED_POINT / 2
 class ArcPart:
     """An arc of at most a full circle, with the data of a path segment."""
 
-    tangent: Point  # Unit tangent at the start
-    normal: Point  # Unit vector from the start to the centre
+    tangent: complex  # Unit tangent at the start
+    normal: complex  # Unit vector from the start to the centre
     curvature: float  # Curvature [1/m]
     length: float  # Length [m]
-    end: Point  # End point [m]
+    end: complex  # End point [m]
 
 
 @dataclass(frozen=True, slots=True)
 class ProgrammedArc:
     """A programmed arc of at most one full turn, as a circle with start and end."""
 
-    center: Point  # Centre [m]
-    start: Point  # Start point [m]
-    end: Point  # End point [m]
+    center: complex  # Centre [m]
+    start: complex  # Start point [m]
+    end: complex  # End point [m]
     turn: int  # 1 for counter-clockwise, -1 for clockwise
     sweep: float  # Swept angle [rad], positive
     radius: float  # Distance from the centre to the start [m]
     end_radius: float  # Distance from the centre to the end [m]
 
 
-def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> ProgrammedArc:
+def arc_around(
+    start: complex, end: complex, center: complex, turn: int, dialect: str
+) -> ProgrammedArc:
     """The arc around a programmed centre; a full circle if start and end are the same point.
 
     `dialect` is the unit of the program, "mm" or "inch", which selects the tolerances.
     """
-    px, py = start[0] - center[0], start[1] - center[1]
-    qx, qy = end[0] - center[0], end[1] - center[1]
-    radius, end_radius = math.hypot(px, py), math.hypot(qx, qy)
+    radius, end_radius = abs(start - center), abs(end - center)
     if min(radius, end_radius) < RADIUS_TOLERANCE:
         raise Fault("an arc has no radius, because its centre is its start or end point")
     difference = abs(radius - end_radius)
@@ -87,18 +86,18 @@ def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str)
             f"difference is {1e3 * difference:.6g} mm, but at most {1e3 * allowed:.6g} mm are "
             "allowed. Correct I, J and K, or write G90.1 if they are absolute"
         )
-    if math.dist(start, end) <= REPEATED_POINT:
+    if abs(end - start) <= REPEATED_POINT:
         return ProgrammedArc(center, start, start, turn, 2 * math.pi, radius, radius)
-    sweep = turn * math.atan2(px * qy - py * qx, px * qx + py * qy)
+    sweep = turn * cmath.phase((end - center) * (start - center).conjugate())
     # An arc that would be shorter than rounding errors is a full turn.
     if sweep * radius <= REPEATED_POINT:
         sweep += 2 * math.pi
     return ProgrammedArc(center, start, end, turn, sweep, radius, end_radius)
 
 
-def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> ProgrammedArc:
+def arc_with_radius(start: complex, end: complex, radius: float, turn: int) -> ProgrammedArc:
     """Arc with a radius [m]: at most half a circle, or at least half if the radius is negative."""
-    chord = math.dist(start, end)
+    chord = abs(end - start)
     if chord <= REPEATED_POINT:
         raise Fault(
             "a full circle cannot be defined by its radius R, because its centre is undefined. "
@@ -111,8 +110,7 @@ def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Progr
         )
     across = math.sqrt(max((abs(radius) - chord / 2) * (abs(radius) + chord / 2), 0.0))
     height = turn * math.copysign(across, radius)
-    ux, uy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
-    center = ((start[0] + end[0]) / 2 - height * uy, (start[1] + end[1]) / 2 + height * ux)
+    center = (start + end) / 2 + height * 1j * (end - start) / chord
     actual = math.hypot(chord / 2, height)
     sweep = 2 * math.atan2(chord / 2, turn * height)
     return ProgrammedArc(center, start, end, turn, sweep, actual, actual)
@@ -122,47 +120,33 @@ def arc_parts(arc: ProgrammedArc) -> list[ArcPart]:
     """Divide a programmed arc into one or two arcs."""
     if arc.start == arc.end:
         return [_arc_around(arc, 2 * math.pi)]
-    if arc.sweep > NEARLY_FULL and _distance_to_bisector(arc) > REPEATED_POINT:
+    squares = (arc.radius - arc.end_radius) * (arc.radius + arc.end_radius)
+    to_bisector = abs(squares) / (2 * abs(arc.end - arc.start))
+    if arc.sweep > NEARLY_FULL and to_bisector > REPEATED_POINT:
         return _divide_arc(arc)
     return [_arc_between(arc.start, arc.end, arc.center, arc.turn)]
 
 
-def _distance_to_bisector(arc: ProgrammedArc) -> float:
-    """Distance from the centre to the perpendicular bisector of start and end [m]."""
-    square_difference = (arc.radius - arc.end_radius) * (arc.radius + arc.end_radius)
-    return abs(square_difference) / (2 * math.dist(arc.start, arc.end))
-
-
-def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
+def _arc_between(start: complex, end: complex, center: complex, turn: int) -> ArcPart:
     """The arc between two points around the projection of `center` onto their bisector."""
-    chord = math.dist(start, end)
-    ux, uy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
-    height = (center[1] - (start[1] + end[1]) / 2) * ux - (center[0] - (start[0] + end[0]) / 2) * uy
+    chord = abs(end - start)
+    along = (end - start) / chord
+    height = ((center - (start + end) / 2) * along.conjugate()).imag
     half = math.atan2(chord / 2, turn * height)
     radius = math.hypot(chord / 2, height)
-    c, s = math.cos(half), math.sin(half)
-    tangent = (ux * c + turn * uy * s, uy * c - turn * ux * s)
-    normal = (-turn * tangent[1], turn * tangent[0])
-    piece = ArcPart(tangent, normal, 1 / radius, 2 * half * radius, end)
+    tangent = along * cmath.rect(1.0, -turn * half)
+    piece = ArcPart(tangent, turn * 1j * tangent, 1 / radius, 2 * half * radius, end)
     _check_end(start, piece)
     return piece
 
 
 def _arc_around(arc: ProgrammedArc, sweep: float) -> ArcPart:
     """The arc around the programmed centre, from the start by the angle `sweep` [rad]."""
-    normal = (
-        (arc.center[0] - arc.start[0]) / arc.radius,
-        (arc.center[1] - arc.start[1]) / arc.radius,
-    )
-    tangent = (arc.turn * normal[1], -arc.turn * normal[0])
-    c, s = math.cos(sweep), math.sin(sweep)
-    end = (
-        arc.center[0] + arc.radius * (s * tangent[0] - c * normal[0]),
-        arc.center[1] + arc.radius * (s * tangent[1] - c * normal[1]),
-    )
+    normal = (arc.center - arc.start) / arc.radius
+    end = arc.center - arc.radius * (normal * cmath.rect(1.0, arc.turn * sweep))
     if sweep == 2 * math.pi:
         end = arc.start
-    piece = ArcPart(tangent, normal, 1 / arc.radius, sweep * arc.radius, end)
+    piece = ArcPart(-arc.turn * 1j * normal, normal, 1 / arc.radius, sweep * arc.radius, end)
     _check_end(arc.start, piece)
     return piece
 
@@ -170,28 +154,25 @@ def _arc_around(arc: ProgrammedArc, sweep: float) -> ArcPart:
 def _divide_arc(arc: ProgrammedArc) -> list[ArcPart]:
     """An arc around the programmed centre by half the swept angle, and a tangent arc to the end."""
     first = _arc_around(arc, arc.sweep / 2)
-    ex = (first.end[0] - arc.center[0]) / arc.radius
-    ey = (first.end[1] - arc.center[1]) / arc.radius
-    along = (arc.end[0] - arc.center[0]) * ex + (arc.end[1] - arc.center[1]) * ey
+    ray = (first.end - arc.center) / arc.radius
+    along = ((arc.end - arc.center) * ray.conjugate()).real
     # The second centre lies on the radius at the end of the first arc, at the distance k = `shift`
     # from the first centre. Its distances to both ends of the second arc must be equal:
     # r2² - 2 k along + k² = (r1 - k)², where r1 and r2 are the radii at start and end.
     shift = (
         (arc.end_radius - arc.radius) * (arc.end_radius + arc.radius) / (2 * (along - arc.radius))
     )
-    center = (arc.center[0] + shift * ex, arc.center[1] + shift * ey)
-    return [first, _arc_between(first.end, arc.end, center, arc.turn)]
+    return [first, _arc_between(first.end, arc.end, arc.center + shift * ray, arc.turn)]
 
 
-def _check_end(start: Point, piece: ArcPart) -> None:
+def _check_end(start: complex, piece: ArcPart) -> None:
     """Check that the end computed from the data of an arc is within END_TOLERANCE of `end`."""
     turn = piece.curvature * piece.length
     along = math.sin(turn) / piece.curvature
     across = 2 * math.sin(turn / 2) ** 2 / piece.curvature
-    x = start[0] + along * piece.tangent[0] + across * piece.normal[0]
-    y = start[1] + along * piece.tangent[1] + across * piece.normal[1]
+    end = start + along * piece.tangent + across * piece.normal
     # The negated comparison is also true for NaN.
-    if not math.dist((x, y), piece.end) <= END_TOLERANCE:
+    if not abs(end - piece.end) <= END_TOLERANCE:
         raise Fault(
             f"the radius of an arc is too large, {1 / piece.curvature:.6g} m. The end of the arc "
             "cannot be computed to within a nanometre. Write lines instead"
@@ -200,7 +181,7 @@ def _check_end(start: Point, piece: ArcPart) -> None:
 
 def helix_points(
     arc: ProgrammedArc, tolerance: float, count_segments: Callable[[int], None]
-) -> list[Point]:
+) -> list[complex]:
     """End points, in the plane of the arc [m], of the chords of a helix within a tolerance [m].
 
     The radius changes linearly from start to end. `count_segments` receives the number of chords
@@ -212,16 +193,9 @@ def helix_points(
     step = min(step, math.pi / 2)
     n = max(1, math.ceil(arc.sweep / step))
     count_segments(n)
-    px, py = (
-        (arc.start[0] - arc.center[0]) / arc.radius,
-        (arc.start[1] - arc.center[1]) / arc.radius,
-    )
-    points = []
+    out, points = (arc.start - arc.center) / arc.radius, []
     for i in range(1, n):
-        angle = arc.turn * i / n * arc.sweep
         radius = arc.radius + i / n * (arc.end_radius - arc.radius)
-        c, s = math.cos(angle), math.sin(angle)
-        points.append(
-            (arc.center[0] + radius * (c * px - s * py), arc.center[1] + radius * (s * px + c * py))
-        )
+        turned = out * cmath.rect(1.0, arc.turn * i / n * arc.sweep)
+        points.append(arc.center + radius * turned)
     return [*points, arc.end]

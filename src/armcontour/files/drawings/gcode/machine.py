@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from armcontour.files.drawings.gcode import words as codes
-from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.arcs import (
     ProgrammedArc,
     arc_around,
@@ -360,9 +359,8 @@ class Machine:
         """Make an arc or helix in the active plane; remove its words from the line."""
         a, b, c = axes = PLANES[self.plane]
         last, feed = self.draft.last, self._feed()
-        arc = self._programmed_arc(
-            block, (last[a], last[b]), (target[a], target[b]), bool({a, b} & coordinates.keys())
-        )
+        start, end = complex(last[a], last[b]), complex(target[a], target[b])
+        arc = self._programmed_arc(block, start, end, bool({a, b} & coordinates.keys()))
         rise = target[c] - last[c]
         if abs(rise) <= SAME_HEIGHT:
             for piece in arc_parts(arc):
@@ -370,12 +368,12 @@ class Machine:
             return
         points = helix_points(arc, self.chord_tolerance, self.draft.count_segments)
         point = list(last)
-        for i, (u, v) in enumerate(points, 1):
-            point[a], point[b], point[c] = u, v, last[c] + i / len(points) * rise
+        for i, x in enumerate(points, 1):
+            point[a], point[b], point[c] = x.real, x.imag, last[c] + i / len(points) * rise
             self.draft.add_line(point[0], point[1], point[2], feed)
 
     def _programmed_arc(
-        self, block: Block, start: InPlane, end: InPlane, has_end: bool
+        self, block: Block, start: complex, end: complex, has_end: bool
     ) -> ProgrammedArc:
         """The arc of a line; `has_end`: whether the line has a coordinate in the plane."""
         words, turn = block.words, 1 if self.motion == codes.COUNTER_CLOCKWISE else -1
@@ -403,8 +401,8 @@ class Machine:
                 f"an absolute centre of an arc (G90.1) needs {both}, but the line has only "
                 f"{letters[0]}"
             )
-        u, v = (self._length(x, words.pop(x, 0.0)) for x in (OFFSETS[a], OFFSETS[b]))
-        center = (u, v) if self.arc_absolute else (start[0] + u, start[1] + v)
+        offset = complex(*(self._length(x, words.pop(x, 0.0)) for x in (OFFSETS[a], OFFSETS[b])))
+        center = offset if self.arc_absolute else start + offset
         return arc_around(start, end, center, turn, "inch" if self.inch else "mm")
 
     def _stop(self, block: Block) -> bool:

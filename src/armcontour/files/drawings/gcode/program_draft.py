@@ -69,9 +69,9 @@ class ProgramDraft:
         """Add an arc in the plane of the first two of `axes` (axis indices)."""
         a, b, _ = axes
         end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
-        end[a], end[b] = piece.end
-        tangent[a], tangent[b] = piece.tangent
-        normal[a], normal[b] = piece.normal
+        parts = (end, piece.end), (tangent, piece.tangent), (normal, piece.normal)
+        for point, x in parts:
+            point[a], point[b] = x.real, x.imag
         chain = self._extend(feed, _point(end))
         number = len(chain.speeds) - 1
         arc = (number, _point(tangent), _point(normal), piece.curvature, piece.length)
