@@ -191,7 +191,9 @@ def rotations(name: str, values: Any) -> FloatArray:
                 f"{name}: a quaternion (x, y, z, w) must have the length 1 within "
                 f"{QUATERNION_TOLERANCE:g}, but has {size.flat[int(np.argmax(deviation))]:.6g}."
             )
-        return _from_quaternions(array / size)
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_quat(array).as_matrix())
     if array.ndim not in (2, 3) or array.shape[-2:] != (3, 3):
         raise InvalidInput(
             f"{name} must be rotation matrices (3 by 3) or quaternions (x, y, z, w), but has the "
@@ -236,29 +238,15 @@ def exp(vectors: npt.ArrayLike) -> FloatArray:
 
 
 def quaternions(matrices: npt.ArrayLike) -> FloatArray:
-    """Unit quaternions x, y, z, w with w >= 0 of rotation matrices, (..., 3, 3) to (..., 4)."""
-    r = np.asarray(matrices, dtype=np.float64)
-    # The quaternion is computed from its largest component, which is accurate at every angle, also
-    # at half a turn.
-    trace = np.trace(r, axis1=-2, axis2=-1)
-    diagonal = np.diagonal(r, axis1=-2, axis2=-1)
-    squares = np.concatenate([1 + trace[..., None], 1 + 2 * diagonal - trace[..., None]], axis=-1)
-    sym, skew = r + np.swapaxes(r, -1, -2), r - np.swapaxes(r, -1, -2)
-    a = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
-    candidates = np.empty((*trace.shape, 4, 4))
-    candidates[..., 0, 3], candidates[..., 0, :3] = squares[..., 0], a
-    for i in range(3):
-        candidates[..., i + 1, 3] = a[..., i]
-        candidates[..., i + 1, :3] = sym[..., i, :]
-        candidates[..., i + 1, i] = squares[..., i + 1]
-    best = np.argmax(squares, axis=-1)
-    q = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
-    q = q * np.where(q[..., 3:] < 0, -1.0, 1.0)
-    return np.asarray(q / np.sqrt(np.sum(q**2, axis=-1, keepdims=True)))
+    """Unit quaternions x, y, z, w with w >= 0 of rotation matrices, (3, 3) or (n, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    rotation = Rotation.from_matrix(np.asarray(matrices, dtype=np.float64))
+    return np.asarray(rotation.as_quat(canonical=True))
 
 
 def log(matrices: npt.ArrayLike) -> FloatArray:
-    """Rotation vectors [rad] of rotation matrices, (..., 3, 3) to (..., 3), of length 0 to pi."""
+    """Rotation vectors [rad] of rotation matrices, (3, 3) or (n, 3, 3), of length 0 to pi."""
     q = quaternions(matrices)
     size = np.sqrt(np.sum(q[..., :3] ** 2, axis=-1))
     angle = 2 * np.arctan2(size, q[..., 3])
@@ -317,10 +305,3 @@ def _are_rotations(matrices: FloatArray) -> bool:
     capped = np.clip(matrices, -2.0, 2.0)
     deviation = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))
     return not ((deviation > ROTATION_TOLERANCE).any() or (np.linalg.det(capped) < 0).any())
-
-
-def _from_quaternions(q: FloatArray) -> FloatArray:
-    """Rotation matrices of unit quaternions x, y, z, w, (..., 4) to (..., 3, 3)."""
-    v, w = q[..., :3], q[..., 3, None, None]
-    k = cross_matrix(v)
-    return np.asarray(np.eye(3) + 2 * w * k + 2 * (k @ k))

@@ -12,7 +12,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
-from armcontour.core.frames import Frame, exp, from_rpy, rotations
+from armcontour.core.frames import Frame, exp, from_rpy, rotations, shortest
 from armcontour.core.quantities import Choice, Distance, Items, Length, Turn
 from armcontour.core.text import list_some
 from armcontour.robot import Arm
@@ -182,11 +182,7 @@ def _towards(direction: list[float], model: BodyModel) -> FloatArray:
 
 def upright(z: FloatArray) -> FloatArray:
     """Rotation matrix whose z axis is the unit vector `z`, (3, 3)."""
-    axis = np.array([-z[1], z[0], 0.0])
-    size = float(np.linalg.norm(axis))
-    if size == 0:
-        return np.diag([1.0, z[2], z[2]])
-    return exp(axis / size * np.arctan2(size, z[2]))
+    return exp(shortest([0.0, 0.0, 1.0], z))
 
 
 def _shape(model: BodyModel, folder: FilePath) -> Shape:
