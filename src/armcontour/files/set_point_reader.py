@@ -9,7 +9,6 @@ import numpy as np
 
 from armcontour.control.learning import LearningResult
 from armcontour.core.errors import InvalidInput
-from armcontour.files.joint_table import TrajectoryFile
 from armcontour.files.lesson_file import LESSON, read_lesson
 from armcontour.files.result_folder import verify_file
 from armcontour.files.trajectory_file import read_trajectory
@@ -27,28 +26,39 @@ def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
     # file has rounded numbers. The file must equal them within its printed digits. If a result
     # folder has the plan of the job but other set-points, for example because the servo of the job
     # has changed since, the set-points of the file are returned.
-    name = plan.run.name
+    name, current = plan.run.name, plan.set_points
     file = verify_file(location, f"{name}/set_points.csv") if location.is_dir() else location
     history = file.parent / LESSON
     same_plan = location.is_dir() and _has_same_plan(location, job, plan)
-    if not history.exists():
-        if same_plan and (recorded := _recorded_set_points(file, job, plan)) is not None:
-            return recorded
-        again = f"the run {name} of the job {job.name} has"
-        remedy = "Specify the job that produced this file, with the same options"
-        _check_same_set_points(file, job, plan.set_points, again, remedy)
-        return plan.set_points
-    lesson = read_lesson(history, plan.trajectory)
-    if not same_plan:
+    lesson = read_lesson(history, plan.trajectory) if history.exists() else None
+    if lesson is not None and not same_plan:
         _check_same_job(history, lesson, job, plan)
-    _check_same_set_points(
-        file,
-        job,
-        lesson,
-        f"{history.name} in its folder has",
-        "Specify both files as learn wrote them",
+    expected = current if lesson is None else lesson
+    stored = read_trajectory(file, job.arm.joint_names)
+    rounding = stored.resolution["t"] + TOLERANCE
+    same = stored.q.shape == expected.q.shape and bool(
+        np.abs(stored.q - expected.q).max() <= stored.resolution["q"] + TOLERANCE
     )
-    return replace(lesson, command_limits=plan.set_points.command_limits)
+    if lesson is None and same_plan:
+        regular = np.abs(np.diff(stored.t) - current.cycle).max() <= 2 * rounding
+        if regular and not (same and abs(stored.t[0] - current.t[0]) <= rounding):
+            start = min(float(stored.t[0]), 0.0)
+            return replace(current, q=stored.q, start_time=start, truncated=None, limit_cost=None)
+    # Times are compared relative to the first set-point, because exports start at zero, but
+    # set-points that lead the plan start at a negative time.
+    if same:
+        late = (stored.t - stored.t[0]) - (expected.t - expected.t[0])
+        same = bool(np.abs(late).max() <= rounding)
+    if not same:
+        has = f"the run {name} of the job {job.name} has"
+        remedy = "Specify the job that produced this file, with the same options"
+        if lesson is not None:
+            has = f"{history.name} in its folder has"
+            remedy = "Specify both files as learn wrote them"
+        raise InvalidInput(
+            f"{file} has other set-points than {has}. {remedy}, or start again with run."
+        )
+    return current if lesson is None else replace(lesson, command_limits=current.command_limits)
 
 
 def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
@@ -59,52 +69,6 @@ def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
         return False
     deviation = np.abs(planned.q - plan.trajectory.with_rests(planned.t)).max()
     return bool(deviation <= planned.resolution["q"] + TOLERANCE)
-
-
-def _recorded_set_points(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
-    """Set-points of a file, with the plan of a job; None if they equal the set-points of the job.
-
-    Also None if the cycle of the file differs from that of the job.
-    """
-    recorded, current = read_trajectory(file, job.arm.joint_names), plan.set_points
-    steps = np.abs(np.diff(recorded.t) - current.cycle)
-    same = recorded.q.shape == current.q.shape and abs(
-        recorded.t[0] - current.t[0]
-    ) <= _time_tolerance(recorded)
-    if steps.max() > 2 * _time_tolerance(recorded):
-        return None
-    if same and np.abs(recorded.q - current.q).max() <= recorded.resolution["q"] + TOLERANCE:
-        return None
-    return replace(
-        current,
-        q=recorded.q,
-        start_time=min(float(recorded.t[0]), 0.0),
-        truncated=None,
-        limit_cost=None,
-    )
-
-
-def _check_same_set_points(
-    file: FilePath, job: Job, set_points: SetPoints, has: str, remedy: str
-) -> None:
-    """Check that a file has the given set-points; `has` and `remedy` are parts of the message."""
-    stored = read_trajectory(file, job.arm.joint_names)
-    same = stored.q.shape == set_points.q.shape
-    if same:
-        deviation = np.abs(stored.q - set_points.q).max()
-        # Times are compared relative to the first set-point, because exports start at zero, but
-        # set-points that lead the plan start at a negative time.
-        late = np.abs((stored.t - stored.t[0]) - (set_points.t - set_points.t[0])).max()
-        same = deviation <= stored.resolution["q"] + TOLERANCE and late <= _time_tolerance(stored)
-    if not same:
-        raise InvalidInput(
-            f"{file} has other set-points than {has}. {remedy}, or start again with run."
-        )
-
-
-def _time_tolerance(stored: TrajectoryFile) -> float:
-    """Largest difference due to rounding between a time in a file and the exact time [s]."""
-    return stored.resolution["t"] + TOLERANCE
 
 
 def _check_same_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:
