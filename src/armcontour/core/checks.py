@@ -506,14 +506,6 @@ def check_names(name: str, values: Any) -> tuple[str, ...]:
     return tuple(check_name(f"name in {name}", x) for x in names)
 
 
-def read_file_path(user: str, path: Any) -> FilePath:
-    """Return the path of a file, given as text or a path."""
-    try:
-        return FilePath(path)
-    except TypeError:
-        raise InvalidInput(f"{user} needs the path of a file, not {type(path).__name__}.") from None
-
-
 def check_side(value: str) -> Literal["left", "right"]:
     """Return "left" or "right", the side from which a function with a jump is evaluated."""
     return cast(Literal["left", "right"], check_choice("side", value, ("left", "right")))

@@ -15,7 +15,7 @@ from itertools import product
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour.core import checks, file_access
+from armcontour.core import file_access
 from armcontour.core.compilation import compile_kernels
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.fields import checked
@@ -151,7 +151,7 @@ def batch(
         InvalidInput: No job can be read, or the folder is not empty.
         Exception: An error of your own executor; finished results remain.
     """
-    file, report = checks.read_file_path("batch", job), subprogress(progress)
+    file, report = FilePath(job), subprogress(progress)
     for key, values in over.items():
         if not len(values):
             raise InvalidInput(f"over has no values for {show(key)}. Specify one, or remove it.")

@@ -415,7 +415,7 @@ def read_job(
         InvalidInput: The file does not exist or is not YAML, a key is unknown, a value has no unit,
             or the values are invalid; the message names the key.
     """
-    location = checks.read_file_path("read_job", file)
+    location = FilePath(file)
     if cell is not None:
         return read_cell(cell, location, patch=patch, reading=reading)
     return parse_job(

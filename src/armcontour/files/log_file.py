@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import joint_units
@@ -71,7 +70,7 @@ def read_log(
         InvalidInput: The file has another form, or `Log` rejects its samples; the message names
             file and line.
     """
-    location = checks.read_file_path("read_log", file)
+    location = FilePath(file)
     return _read_log(location, (), (start, end), columns, commanded=True)[0]
 
 

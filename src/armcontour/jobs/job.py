@@ -446,7 +446,7 @@ class Job(Checked):
         Checked.__post_init__(self)
 
     def _check_together(self) -> None:
-        program = Program.from_path(self.path, "A job needs a Path or a Program")
+        program = Program.from_path(self.path)
         object.__setattr__(self, "program", program)
         for run in self.runs:
             with error_context(f"Run {run.name}"):

@@ -88,7 +88,7 @@ def plan(
     if isinstance(path, JointPath | Tracing):
         traced = _check_traced(path, arm, bounds, options)
     else:
-        program = Program.from_path(path, "plan needs a Path, a JointPath or a Program")
+        program = Program.from_path(path)
         check_duration(program, bounds)
         if isinstance(options, Shaped):
             from armcontour.planning.shaping import Shaping

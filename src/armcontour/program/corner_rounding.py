@@ -102,7 +102,7 @@ def round_corners(
         for doubt in () if callable(tolerance) else describe_large_tolerance(path, tolerance):
             warnings.warn(capitalise(doubt), stacklevel=3)
         return rounded_path
-    program = Program.from_path(path, "round_corners needs a Path or a Program")
+    program = Program.from_path(path)
     moves = [
         put_on_path(x, to := rounded(x.path), to.place) if isinstance(x, Contour) else x
         for x in program.moves
@@ -139,7 +139,7 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
     """
     from armcontour.geometry.rounding.curvature_smoothing import smooth_curvature as smooth_path
 
-    program = Program.from_path(path, "smooth_curvature needs a Path or a Program")
+    program = Program.from_path(path)
     moves = []
     for move in program.moves:
         if isinstance(move, Contour):

@@ -44,6 +44,7 @@ SPINDLE_SPEED = "spindle speed"
 # Largest numbers of moves and segments of a repeated program. Planning more takes minutes.
 MAX_MOVES = 100_000
 MAX_SEGMENTS = 1_000_000
+Copies = Annotated[int, AtLeast(1, MAX_MOVES)]
 
 
 @declared()
@@ -192,7 +193,7 @@ def name_copy(name: str, row: int, column: int) -> str:
 
 def _check_spacing(name: str, spacing: float | None, copies: int) -> float:
     """Distance between copies [m]; 0 for a single copy; raise InvalidInput if it is missing."""
-    distance = 0.0 if spacing is None else checks.check_number(name, spacing, "m")
+    distance = spacing or 0.0
     if copies > 1 and abs(distance) <= REPEATED_POINT:
         raise InvalidInput(
             f"{copies} copies need {name}, the distance from one copy to the next, but it is "
@@ -288,20 +289,18 @@ class Program(Checked):
             )
 
     @classmethod
-    def from_path(cls, path: Path | Program, needs: str = "A program is made of a Path") -> Program:
+    @checked
+    def from_path(cls, path: Path | Program) -> Program:
         """Make a program of one path and keep its start point; return a program unchanged.
 
         Args:
             path: The path or the program.
-            needs: Start of the error message for any other object.
 
         Raises:
             InvalidInput: Neither a path nor a program.
         """
         if isinstance(path, Program):
             return path
-        if not isinstance(path, Path):
-            raise InvalidInput(f"{needs}, not {type(path).__name__}.")
         return cls(moves=(Contour(path=path, number=1, keep_start=True),))
 
     @property
@@ -416,10 +415,10 @@ class Program(Checked):
     def repeated(
         self,
         *,
-        columns: int = 1,
-        rows: int = 1,
-        column_spacing: float | None = None,
-        row_spacing: float | None = None,
+        columns: Copies = 1,
+        rows: Copies = 1,
+        column_spacing: Length | None = None,
+        row_spacing: Length | None = None,
     ) -> Program:
         """Copies of the whole program in columns along x and rows along y, there and back.
 
@@ -438,10 +437,6 @@ class Program(Checked):
             InvalidInput: A spacing is missing or zero, or the copies have too many moves or
                 segments.
         """
-        columns, rows = (
-            checks.check_int(name, value, 1, MAX_MOVES)
-            for name, value in (("columns", columns), ("rows", rows))
-        )
         dx = _check_spacing("column_spacing", column_spacing, columns)
         dy = _check_spacing("row_spacing", row_spacing, rows)
         self._check_size(columns * rows)

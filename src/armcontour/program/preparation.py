@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armcontour.core import checks
 from armcontour.core.checks import LONGEST_NAME, FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import checked
@@ -66,9 +65,7 @@ def prepare(
             exist, a lead has no side, lengths of leads are missing, or a program in the plane has
             an approach, a retract or the height of a pierce.
     """
-    program = Program.from_path(program, "prepare needs a Path or a Program")
-    if lengths is not None:
-        lengths = checks.check_sequence("lengths", lengths, Leads, "Leads")
+    program = Program.from_path(program)
     check_process(program, process)
     program = arrange_contours(program, process)
     departing_rapids = find_departing_rapids(program.moves)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.core import checks, file_access
+from armcontour.core import file_access
 from armcontour.core.fields import checked
 from armcontour.core.render import number
 from armcontour.core.text import count_noun
@@ -132,6 +132,6 @@ def write_report(
     Raises:
         InvalidInput: An unsupported result, a result without its arm, or an unwritable file.
     """
-    place = checks.read_file_path("write_report", file)
+    place = FilePath(file)
     page = render_report(study_of(study))
     file_access.write_atomically(place, lambda x: x.write_text(page, encoding="utf-8"))

@@ -115,7 +115,7 @@ def _planned(
     sharp = getattr(program.single_path, "objective", None)
     return RunResult(
         run=_run("plan", plan, "none", limits, DEFAULT_CYCLE),
-        objective=program if sharp is None else Program.from_path(sharp, "A plan needs a path"),
+        objective=program if sharp is None else Program.from_path(sharp),
         path=program,
         trajectory=plan,
         explanation=explanation,
@@ -137,9 +137,9 @@ def _program_of(plan: Trajectory, arm: Arm) -> Program:
     if plan.spans:
         return Program(tuple(_move_of(x) for x in plan.spans if x.move is not None))
     if plan.path is not None:
-        return Program.from_path(plan.path, "A plan needs a path")
+        return Program.from_path(plan.path)
     tool = arm.tool_position(plan(np.linspace(0, plan.duration, PLACES)))
-    return Program.from_path(Path.polyline(tool), "A plan needs a path")
+    return Program.from_path(Path.polyline(tool))
 
 
 def _move_of(span: Span) -> Move:

@@ -258,9 +258,9 @@ def evaluate(
         InvalidInput: The path has another dimension than the arm, `end_time` is not positive, or
             the program is not the planned one.
     """
-    program, before = Program.from_path(path, "evaluate needs a Path or a Program"), None
+    program, before = Program.from_path(path), None
     if objective is not None:
-        before = Program.from_path(objective, "evaluate needs a Path or a Program as its objective")
+        before = Program.from_path(objective)
     if end_time is not None and program.single_path is None:
         raise InvalidInput(
             "end_time is allowed only for a single path, because the contours of a program are "

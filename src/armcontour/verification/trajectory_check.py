@@ -268,9 +268,7 @@ def check(
             numbered from 1.
     """
     arm = arm_of(samples, arm)
-    program = (
-        None if path is None else Program.from_path(path, "check compares with a Path or a Program")
-    )
+    program = None if path is None else Program.from_path(path)
     for on in [None] if program is None else [x.path for x in program.contours]:
         _check_path(arm, on, deviation, coverage_error, orientation_deviation)
     uses: dict[str, LimitUse] = {}

@@ -124,7 +124,7 @@ def test_invalid_tables_are_refused(set_points, conventional, arm):
         ((data, {"cycle": 0.008}), "have a cycle of 0.004 s"),
         ((three, {"arm": arm}), "has 2 joints, but the motion of 'x' has 3"),
         ((data, {"joint_names": ["a", "b" * 81]}), "81 characters, more than 80"),
-        (([1, 2], {}), "but is of type list"),
+        (([1, 2], {}), "must be a SetPoints or a Trajectory"),
         ((too_early, {}), "0.05 s before the first set-point"),
     ]
     refusals(lambda x: make_table(x[0], name="x", **x[1]), table)

@@ -165,10 +165,6 @@ def _check_scaled_size(program: Program, factor: float) -> None:
 
 def find_reader(file: str | FilePath) -> tuple[FilePath, str]:
     """The path and the lower-case extension of a file, which must have a reader."""
-    if not isinstance(file, str | FilePath):
-        raise InvalidInput(
-            f"The argument file must be the path of a file, but is of type {type(file).__name__}."
-        )
     location = FilePath(file)
     suffix = location.suffix.lower()
     if suffix == ".dwg":

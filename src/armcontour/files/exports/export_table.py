@@ -16,8 +16,8 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked
-from armcontour.core.quantities import Axes, Interval, Quantity, joint_units
+from armcontour.core.fields import Checked, checked
+from armcontour.core.quantities import AtLeast, Axes, Interval, Quantity, joint_units
 from armcontour.motion import (
     DEFAULT_CYCLE,
     LONGEST_CLOCK,
@@ -164,14 +164,15 @@ class SetPointTable(Checked):
         return POSITION_DECIMALS if self.cycle > FINE_CYCLE * (1 + 1e-9) else FINE_DECIMALS
 
 
+@checked
 def make_table(
     data: SetPoints | Trajectory,
     *,
     name: str,
     arm: Arm | None = None,
     joint_names: Sequence[str] | None = None,
-    cycle: float | None = None,
-    derivatives: int | None = None,
+    cycle: Interval | None = None,
+    derivatives: Annotated[int, AtLeast(0, 2)] | None = None,
     analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
 ) -> SetPointTable:
     """Create the table of set-points or of a sampled trajectory; the first point has time 0.
@@ -193,10 +194,6 @@ def make_table(
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
     """
-    if not isinstance(data, SetPoints | Trajectory):
-        raise InvalidInput(
-            f"data must be SetPoints or a Trajectory, but is of type {type(data).__name__}."
-        )
     if isinstance(data, SetPoints):
         samples, step = _sample_set_points(data, cycle, derivatives), data.cycle
         start, plan = data.start_time, data.trajectory
@@ -205,8 +202,6 @@ def make_table(
         samples, start, plan = data.sample(step), 0.0, data
     if arm is None and plan.arm is not None and plan.arm.dof == samples.q.shape[1]:
         arm = plan.arm
-    functions = analog or {}
-    checks.check_sequence("analog", functions.values(), Callable, "functions")
     return tabulate(
         samples,
         name=name,
@@ -216,7 +211,7 @@ def make_table(
         arm=arm,
         joint_names=joint_names,
         derivatives=derivatives,
-        analog={key: values(samples.t + start) for key, values in functions.items()},
+        analog={key: values(samples.t + start) for key, values in (analog or {}).items()},
         command_limits=data.command_limits if isinstance(data, SetPoints) else None,
     )
 
@@ -234,13 +229,10 @@ def tabulate(
     if derivatives is None:
         # The derivatives of a curve through set-points can exceed limits of their differences.
         derivatives = 0 if about.get("command_limits") is not None else 2
-    checks.check_int("derivatives", derivatives, 0, 2)
-    if arm is not None:
-        checks.check_type("arm", arm, Arm)
-        if arm.dof != dof:
-            raise InvalidInput(
-                f"The arm {arm.name} has {arm.dof} joints, but the motion of {name!r} has {dof}."
-            )
+    if arm is not None and arm.dof != dof:
+        raise InvalidInput(
+            f"The arm {arm.name} has {arm.dof} joints, but the motion of {name!r} has {dof}."
+        )
     if joint_names is None:
         joint_names = arm.joint_names if arm else [f"joint {i}" for i in range(1, dof + 1)]
     if arm is not None:
@@ -255,21 +247,17 @@ def tabulate(
     )
 
 
-def check_export_cycle(cycle: float, duration: float, name: str) -> None:
-    """Check that a cycle is not longer than the motion; up to LONGEST_CLOCK it is always valid."""
-    if cycle > max(duration, LONGEST_CLOCK):
-        raise InvalidInput(
-            f"The cycle of {cycle:g} s is longer than the motion of {name!r}, which takes "
-            f"{duration:.6g} s. Specify a shorter cycle.",
-            needed=cycle,
-            allowed=duration,
-        )
-
-
 def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> float:
     """Sampling cycle of a trajectory [s], checked against its duration."""
-    step = DEFAULT_CYCLE if cycle is None else checks.positive("cycle", cycle, "s")
-    check_export_cycle(step, trajectory.duration, name)
+    step, duration = cycle or DEFAULT_CYCLE, trajectory.duration
+    # Up to LONGEST_CLOCK, a cycle is always valid.
+    if step > max(duration, LONGEST_CLOCK):
+        raise InvalidInput(
+            f"The cycle of {step:g} s is longer than the motion of {name!r}, which takes "
+            f"{duration:.6g} s. Specify a shorter cycle.",
+            needed=step,
+            allowed=duration,
+        )
     if trajectory.duration > MAX_SAMPLES * step:
         raise InvalidInput(
             f"{name!r} takes {trajectory.duration:.6g} s. With a cycle of {step:g} s, it would "
@@ -284,7 +272,7 @@ def _sample_set_points(
     set_points: SetPoints, cycle: float | None, derivatives: int | None
 ) -> Samples:
     """Set-points with their derivatives, as documented in `make_table`."""
-    requested = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
+    requested = cycle or set_points.cycle
     if not math.isclose(requested, set_points.cycle, rel_tol=1e-9):
         raise InvalidInput(
             f"The set-points have a cycle of {set_points.cycle:g} s and cannot be exported with a "

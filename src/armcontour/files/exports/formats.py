@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import Annotated, ClassVar
 
-from armcontour.core import checks, file_access
+from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
@@ -262,7 +262,7 @@ def export(
             template has an error, the format does not support the data, or the file cannot be
             written.
     """
-    destination = checks.read_file_path("export", file)
+    destination = FilePath(file)
     named = format_of(destination) if format is None else format
     chosen = format_named(named) if isinstance(named, str) else named
     table = make_table(

@@ -95,7 +95,7 @@ def shape(
     """
     bounds = resolve_limits("shape", arm, limits)
     check_jerk_support(Method.SHAPED, bounds)
-    program = Program.from_path(path, "shape needs a Path or a Program")
+    program = Program.from_path(path)
     shaped = Shaping(arm, bounds, options).shape(program, progress, named=program is path)
     if program is path:
         return shaped
