@@ -44,7 +44,8 @@ def make_printable(text: str) -> str:
     # and lone surrogates. Some control the terminal, others make names misleading.
     if text.isprintable():
         return text
-    return "".join(x if x.isprintable() else _escape(x) for x in text)
+    escaped = (x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
+    return "".join(escaped)
 
 
 def to_line(text: str) -> str:
@@ -111,10 +112,6 @@ def describe_fields(cls: type) -> dict[str, str]:
             names, _, text = entry.strip().partition(": ")
             texts |= dict.fromkeys(names.split(", "), " ".join(text.split()))
     return texts
-
-
-def _escape(character: str) -> str:
-    return character.encode("unicode_escape").decode("ascii")
 
 
 def parse_number(text: str) -> float:

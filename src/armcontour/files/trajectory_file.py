@@ -63,11 +63,6 @@ EXAMPLE = "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured p
 SAME_TIME = 1e-6
 
 
-def is_ros_file(file: str | FilePath) -> bool:
-    """Return whether a file is YAML, which contains a trajectory of ROS."""
-    return FilePath(file).suffix.lower() in YAMLS
-
-
 def read_ros_motion(
     file: FilePath, joint_names: Sequence[str], names: str | None = None
 ) -> TrajectoryFile:
@@ -220,7 +215,7 @@ def read_trajectory(
         InvalidInput: The file has another form; the message names file and line.
     """
     location = FilePath(file)
-    if is_ros_file(location):
+    if location.suffix.lower() in YAMLS:
         return read_ros_motion(location, joint_names, columns)
     text = read_csv_text(file, "trajectory file")
     return parse_trajectory(text, joint_names, source=location.name, columns=columns)

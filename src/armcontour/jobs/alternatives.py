@@ -170,7 +170,8 @@ def _other_start(
     fastest: dict[int, JointPath] = {}
     for starts in _starts(job.arm.with_limits(bounds), first):
         best: tuple[float, Tracing | None] = (np.inf, None)
-        clear = [x for x in starts if cell.keeps(_rest_at(x))]
+        rests = [Trajectory(laws=(dwell_law(x, 1.0),), method=REST) for x in starts]
+        clear = [x for x, rest in zip(starts, rests, strict=True) if cell.keeps(rest)]
         for k, q in enumerate(clear):
             progress(Step(("clearance",), k / len(clear)))
             try:
@@ -223,8 +224,3 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
         pose = np.column_stack([rotation @ exp(np.array([0.0, 0.0, angle])), point])
         turned += list(configurations(arm, pose, WHOLE_POSE))
     yield turned
-
-
-def _rest_at(q: FloatArray) -> Trajectory:
-    """Trajectory that rests at joint positions [rad], (dof,), for 1 s."""
-    return Trajectory(laws=(dwell_law(q, 1.0),), method=REST)

@@ -123,13 +123,9 @@ def _polyline_shape(
 ) -> Shape | None:
     """Shape of a polyline; None if it has no segment."""
     points = points @ axes.T
-    if closed and len(points):
-        return _polyline(np.concatenate([points, points[:1]]), bulges, axes)
-    return _polyline(points, bulges[:-1], axes)
-
-
-def _polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Shape | None:
-    """Shape of an open polyline with one bulge per segment; None if it has no segment."""
+    if closed:
+        points = np.concatenate([points, points[:1]])
+    bulges = bulges[: len(points) - 1]
     if len(points) < 2:
         return None
     return _bulge_polyline(points, bulges, axes) if bulges.any() else ArcChain.straight(points)
@@ -210,19 +206,10 @@ def _fit_spline(entity: Any) -> Shape | None:
         size = np.linalg.norm(t, axis=1)
         if (size == 0).any():
             raise Unreadable("must not have an end tangent of length zero")
-        ends = ([(1, t[0] / size[0])], [(1, t[1] / size[1])])
-    curve = make_interp_spline(
-        parameters / parameters[-1],
-        points,
-        k=3,
-        bc_type=_scale_end_derivatives(ends, parameters[-1]),
-    )
+        # Derivatives by the parameter from 0 to 1.
+        ends = tuple([(1, parameters[-1] * (x / y))] for x, y in zip(t, size, strict=True))
+    curve = make_interp_spline(parameters / parameters[-1], points, k=3, bc_type=ends)
     return BezierSpline.from_knots(curve.c, np.ones(len(curve.c)), curve.t, 3)
-
-
-def _scale_end_derivatives(ends: Any, by: float) -> Any:
-    """The boundary conditions of `make_interp_spline` with derivatives multiplied by `by`."""
-    return ends if isinstance(ends, str) else tuple([(1, by * x[0][1])] for x in ends)
 
 
 def _check_point_count(n: int) -> None:

@@ -23,7 +23,7 @@ from armcontour.geometry import Path, SegmentLimits, Segments
 from armcontour.geometry.rounding.tangent_repair import LARGEST_KINK, RepairedPath, repair_tangents
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.program import Contour, Program
-from armcontour.program.moves import Move
+from armcontour.program.moves import Move, put_on_path
 
 # Maximum size of a file [bytes]. The data structures need many times the size of the file.
 MAX_FILE_SIZE = SMALL
@@ -212,10 +212,7 @@ def repair_vertices(program: Program, options: ReadOptions) -> Program:
         repaired = repair_tangents(move.path, options.repair_vertices, tolerance)
         if repaired is not None:
             changed.append(repaired)
-            events = tuple(
-                dataclasses.replace(y, s=float(repaired.place(y.s))) for y in move.events
-            )
-            moves[i] = dataclasses.replace(move, path=repaired.path, events=events)
+            moves[i] = put_on_path(move, repaired.path, repaired.place)
     if not changed:
         return program
     notes = (*program.notes, _describe_repairs(changed))

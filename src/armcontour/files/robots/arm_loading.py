@@ -111,7 +111,7 @@ def load_arm(
         InvalidInput: The arm or file does not exist, an option is not valid for its kind, or the
             file does not describe an arm.
     """
-    name = checks.read_file_path("load_arm", name)
+    name = FilePath(name)
     arm = _load(name, options, payload)
     if options.calibration is not None:
         arm = _calibrated_arm(arm, str(name), FilePath(options.calibration))
@@ -266,12 +266,9 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     for joint in joints:
         checks.check_name(f"name of a joint of {file}", joint, longest=MAX_CHARACTERS)
     n = len(joints)
+    shapes = {**dict.fromkeys(PER_JOINT, (n,)), "gravity": (3,)}
     values = _bodies(file, data, n)
-    for key in PER_JOINT:
-        if key in data:
-            values[key] = _array(file, key, data, (n,))
-    if "gravity" in data:
-        values["gravity"] = _array(file, "gravity", data, (3,))
+    values |= {key: _array(file, key, data, x) for key, x in shapes.items() if key in data}
     position, angles = (
         _array(file, key, data, (3,)) if key in data else np.zeros(3)
         for key in ("tip", "tip_angles")

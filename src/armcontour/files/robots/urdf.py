@@ -68,16 +68,10 @@ ASSUMED_NOTE = (
 
 def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     """Read a serial arm from a robot description."""
-    tree = read_tree(str(file), file_access.read_bytes(file, "robot description"))
-    return arm_of_tree(tree, options)
-
-
-def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
-    """Make a serial arm from the tree of a robot description."""
     from armcontour.files.robots.collision_shapes import missing_meshes
     from armcontour.files.robots.urdf_chain import Description
 
-    file = tree.file
+    tree = read_tree(str(file), file_access.read_bytes(file, "robot description"))
     start = tree.root if options.base is None else tree.check_link("base", options.base)
     route = tree.between(start, options.tip or _default_tip(tree, start))
     moving = [x for x in route if x.kind != "fixed"]
@@ -97,9 +91,9 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         name=tree.name,
         chain=chain,
         limits=limits,
-        source=file,
+        source=tree.file,
         limits_hint="" if limits.joint_acceleration is not None else HINT,
-        notes=tuple(f"{FilePath(file).name}: {x}." for x in notes if x),
+        notes=tuple(f"{file.name}: {x}." for x in notes if x),
         assumed_limits=assumed,
     )
     if all(x.find("collision") is None for x in tree.links.values()):
