@@ -72,7 +72,7 @@ class Chart {
   /** @param {Content} content @param {number[]} limits @returns {uPlot.Options} */
   options({ unit, curves }, limits) {
     const axis = { stroke: themed("--quiet"), grid: { stroke: themed("--line"), width: 1 }, ticks: { stroke: themed("--line"), width: 1, size: 4 }, font: "12px system-ui, sans-serif" };
-    const text = (/** @type {string} */ of) => (/** @type {any} */ _u, /** @type {number | null} */ y) => (y == null ? "–" : `${short(Number(y.toFixed(2)), 3)} ${of}`);
+    const text = (/** @type {string} */ of) => (/** @type {any} */ _u, /** @type {number | null} */ y) => (y == null ? "–" : `${short(Number(y.toFixed(2)), 3).replace("-", "−")} ${of}`);
     return {
       width: this.box.clientWidth,
       height: HEIGHT,

@@ -35,10 +35,8 @@ export function init(store) {
   let dragged = -1;
   let isMoved = false;
   const select = (/** @type {number} */ k) => {
-    const [begin] = store.latest("picture")?.head.contours[k]?.t ?? [];
     isMoved = false;
-    store.setView({ contour: store.options.contour === k ? -1 : k });
-    if (begin !== undefined) store.setTime(begin);
+    store.selectContour(store.options.contour === k ? -1 : k);
   };
   const row = (/** @type {Contour} */ { number, name, layer, t }, /** @type {number} */ k) => {
     const picture = /** @type {import("./state.js").Frame} */ (store.latest("picture"));

@@ -40,11 +40,7 @@ export function show(title, content, buttons) {
  */
 export async function ask(title, label, value) {
   const field = make("input", { type: "text", value, "aria-label": label });
-  const answer = show(
-    title,
-    [make("label", { class: "field", text: label }, [field])],
-    [{ value: "yes", text: "OK" }, { value: "", text: "Cancel" }],
-  );
+  const answer = show(title, [make("label", { class: "field", text: label }, [field])], [{ value: "yes", text: "OK" }, { value: "", text: "Cancel" }]);
   field.select();
   return (await answer) === "yes" ? field.value.trim() : null;
 }

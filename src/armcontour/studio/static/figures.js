@@ -48,7 +48,7 @@ function Figure({ name, row, seen, store, exact }) {
   const { accuracy } = store.document?.data ?? {};
   const old = name === "duration" ? (exact ? past.before : past.rows)?.get(name) : undefined;
   const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
-  const text = row && name === "duration" ? whole(row.text) : row?.text;
+  const text = row?.unit ? whole(row.text) : row?.text;
   const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
     <span class="number"><span class="value">${isRefused ? "✗ refused" : `${looks.mark} ${text ?? (name === "kept" && hasMotion(store) ? "checking" : NONE)}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && ` of ${accuracy}`}</span></span>
     <span class=${gain ? `note ${row?.value > old?.value ? "worse" : "better"}` : "note"} title=${row?.note}>${gain || row?.note}</span>`;

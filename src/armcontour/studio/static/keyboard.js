@@ -24,6 +24,10 @@ function actions(store, view) {
     view.view.pan(x, y);
     view.moved();
   };
+  const step = (/** @type {number} */ by) => () => {
+    const count = store.latest("picture")?.head.contours.length;
+    if (count) store.selectContour((store.options.contour + by + count) % count);
+  };
   const stages = /** @type {const} */ (["2d", "both", "3d"]);
   return {
     "ctrl+z": click("undo"),
@@ -31,6 +35,9 @@ function actions(store, view) {
     "ctrl+y": click("redo"),
     "ctrl+s": click("save"),
     "ctrl+o": click("open"),
+    " ": () => /** @type {HTMLElement} */ (find("#playback .play")).click(),
+    n: step(1),
+    p: step(-1),
     f: () => view.fit(),
     "+": () => view.zoomBy(1.4),
     "=": () => view.zoomBy(1.4),
@@ -62,6 +69,7 @@ export function init(store, link, { view }) {
     if (!act[name] || (isField(event.target) && !everywhere)) return;
     // Letters and signs of sliders and buttons are free, their arrows are not.
     if (event.target instanceof HTMLInputElement && event.key.startsWith("Arrow")) return;
+    if (name === " " && event.target instanceof Element && event.target.matches("button, summary, a, input, [role]")) return;
     event.preventDefault();
     if (!store.document && name !== "?") return;
     if (!name.startsWith("ctrl+")) return act[name]();

@@ -29,10 +29,7 @@ const SHAPES = {
     radius: ([a, b], [x, y]) => ((1 + 4 * BULGE ** 2) / (8 * BULGE)) * Math.hypot(x - a, y - b),
   },
   Circle: { names: ["radius"], start: ([a, b], [radius]) => [a + radius, b], segments: (center) => [{ center }], radius: (_, [radius]) => radius },
-  Rectangle: {
-    names: ["width", "height"],
-    segments: ([a, b], [wide, high]) => [{ to: [a + wide, b] }, { to: [a + wide, b + high] }, { to: [a, b + high] }, { to: [a, b] }],
-  },
+  Rectangle: { names: ["width", "height"], segments: ([a, b], [wide, high]) => [{ to: [a + wide, b] }, { to: [a + wide, b + high] }, { to: [a, b + high] }, { to: [a, b] }] },
 };
 
 /** True if shapes can be added to the path. @param {Store} store @returns {boolean} */

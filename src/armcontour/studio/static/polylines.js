@@ -67,10 +67,8 @@ function buckets(points, bucketOf, starts, part) {
 
 /** True if a piece may be in a box. @param {Numbers} points @param {number} k @param {Part} part */
 const touches = (points, k, { left, right, bottom, top }) =>
-  Math.max(points[k], points[k + 2]) >= left &&
-  Math.min(points[k], points[k + 2]) <= right &&
-  Math.max(points[k + 1], points[k + 3]) >= bottom &&
-  Math.min(points[k + 1], points[k + 3]) <= top;
+  Math.max(points[k], points[k + 2]) >= left && Math.min(points[k], points[k + 2]) <= right &&
+  Math.max(points[k + 1], points[k + 3]) >= bottom && Math.min(points[k + 1], points[k + 3]) <= top;
 
 /** Pieces of lines in the cells of a grid: the one that is nearest to a point is found without a scan of all. */
 export class PieceGrid {

@@ -203,6 +203,13 @@ export class Store {
     this.options = { ...this.options, contour: next.head.contours.findIndex(is) };
   }
 
+  /** Select a contour, and show its beginning. @param {number} contour -1: none */
+  selectContour(contour) {
+    const [begin] = this.latest("picture")?.head.contours[contour]?.t ?? [];
+    this.setView({ contour, side: "contours" });
+    if (begin !== undefined) this.setTime(begin);
+  }
+
   /** Select the contour of a piece of the path. @param {number} piece its first point; -1: none */
   selectAt(piece) {
     const breaks = this.latest("picture")?.arrays.path_breaks;

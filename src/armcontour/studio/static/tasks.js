@@ -3,6 +3,7 @@
 import { verdictOf } from "./colours.js";
 import { find, give, say } from "./dom.js";
 import { known } from "./form.js";
+import { whole } from "./format.js";
 import { init as hear, logOptions, Logs, logs } from "./logs.js";
 import { Changes, Tabular } from "./components.js";
 import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js";
@@ -103,7 +104,7 @@ function Outcome({ result: { id, task, title, time, state, progress, frame, sent
 /** Figures, the longest ones as text. @param {{rows: any[], theme: "light" | "dark"}} props */
 const Tiles = ({ rows, theme }) => html`<dl class="tiles">${rows.map(({ name, label, value, text, unit, note }) => {
   const { colour = "", mark = "" } = name === "kept" ? verdictOf(value, theme) : {};
-  return html`<div class=${text.length > LONG ? "long" : ""}><dt>${label}</dt> <dd style=${`color: ${colour}`}>${mark} ${text} <small>${unit}</small></dd> ${note && html`<dd class="quiet">${note}</dd>`}</div>`;
+  return html`<div class=${text.length > LONG ? "long" : ""}><dt>${label}</dt> <dd style=${`color: ${colour}`}>${mark} ${unit ? whole(text) : text} <small>${unit}</small></dd> ${note && html`<dd class="quiet">${note}</dd>`}</div>`;
 })}</dl>`;
 
 /** A file to download, and to open where it can be. @param {{file: Kept, link: Link}} props */
