@@ -15,8 +15,8 @@ from armcontour.core.errors import ArmContourError
 from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data, Table
 from armcontour.core.text import Keys
-from armcontour.geometry import Path, RoundedPath
-from armcontour.jobs import Job, Run
+from armcontour.geometry import RoundedPath
+from armcontour.jobs import Job
 from armcontour.jobs.rows import verdict_rows
 from armcontour.jobs.run_result import RunResult
 from armcontour.motion import LawAlongPath, Trajectory
@@ -84,80 +84,6 @@ class Preview(RunResult):
         return self.trajectory(0.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanCurve:
-    """The n drawn points along all contours of a plan."""
-
-    # Points [m], (n, dimension)
-    points: FloatArray
-    # Arc lengths, cumulated over all contours [m], (n,)
-    s: FloatArray
-    # Times [s], (n,)
-    t: FloatArray
-    # Tool speeds [m/s], (n,)
-    speed: FloatArray
-    # Assigned velocities [m/s], (n,); NaN if not assigned.
-    assigned: FloatArray
-    # Index of the first point of each line, and n at the end.
-    ends: IntArray
-
-    @classmethod
-    def from_plan(cls, planned: Preview, error: float) -> PlanCurve:
-        """Sample a plan at points of curves and grid points of its timing."""
-        rows: list[tuple[FloatArray, ...]] = []
-        for contour, span in zip(
-            planned.path.contours, planned.trajectory.contour_spans, strict=True
-        ):
-            path = contour.path
-            assert span.trajectory is not None
-            laws = [x.s for x in span.trajectory.laws if isinstance(x, LawAlongPath)]
-            arc_lengths = np.unique(np.concatenate([drawn_arc_lengths(path, error), *laws]))
-            s = np.clip(arc_lengths, 0.0, path.length)
-            rows.append(
-                (
-                    path(s),
-                    span.s[0] + s,
-                    span.t[0] + span.trajectory.time_at(s),
-                    span.trajectory.speed_at(s),
-                    _assigned(path, s, planned.run),
-                )
-            )
-        ends = np.cumsum([0, *(len(x[0]) for x in rows)])
-        points, s, t, speed, assigned = (np.concatenate(x) for x in zip(*rows, strict=True))
-        return cls(points, s, t, speed, assigned, ends)
-
-    def drawn_indices(self, binding: npt.NDArray[np.uint8], error: float) -> IntArray:
-        """Indices of drawn points: shape, changes of the active limit, and extreme speeds."""
-        shape = essential_points(self.points, self.ends, error)
-        weight = np.where(shape, np.inf, 0.0)
-        changes = np.flatnonzero(np.diff(binding)) + 1
-        # The weight of a change of the active limit is the arc length to the next change.
-        lengths = np.diff(self.s[np.append(changes, len(self.s) - 1)])
-        lengths[lengths > VISIBLE_STRETCH * error] = np.inf
-        weight[changes] = np.maximum(weight[changes], lengths)
-        return select_points(weight, [self.speed], min(MAX_POINTS, MIN_POINTS + 2 * shape.sum()))
-
-    def binding(
-        self, explanation: Explanation | None, limits: Sequence[Mapping[str, Any]]
-    ) -> npt.NDArray[np.uint8]:
-        """Index in `limits` of the active limit from each point to the next, (n,)."""
-        if explanation is None:
-            return np.full(len(self.s), NO_LIMIT, dtype=np.uint8)
-        index = {x["name"]: k for k, x in enumerate(limits)}
-        starts = np.array([x.s[0] for x in explanation.bindings])
-        limit_indices = np.array(
-            [index.get(x.name, NO_LIMIT) for x in explanation.bindings], np.uint8
-        )
-        intervals = np.searchsorted(starts, self.s, side="right") - 1
-        return limit_indices[np.clip(intervals, 0, len(limit_indices) - 1)]
-
-
-def _assigned(path: Path, s: FloatArray, run: Run) -> FloatArray:
-    """Assigned velocities at arc lengths [m/s], (n,); NaN where none is assigned."""
-    speeds = path.assigned_speeds(run.limits.speed, s)
-    return np.where(np.isfinite(speeds), speeds, np.nan)
-
-
 def refusal_header(
     error: ArmContourError,
     view: View,
@@ -175,12 +101,7 @@ def refusal_header(
     if point is None and error.t is not None and planned is not None:
         t = np.clip(error.t, 0.0, planned.trajectory.duration)
         point = planned.job.arm.tool_position(planned.trajectory(t))
-    position: dict[str, Any] = {
-        "s": error.s,
-        "t": error.t,
-        "joint": error.joint,
-        "index": error.index,
-    }
+    position: dict[str, Any] = {x: getattr(error, x) for x in ("s", "t", "joint", "index")}
     if point is not None and point.shape in {(2,), (3,)}:
         position |= {"xyz": in_space(point), "uv": view.uv(point)}
         if waypoints is not None and len(waypoints):
@@ -269,23 +190,66 @@ def _line_arrays(
         return header, arrays
     header["limits"] = limits = _limits(planned.explanation)
     header["kerfs"], kerf = _kerf(planned, view, error)
-    line = PlanCurve.from_plan(planned, error)
-    binding = line.binding(planned.explanation, limits)
-    indices = line.drawn_indices(binding, error)
-    points, s = line.points[indices], line.s[indices]
+    points, ends, values = _sample_plan(planned, error)
+    s = values["path_s"]
+    binding = _active_limits(planned.explanation, limits, s)
+    shape = essential_points(points, ends, error)
+    weight = np.where(shape, np.inf, 0.0)
+    changes = np.flatnonzero(np.diff(binding)) + 1
+    # The weight of a change of the active limit is the arc length to the next change.
+    lengths = np.diff(s[np.append(changes, len(s) - 1)])
+    lengths[lengths > VISIBLE_STRETCH * error] = np.inf
+    weight[changes] = np.maximum(weight[changes], lengths)
+    most = min(MAX_POINTS, MIN_POINTS + 2 * shape.sum())
+    indices = select_points(weight, [values["speed"]], most)
     arrays |= {
         **kerf,
         "idle": _idle(planned),
-        "path": view.screen_points(points),
-        "path_breaks": np.searchsorted(indices, line.ends).astype(np.uint32),
-        "path_s": to_float32(s),
-        "path_t": to_float32(line.t[indices]),
-        "speed": to_float32(line.speed[indices]),
-        "assigned": to_float32(line.assigned[indices]),
+        "path": view.screen_points(points[indices]),
+        "path_breaks": np.searchsorted(indices, ends).astype(np.uint32),
+        **{name: to_float32(x[indices]) for name, x in values.items()},
         "binding": binding[indices],
-        "xyz": to_float32(in_space(points)),
+        "xyz": to_float32(in_space(points[indices])),
     }
     return header, arrays
+
+
+def _sample_plan(
+    planned: Preview, error: float
+) -> tuple[FloatArray, IntArray, dict[str, FloatArray]]:
+    """Points along all contours [m], `ends` as in `essential_points`, and values at the points.
+
+    The values are arc length over all contours [m], time [s], tool speed and assigned velocity
+    [m/s], NaN if not assigned. The points are those of curves and grid points of the timing.
+    """
+    rows: list[tuple[FloatArray, ...]] = []
+    for contour, span in zip(planned.path.contours, planned.trajectory.contour_spans, strict=True):
+        path, motion = contour.path, span.trajectory
+        assert motion is not None
+        laws = [x.s for x in motion.laws if isinstance(x, LawAlongPath)]
+        arc_lengths = np.unique(np.concatenate([drawn_arc_lengths(path, error), *laws]))
+        s = np.clip(arc_lengths, 0.0, path.length)
+        assigned = path.assigned_speeds(planned.run.limits.speed, s)
+        assigned = np.where(np.isfinite(assigned), assigned, np.nan)
+        times = span.t[0] + motion.time_at(s)
+        rows.append((path(s), span.s[0] + s, times, motion.speed_at(s), assigned))
+    ends = np.cumsum([0, *(len(x[0]) for x in rows)])
+    points, *values = (np.concatenate(x) for x in zip(*rows, strict=True))
+    names = ("path_s", "path_t", "speed", "assigned")
+    return points, ends, dict(zip(names, values, strict=True))
+
+
+def _active_limits(
+    explanation: Explanation | None, limits: Sequence[Mapping[str, Any]], s: FloatArray
+) -> npt.NDArray[np.uint8]:
+    """Index in `limits` of the active limit from each arc length to the next, (n,)."""
+    if explanation is None:
+        return np.full(len(s), NO_LIMIT, dtype=np.uint8)
+    index = {x["name"]: k for k, x in enumerate(limits)}
+    bindings = explanation.bindings
+    limit_indices = np.array([index.get(x.name, NO_LIMIT) for x in bindings], np.uint8)
+    intervals = np.searchsorted([x.s[0] for x in bindings], s, side="right") - 1
+    return limit_indices[np.clip(intervals, 0, len(limit_indices) - 1)]
 
 
 def _contours(planned: Preview | None, contours: Sequence[Contour]) -> list[dict[str, Any]]:
