@@ -50,7 +50,6 @@ def arm_frame(job: Job) -> MessageFrame:
     part, at = _on_floor(chain, 0, base.inverse)
     header = {
         "name": arm.name,
-        "planar": arm.dimension == 2,
         "joints": list(_joints(arm)),
         "tool": matrix(chain.tip @ chain.tool),
         "tip": matrix(chain.tip),

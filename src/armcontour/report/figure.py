@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
+    from armcontour.report.section import Chapter
+
 # Significant digits of drawn values, which are finer than a pixel, and of their abscissae.
 DIGITS, X_DIGITS = 5, 7
 # Height of a plot [px].
@@ -58,8 +60,7 @@ class Picture:
     def _page(self) -> str:
         from armcontour.report.section import Chapter, Front
 
-        chapter = Chapter(front=Front(parts=(self,)))
-        return render_page(title=self.title, about="", source="", chapters=[chapter])
+        return render_page(self.title, Chapter(front=Front(parts=(self,))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -125,8 +126,8 @@ class Figure(Picture):
     columns: tuple[str, ...] = ("",)
 
 
-def render_page(**values: Any) -> str:
-    """Render a self-contained HTML page."""
+def render_page(title: str, *chapters: Chapter, about: str = "", source: str = "") -> str:
+    """Render a self-contained HTML page; `about` and `source`: lines at its start and end."""
     pictures: dict[str, Picture] = {}
 
     def place(picture: Picture, key: str) -> Markup:
@@ -141,7 +142,10 @@ def render_page(**values: Any) -> str:
         figure=place,
         # The data are packed after the template has placed the figures.
         packed=lambda: _packed(pictures),
-        **values,
+        title=title,
+        chapters=chapters,
+        about=about,
+        source=source,
     )
 
 

@@ -26,10 +26,7 @@ def render_identification(identification: Identification) -> str:
     data = identification.to_data()
     chapter = Chapter(front=_front(identification, data), sections=_sections(identification, data))
     return render_page(
-        title=data.title,
-        about="",
-        chapters=[chapter],
-        source="Everything on this page was computed from the logs.",
+        data.title, chapter, source="Everything on this page was computed from the logs."
     )
 
 

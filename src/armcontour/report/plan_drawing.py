@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.render import LINES, limit_style, number, number_range
 from armcontour.core.text import count_noun
 from armcontour.jobs import Job, RunResult
-from armcontour.planning.explanation import BETWEEN, RAPIDS, Binding, LimitShare
+from armcontour.planning.explanation import BETWEEN, RAPIDS, Binding
 from armcontour.program import Contour, Process, contour_called, cut_parts, idle_parts
 from armcontour.report.figure import Picture, render
 from armcontour.report.view import drawn_arc_lengths, drawn_curve, points_at, simplify
@@ -317,20 +317,16 @@ def legend_of(result: RunResult, places: Mapping[str, str]) -> tuple[LegendEntry
 
     `places`: ids of the places of the kinds.
     """
-    explanation, kinds = result.explanation, defaultdict[str, list[LimitShare]](list)
-    for share_of_limit in () if explanation is None else explanation.shares:
-        kinds[share_of_limit.kind].append(share_of_limit)
+    if (explanation := result.explanation) is None:
+        return ()
     entries = []
-    for kind, parts in kinds.items():
-        share = sum(x.of_time for x in parts)
-        if share < LEAST_SHARE:
-            continue
+    for kind, share in explanation.kinds.items():
+        parts = [x for x in explanation.shares if x.kind == kind]
         names = [f"{x.name.removesuffix(f' {kind}')} {number(x.time, 's')}" for x in parts]
         words = ", ".join(names) if len(parts) > 1 else ""
-        time = sum(x.time for x in parts)
-        place = places.get(kind, "")
+        time, place = sum(x.time for x in parts), places.get(kind, "")
         entries.append(LegendEntry(word_of(kind), time, share, look_of(kind), words, place))
-    return tuple(sorted(entries, key=lambda x: -x.time))
+    return tuple(x for x in entries if x.share >= LEAST_SHARE)
 
 
 def rapid_paths(result: RunResult) -> list[FloatArray]:

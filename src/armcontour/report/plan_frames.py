@@ -86,17 +86,34 @@ class Preview(RunResult):
 
 def refusal_header(
     error: ArmContourError,
-    view: View,
+    view: View | None,
     *,
     tier: int,
-    run: str = "",
+    run: str | None = "",
     planned: Preview | None = None,
     waypoints: FloatArray | None = None,
 ) -> dict[str, Any]:
-    """Header of a frame `refusal`: error and its position on the path.
+    """Header of a frame `refusal`: error and its position on the path; `view` None: no position.
 
     `tier` is the failed computation: 1 plan, 2 execution, 3 full run.
     """
+    edits = [
+        [_edit((*error.key, *keys), value) for keys, value in remedy.items()]
+        for remedy in error.remedies
+    ]
+    return {
+        **{"tier": tier, "run": run, "sentence": str(error)},
+        **{"error": type(error).__name__, "exit": error.exit_code, "limit": error.limit},
+        **{"needed": error.needed, "allowed": error.allowed},
+        **{"key": ".".join(map(str, error.key)), "remedies": edits},
+        "at": {} if view is None else _position(error, view, planned, waypoints),
+    }
+
+
+def _position(
+    error: ArmContourError, view: View, planned: Preview | None, waypoints: FloatArray | None
+) -> dict[str, Any]:
+    """Position of an error on the path, and the waypoint at which it is."""
     point = None if error.point is None else np.array(error.point)
     if point is None and error.t is not None and planned is not None:
         t = np.clip(error.t, 0.0, planned.trajectory.duration)
@@ -107,21 +124,7 @@ def refusal_header(
         if waypoints is not None and len(waypoints):
             away = np.linalg.norm(waypoints - position["uv"], axis=1)
             position["waypoint"] = int(away.argmin()) if away.min() < 1e-4 else None
-    return {
-        **{"tier": tier, "run": run, "sentence": str(error)},
-        **{"error": type(error).__name__, "exit": error.exit_code, "limit": error.limit},
-        **{"needed": error.needed, "allowed": error.allowed, **error_place(error)},
-        "at": {name: x for name, x in position.items() if x is not None},
-    }
-
-
-def error_place(error: ArmContourError) -> dict[str, Any]:
-    """Key of an error in the job, and alternative lists of edits that fix it."""
-    edits = [
-        [_edit((*error.key, *keys), value) for keys, value in remedy.items()]
-        for remedy in error.remedies
-    ]
-    return {"key": ".".join(map(str, error.key)), "remedies": edits}
+    return {name: x for name, x in position.items() if x is not None}
 
 
 def _edit(keys: Keys, value: Any) -> dict[str, Any]:

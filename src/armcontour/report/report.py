@@ -53,9 +53,7 @@ def render_demo(studies: Sequence[JobResult]) -> str:
         title = f"{study.job.title}: {describe(study.job)}"
         chapters.append(Chapter(front=sections.front(study), sections=folded, title=title))
     about = "Two jobs, planned, compensated and executed on simulated servos with assumed gains."
-    return render_page(
-        title="armcontour demo", about=about, chapters=chapters, source=OF_SIMULATION
-    )
+    return render_page("armcontour demo", *chapters, about=about, source=OF_SIMULATION)
 
 
 def sections_of(study: JobResult, warnings: Sequence[str] = ()) -> list[Section]:
@@ -84,7 +82,7 @@ def render_table(
     """Render a table of texts as one self-contained HTML page."""
     table = TextTable(header=tuple(header), rows=tuple(map(tuple, rows)))
     chapter = Chapter(front=Front(tables=(table,)))
-    return render_page(title=title, about=about, chapters=[chapter], source="")
+    return render_page(title, chapter, about=about)
 
 
 def render_learning(study: LearningStudy) -> str:
@@ -97,7 +95,7 @@ def render_learning(study: LearningStudy) -> str:
 def _page(job: Job, front: Front, folded: Sequence[Section], *, source: str) -> str:
     """Render the first screen and the sections of a job as one HTML page."""
     chapter = Chapter(front=front, sections=folded)
-    return render_page(title=job.title, about=describe(job), chapters=[chapter], source=source)
+    return render_page(job.title, chapter, about=describe(job), source=source)
 
 
 def describe(job: Job) -> str:

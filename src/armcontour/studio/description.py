@@ -129,7 +129,6 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "name": data.get("name"),
         "title": data.get("title") or data.get("name"),
         "file": None if document.file is None else str(document.file),
-        "folder": str(document.folder),
         "dirty": document.dirty,
         "on_disk": document.on_disk(),
         "undo_label": document.undo_label,

@@ -22,7 +22,7 @@ from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.files.job_file import cell_names
 from armcontour.report.message_frame import MessageFrame
-from armcontour.report.plan_frames import drawing_frame, error_place
+from armcontour.report.plan_frames import drawing_frame, refusal_header
 from armcontour.report.view import View
 from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import CHANGED, Document
@@ -339,9 +339,8 @@ class Session:
         """Send an error to all pages; `dropped`: the edit was discarded, so show the document."""
         if dropped:
             self._show_document()
-        facts = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
-        about = {"error": type(error).__name__, "exit": error.exit_code, "dropped": dropped}
-        self.send(MessageFrame("refusal", {**facts, **about, **error_place(error)}))
+        header = refusal_header(error, None, tier=1, run=self.editor.run)
+        self.send(MessageFrame("refusal", {**header, "dropped": dropped}))
         if dropped:
             self._show()
 

@@ -113,27 +113,25 @@ def _table(result: RunResult) -> TextTable:
         amounts.append(("jerk", "rad/s^3", use_of("joint_jerk", limits, result.evaluation.jerk)))
     if plan is not None:
         amounts.append(("planned torque", "N m", use_of("joint_torque", limits, plan.peak)))
-    columns = [Row("joint", None, "", "joint")]
-    unit_for = arm.chain.unit
+    columns: list[tuple[Row, Sequence[Any]]] = [(Row("joint", None, "", "joint"), arm.joint_names)]
 
-    def cells(label: str, unit: str, values: FloatArray) -> list[Row]:
-        """Values of all joints in their own units."""
-        return [Row(label, x, unit_for(unit, j)) for j, x in enumerate(values.tolist())]
+    def add(label: str, unit: str, values: FloatArray) -> None:
+        """Add a column with the values of all joints in their own units."""
+        units = [arm.chain.unit(unit, j) for j in range(arm.dof)]
+        rows = [Row(label, x, y) for x, y in zip(values.tolist(), units, strict=True)]
+        columns.append((Row(label, None, unit, label), rows))
 
     ends = (*limits.joint_range(arm.dof), done.q.min(axis=0), done.q.max(axis=0))
-    values: list[Sequence[Any]] = [arm.joint_names]
-    for label, values_of_joints in zip(("lower end", "upper end", "from", "to"), ends, strict=True):
-        columns.append(Row(label, None, "rad", label))
-        finite = np.where(np.isfinite(values_of_joints), values_of_joints, np.nan)
-        values.append(cells(label, "rad", finite))
+    for label, values in zip(("lower end", "upper end", "from", "to"), ends, strict=True):
+        add(label, "rad", np.where(np.isfinite(values), values, np.nan))
     for label, unit, use in amounts:
-        columns.append(Row(label, None, unit, label))
-        values.append(cells(label, unit, np.round(use.value, ROUNDED)))
+        add(label, unit, np.round(use.value, ROUNDED))
         if (limited := np.isfinite(use.limit)).any():
-            columns.append(Row(f"{label}.use", None, "1", f"of {label} limit"))
-            values.append(np.where(limited, use.ratio, np.nan).tolist())
-    rows = list(zip(*values, strict=True))
-    return text_table(Table("joints", tuple(columns), rows), "Largest amounts")
+            shares = np.where(limited, use.ratio, np.nan).tolist()
+            columns.append((Row(f"{label}.use", None, "1", f"of {label} limit"), shares))
+    header, by_column = zip(*columns, strict=True)
+    rows = list(zip(*by_column, strict=True))
+    return text_table(Table("joints", header, rows), "Largest amounts")
 
 
 def _worst(name: str, limits: Limits, values: FloatArray) -> Use:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -85,10 +85,10 @@ def limits(study: JobResult) -> Plot | None:
     """Plot with bars of the active limits of every plan; None if no plan has an explanation."""
     plans = _plans(study)
     bars = [
-        Bar(start, end, row, word_of(kind), name, colour_of(kind))
+        bar
         for row, x in enumerate(plans.values())
         if x.explanation is not None
-        for start, end, kind, name in list_bars(x.explanation.bindings)
+        for bar in list_bars(x.explanation.bindings, row)
     ]
     if not bars:
         return None
@@ -97,32 +97,24 @@ def limits(study: JobResult) -> Plot | None:
     return Plot(label="" if names else "limit", bars=tuple(bars), rows=names, height=height)
 
 
-class LimitInterval(NamedTuple):
-    """Time interval [s] with the kind and the name of its active limit."""
+def list_bars(bindings: Sequence[Binding], row: int) -> list[Bar]:
+    """Bars of the active limits, in order; adjacent bars of the same limit are joined.
 
-    start: float
-    end: float
-    kind: str
-    name: str
-
-
-def list_bars(bindings: Sequence[Binding]) -> list[LimitInterval]:
-    """Time intervals with their active limits, in order; adjacent intervals of a limit are joined.
-
-    Intervals that are too short to be visible are joined; the longest one determines the limit.
+    Bars that are too short to be visible are joined; the longest one determines the limit.
     """
-    intervals, shortest = list[LimitInterval](), bindings[-1].t[1] / MAX_BARS
+    bars, shortest = list[Bar](), bindings[-1].t[1] / MAX_BARS
     for x in bindings:
-        interval = LimitInterval(*x.t, kind_of(x.limit), x.name)
-        last = intervals[-1] if intervals else LimitInterval(0.0, np.inf, "", "")
-        same_limit = last[1:] == (interval.start, interval.kind, interval.name)
-        too_short = last.end - last.start < shortest
-        if same_limit or too_short:
-            longest = max(last, interval, key=lambda y: y.end - y.start)
-            intervals[-1] = longest._replace(start=last.start, end=interval.end)
+        kind = kind_of(x.limit)
+        bar = Bar(*x.t, row, word_of(kind), x.name, colour_of(kind))
+        last = bars[-1] if bars else None
+        if last is None or (
+            last[1:] != (bar.start, *bar[2:]) and last.end - last.start >= shortest
+        ):
+            bars.append(bar)
         else:
-            intervals.append(interval)
-    return intervals
+            longest = max(last, bar, key=lambda y: y.end - y.start)
+            bars[-1] = longest._replace(start=last.start, end=bar.end)
+    return bars
 
 
 def error(study: JobResult) -> Plot | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -30,12 +31,11 @@ def figures(request: Request) -> MessageFrame:
     try:
         result = request.result
     except ArmContourError as error:
-        try:
-            refusal = refusal_header(error, request.view, tier=3, run=request.run or "")
-        except InvalidInput:
-            # The data are not a valid job, so there is no picture in which to mark a position.
-            refusal = {"tier": 3, "run": request.run, "sentence": str(error), "at": {}}
-        return MessageFrame("refusal", refusal)
+        view = None
+        # If the data are not a valid job, there is no picture in which to mark a position.
+        with suppress(InvalidInput):
+            view = request.view
+        return MessageFrame("refusal", refusal_header(error, view, tier=3, run=request.run or ""))
     data, obstacle = result.to_data(), _nearest_to_obstacles(request, result)
     rows = judging_rows(result, data.rows)
     if obstacle is not None:
