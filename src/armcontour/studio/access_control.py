@@ -164,11 +164,7 @@ def is_public(path: str) -> bool:
 
 
 async def respond(
-    send: Send,
-    status: int,
-    body: bytes,
-    kind: str,
-    headers: Iterable[tuple[bytes, bytes]] = (),
+    send: Send, status: int, body: bytes, kind: str, headers: Iterable[tuple[bytes, bytes]] = ()
 ) -> None:
     """Send a response with status, headers and body."""
     if kind.startswith("text/") or kind == "application/json":

@@ -72,11 +72,7 @@ class Pages:
         return is_open
 
     def send(
-        self,
-        frame: MessageFrame,
-        *,
-        to: Page | None = None,
-        answers: Answers | None = None,
+        self, frame: MessageFrame, *, to: Page | None = None, answers: Answers | None = None
     ) -> None:
         """Send a frame to one page or to all, with the number of the message that it answers."""
         key, sentence = _replacement_key(frame), frame.header.get("sentence")

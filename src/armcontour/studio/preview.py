@@ -26,14 +26,7 @@ from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
-from armcontour.jobs.rows import (
-    BODIES,
-    SERVO,
-    Errors,
-    errors_of,
-    judging,
-    judging_executions,
-)
+from armcontour.jobs.rows import BODIES, SERVO, Errors, errors_of, judging, judging_executions
 from armcontour.jobs.run_plan import (
     explain_plan,
     explained_reach,
@@ -310,9 +303,7 @@ class CoarsePlanner:
         made_of = drawn, comparable(job.process), run.end_time, leads
         objective = get("preparing", made_of, lambda: prepare_program(job, run, report))
         path = get(
-            "rounding",
-            (objective, corners),
-            lambda: round_program(job, run, objective, report),
+            "rounding", (objective, corners), lambda: round_program(job, run, objective, report)
         )
         ranges = limits if job.seed is None else comparable(run.limits.joint_range(job.arm.dof))
         traced = get(
@@ -364,11 +355,7 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
     name = next(iter(model.runs)) if run is None else run
     if name not in model.runs:
         raise InvalidInput(f"The job has no run {name}. Its runs are {', '.join(model.runs)}.")
-    return dataclasses.replace(
-        model,
-        runs={name: model.runs[name]},
-        certificate=None,
-    )
+    return dataclasses.replace(model, runs={name: model.runs[name]}, certificate=None)
 
 
 def coarser_run(job: Job, run: Run) -> Run:

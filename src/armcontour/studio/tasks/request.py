@@ -64,11 +64,7 @@ class Request:
         """The job with all keys of its file."""
         from armcontour.files import parse_job
 
-        return parse_job(
-            self.text,
-            source=self.source,
-            folder=FilePath(self.folder),
-        )
+        return parse_job(self.text, source=self.source, folder=FilePath(self.folder))
 
     @cached_property
     def set_points(self) -> RunResult:
