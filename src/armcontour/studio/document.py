@@ -37,14 +37,16 @@ class Document:
         self,
         text: str,
         *,
-        source: str,
-        folder: FilePath,
+        source: str = "",
+        folder: FilePath | None = None,
         file: FilePath | None = None,
         saved: bytes | None = None,
         origin: tuple[FilePath, str | None] | None = None,
         is_start: bool = False,
     ) -> None:
-        self.source, self.file, self.folder = source, file, folder
+        # Name and folder of a document without a file are given.
+        self.file, self.source = file, source if file is None else file.name
+        self.folder = folder or (FilePath() if file is None else file.parent)
         # Job file, or drawing and cell, that opens the document again.
         self._origin = origin
         # Whether the Studio shows the document because it was started without a file.
@@ -66,11 +68,7 @@ class Document:
         """Open a job file; changes are saved to it."""
         path = FilePath(file).absolute()
         content = read_bytes(path, "job file")
-        text = decode(content, path)
-        origin = path, None
-        return cls(
-            text, source=path.name, file=path, folder=path.parent, saved=content, origin=origin
-        )
+        return cls(decode(content, path), file=path, saved=content, origin=(path, None))
 
     @classmethod
     def of_drawing(cls, file: str | FilePath, cell: str) -> Document:
@@ -81,9 +79,7 @@ class Document:
         file_next = drawing.with_suffix(".yaml")
         text = drawing_text(cell, drawing, file_next.parent)
         origin = drawing, str(FilePath(cell).absolute()) if FilePath(cell).suffix else cell
-        return cls(
-            text, source=file_next.name, file=file_next, folder=file_next.parent, origin=origin
-        )
+        return cls(text, file=file_next, origin=origin)
 
     @property
     def data(self) -> Mapping[str, Any]:

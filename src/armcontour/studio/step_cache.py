@@ -16,8 +16,7 @@ LARGE_RESULTS, MAX_SAMPLES = 2, 200_000
 class StepCache:
     """Cache of results, so that the Studio does not repeat a step with the same inputs."""
 
-    def __init__(self, size: int = RESULTS) -> None:
-        self.size = size
+    def __init__(self) -> None:
         self._known: dict[str, list[tuple[Any, Any]]] = {}
 
     def get(
@@ -26,7 +25,7 @@ class StepCache:
         made_of: Any,
         make: Callable[[], T],
         *,
-        maximum: int | None = None,
+        maximum: int = RESULTS,
         samples: Callable[[T], int] = lambda value: 0,
     ) -> T:
         """Result of a step: the cached result for equal inputs `made_of`, else that of `make`.
@@ -41,7 +40,7 @@ class StepCache:
                 return result
         value = make()
         entries.insert(0, (made_of, value))
-        del entries[self.size if maximum is None else maximum :]
+        del entries[maximum:]
         while len(entries) > 1 and sum(samples(x) for _, x in entries) > MAX_SAMPLES:
             del entries[-1]
         return value
