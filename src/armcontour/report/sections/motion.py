@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -178,9 +178,10 @@ def _largest_on_contours(study: JobResult) -> float:
     return float(max(speeds, default=np.inf))
 
 
-def _assigned(study: JobResult) -> Iterator[Curve]:
-    """Yield curves of assigned velocities; runs with the same constant velocity share a curve."""
-    steps: dict[str, tuple[FloatArray, FloatArray]] = {}
+def _assigned(study: JobResult) -> list[Curve]:
+    """Curves of assigned velocities; runs with the same constant velocity share a curve."""
+    curves: dict[str, Curve] = {}
+    look: dict[str, Any] = {"colour": LIMIT_COLOUR, "dash": LIMIT_DASH, "width": 1.0}
     for name, result in study.runs.items():
         t, value = _assigned_speeds(result)
         known = value[np.isfinite(value)]
@@ -189,10 +190,9 @@ def _assigned(study: JobResult) -> Iterator[Curve]:
         label = f"assigned velocity, {name}" if len(study.runs) > 1 else "assigned velocity"
         if np.ptp(known) == 0:
             label = f"assigned velocity {number(known[0], 'm/s')}"
-        if label not in steps or t[-1] > steps[label][0][-1]:
-            steps[label] = t, value * 1e3
-    for label, (t, value) in steps.items():
-        yield Curve(x=t, y=value, name=label, colour=LIMIT_COLOUR, dash=LIMIT_DASH, width=1.0)
+        if label not in curves or t[-1] > curves[label].x[-1]:
+            curves[label] = Curve(x=t, y=value * 1e3, name=label, **look)
+    return list(curves.values())
 
 
 def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
