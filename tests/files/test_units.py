@@ -116,7 +116,7 @@ def titles(*names):
 
     # A single title may have blanks.
     line = ";".join(names if len(names) > 1 else [*names, "-"])
-    return read_table(line, "a.csv", title_of, example="t,q")
+    return read_table(line, "a.csv", title_of, example="t,q", columns=None, option="--columns")
 
 
 def test_a_unit_in_a_column_title_scales_the_column_to_si():

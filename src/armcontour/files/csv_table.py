@@ -109,7 +109,7 @@ class CsvTable(Generic[Key]):
     source: str  # Name of the file, for messages
     heading: str  # File and line of the titles, for messages
     example: str  # Example of titles, for messages
-    option: str  # Option that names columns, for messages; empty if there is none
+    option: str  # Option that names columns, for messages
     # Recognized columns by quantity, in the order of the file
     columns: Mapping[Key, CsvColumn]
     unknown: tuple[str, ...]  # Titles of the other columns
@@ -124,12 +124,11 @@ class CsvTable(Generic[Key]):
         missing = next((x for x in keys if x not in self.columns), None)
         if missing is None:
             return
-        also = f" (or rename them with {self.suggest(str(missing))})" if self.option else ""
         unknown = list_some([show(x) for x in self.unknown], MAX_NAMED)
         other = f" The columns {unknown} are not recognized." if unknown else ""
         raise InvalidInput(
             f"{self.heading}: the column {missing} is missing. Name the columns, such as "
-            f"{self.example}{also}.{other}"
+            f"{self.example} (or rename them with {self.suggest(str(missing))}).{other}"
         )
 
     def suggest(self, *names: str) -> str:
@@ -146,7 +145,7 @@ class CsvTable(Generic[Key]):
 
     def rename(self, new: str, old: str) -> str:
         """Text of the option that renames a column, for messages."""
-        return f"{self.option} '{new}={old}'" if self.option else new
+        return f"{self.option} '{new}={old}'"
 
     def place(self, row: int, *keys: Key) -> str:
         """Text for messages: the file, the line of a row, and the titles of the given columns."""
@@ -230,8 +229,8 @@ def read_table(
     title_of: Callable[[str], Title[Key] | None],
     *,
     example: str,
-    columns: str | None = None,
-    option: str = "",
+    columns: str | None,
+    option: str,
 ) -> CsvTable[Key]:
     """Read a table from CSV text with commas, semicolons, tabs or blanks between cells."""
     # Lines that start with #, and lines above the titles, are comments. The unit of a column is in
@@ -358,9 +357,9 @@ def _read_titles(
 ) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
     """Recognized columns by quantity, in the order of the file, and titles of other columns."""
     if all(map(NUMBER.fullmatch, titles)):
-        fix = f" If the file has no such line, name the columns ({option})." if option else ""
         raise InvalidInput(
-            f"{location}: the first line must name the columns, such as {example}.{fix}"
+            f"{location}: the first line must name the columns, such as {example}. If the file has "
+            f"no such line, name the columns ({option})."
         )
     recognised: dict[Key, CsvColumn] = {}
     unknown: list[str] = []
@@ -380,10 +379,9 @@ def _read_titles(
         column = CsvColumn(index, title, unit, factor, content.rank, linear)
         other = recognised.get(content.key)
         if other is not None and other.rank == column.rank:
-            fix = f" (for example with {option} '{SKIPPED}={title}')" if option else ""
             raise InvalidInput(
                 f"{location}: the columns {show(other.title)} and {show(title)} have the same "
-                f"quantity. Remove one{fix}."
+                f"quantity. Remove one (for example with {option} '{SKIPPED}={title}')."
             )
         if other is None or column.rank < other.rank:
             recognised[content.key] = column

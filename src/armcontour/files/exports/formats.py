@@ -164,7 +164,7 @@ class URScriptFormat(ExportFormat):
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
-        write_urscript(table, file, self.outputs, call=self.call)
+        write_urscript(table, file, outputs_of(self), call=self.call)
 
 
 @declared()
@@ -192,7 +192,7 @@ class TemplateFormat(ExportFormat):
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
-        write_template(table, file, self.template, self.outputs)
+        write_template(table, file, self.template, outputs_of(self))
 
 
 _CLASSES = {x.kind: x for x in (CsvFormat, RosYamlFormat, URScriptFormat)}

@@ -63,13 +63,13 @@ class _Refused(Exception):
 def template_of(
     table: SetPointTable,
     template: str | FilePath,
-    outputs: Mapping[str, int | str] | None = None,
+    outputs: Mapping[str, int | str],
     *,
     file: str,
 ) -> str:
     """Text of the program that a template generates from a table."""
     source, text = _read_template(template)
-    variables = _variables(table, outputs or {}, file)
+    variables = _variables(table, outputs, file)
     try:
         return str(_environment().from_string(text).render(variables))
     except _Refused as error:
@@ -81,17 +81,17 @@ def template_of(
 def describe_program(
     table: SetPointTable,
     name: str | FilePath,
-    outputs: Mapping[str, int | str] | None,
-    digit: float | None = None,
+    outputs: Mapping[str, int | str],
+    digit: float | None,
 ) -> list[str]:
     """Warnings about a program: outputs that are not set, rounding, and too many points."""
-    sentences, named_outputs = _describe_rounding(table, digit), outputs or {}
+    sentences = _describe_rounding(table, digit)
     if name in LENGTH_ADVICE and len(table.t) > MAX_POINTS:
         sentences.append(
             f"the program has {len(table.t)} points, but a controller may reject more than "
             f"{MAX_POINTS}. To reduce them, {LENGTH_ADVICE[str(name)]}, or divide the job."
         )
-    unset = [x for x in table.analog if x not in named_outputs]
+    unset = [x for x in table.analog if x not in outputs]
     if unset and name in ANALOG_EXAMPLES:
         sentences.append(
             f"the program does not set {list_some(unset, MAX_NAMES)}, because no analog output is "
@@ -99,7 +99,7 @@ def describe_program(
         )
     if name not in OUTPUT_EXAMPLES:
         return sentences
-    unswitched, name = [x for x in table.events if x.name not in named_outputs], str(name)
+    unswitched, name = [x for x in table.events if x.name not in outputs], str(name)
     valued = {x.name: None for x in unswitched if not isinstance(x.value, bool)}
     switches = {x.name: None for x in unswitched if x.name not in valued}
     if switches:
@@ -140,7 +140,7 @@ def write_template(
     table: SetPointTable,
     file: FilePath,
     template: str | FilePath,
-    outputs: Mapping[str, int | str] | None = None,
+    outputs: Mapping[str, int | str],
 ) -> None:
     """Write the program that a template generates from a table to a file."""
     text = template_of(table, template, outputs, file=file.stem)

@@ -56,9 +56,9 @@ def {program}():
 def write_urscript(
     table: SetPointTable,
     file: FilePath,
-    outputs: Mapping[str, int | str] | None = None,
+    outputs: Mapping[str, int | str],
     *,
-    call: bool = False,
+    call: bool,
 ) -> None:
     """Write a URScript program: a slow move to the start, then one `servoj` per set-point.
 
@@ -72,9 +72,8 @@ def write_urscript(
     number is set at each set-point at which its level changes.
     """
     _check_table(table)
-    named_outputs = outputs or {}
-    analog = {x: n for x, n in named_outputs.items() if x in table.analog}
-    digital = _digital_outputs(table, {x: n for x, n in named_outputs.items() if x not in analog})
+    analog = {x: n for x, n in outputs.items() if x in table.analog}
+    digital = _digital_outputs(table, {x: n for x, n in outputs.items() if x not in analog})
     cycle = f"{table.cycle:.12g}"
     point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {cycle}, lookahead, gain)\n"
     numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
