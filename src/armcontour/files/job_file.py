@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from importlib import resources
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
@@ -43,6 +42,9 @@ from armcontour.robot.servo import ServoModel
 Model = TypeVar("Model", bound=JobModel)
 # Keys of `path` that define the geometry of a job. A drawing replaces them.
 GEOMETRY_KEYS = ("points", "start", "segments")
+SCHEMA = FilePath(__file__).with_name("job.schema.json")
+# Folder of the built-in cells.
+CELLS = FilePath(__file__).with_name("cells")
 
 
 def job_text(file: FilePath) -> str:
@@ -102,8 +104,7 @@ def read_data(text: str, source: str) -> dict[str, Any]:
 
 def json_schema() -> dict[str, Any]:
     """JSON Schema of job files, as a dictionary."""
-    file = resources.files("armcontour.files") / "job.schema.json"
-    schema: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    schema: dict[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))
     return schema
 
 
@@ -373,8 +374,7 @@ def _on_drawing(process: Process, drawing: PathModel, existing: Collection[str])
 
 def cell_names() -> tuple[str, ...]:
     """Names of the built-in cells."""
-    files = (resources.files("armcontour.files") / "cells").iterdir()
-    return tuple(sorted(x.name.removesuffix(".yaml") for x in files if x.name.endswith(".yaml")))
+    return tuple(sorted(x.stem for x in CELLS.glob("*.yaml")))
 
 
 def cell_text(name: str) -> str:
@@ -384,8 +384,7 @@ def cell_text(name: str) -> str:
         raise InvalidInput(
             f"There is no cell {name!r}. Name a job file (.yaml), or one of {', '.join(names)}."
         )
-    file = resources.files("armcontour.files") / "cells" / f"{name}.yaml"
-    return file.read_text(encoding="utf-8")
+    return (CELLS / f"{name}.yaml").read_text(encoding="utf-8")
 
 
 @checked

@@ -25,6 +25,7 @@ from armcontour.files.csv_table import (
     rename,
     title_pattern,
 )
+from armcontour.files.drawings.path_reader import YAML
 from armcontour.files.exports.export_table import (
     EVENT_KEYS,
     SetPointTable,
@@ -52,7 +53,6 @@ from armcontour.robot import Limits
 INNER_FIELDS = ("request", "goal", "trajectory", "joint_trajectory")
 # Names of the fields of a time in ROS 2 and ROS 1.
 STAMPS = (("sec", "nanosec"), ("secs", "nsecs"))
-YAMLS = (".yaml", ".yml")
 ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 # Resolution of times in ROS [s].
 NANOSECOND = 1e-9
@@ -215,7 +215,7 @@ def read_trajectory(
         InvalidInput: The file has another form; the message names file and line.
     """
     location = FilePath(file)
-    if location.suffix.lower() in YAMLS:
+    if location.suffix.lower() in YAML:
         return read_ros_motion(location, joint_names, columns)
     text = read_csv_text(file, "trajectory file")
     return parse_trajectory(text, joint_names, source=location.name, columns=columns)

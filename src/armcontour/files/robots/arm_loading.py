@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from functools import cache, partial
-from importlib import resources
-from importlib.resources.abc import Traversable
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -28,8 +26,13 @@ from armcontour.robot.planar import LinkTube, PlanarTwoLink
 from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 from armcontour.robot.serial import SerialArm
 
+# Files of the built-in arms, and of the hulls of their links, which some arms do not have.
+LIBRARY = FilePath(__file__).with_name("library")
+HULLS = LIBRARY / "hulls"
+# Required units of limits.
+LIMITS = {name: x.quantity.unit for name, x in RECORDS.items() if x.kind == "joint"}
 # Required units of the quantities in arm files, by key.
-UNITS = {
+UNITS = LIMITS | {
     "base": "m",
     "links": "m",
     "outer_diameter": "m",
@@ -49,8 +52,6 @@ UNITS = {
     "coulomb": "N m",
     "gravity": "m/s^2",
 }
-# Required units of limits
-LIMITS = {name: x.quantity.unit for name, x in RECORDS.items() if x.kind == "joint"}
 # Arms and links of calibrations of UR, and keys of a link: position [m], and angles [rad].
 CALIBRATED_ARMS = ("ur5e", "ur10e")
 CALIBRATED_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
@@ -77,8 +78,7 @@ def arm_names() -> tuple[str, ...]:
     >>> "ur5e" in ac.arm_names()
     True
     """
-    folder = resources.files("armcontour.files.robots") / "library"
-    return tuple(sorted(x.name[:-5] for x in folder.iterdir() if x.name.endswith(".yaml")))
+    return tuple(sorted(x.stem for x in LIBRARY.glob("*.yaml")))
 
 
 @checked
@@ -190,7 +190,11 @@ def _read_arm(name: str, payload: Payload | None) -> Arm:
             "Describe your own arm in a .urdf or .yaml file."
         )
     arm = arm_of(f"{built_in}.yaml", _built_in(built_in), payload)
-    return arm.with_shapes(partial(read_hulls, built_in)) if _hull_file(built_in).is_file() else arm
+    return (
+        arm.with_shapes(partial(read_hulls, built_in))
+        if (HULLS / f"{built_in}.json").is_file()
+        else arm
+    )
 
 
 def _attach(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
@@ -207,15 +211,11 @@ def _attach(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | N
     return arm
 
 
-UNITS |= LIMITS
-
-
 @cache
 def _built_in(name: str) -> Any:
     """Data of a built-in arm, read-only; cached, because parsing takes most of the loading time."""
-    file = f"{name}.yaml"
-    content = (resources.files("armcontour.files.robots") / "library" / file).read_bytes()
-    return yaml_loader.load(content, file)
+    file = LIBRARY / f"{name}.yaml"
+    return yaml_loader.load(file.read_bytes(), file.name)
 
 
 def arm_of(file: str, data: Any, payload: Payload | None = None) -> Arm:
@@ -371,7 +371,7 @@ def _numbers(location: str, value: Any, unit: str) -> Any:
 
 def read_hulls(name: str) -> ArmShapes:
     """Read the hulls of a built-in arm, which are convex meshes that contain its links."""
-    data = json.loads(_hull_file(name).read_bytes())
+    data = json.loads((HULLS / f"{name}.json").read_bytes())
     return ArmShapes(
         shapes=tuple(
             LinkShape(
@@ -385,11 +385,6 @@ def read_hulls(name: str) -> ArmShapes:
         ),
         source=f"{data['source']} {data['license']}",
     )
-
-
-def _hull_file(name: str) -> Traversable:
-    """File of the hulls of a built-in arm; some arms have no such file."""
-    return resources.files("armcontour.files.robots") / "library" / "hulls" / f"{name}.json"
 
 
 def with_more_shapes(
