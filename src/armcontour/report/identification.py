@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour.control.identification import Identification
-from armcontour.core.render import number
+from armcontour.core.render import LINES, number
 from armcontour.core.result import TABLE, Data
 from armcontour.core.text import capitalise
 from armcontour.report.figure import Curve, Figure, Plot, render_page
 from armcontour.report.section import Chapter, Front, Section, Tile, text_table, tiles
-from armcontour.report.style import EXECUTED_COLOUR, LIMIT_COLOUR, PLANNED_COLOUR
 
 # Gap between successive logs in the figures [s], and height of the plots of a joint [px].
 APART, HEIGHT = 1.0, 56
@@ -94,9 +93,9 @@ def _figure(identification: Identification) -> Figure:
         curves = [
             Curve(x=t, y=y, name=name, colour=colour, width=1.2)
             for name, y, colour in (
-                ("measured", measured, EXECUTED_COLOUR),
-                (SOURCE, measured - residuals, PLANNED_COLOUR),
-                ("residual", residuals * 1e3, LIMIT_COLOUR),
+                ("measured", measured, LINES["executed"]),
+                (SOURCE, measured - residuals, LINES["planned"]),
+                ("residual", residuals * 1e3, LINES["allowed"]),
             )
         ]
         label = f"joint {j + 1}{' [m, mm]' * joint.prismatic}"

@@ -7,13 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.render import LINES, PALETTE
+from armcontour.core.render import PALETTE
 from armcontour.report.view import select_points
 
 RUN_COLOURS = PALETTE["runs"]
-PATH_COLOUR, LIMIT_COLOUR = LINES["objective"], LINES["allowed"]
-PLANNED_COLOUR, EXECUTED_COLOUR = LINES["planned"], LINES["executed"]
-EXPERIMENT_COLOUR = LINES["experiment"]
 # Line style of an experiment, which has the colour of its run.
 EXPERIMENT_DASH = (2.0, 3.0)
 # Line style of a limit or an assigned velocity.

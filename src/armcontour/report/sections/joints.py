@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
+from armcontour.core.render import LINES
 from armcontour.core.result import Row, Table
 from armcontour.jobs import JobResult, RunResult
 from armcontour.report.figure import Curve, Figure, Plot
 from armcontour.report.section import Section, TextTable, text_table
-from armcontour.report.style import EXECUTED_COLOUR, EXPERIMENT_COLOUR, PLANNED_COLOUR
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import Use, use_of
 
@@ -80,13 +80,13 @@ def _motions(result: RunResult) -> Iterator[tuple[str, FloatArray, Sequence[Floa
     """Yield name, times, positions with two derivatives, and look of the curves."""
     if result.experiment is not None:
         done = result.experiment.execution
-        look = {"colour": EXPERIMENT_COLOUR, "width": 1.2}
+        look = {"colour": LINES["experiment"], "width": 1.2}
         yield "experiment", done.t, (done.q, done.dq, done.ddq), look
     if (moved := result.execution) is not None:
-        yield "executed", moved.t, (moved.q, moved.dq, moved.ddq), {"colour": EXECUTED_COLOUR}
+        yield "executed", moved.t, (moved.q, moved.dq, moved.ddq), {"colour": LINES["executed"]}
     t = np.linspace(0, result.trajectory.duration, MAX_POINTS)
     planned = [result.trajectory(t, order) for order in range(3)]
-    yield "planned", t, planned, {"colour": PLANNED_COLOUR, "width": 1.5, "dash": (2.0, 3.0)}
+    yield "planned", t, planned, {"colour": LINES["planned"], "width": 1.5, "dash": (2.0, 3.0)}
 
 
 def _range(curves: list[FloatArray], low: float, high: float) -> tuple[float, float]:

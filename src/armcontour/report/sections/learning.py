@@ -6,20 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armcontour.core.render import number
+from armcontour.core.render import LINES, number
 from armcontour.core.result import FIRST
 from armcontour.report.figure import Curve, Figure, Plot
 from armcontour.report.moving_arm import draw_arm
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, text_table, tiles
 from armcontour.report.sections.motion import error_axis
-from armcontour.report.style import (
-    EXECUTED_COLOUR,
-    LIMIT_DASH,
-    MAX_SENTENCES,
-    PATH_COLOUR,
-    PLANNED_COLOUR,
-)
+from armcontour.report.style import LIMIT_DASH, MAX_SENTENCES
 
 if TYPE_CHECKING:
     from armcontour.jobs.run_learning import LearningStudy
@@ -70,17 +64,17 @@ def _over_runs(study: LearningStudy) -> Figure:
     runs = np.arange(1.0, count + 1)
     rms, largest = 1e3 * np.array([study.errors(k) for k in range(count)]).T
     curves = [
-        Curve(x=runs, y=largest, name="largest", colour=PLANNED_COLOUR, marked=True),
-        Curve(x=runs, y=rms, name="RMS", colour=EXECUTED_COLOUR, marked=True),
+        Curve(x=runs, y=largest, name="largest", colour=LINES["planned"], marked=True),
+        Curve(x=runs, y=rms, name="RMS", colour=LINES["executed"], marked=True),
     ]
     if noise is not None:
         level, name = np.full(count, noise * 1e3), "does not repeat"
-        curves.append(Curve(x=runs, y=level, name=name, colour=PATH_COLOUR, dash=LIMIT_DASH))
+        curves.append(Curve(x=runs, y=level, name=name, colour=LINES["objective"], dash=LIMIT_DASH))
     if (expected := study.lesson.expected) is not None:
         y = np.array([rms[study.lesson.best], expected * 1e3])
         x = np.array([study.lesson.best + 1.0, count + 1.0])
         name = "expected RMS of the next run"
-        curves.append(Curve(x=x, y=y, name=name, colour=EXECUTED_COLOUR, dash=LIMIT_DASH))
+        curves.append(Curve(x=x, y=y, name=name, colour=LINES["executed"], dash=LIMIT_DASH))
     plot = Plot(
         label="error of the tool [mm]",
         x_label="run",
@@ -94,7 +88,7 @@ def _over_runs(study: LearningStudy) -> Figure:
 def _over_time(study: LearningStudy) -> Figure:
     """Figure with the contour error over time in the first and in the best run."""
     best, curves = study.lesson.best, []
-    shown = {0: PLANNED_COLOUR, best: EXECUTED_COLOUR} if best else {0: PLANNED_COLOUR}
+    shown = {0: LINES["planned"], best: LINES["executed"]} if best else {0: LINES["planned"]}
     for k, colour in shown.items():
         profile = study.profile(k)
         name = "before learning" if k == 0 else f"run {k + 1}"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.render import number
+from armcontour.core.render import LINES, number
 from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.rows import allowed_error
 from armcontour.planning.explanation import Binding
@@ -18,14 +18,7 @@ from armcontour.report.plan_drawing import colour_of, kind_of, word_of
 from armcontour.report.plan_frames import time_table
 from armcontour.report.section import Section, text_table
 from armcontour.report.sections.path_section import tools_of
-from armcontour.report.style import (
-    DECADES,
-    EXPERIMENT_DASH,
-    LIMIT_COLOUR,
-    LIMIT_DASH,
-    run_colours,
-    run_widths,
-)
+from armcontour.report.style import DECADES, EXPERIMENT_DASH, LIMIT_DASH, run_colours, run_widths
 
 # Ratio of the largest errors of two runs above which the axis of errors is logarithmic, and share
 # of the allowed error above which it is drawn.
@@ -181,7 +174,7 @@ def _largest_on_contours(study: JobResult) -> float:
 def _assigned(study: JobResult) -> list[Curve]:
     """Curves of assigned velocities; runs with the same constant velocity share a curve."""
     curves: dict[str, Curve] = {}
-    look: dict[str, Any] = {"colour": LIMIT_COLOUR, "dash": LIMIT_DASH, "width": 1.0}
+    look: dict[str, Any] = {"colour": LINES["allowed"], "dash": LIMIT_DASH, "width": 1.0}
     for name, result in study.runs.items():
         t, value = _assigned_speeds(result)
         known = value[np.isfinite(value)]
