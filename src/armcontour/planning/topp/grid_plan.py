@@ -67,8 +67,9 @@ MAX_OFFSET_SHARE = 0.5
 NEGLIGIBLE = 1e-150  # coefficients below this are zero
 BLOCK = 1 << 13  # number of stored intervals, which limits the memory
 MIN_DIVISOR = 1e-300  # lower bound of divisors; its root is far below any path speed
-# positions in the result of `_linear_row`: coefficients at the end, and the rise
-AT_END, RISE = 4, 8
+MAX_STEPS = 100  # Newton steps to the largest x of an interval
+# plans of a grid: without friction and margins, with friction, and also with margins
+FREE, WITH_FRICTION, WITH_MARGINS = range(3)
 
 
 class Rules(NamedTuple):
@@ -142,6 +143,15 @@ class LimitLines(NamedTuple):
     scratch: FloatArray
 
 
+class Row(NamedTuple):
+    """A row `low <= a u + b x <= high` at one end of an interval; LANES rows, if of vectors."""
+
+    a: float | Vector
+    b: float | Vector
+    low: float | Vector
+    high: float | Vector
+
+
 @compiled(inner=True, fastmath=FUSED)
 def _margin(rise: FloatArray, i: int, r: int, bounds: MotionBounds) -> float:
     """Margin of row r on interval i that is valid within the bounds."""
@@ -154,7 +164,7 @@ def _write_half_plane(
     lines: LimitLines,
     location: tuple[int, int, int],
     motion: tuple[float, float],
-    row: tuple[Vector, Vector, Vector, Vector],
+    row: Row,
 ) -> None:
     """Write the half-planes `low <= a u + b x <= high` of LANES rows at one end of an interval.
 
@@ -163,9 +173,9 @@ def _write_half_plane(
     - `location`: interval, end and first line.
     - `motion`: length of the interval, and half of the change of u.
     """
-    (i, end, line), (w, turn), (a, b, low, high) = location, motion, row
+    (i, end, line), (w, turn), a, b = location, motion, row.a, row.b
     shift = turn - 2 * turn * end
-    low, high = low + shift * a, high + shift * a
+    low, high = row.low + shift * a, row.high + shift * a
     by_mean, bends = a + (2 * w * end) * b, 2 * w * size(b)
     magnitude, threshold = size(by_mean), TINY * (size(a) + bends)
     alone = size(a) - TINY * bends
@@ -180,11 +190,11 @@ def _write_half_plane(
     low, high = low * inverse, high * inverse
     first = 3 * lines.width * (i & (len(lines.slot_interval) - 1)) + line
     last = first + 2 * lines.width
+    bottom = choose(NEGLIGIBLE, magnitude, lower(low, high), -math.inf)
+    top = choose(NEGLIGIBLE, magnitude, higher(low, high), math.inf)
     store(lines.table, first, choose(NEGLIGIBLE, magnitude, b * inverse, 0.0))
-    store(
-        lines.table, first + lines.width, choose(NEGLIGIBLE, magnitude, lower(low, high), -math.inf)
-    )
-    store(lines.table, last, choose(NEGLIGIBLE, magnitude, higher(low, high), math.inf))
+    store(lines.table, first + lines.width, bottom)
+    store(lines.table, last, top)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -193,20 +203,22 @@ def _write_half_planes(
     i: int,
     line: int,
     motion: tuple[float, float],
-    rows: tuple[tuple[Vector, Vector, Vector, Vector], tuple[Vector, Vector, Vector, Vector]],
+    rows: tuple[Row, Row],
     room: Vector,
     margins: bool,
 ) -> None:
     """Write LANES rows, less their margins, at both ends of interval i; record the margins."""
-    (a0, b0, low0, high0), (a1, b1, low1, high1) = rows
+    start, end = rows
     if margins:
-        remaining = lower(lower(high0, 0.0 - low0), lower(high1, 0.0 - low1))
-        used = room + abs(motion[1]) * higher(size(a0), size(a1))
+        remaining = lower(lower(start.high, 0.0 - start.low), lower(end.high, 0.0 - end.low))
+        used = room + abs(motion[1]) * higher(size(start.a), size(end.a))
         # The share is 1 if rest may violate a limit.
         share = choose(0.0, room, choose(remaining, used, 1.0, room / remaining), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(share))
-    _write_half_plane(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
-    _write_half_plane(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
+    first = Row(start.a, start.b, start.low + room, start.high - room)
+    last = Row(end.a, end.b, end.low + room, end.high - room)
+    _write_half_plane(lines, (i, 0, line), motion, first)
+    _write_half_plane(lines, (i, 1, line + LANES), motion, last)
 
 
 class Bracket(NamedTuple):
@@ -268,23 +280,19 @@ def friction_rise(
 
     `w` is the length of the interval.
     """
-    v0, v1, deviation = (
-        friction.viscous[i, 0, j],
-        friction.viscous[i, 1, j],
-        friction.within[i, j, DEVIATION],
-    )
+    v0, v1 = friction.viscous[i, 0, j], friction.viscous[i, 1, j]
+    deviation = friction.within[i, j, DEVIATION]
     by_slope = slope * max(abs(v0), abs(v1)) * w * w / 4
     return slope * abs(v1 - v0) * w / 2, slope * deviation, by_slope, offset * deviation
 
 
 @compiled(inner=True)
-def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float, float]:
-    """Products a a, a b and b b of the vectors of limit r at one end of interval i."""
-    aa = ab = bb = 0.0
+def _square_of_a(ends: FloatArray, i: int, end: int, r: int) -> float:
+    """Square of the vector a of limit r at one end of interval i."""
+    square = 0.0
     for d in range(3):
-        a, b = ends[i, end, r, A, d], ends[i, end, r, B, d]
-        aa, ab, bb = aa + a * a, ab + a * b, bb + b * b
-    return aa, ab, bb
+        square += ends[i, end, r, A, d] * ends[i, end, r, A, d]
+    return square
 
 
 @compiled(inner=True)
@@ -333,51 +341,55 @@ def _write_conic(
 
 
 @compiled(inner=True)
+def _row_end(ends: FloatArray, i: int, end: int, r: int) -> Row:
+    """Row r at one end of interval i."""
+    return Row(ends[i, end, r, A], ends[i, end, r, B], ends[i, end, r, LOW], ends[i, end, r, HIGH])
+
+
+@compiled(inner=True)
+def _subtract_friction(
+    row: Row, viscous: float, line: tuple[float, float, float], towards: float
+) -> Row:
+    """One limit of a row, less the friction of the line of `bound_friction`.
+
+    - `viscous`: friction at x = 1.
+    - `line`: largest friction, offset and slope.
+    - `towards`: 1 for the upper limit, -1 for the lower one.
+    """
+    largest, offset, slope = line
+    b, less = row.b + viscous * slope, viscous * offset + largest
+    if towards > 0.0:
+        return Row(row.a, b, -math.inf, row.high - less)
+    return Row(row.a, b, row.low - less, math.inf)
+
+
+@compiled(inner=True)
 def _linear_row(
     limits: GridLimits, i: int, r: int, w: float, within: Bracket, margins: bool
-) -> tuple[float, ...]:
-    """Row r of interval i: a, b, low and high at its start and at its end, and the rise.
+) -> tuple[Row, Row, tuple[float, float, float, float]]:
+    """Row r of interval i at its start and at its end, and its rise.
 
     Rows with friction come first: all upper limits, then all lower limits. `margins` adds the
     friction of joints that may reverse.
     """
-    ends, rise, friction = limits.rows.ends, limits.rows.rise, limits.friction
-    friction_rows = friction.within.shape[1]
-    side = 0 if r < friction_rows else 1 if r < 2 * friction_rows else 2
-    j = r - min(side, 1) * friction_rows
-    a0, b0, low0, high0 = (
-        ends[i, 0, j, A],
-        ends[i, 0, j, B],
-        ends[i, 0, j, LOW],
-        ends[i, 0, j, HIGH],
-    )
-    a1, b1, low1, high1 = (
-        ends[i, 1, j, A],
-        ends[i, 1, j, B],
-        ends[i, 1, j, LOW],
-        ends[i, 1, j, HIGH],
-    )
+    friction, count = limits.friction, limits.friction.within.shape[1]
+    j = r if r < count else r - count
+    start, end = _row_end(limits.rows.ends, i, 0, j), _row_end(limits.rows.ends, i, 1, j)
+    rise = limits.rows.rise
     by_u, by_x = rise[i, j, BY_U], rise[i, j, BY_X]
     by_slope, alone = rise[i, j, BY_SLOPE], rise[i, j, BY_CONSTANT]
-    if side < 2:
-        towards, remaining = (1.0, min(high0, high1)) if side == 0 else (-1.0, min(-low0, -low1))
-        friction_bound, offset, slope = bound_friction(friction, i, j, towards, remaining, within)
-        v0, v1, alike = (
-            friction.viscous[i, 0, j],
-            friction.viscous[i, 1, j],
-            friction_bound * margins,
-        )
-        b0, b1, off0, off1 = b0 + v0 * slope, b1 + v1 * slope, v0 * offset, v1 * offset
-        if side == 0:
-            low0, low1 = -math.inf, -math.inf
-            high0, high1 = high0 - (off0 + alike), high1 - (off1 + alike)
-        else:
-            low0, low1 = low0 - (off0 + alike), low1 - (off1 + alike)
-            high0, high1 = math.inf, math.inf
-        rise_by_line = friction_rise(friction, i, j, offset, slope, w)
-        by_u, by_x = by_u + rise_by_line[BY_U], by_x + rise_by_line[BY_X]
-        by_slope, alone = by_slope + rise_by_line[BY_SLOPE], alone + rise_by_line[BY_CONSTANT]
-    return a0, b0, low0, high0, a1, b1, low1, high1, by_u, by_x, by_slope, alone
+    if r < 2 * count:
+        towards, room = (1.0, min(start.high, end.high))
+        if r >= count:
+            towards, room = -1.0, min(-start.low, -end.low)
+        largest, offset, slope = bound_friction(friction, i, j, towards, room, within)
+        line = largest * margins, offset, slope
+        start = _subtract_friction(start, friction.viscous[i, 0, j], line, towards)
+        end = _subtract_friction(end, friction.viscous[i, 1, j], line, towards)
+        added = friction_rise(friction, i, j, offset, slope, w)
+        by_u, by_x = by_u + added[BY_U], by_x + added[BY_X]
+        by_slope, alone = by_slope + added[BY_SLOPE], alone + added[BY_CONSTANT]
+    return start, end, (by_u, by_x, by_slope, alone)
 
 
 @compiled()
@@ -395,10 +407,10 @@ def rows_with_friction(
     for i in range(n):
         within = bracket(bounds.x_min[i], bounds.x[i])
         for r in range(count):
-            row = _linear_row(limits, i, r, width[i], within, margins)
+            start, end, rise = _linear_row(limits, i, r, width[i], within, margins)
             for k in range(4):
-                rows.ends[i, 0, r, k], rows.ends[i, 1, r, k] = row[k], row[AT_END + k]
-                rows.rise[i, r, k] = row[RISE + k]
+                rows.ends[i, 0, r, k], rows.ends[i, 1, r, k] = start[k], end[k]
+                rows.rise[i, r, k] = rise[k]
     return rows
 
 
@@ -532,8 +544,19 @@ def _write_joint_half_planes(
     lines.cap[i, 0] = min(lines.cap[i, 0], 1.0 / highest(e0) - sag)
     lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
     low, high = load(table, offset + LOWEST), load(table, offset + HIGHEST)
-    rows = (a0, b0, low, high), (a1, b1, low, high)
+    rows = Row(a0, b0, low, high), Row(a1, b1, low, high)
     _write_half_planes(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
+
+
+@compiled(inner=True)
+def _load_row(by_lane: FloatArray, first: int) -> Row:
+    """Load LANES rows whose coefficients begin at index `first`."""
+    return Row(
+        load(by_lane, first + A * LANES),
+        load(by_lane, first + B * LANES),
+        load(by_lane, first + LOW * LANES),
+        load(by_lane, first + HIGH * LANES),
+    )
 
 
 @compiled(inner=True)
@@ -547,42 +570,43 @@ def _write_row_half_planes(
     margins: bool,
 ) -> None:
     """Write LANES rows of interval i from row `first` on, as half-planes."""
-    # `by_lane` has LANES numbers for each coefficient of a row at both ends, then for its margin.
-    # Lanes without a row have no limit.
+    # `by_lane` has LANES numbers for each coefficient of a row at its start, at its end, and for
+    # its margin. Lanes without a row have no limit.
     by_lane, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
-    within = bracket(bounds.x_min[i], bounds.x[i])
+    within, at_end, at_margin = bracket(bounds.x_min[i], bounds.x[i]), 4 * LANES, 8 * LANES
     for lane in range(LANES):
+        start = end = Row(0.0, 0.0, -math.inf, math.inf)
+        room = 0.0
         if first + lane < count:
-            row = _linear_row(limits, i, first + lane, w, within, margins)
-            for k in range(RISE):
-                by_lane[k * LANES + lane] = row[k]
-            room = (
-                row[RISE + BY_U] * bounds.u[i]
-                + row[RISE + BY_X] * bounds.x[i]
-                + row[RISE + BY_SLOPE] * abs(bounds.k[i])
-            )
-            by_lane[RISE * LANES + lane] = room + row[RISE + BY_CONSTANT] if margins else 0.0
-        else:
-            for k in range(RISE + 1):
-                by_lane[k * LANES + lane] = 0.0
-            by_lane[LOW * LANES + lane] = by_lane[(AT_END + LOW) * LANES + lane] = -math.inf
-            by_lane[HIGH * LANES + lane] = by_lane[(AT_END + HIGH) * LANES + lane] = math.inf
-    start = (
-        load(by_lane, A * LANES),
-        load(by_lane, B * LANES),
-        load(by_lane, LOW * LANES),
-        load(by_lane, HIGH * LANES),
-    )
-    end = (
-        load(by_lane, (AT_END + A) * LANES),
-        load(by_lane, (AT_END + B) * LANES),
-        load(by_lane, (AT_END + LOW) * LANES),
-        load(by_lane, (AT_END + HIGH) * LANES),
-    )
-    room = load(by_lane, RISE * LANES)
+            start, end, rise = _linear_row(limits, i, first + lane, w, within, margins)
+            if margins:
+                by = rise[BY_U] * bounds.u[i] + rise[BY_X] * bounds.x[i]
+                room = by + rise[BY_SLOPE] * abs(bounds.k[i]) + rise[BY_CONSTANT]
+        for k in range(4):
+            by_lane[k * LANES + lane], by_lane[at_end + k * LANES + lane] = start[k], end[k]
+        by_lane[at_margin + lane] = room
+    rows = _load_row(by_lane, 0), _load_row(by_lane, at_end)
+    room_by_lane = load(by_lane, at_margin)
     # The lines of the joint bounds come first.
     line = 2 * (LANES * (len(limits.joints) // ROWS) + first)
-    _write_half_planes(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
+    _write_half_planes(lines, i, line, (w, bounds.k[i] * w / 2), rows, room_by_lane, margins)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _write_conics(
+    lines: LimitLines, rounds: Rounds, bounds: MotionBounds, i: int, w: float, margins: bool
+) -> None:
+    """Write the conics of interval i; arguments as in `_write_interval_limits`."""
+    ends, turn = rounds.ends, bounds.k[i] * w / 2
+    for r in range(rounds.radius.shape[1]):
+        radius, room = rounds.radius[i, r], 0.0
+        if margins:
+            room = _margin(rounds.rise, i, r, bounds)
+            by_u = math.sqrt(max(_square_of_a(ends, i, 0, r), _square_of_a(ends, i, 1, r)))
+            _record_margin(lines, i, room, by_u * abs(turn), radius)
+        square = max(radius - room, 0.0) ** 2
+        for end in range(2):
+            _write_conic(lines, i, r, ends, square, (w, turn), end)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -595,10 +619,9 @@ def _write_interval_limits(
     lines: LimitLines,
 ) -> None:
     """Write all limits of interval i into `lines`, less their margins if `margins` is true."""
-    rounds, groups = limits.rounds, len(limits.joints) // ROWS
+    groups = len(limits.joints) // ROWS
     count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     w = grid.s[i + 1] - grid.s[i]
-    turn = bounds.k[i] * w / 2
     lines.slot_interval[i & (len(lines.slot_interval) - 1)] = i
     _write_ceilings(lines, limits, bounds, i, w, margins)
     joint = 0
@@ -607,16 +630,7 @@ def _write_interval_limits(
         joint = next_joint(grid, joint)
     for r in range(0, count, LANES):
         _write_row_half_planes(lines, limits, bounds, i, r, w, margins)
-    for r in range(rounds.radius.shape[1]):
-        radius, room = rounds.radius[i, r], 0.0
-        if margins:
-            room = _margin(rounds.rise, i, r, bounds)
-            first, _, _ = _products(rounds.ends, i, 0, r)
-            last, _, _ = _products(rounds.ends, i, 1, r)
-            _record_margin(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
-        square = max(radius - room, 0.0) ** 2
-        for end in range(2):
-            _write_conic(lines, i, r, rounds.ends, square, (w, turn), end)
+    _write_conics(lines, limits.rounds, bounds, i, w, margins)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -680,6 +694,46 @@ def _fastest_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
     return float(best)
 
 
+@compiled(inner=True, fastmath=FUSED)
+def _largest_start(
+    lines: LimitLines, i: int, w: float, ceiling: float, last: float, below: int
+) -> tuple[float, float, int, int]:
+    """Largest x at the start of interval i from which x at its end is at most `last`.
+
+    The range of the mean u is concave in x and not empty for x = 0, so Newton steps from the
+    ceiling converge to the largest x with a range.
+
+    Returns x; the largest mean u; the line that limits it from below, or -1; and FOUND, STUCK or
+    UNLIMITED.
+
+    - `w`: length of the interval.
+    - `below`: the line that limits the mean u from below on interval i + 1, or -1.
+    """
+    steep, x, high = 0.5 / w, ceiling, 0.0
+    # The same line on interval i and the largest x at its end give a first upper bound of x.
+    if below >= 0:
+        line = 3 * lines.width * (i & (len(lines.slot_interval) - 1)) + below
+        tilt, bottom = lines.table[line], lines.table[line + lines.width]
+        if tilt < steep and last * steep - bottom < (steep - tilt) * x:
+            x = max((last * steep - bottom) / (steep - tilt) * INSIDE, 0.0)
+    for _ in range(MAX_STEPS):
+        low, high = _mean_range(lines, i, x)
+        if low == -math.inf or high == math.inf:
+            return x, high, below, UNLIMITED
+        high = min(high, (last - x) * steep)
+        if max(low, -x * steep) <= high:
+            return x, high, below, FOUND
+        low, high, low_tilt, high_tilt, below = _mean_range_slopes(lines, i, x)
+        if (last - x) * steep < high:
+            high, high_tilt = (last - x) * steep, steep
+        if -x * steep > low:
+            low, low_tilt = -x * steep, steep
+        following = x - (low - high) / (high_tilt - low_tilt)
+        # Near zero, x is a difference of large numbers, so a step ends slightly above the root.
+        x = following * INSIDE if following > FAR * x else max(following, 0.0) + ROUNDED * x
+    return x, high, below, STUCK
+
+
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def _backward_forward_pass(
     grid: Intervals,
@@ -691,9 +745,6 @@ def _backward_forward_pass(
     squares: PassSquares,
 ) -> int:
     """Write the limits and the largest feasible x, by a backward and a forward pass.
-
-    Backward pass: the range of the mean u is concave in x and not empty for x = 0, so Newton steps
-    from the cap converge to the largest x with a range.
 
     Returns -1 if a plan was found, the index of an interval on which no motion is allowed, or n
     plus the index of an interval without limits.
@@ -724,39 +775,12 @@ def _backward_forward_pass(
             stuck = n + i
         if stuck >= 0:
             continue
-        steep, y = 0.5 / (grid.s[i + 1] - grid.s[i]), reachable[i + 1]
-        trial = min(trial, LARGEST_X)
-        # `below`: index of the line that limits the mean u from below on the interval solved
-        # before, i + 1. The same line on interval i, and the largest x at its end, y, give a first
-        # upper bound of x.
-        if below >= 0:
-            line = 3 * lines.width * (i & slots) + below
-            tilt, bottom = lines.table[line], lines.table[line + lines.width]
-            if tilt < steep and y * steep - bottom < (steep - tilt) * trial:
-                trial = max((y * steep - bottom) / (steep - tilt) * INSIDE, 0.0)
-        for _ in range(100):
-            low, high = _mean_range(lines, i, trial)
-            if low == -math.inf or high == math.inf:
-                stuck = n + i
-                break
-            high = min(high, (y - trial) * steep)
-            if max(low, -trial * steep) <= high:
-                break
-            low, high, low_tilt, high_tilt, below = _mean_range_slopes(lines, i, trial)
-            if (y - trial) * steep < high:
-                high, high_tilt = (y - trial) * steep, steep
-            if -trial * steep > low:
-                low, low_tilt = -trial * steep, steep
-            next_trial = trial - (low - high) / (high_tilt - low_tilt)
-            # Near zero, x is a difference of large numbers, so a step ends slightly above the root.
-            trial = (
-                next_trial * INSIDE
-                if next_trial > FAR * trial
-                else max(next_trial, 0.0) + ROUNDED * trial
-            )
-        else:
-            stuck = i
-        reachable[i], mean[i] = trial, high
+        trial, mean[i], below, outcome = _largest_start(
+            lines, i, grid.s[i + 1] - grid.s[i], min(trial, LARGEST_X), reachable[i + 1], below
+        )
+        reachable[i] = trial
+        if outcome != FOUND:
+            stuck = i if outcome == STUCK else n + i
     if stuck >= 0:
         return stuck
     x[0] = min(rules.start, reachable[0])
@@ -1017,6 +1041,34 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     return GridPlan(x, k, lost, *write_plan(grid, limits, rules, x, k, lost))
 
 
+@compiled(inner=True, allocates=True)
+def _make_lines(limits: GridLimits, lost: FloatArray) -> LimitLines:
+    """Lines for the limits, without any limit on an interval yet; `lost` is the field's array."""
+    n, slots, joint_groups = len(lost), 1, len(limits.joints) // ROWS
+    while slots < min(n, BLOCK):
+        slots *= 2
+    rows = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
+    row_groups = (rows + LANES - 1) // LANES
+    width = 2 * LANES * max(1, joint_groups + row_groups)
+    lines = LimitLines(
+        np.empty(3 * width * slots),
+        width,
+        np.full(slots, -1),
+        np.empty((slots, 2 * limits.rounds.radius.shape[1], 5)),
+        np.empty((n, 2)),
+        lost,
+        np.empty(9 * LANES),
+    )
+    if row_groups > 0 or joint_groups == 0:
+        # Lines that are never written must not limit x or m.
+        table = lines.table.reshape((slots, 3, width))
+        for slot in range(slots):
+            for line in range(width):
+                table[slot, 0, line], table[slot, 1, line] = 0.0, -math.inf
+                table[slot, 2, line] = math.inf
+    return lines
+
+
 @compiled()
 def write_plan(
     grid: Intervals,
@@ -1031,45 +1083,24 @@ def write_plan(
     width, cap, reachable = np.empty(n), np.empty(n + 1), np.empty(n + 1)
     squares = PassSquares(cap, reachable, x)
     bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), k)
-    changed, slots = np.ones(n, np.bool_), 1
-    while slots < min(n, BLOCK):
-        slots *= 2
-    groups = (limits.rows.rise.shape[1] + friction_rows + LANES - 1) // LANES
-    count = 2 * LANES * max(1, len(limits.joints) // ROWS + groups)
-    lines = LimitLines(
-        np.empty(3 * count * slots),
-        count,
-        np.full(slots, -1),
-        np.empty((slots, 2 * limits.rounds.radius.shape[1], 5)),
-        np.empty((n, 2)),
-        lost,
-        np.empty((RISE + 1) * LANES),
-    )
+    changed, lines = np.ones(n, np.bool_), _make_lines(limits, lost)
     x_best, k_best, lost_best, shortest = x, k, lost, math.inf
-    kind, tangents = 0, 0
-    # The first plan has no friction.
+    stage, tangents = FREE, 0
     none = Friction(np.empty((n, 2, 0)), np.empty((n, 0, 3)))
     free = GridLimits(
         limits.rows, limits.squares, limits.rounds, none, limits.ceiling, limits.joints
     )
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
-    if friction_rows > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
-        # Lines that are never written must not limit x or m.
-        for line in range(3 * count * slots):
-            lines.table[line] = 0.0
-        for slot in range(slots):
-            for line in range(3 * count * slot + count, 3 * count * slot + 2 * count):
-                lines.table[line], lines.table[line + count] = -math.inf, math.inf
     for _ in range(rules.tries):
-        used_limits = limits if kind > 0 else free
+        used_limits, margins = free if stage == FREE else limits, stage == WITH_MARGINS
         stuck = _backward_forward_pass(
-            grid, used_limits, bounds, (changed, kind == 2), lines, rules, squares
+            grid, used_limits, bounds, (changed, margins), lines, rules, squares
         )
         if stuck >= n:
             return UNLIMITED, stuck - n, 0.0
         worst = _largest_margin(lines.lost)
-        if kind == 2 and lines.lost[worst] > rules.max_margin:
+        if margins and lines.lost[worst] > rules.max_margin:
             if _drop_slopes(bounds, lines.lost, max(rules.max_margin, rules.steady), changed):
                 continue
             break
@@ -1077,7 +1108,7 @@ def write_plan(
         if outcome != FOUND:
             if shortest < math.inf:
                 break
-            if kind == 2 and n <= rules.enough:
+            if margins and n <= rules.enough:
                 # A finer grid is needed around the failure, or everywhere if the speed at an end is
                 # too high.
                 for i in range(n):
@@ -1085,16 +1116,16 @@ def write_plan(
                         lines.lost[i] = max(lines.lost[i], NO_PLAN_MARGIN)
                 return FINER, max(stuck, 0), 0.0
             return outcome, stuck, allowed
-        if kind < 2:
+        if not margins:
             near = _linearize_friction(x, bounds, rules.near)
-            kind = 1
+            stage = WITH_FRICTION
             if friction_rows and not near and tangents < rules.tangents:
                 tangents += 1
                 continue
             _choose_slopes(grid, limits, cap, x, bounds)
             _bound_motion(width, x, rules, rules.headroom, bounds)
             changed[:] = True
-            kind = 2
+            stage = WITH_MARGINS
         elif _prove_or_widen(width, x, rules, bounds, friction_rows > 0, changed):
             if not friction_rows:
                 return FOUND, -1, 0.0
