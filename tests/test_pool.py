@@ -2,7 +2,7 @@
 
 import os
 import sys
-from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from functools import partial
 from operator import truediv
 
@@ -24,6 +24,7 @@ from armcontour.core.pool import (
     pack,
     run_all,
     split_evenly,
+    starting_processes,
     unpack,
 )
 
@@ -165,3 +166,15 @@ def test_options_that_exclude_each_other_are_refused():
     ):
         with pytest.raises(InvalidInput, match=words), open_executor(*arguments):
             pass
+
+
+def test_threads_that_start_processes_at_once_leave_the_environment_as_it_was(monkeypatch):
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+
+    def start(_):
+        with starting_processes() as ends:
+            [end.close() for end in ends]
+
+    with ThreadPoolExecutor(8) as executor:
+        list(executor.map(start, range(200)))
+    assert "PYTHONSAFEPATH" not in os.environ

@@ -52,6 +52,7 @@ ENVIRONMENT = dict.fromkeys(
 )
 # Per thread: `busy` is True while the thread works for another process or an executor.
 _threads = threading.local()
+_changing_environment = threading.Lock()
 
 
 class ProcessEnded(ExecutionError):
@@ -138,14 +139,16 @@ def starting_processes() -> Iterator[tuple[Connection, Connection]]:
 
     from loky.backend import resource_tracker as loky_tracker
 
-    # Also the processes that clean up after others must not import from the current folder.
-    before = os.environ.get("PYTHONSAFEPATH")
-    os.environ["PYTHONSAFEPATH"] = "1"
-    resource_tracker.ensure_running()
-    loky_tracker.ensure_running()
-    del os.environ["PYTHONSAFEPATH"]
-    if before is not None:
-        os.environ["PYTHONSAFEPATH"] = before
+    # Also the processes that clean up after others must not import from the current folder. The
+    # environment is that of all threads, so one thread changes it at a time.
+    with _changing_environment:
+        before = os.environ.get("PYTHONSAFEPATH")
+        os.environ["PYTHONSAFEPATH"] = "1"
+        resource_tracker.ensure_running()
+        loky_tracker.ensure_running()
+        del os.environ["PYTHONSAFEPATH"]
+        if before is not None:
+            os.environ["PYTHONSAFEPATH"] = before
     if not hasattr(signal, "pthread_sigmask"):
         yield Pipe(duplex=False)
         return
