@@ -187,11 +187,13 @@ def test_an_earlier_result_is_exported_with_the_derivatives_of_its_run(method, t
     about = {"job": "line", "arm": {"joints": ARM.joint_names}, "runs": runs}
     with ResultFolder(tmp_path / "out") as folder:
         names, samples = ARM.joint_names, planned.sample(CYCLE)
-        folder.place(SUMMARY, lambda file: file.write_text(json.dumps(about)))
-        folder.place(
+        folder.write_with(SUMMARY, lambda file: file.write_text(json.dumps(about)))
+        folder.write_with(
             "a/set_points.csv", partial(write_set_points, set_points=set_points, joint_names=names)
         )
-        folder.place("a/planned.csv", partial(write_planned, samples=samples, joint_names=names))
+        folder.write_with(
+            "a/planned.csv", partial(write_planned, samples=samples, joint_names=names)
+        )
     for derivatives in (1, 2):
         from_file = read_run(tmp_path / "out").set_points(derivatives=derivatives)
         expected = make_table(set_points, name="x", derivatives=derivatives)

@@ -86,7 +86,7 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
             file = f"{name}/export/{what}{ending_of(kind)}"
             with error_context(label):
                 table = format.select(table)
-                folder.place(file, partial(format.write, table))
+                folder.write_with(file, partial(format.write, table))
             sentences += format.describe(table)
             warnings |= {f"Warning: {label}, run {name}: {x}": None for x in sentences}
             written.append(f"Exported {file}: {count_noun(len(table.t), 'point')}.")

@@ -135,7 +135,7 @@ def _write_study(study: LearningStudy, folder: ResultFolder) -> None:
     """Write the set-points of the next run and the report."""
     name = study.plan.run.name
     write_motions(folder, study.job, {name: replace(study.plan, set_points=study.lesson)})
-    folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
+    folder.write_with(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
     folder.write(REPORT, render_learning(study))
 
 

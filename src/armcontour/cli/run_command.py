@@ -89,17 +89,17 @@ def write_motions(
         set_points = partial(
             files.write_set_points, set_points=result.set_points, joint_names=joints
         )
-        folder.place(f"{prefix}{name}/set_points.csv", set_points)
+        folder.write_with(f"{prefix}{name}/set_points.csv", set_points)
         plan = partial(
             files.write_planned,
             samples=planned,
             joint_names=joints,
             prismatic=job.arm.chain.prismatic,
         )
-        folder.place(f"{prefix}{name}/planned.csv", plan)
+        folder.write_with(f"{prefix}{name}/planned.csv", plan)
         if job.arm.has_bodies:
             torque = partial(files.write_torque, samples=planned, arm=job.arm)
-            folder.place(f"{prefix}{name}/torque.csv", torque)
+            folder.write_with(f"{prefix}{name}/torque.csv", torque)
 
 
 def _result_lines(study: jobs.JobResult) -> Sequence[str]:

@@ -79,10 +79,10 @@ class ResultFolder:
 
     def write(self, name: str, text: str) -> None:
         """Write a text file with a name relative to the result folder."""
-        self.place(name, lambda file: file.write_text(text, encoding="utf-8"))
+        self.write_with(name, lambda file: file.write_text(text, encoding="utf-8"))
 
-    def place(self, name: str, write: Callable[[FilePath], object]) -> None:
-        """Write a file or a folder of files by a function.
+    def write_with(self, name: str, write: Callable[[FilePath], object]) -> None:
+        """Create a file or a folder by calling a function with its path.
 
         Args:
             name: Name of the file or folder, relative to the result folder.

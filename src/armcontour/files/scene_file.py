@@ -139,7 +139,7 @@ def _link_shape(
 ) -> LinkShape:
     """Shape of a link; with the frame `tip` of the tip in the last link, a shape of the tool."""
     with error_context(key):
-        shape, frame = _shape(model, folder), _body_frame(model)
+        shape, frame = _read_shape(model, folder), _body_frame(model)
         if tip is not None:
             frame = tip @ frame
         body = LinkShape(name=model.name, link=link, shape=shape, place=frame, tool=tip is not None)
@@ -152,7 +152,7 @@ def _obstacle(model: ObstacleModel, folder: FilePath, part: Frame) -> Obstacle:
         place = _body_frame(model)
         return Obstacle(
             name=model.name,
-            shape=_shape(model, folder),
+            shape=_read_shape(model, folder),
             place=part @ place if model.fixed_to == PART else place,
             fixed_to=model.fixed_to,
             margin=model.margin,
@@ -185,7 +185,7 @@ def upright(z: FloatArray) -> FloatArray:
     return exp(shortest([0.0, 0.0, 1.0], z))
 
 
-def _shape(model: BodyModel, folder: FilePath) -> Shape:
+def _read_shape(model: BodyModel, folder: FilePath) -> Shape:
     """Shape of a body; reads the file of a mesh."""
     required, optional = BODY_KEYS[model.type], OPTIONAL_KEYS.get(model.type, ())
     for key in ("size", "radius", "length", "normal", "file", "unit"):

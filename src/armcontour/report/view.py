@@ -206,9 +206,10 @@ def simplify(curves: Sequence[FloatArray], error: float, limit: int = MAX_DRAWN)
 def essential_points(
     points: FloatArray, ends: IntArray, error: float, max_corners: int = MAX_CORNERS
 ) -> BoolArray:
-    """Mask of drawn points, (n,): corners, and points that keep the drawing within `error`.
+    """Mask of the points to draw, (n,): corners, and points that keep all within `error` [m].
 
-    `ends`: index of the first point of each line, and the number of points at the end.
+    - `ends`: index of the first point of each line, and the number of points at the end.
+    - `max_corners`: with more corners than this, corners are not preferred.
     """
     mask = np.zeros(len(points), dtype=bool)
     mask[ends[:-1]] = mask[ends[1:] - 1] = True

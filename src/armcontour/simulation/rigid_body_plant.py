@@ -212,7 +212,7 @@ class RigidBodyPlant(LimitedPlant):
 
     def _come_to_rest(
         self, robot: _Robot, set_points: SetPoints, steps: int, every: int
-    ) -> list[_Log]:
+    ) -> list[_DriveRecord]:
         """Simulate after the last set-point until all joints are at rest; returns the logs."""
         window = rest_window(self.servo)
         commands = np.tile(set_points.q[-1], (int(np.ceil(window / set_points.cycle)) * steps, 1))
@@ -243,7 +243,7 @@ class RigidBodyPlant(LimitedPlant):
             joint=j,
         )
 
-    def _check_strength(self, log: _Log, last: FloatArray, now: float) -> None:
+    def _check_strength(self, log: _DriveRecord, last: FloatArray, now: float) -> None:
         """Raise an error if a drive is saturated during the whole time at rest."""
         weak = (log.torque_demand != log.torque).all(axis=0)
         if not weak.any():
@@ -263,7 +263,7 @@ class RigidBodyPlant(LimitedPlant):
             allowed=allowed,
         )
 
-    def _execution(self, set_points: SetPoints, logs: list[_Log], span: float) -> Execution:
+    def _execution(self, set_points: SetPoints, logs: list[_DriveRecord], span: float) -> Execution:
         """Join consecutive logs with the time `span` between results [s] to an execution."""
         columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in LOGGED}
         return Execution(
@@ -292,7 +292,7 @@ class RigidBodyPlant(LimitedPlant):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Log:
+class _DriveRecord:
     """Results of n successive steps of the drives."""
 
     q: FloatArray  # Positions at the starts of the steps [rad], (n, dof)
@@ -313,7 +313,7 @@ class _Log:
         torque_demand: FloatArray,
         torque: FloatArray,
         step: float,
-    ) -> _Log:
+    ) -> _DriveRecord:
         """Log from states at the starts of steps and at the end, (n + 1, ...), and loop outputs."""
         return cls(
             q=q[:-1],
@@ -330,9 +330,9 @@ class _Log:
         """Range of motion of the joints, also within steps [rad], (dof,)."""
         return np.asarray(np.ptp(self.q, axis=0) + np.abs(self.dq).max(axis=0) * step)
 
-    def thinned(self, every: int) -> _Log:
+    def thinned(self, every: int) -> _DriveRecord:
         """Copy with one of `every` steps, so that the memory of the other steps can be freed."""
-        return _Log(
+        return _DriveRecord(
             demand_range=self.demand_range,
             saturated=self.saturated,
             **{name: getattr(self, name)[::every].copy() for name in LOGGED},
@@ -391,7 +391,7 @@ class _Robot:
         # exception. So one step is simulated from Python first, where errors are exceptions.
         self.mujoco.mj_step(self.model, self.mujoco.MjData(self.model))
 
-    def advance(self, commands: FloatArray, integrated: FloatArray) -> _Log:
+    def advance(self, commands: FloatArray, integrated: FloatArray) -> _DriveRecord:
         """Simulate one step per row of the commands [rad], (n, dof).
 
         `integrated` are the commands of the integrators, without acceleration feed-forward.
@@ -414,7 +414,7 @@ class _Robot:
             if reached != end:
                 self._raise_runaway(reached)
         self.steps += n
-        return _Log.from_steps(*rows, self.step)
+        return _DriveRecord.from_steps(*rows, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rest positions [rad], and torques of the loops [N m], (dof,) each."""

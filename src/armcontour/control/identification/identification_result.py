@@ -12,8 +12,8 @@ import numpy as np
 from armcontour._version import __version__
 from armcontour.control.identification.joint_fit import (
     LogSegment,
+    fit_initial_state,
     predict,
-    predict_from_start,
     split_logs,
 )
 from armcontour.control.identification.least_squares import UNITS, Estimate, fastest_motion
@@ -338,7 +338,7 @@ def write_servo(
     """
     rms, largest, offsets = math.nan, math.pi, {}
     if segments:
-        fits = [predict_from_start(s, servo, order, drive_cycle) for s in segments]
+        fits = [fit_initial_state(s, servo, order, drive_cycle) for s in segments]
         offsets = {s.log: offset for s, (_, offset) in zip(segments, fits, strict=True)}
         errors = np.concatenate(
             [(s.y - q)[s.use] for s, (q, _) in zip(segments, fits, strict=True)]

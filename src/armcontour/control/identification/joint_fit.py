@@ -48,6 +48,9 @@ LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
 INITIAL_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
 # Step of numerical derivatives, as a fraction of these typical changes.
 DERIVATIVE_STEP = 1e-5
+# Search of the initial state of a segment with saturation: largest number of steps, fractions of a
+# step that are tried, and the ratio of singular values that counts as zero.
+MAX_STATE_STEPS, STEP_FRACTIONS, NULL_RATIO = 8, (1.0, 0.3, 0.1, 0.01), 1e-14
 # Fitted parameters up to this value are rounding errors at the bound 0.
 ROUNDING = 1e-9
 # Residuals are in mrad (MRAD per rad) and clipped to this magnitude, because trials can diverge.
@@ -367,37 +370,39 @@ def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -
 
 def predict(segment: LogSegment, servo: JointServo, order: str, drive_cycle: float) -> FloatArray:
     """Predicted positions in a log segment [rad], (n,); offset and initial state are fitted."""
-    return predict_from_start(segment, servo, order, drive_cycle)[0]
+    return fit_initial_state(segment, servo, order, drive_cycle)[0]
 
 
-def predict_from_start(
+def fit_initial_state(
     segment: LogSegment, servo: JointServo, order: str, drive_cycle: float
 ) -> tuple[FloatArray, float]:
-    """Predicted positions in a log segment [rad], (n,), and the fitted encoder offset [rad]."""
-    s, b = segment, INITIAL_VALUES[order] + int(servo.ki > 0)
+    """Fit the initial state of a log segment; positions [rad], (n,), and encoder offset [rad]."""
+    count = INITIAL_VALUES[order] + int(servo.ki > 0)
     free = np.isinf(servo.acceleration_limit)
-    scale = INITIAL_SCALES[:b]
-    steps = np.diag(INITIAL_SCALES)[:b] * (1.0 if free else DERIVATIVE_STEP)
+    scale, used, y = INITIAL_SCALES[:count], segment.use, segment.y
+    steps = np.diag(INITIAL_SCALES)[:count] * (1.0 if free else DERIVATIVE_STEP)
     steps[0] = 0.0
 
     def simulate(begins: FloatArray) -> FloatArray:
         offset, q0, dq0, ddq0 = begins.T
-        return np.asarray(follow(s.command, servo, q0, dq0, drive_cycle, ddq0) + offset[:, None])
+        q = follow(segment.command, servo, q0, dq0, drive_cycle, ddq0)
+        return np.asarray(q + offset[:, None])
 
-    x = np.array([0.0, s.y[0], s.velocity, 0.0])
+    x = np.array([0.0, y[0], segment.velocity, 0.0])
     q = simulate(x + steps)
     # Without saturation the motion is linear in its initial state, so one iteration is sufficient.
-    for _ in range(1 if free else 8):
+    for _ in range(1 if free else MAX_STATE_STEPS):
         slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
         slopes[0] = 1.0
-        both = np.concatenate([slopes[:, s.use] * scale[:, None], (s.y - q[0])[None, s.use]])
-        square = np.einsum("ik,jk->ij", both, both)
+        rows = np.concatenate([slopes[:, used] * scale[:, None], (y - q[0])[None, used]])
+        gram = np.einsum("ik,jk->ij", rows, rows)
+        inverse = np.linalg.pinv(gram[:count, :count], NULL_RATIO, hermitian=True)
         step = np.zeros(len(x))
-        step[:b] = np.linalg.pinv(square[:b, :b], 1e-14, hermitian=True) @ square[:b, b] * scale
-        for share in (1.0, 0.3, 0.1, 0.01):
-            trial = simulate(x + share * step + steps)
-            if np.sum((s.y - trial[0])[s.use] ** 2) <= square[b, b]:
-                x, q = x + share * step, trial
+        step[:count] = inverse @ gram[:count, count] * scale
+        for fraction in STEP_FRACTIONS:
+            trial = simulate(x + fraction * step + steps)
+            if np.sum((y - trial[0])[used] ** 2) <= gram[count, count]:
+                x, q = x + fraction * step, trial
                 break
         else:
             break

@@ -180,15 +180,17 @@ def learn(
     if not logs:
         raise InvalidInput("The number of logs must be at least one, but is 0.")
     recordings = [record(x, set_points) for x in logs]
-    lifted = _lift(set_points, recordings, Nominal(arm, servo, gravity_feedforward))
+    lifted = _make_lifted_model(set_points, recordings, Nominal(arm, servo, gravity_feedforward))
     new = tuple(_measure_errors(lifted, set_points, x) for x in recordings)
     for recording, run in zip(recordings, new, strict=True):
         log_alignment.require_same_set_points(recording, run, set_points)
     return _learn_next(set_points, lifted, new, limits)
 
 
-def _lift(set_points: SetPoints, recordings: Sequence[Recording], nominal: Nominal) -> Lifted:
-    """Model of the run: that of the earlier runs, or a new one that lasts until the arm rests."""
+def _make_lifted_model(
+    set_points: SetPoints, recordings: Sequence[Recording], nominal: Nominal
+) -> Lifted:
+    """Lifted model: that of the earlier runs, or a new one that lasts until the arm is at rest."""
     if isinstance(set_points, LearningResult):
         nominal = nominal._replace(servo=set_points.servo)
         return set_points.lifted or Lifted(set_points, nominal, len(set_points.runs[0].error))

@@ -130,13 +130,13 @@ def _load(name: str | FilePath, options: ArmOptions, payload: Payload | None) ->
     arm = _read_arm(str(name), payload)
     if options.joint_limits is None:
         return arm
-    from armcontour.files.robots.moveit_limits import limits_of, override_limits, table_of
+    from armcontour.files.robots.moveit_limits import make_limits, override_limits, table_of
 
     table = table_of(arm.limits, arm.dof)
     override_limits(table, arm.joint_names, options.joint_limits)
     # The file replaces only joint limits; other limits of the arm do not change.
     slides = arm.chain.prismatic or ()
-    replaced = limits_of(table, arm.joint_names, str(options.joint_limits), slides)
+    replaced = make_limits(table, arm.joint_names, str(options.joint_limits), slides)
     values = {key: getattr(replaced, key) for key in table}
     lifted: dict[str, Any] = {key: np.inf for key, x in values.items() if x is None}
     return arm.with_limits(Limits().replace(**values | lifted))

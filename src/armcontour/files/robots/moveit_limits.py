@@ -85,7 +85,7 @@ def override_limits(table: Table, joints: Sequence[str], file: str | FilePath) -
             _override_joint(table, k, f"{file}, joint {joint}", entries[joint])
 
 
-def limits_of(table: Table, joints: Sequence[str], source: str, slides: Sequence[bool]) -> Limits:
+def make_limits(table: Table, joints: Sequence[str], source: str, slides: Sequence[bool]) -> Limits:
     """`Limits` of a table, infinite where a joint has no limit; checks values and ranges.
 
     `slides`: whether each joint is prismatic, for the units of messages.
@@ -106,6 +106,7 @@ def limits_of(table: Table, joints: Sequence[str], source: str, slides: Sequence
                     "joint_limits.",
                     limit=name,
                 )
+        # If one joint has a lower and an upper bound, all need both.
         if any(isinstance(x, list) for x in values):
             limits[name] = [x if isinstance(x, list) else [-x, x] for x in limits[name]]
     ranges = zip(joints, *(limits[x] for x in JOINT_RANGE), strict=True)

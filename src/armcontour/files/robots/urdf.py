@@ -17,7 +17,7 @@ from armcontour.files.robots.moveit_limits import (
     KINDS,
     SOFT,
     Table,
-    limits_of,
+    make_limits,
     narrow_range,
     override_limits,
 )
@@ -190,7 +190,7 @@ def _limits(
         override_limits(stated, names, file)
     if not has_bodies:
         table["joint_torque"] = [None] * len(moving)
-    described = limits_of(table, names, tree.file, [x.kind == "prismatic" for x in moving])
+    described = make_limits(table, names, tree.file, [x.kind == "prismatic" for x in moving])
     _check_radians(table, stated, moving, tree.file)
     limits, assumed_note = assume_accelerations(described, names)
     missing = _missing_limits_note(limits, moving, has_bodies=has_bodies)

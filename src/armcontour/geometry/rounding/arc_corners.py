@@ -160,7 +160,7 @@ class _Connection(_Blend):
             peaks.append(_bound_peaks(length(np.stack(deviations))))
         turn = t / 2 - middle_fraction(True) * connections.lengths_to(EVERY, np.ones(len(t)))
         shares = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
-        largest = np.where(connections.is_valid, np.max(shares, axis=0), np.inf)
+        largest = np.where(connections.valid, np.max(shares, axis=0), np.inf)
         return largest, connections.largest_curvature
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:

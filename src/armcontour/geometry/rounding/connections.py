@@ -99,7 +99,7 @@ class Connections:
         return np.tile(SAMPLES[:, None], len(self))
 
     @property
-    def is_valid(self) -> BoolArray:
+    def valid(self) -> BoolArray:
         """Mask of the connections without loops, cusps and strong variation of speed, (n,)."""
         first = self.evaluate(EVERY, self._sample_parameters, 1)
         speeds = length(first)

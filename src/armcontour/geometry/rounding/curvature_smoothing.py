@@ -139,7 +139,7 @@ def _draw_transitions(
     # The deviation is infinite if a connection has a loop or a cusp.
     rows = path.segments
     connections = connect(rows[vertex], rows[vertex + 1], w)
-    sound = connections.is_valid
+    sound = connections.valid
     middle = np.where(sound, connections.nearest, 0.5)
     drawn, owners, before = draw_connections(connections, rows.starts[vertex + 1], middle)
     # `ends`: ends of the part of the path that each transition replaces. All transitions of a half

@@ -360,7 +360,7 @@ class Machine:
         a, b, c = axes = PLANES[self.plane]
         last, feed = self.draft.last, self._feed()
         start, end = complex(last[a], last[b]), complex(target[a], target[b])
-        arc = self._programmed_arc(block, start, end, bool({a, b} & coordinates.keys()))
+        arc = self._read_arc(block, start, end, bool({a, b} & coordinates.keys()))
         rise = target[c] - last[c]
         if abs(rise) <= SAME_HEIGHT:
             for piece in arc_parts(arc):
@@ -372,9 +372,7 @@ class Machine:
             point[a], point[b], point[c] = x.real, x.imag, last[c] + i / len(points) * rise
             self.draft.add_line(point[0], point[1], point[2], feed)
 
-    def _programmed_arc(
-        self, block: Block, start: complex, end: complex, has_end: bool
-    ) -> ProgrammedArc:
+    def _read_arc(self, block: Block, start: complex, end: complex, has_end: bool) -> ProgrammedArc:
         """The arc of a line; `has_end`: whether the line has a coordinate in the plane."""
         words, turn = block.words, 1 if self.motion == codes.COUNTER_CLOCKWISE else -1
         a, b, c = PLANES[self.plane]
