@@ -24,7 +24,7 @@ from armcontour.planning import check_jerk_support
 from armcontour.program import Program
 from armcontour.robot.servo.model import TRUSTED
 from armcontour.simulation import RigidBodyPlant, ServoPlant, simulate
-from armcontour.simulation.rigid_body_plant import require_mujoco
+from armcontour.simulation.mujoco_model import import_mujoco
 from armcontour.verification import Evaluation, evaluate
 from armcontour.verification.clearance import Clearance
 
@@ -91,7 +91,7 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
             check_jerk_support(Method.SHAPED if run.is_shaped else run.timing.method, run.limits)
             if simulate and run.experiment is not None:
                 with error_context(EXPERIMENT):
-                    require_mujoco()
+                    import_mujoco()
                     fed = run.feeds_gravity_forward
                     plants[run.name] = build_plant(
                         run.experiment, job.arm, job.plant_servo, run.limits, fed

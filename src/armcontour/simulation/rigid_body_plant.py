@@ -471,11 +471,6 @@ def can_simulate() -> bool:
     return importlib.util.find_spec("mujoco") is not None
 
 
-def require_mujoco() -> None:
-    """Raise an error if MuJoCo is not installed."""
-    mujoco_model.import_mujoco()
-
-
 def rest_window(servo: ServoModel) -> float:
     """Time for which the joints must stay within `REST_RANGE` to be at rest [s]."""
     # With an integrator, the slowest time constant of a position loop is at most `1 / kp + 1 / ki`.
@@ -484,19 +479,13 @@ def rest_window(servo: ServoModel) -> float:
 
 
 def _require_chain(arm: Arm) -> Chain:
-    """The chain of an arm; raises an error if masses are missing or joints differ."""
-    chain = arm.chain
+    """The chain of an arm; raises an error if masses are missing."""
     if not arm.has_bodies:
         raise InvalidInput(
             f"A rigid-body plant requires masses, but those of the arm {arm.name} are not known. "
             "Load the arm from a file whose links have masses, centres of mass and inertias."
         )
-    if len(chain) != arm.dof:
-        raise InvalidInput(
-            f"The chain of an arm must have all of its joints, but the arm {arm.name} has "
-            f"{arm.dof} joints and its chain has {len(chain)}."
-        )
-    return chain
+    return arm.chain
 
 
 def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
