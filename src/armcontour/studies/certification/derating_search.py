@@ -366,13 +366,13 @@ def attempts(case: Case, robots: Sequence[FloatArray]) -> Generator[Attempt, Ver
     robots = [*joint_corners(case), *robots]
     moves = _fastest_moves(case, robots)
     goals = [GOALS.copy() for _ in moves]
-    for _ in range(MAX_VERDICTS):
+    for number in range(1, MAX_VERDICTS + 1):
         tries = Counter[int]()
-        active, most = set(range(len(moves))), 0
+        active = set(range(len(moves)))
         while active:
-            counts = [x.trials for x in moves if x.number is not None]
-            most = most or sum(counts) + MAX_TRIALS * len(counts)
-            case.progress(Step((f"trial {sum(counts)} of at most {most}",)))
+            trials = sum(x.trials for x in moves if x.number is not None)
+            name = f"trial {trials} before check {number} of at most {MAX_VERDICTS}"
+            case.progress(Step((name,)))
             attempt = Attempt.joined(case, moves)
             runs = execute(case, attempt.set_points, robots)
             excess = _find_excess(case, attempt, runs, goals, active)
