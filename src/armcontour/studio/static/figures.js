@@ -112,7 +112,7 @@ export function hasMotion(store) {
 /** Accuracy of the figures in one word. @param {Store} store @returns {string} */
 function exactnessOf(store) {
   if (store.isOffline) return "not connected";
-  if (store.refusal?.head.tier === 1) return hasMotion(store) ? "refused, the last" : "refused";
+  if (store.refusal?.head.tier === 1) return hasMotion(store) ? "before the refusal" : "refused";
   if (!hasMotion(store)) return "not planned yet";
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
