@@ -81,6 +81,15 @@ def test_commands_of_make_on_pages_are_targets_and_the_readme_has_the_two_that_s
     assert named[ROOT / "README.md"] == {"demo", "test"}
 
 
+def test_files_that_the_page_for_developers_names_exist():
+    text = (DOCS / "develop.md").read_text(encoding="utf-8")
+    named = re.findall(r"`([\w./]+\.py|[\w./]+/)`", text)
+    tops = [ROOT / x for x in ("src", "tests", "docs", "tools", "benchmarks", "soak")]
+    tree = [f"/{x.as_posix()}" for top in tops for x in (top, *top.rglob("*"))]
+    missing = [x for x in named if not any(y.endswith(f"/{x.rstrip('/')}") for y in tree)]
+    assert len(named) > 20 and missing == []
+
+
 def test_pages_that_are_generated_are_up_to_date():
     old = [x for x, text in job_keys.published().items() if x.read_text(encoding="utf-8") != text]
     assert not old, "make docs writes them again"
