@@ -241,14 +241,6 @@ class Orientation(Checked):
         inner = self.breaks[1:-1].copy()
         return inner[(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)] if len(inner) else inner
 
-    def columns(self, pieces: IntArray) -> dict[str, Any]:
-        """Copies of the rotations and polynomials of some pieces, by the names of the fields.
-
-        Args:
-            pieces: Indices of the pieces, (n,).
-        """
-        return {x: getattr(self, x)[pieces] for x in (*ROTATIONS, *POLYNOMIALS)}
-
     def cut(self, begin: float, length: float, shortest: float) -> Orientation:
         """The orientation along a part of the path.
 
@@ -259,7 +251,7 @@ class Orientation(Checked):
         """
         breaks = self.breaks - begin
         i = np.flatnonzero((breaks[1:] > shortest) & (breaks[:-1] < length - shortest))
-        rows = self.columns(i)
+        rows = copy_pieces(self, i)
         before = max(-float(breaks[i[0]]), 0.0)
         if before > 0:
             # The first piece now starts inside its former range. Its start rotation is the
@@ -359,3 +351,8 @@ def evaluate_polynomials(c: FloatArray, u: FloatArray, order: int = 0) -> FloatA
     for k in range(c.shape[-1] - 1, order - 1, -1):
         values = values * u + math.perm(k, order) * c[..., k]
     return values
+
+
+def copy_pieces(orientation: Orientation, pieces: IntArray) -> dict[str, Any]:
+    """Copies of the rotations and polynomials of some pieces, by the names of the fields."""
+    return {x: getattr(orientation, x)[pieces] for x in (*ROTATIONS, *POLYNOMIALS)}

@@ -57,7 +57,7 @@ class Document:
         self.text = self._opened = text.removeprefix(BOM)
         # The job of a drawing has a file that does not exist yet, so all of its text is unsaved.
         self.saved_text = self.text if saved is not None or file is None else ""
-        self._data = read_data(self.text, source)
+        self._data = read_data(self.text, self.source)
         self._past: list[HistoryEntry] = []
         self._future: list[HistoryEntry] = []
         self.earlier_draft = None if origin is None else find_draft(*origin, self.text)

@@ -86,7 +86,7 @@ WRONG = (
     (numbers(lambda i: f"{i * 15e9},1,1"), {}, "within 1e+10 s"),
     (numbers(lambda i: f"{i},1,{i}e9"), {}, "10000 rad"),
     ("t,u1,q1" + ROWS, {"start": math.nan}, "first time of log.csv must be a number"),
-    ("t,u1,q1" + ROWS, {"end": math.nan}, "last time to use must be a number"),
+    ("t,u1,q1" + ROWS, {"end": math.nan}, "last time of log.csv must be a number"),
     ("t,u1,q1" + ROWS, {"start": 1e308}, "no sample from 1e+308 s to inf s"),
     ("t,u1,q1" + ROWS, {"end": -5.0}, "no sample from -inf s to -5 s"),
     ("t,u1,q1" + ROWS, {"start": 3.0, "end": 2.0}, "no sample from 3 s to 2 s"),

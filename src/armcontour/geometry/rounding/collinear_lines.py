@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.frames import angle_between, exp, shortest
 from armcontour.geometry.biarcs import dot, length
-from armcontour.geometry.orientation import SAME_ORIENTATION
+from armcontour.geometry.orientation import SAME_ORIENTATION, copy_pieces
 from armcontour.geometry.path import Path
 from armcontour.geometry.prescribed_orientation import carry_frame
 from armcontour.geometry.rounding.rounded_orientation import SLIVER
@@ -92,7 +92,7 @@ def merge_lines(path: Path, allowed: FloatArray) -> tuple[Path, IntArray, FloatA
         frame = exp(shortest(rows.tangents[0], table.tangents[0])) @ orientation.starts[0]
         orientation = carry_frame(table, frame, axis_only=orientation.axis_only)
     elif orientation is not None:
-        columns = orientation.columns(first)
+        columns = copy_pieces(orientation, first)
         columns["first"] *= (np.add.reduceat(rows.lengths, first) / table.lengths)[:, None]
         orientation = replace(orientation, breaks=table.breaks, **columns)
     merged = Path(segments=table, merged=path.merged, orientation=orientation)
