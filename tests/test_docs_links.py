@@ -84,7 +84,7 @@ def test_commands_of_make_on_pages_are_targets_and_the_readme_has_the_two_that_s
 def test_files_that_the_page_for_developers_names_exist():
     text = (DOCS / "develop.md").read_text(encoding="utf-8")
     named = re.findall(r"`([\w./]+\.py|[\w./]+/)`", text)
-    tops = [ROOT / x for x in ("src", "tests", "docs", "tools", "benchmarks", "soak")]
+    tops = [ROOT / x for x in ("src", "tests", "docs", "examples", "tools", "soak")]
     tree = [f"/{x.as_posix()}" for top in tops for x in (top, *top.rglob("*"))]
     missing = [x for x in named if not any(y.endswith(f"/{x.rstrip('/')}") for y in tree)]
     assert len(named) > 20 and missing == []
