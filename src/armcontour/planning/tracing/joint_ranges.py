@@ -16,6 +16,7 @@ from armcontour.robot import Arm, Limits
 
 # Tolerance of joint ranges [rad], above rounding errors and below the resolution of robots.
 ROUNDING = 1e-9
+BERNSTEIN = to_bernstein(5)
 
 
 def check_joint_range(joint_path: JointPath, limits: Limits, arm: Arm) -> None:
@@ -29,7 +30,7 @@ def check_joint_range(joint_path: JointPath, limits: Limits, arm: Arm) -> None:
         return
     # Most pieces need no roots, because a polynomial is within the hull of its Bernstein
     # coefficients.
-    hull = np.matmul(to_bernstein(5), joint_path.coefficients)
+    hull = np.matmul(BERNSTEIN, joint_path.coefficients)
     suspect = (hull.min(axis=1) < lower - ROUNDING) | (hull.max(axis=1) > upper + ROUNDING)
     worst, largest = ROUNDING, None
     for piece, joint in np.argwhere(suspect):
