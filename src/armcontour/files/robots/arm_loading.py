@@ -190,11 +190,8 @@ def _read_arm(name: str, payload: Payload | None) -> Arm:
             "Describe your own arm in a .urdf or .yaml file."
         )
     arm = arm_of(f"{built_in}.yaml", _built_in(built_in), payload)
-    return (
-        arm.with_shapes(partial(read_hulls, built_in))
-        if (HULLS / f"{built_in}.json").is_file()
-        else arm
-    )
+    has_hulls = (HULLS / f"{built_in}.json").is_file()
+    return arm.with_shapes(partial(read_hulls, built_in)) if has_hulls else arm
 
 
 def _attach(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
