@@ -37,6 +37,11 @@ def subdivide(values: FloatArray, count: int) -> FloatArray:
     return np.append(inner.ravel(), values[-1])
 
 
+def spread_indices(count: int, most: int) -> IntArray:
+    """At most `most` evenly distributed indices below `count`, with both ends; all if possible."""
+    return np.unique(np.linspace(0, count - 1, most).astype(np.intp))
+
+
 def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
     """Index of each part's item, and of each part in its item, for `count` parts per item."""
     whole = np.repeat(np.arange(len(count)), count)

@@ -10,6 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.render import number
+from armcontour.core.sampled_data import spread_indices
 from armcontour.core.text import capitalise
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job
@@ -44,7 +45,7 @@ class _PathPoints(NamedTuple):
         for k, (_, path) in enumerate(paths):
             s = np.union1d(np.linspace(0, path.length, maximum), path.breaks)
             if len(s) > 2 * maximum:
-                s = s[np.unique(np.linspace(0, len(s) - 1, 2 * maximum).astype(np.intp))]
+                s = s[spread_indices(len(s), 2 * maximum)]
             turned = np.tile(np.eye(3), (len(s), 1, 1))
             if path.orientation is not None:
                 turned = path.orientation(s)

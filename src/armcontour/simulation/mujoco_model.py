@@ -12,6 +12,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.sampled_data import spread_indices
 from armcontour.motion import SetPoints
 from armcontour.robot.bodies import merge_bodies
 from armcontour.robot.chain import Chain
@@ -205,7 +206,7 @@ def count_parts(
     `loop` is J K_v [N m s/rad], (dof,).
     """
     largest = 1
-    looks = np.unique(np.linspace(0, len(set_points.q) - 1, MAX_CHECKS).astype(int))
+    looks = spread_indices(len(set_points.q), MAX_CHECKS)
     for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):
         t = float(set_points.start_time + i * set_points.cycle)
         rates = np.linalg.eigvals(np.linalg.solve(mass, np.diag(viscous)))

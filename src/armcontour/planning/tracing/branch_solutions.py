@@ -12,6 +12,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.pool import map_in_threads, split_evenly
+from armcontour.core.sampled_data import spread_indices
 from armcontour.geometry import Path
 from armcontour.planning.tracing.joint_ranges import out_of_range
 from armcontour.planning.tracing.knots import (
@@ -234,11 +235,6 @@ def _map_in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> l
     return map_in_threads(work, items) if poses >= THREADED_POSES else [work(x) for x in items]
 
 
-def _spread(count: int, most: int) -> IntArray:
-    """At most `most` evenly distributed indices below `count`, with both ends; all if possible."""
-    return np.unique(np.linspace(0, count - 1, most).astype(np.intp))
-
-
 def _rank(
     arm: SerialArm,
     s: FloatArray,
@@ -251,7 +247,7 @@ def _rank(
     # Solutions that repeat an earlier one come last.
     if len(followed) == 1 and len(s) > ROUGH_KNOTS:
         return [shift_by_turns(arm, followed[0])[0]]
-    few = _spread(len(s), ROUGH_KNOTS)
+    few = spread_indices(len(s), ROUGH_KNOTS)
     shifted = [shift_by_turns(arm, q)[0] for q in followed]
     options = {"start_stays": seed is not None, "rounds": ROUGH_ROUNDS}
     rough = _smooth(arm, s[few], poses[few], task, [q[few] for q in shifted], **options)
@@ -298,7 +294,7 @@ class _DistinctSolutions:
 
     @cached_property
     def _few(self) -> IntArray:
-        return _spread(len(self.poses), FEW_KNOTS)
+        return spread_indices(len(self.poses), FEW_KNOTS)
 
     def add(self, q: FloatArray) -> bool:
         """Add joint positions, (n, dof), and return true, unless they repeat a known solution."""
@@ -404,7 +400,7 @@ def _refuse_first_pose(
         _refuse_seed(arm, poses[0], task, seed)
     point = poses[0, :, 3]
     gap = _reach_gap(arm, poses[0], task, seeds(arm)[:REACH_SEEDS])
-    indices = _spread(len(poses), SOME_POSES)
+    indices = spread_indices(len(poses), SOME_POSES)
     gaps = out_of_reach(arm, poses[indices], task, seeds(arm)[:REACH_SEEDS])
     worst = int(indices[np.argmax(gaps)])
     farthest = ""
@@ -454,7 +450,7 @@ def _largest_reach_gap(
     arm: SerialArm, poses: FloatArray, task: int, q: FloatArray
 ) -> tuple[float, int]:
     """Distance of the tool from the pose farthest out of reach [m], and its index; or 0, 0."""
-    indices = _spread(len(poses), MANY_POSES)
+    indices = spread_indices(len(poses), MANY_POSES)
     gaps = out_of_reach(arm, poses[indices], task, q)
     more_seeds = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
     for i in np.argsort(-gaps)[:SOME_POSES]:
