@@ -319,8 +319,7 @@ class Certificate(Result):
             note = ", ".join(f"{x} takes at least {t}" for x, t in others.items())
             yield Row("shape", shape, "", "corner shape", note)
         joint = joint_label(int(self.headroom.argmax()) + 1, self.job.arm.joint_names)
-        note = f"at most, joint {joint}"
-        yield Row("headroom", self.headroom, "1", "acceleration derated", note)
+        yield Row("headroom", self.headroom, "1", "acceleration derated", f"at most, joint {joint}")
         yield Row("pauses", self.pauses, "s", "pauses after rapids" if self.pauses else "")
         yield Row("limits_used", {x.name: x.ratio for x in self.check.uses}, "1")
         yield Row("not_judged", self.check.not_judged)
