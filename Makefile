@@ -46,7 +46,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow newest lowest plain constraints check types layers page size package release docs site links soak bench figures kernels vendor clean
+.PHONY: help demo test slow newest lowest plain constraints check types layers page package release docs site links soak bench figures kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -83,13 +83,12 @@ constraints: $(VENV)/bin/python  ## Write the newest versions to constraints.txt
 	sed -i.old "s/rev: v.*/rev: v$$(sed -n 's/^ruff==//p' constraints.txt)/" .pre-commit-config.yaml
 	rm .pre-commit-config.yaml.old
 
-check: $(VENV)/dev  ## Check format, lint, types, layers and size
+check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	@$(MAKE) --no-print-directory types
 	@$(MAKE) --no-print-directory layers
 	@$(MAKE) --no-print-directory page
-	@$(MAKE) --no-print-directory size
 
 types: $(VENV)/dev  ## Check the types of the package
 	$(BIN)/mypy
@@ -103,9 +102,6 @@ page:  ## Check the types of the Studio's page, where node is found
 	else \
 		echo "The types of the Studio's page were not checked: that needs node with npm, and its registry."; \
 	fi
-
-size: $(VENV)/dev  ## Compare the sizes of code, tests and docs with tools/size.txt
-	$(BIN)/python -m tools.size
 
 package: $(VENV)/dev  ## Build the source archive and the wheels, compare their files, and try the wheels
 	rm -rf dist
