@@ -1,8 +1,8 @@
 """Program that adds a limit with one record and one class, and prints what follows as JSON.
 
-The limit is the acceleration along the path. It needs a process of its own, because `Limits` is
-changed before it is imported. The record is a field of `Limits`, which is added to the text of the
-module; the class is a constraint of the planner.
+The limit is the acceleration along the path. It needs a process of its own, because the modules are
+changed before they are imported: the record is a field of `Limits`, the class a constraint of the
+planner and its name in `FROM_LIMITS`. Both are added to the texts of the modules.
 """
 
 from __future__ import annotations
@@ -31,38 +31,50 @@ def _along(states):
     return np.abs((velocity * states.tool_acceleration).sum(axis=1)) / speed, error
 
 '''
+FROM_LIMITS = "\n# Kinds of constraints that the planner makes from `Limits`"
+LAST_KIND = ")\n\n\ndef constraints_of("
+CONSTRAINT = '''
+class PathAcceleration(ToolConstraint):
+    """Limit `|a u + b x| <= limit`, with the derivatives of the tool's way along its path."""
+
+    serves = ("path_acceleration",)
+    name = LIMITS["path_acceleration"].label
+
+    def discretize(self, path):
+        first, second = self.arm.tool_motion(*path.motion)
+        speed = np.linalg.norm(first, axis=1)
+        along = (first * second).sum(axis=1) / speed
+        terms = tuple(x[:, None] for x in (speed, along, 0 * speed))
+        bound = np.array([self.limit])
+        return (path.rows(terms, -bound, bound),)
+
+'''
 
 
-def add_record():
-    """Import `armcontour.robot.limits` with one more field."""
-    spec = importlib.util.find_spec("armcontour.robot.limits")
+def import_changed(name, added):
+    """Import a module of the package with texts added before places that occur once."""
+    spec = importlib.util.find_spec(name)
     text = Path(spec.origin).read_text(encoding="utf-8")
-    for before, added in ((READ, RATE), (LAST_TEXT, TEXT), (LAST_FIELD, RECORD)):
+    for before, addition in added.items():
         assert text.count(before) == 1
-        text = text.replace(before, added + before)
-    module = types.ModuleType(spec.name)
-    sys.modules[spec.name] = sys.modules["armcontour.robot"].__dict__["limits"] = module
+        text = text.replace(before, addition + before)
+    module = types.ModuleType(name)
+    package, _, last = name.rpartition(".")
+    sys.modules[name] = module
+    sys.modules[package].__dict__[last] = module
     exec(compile(text, spec.origin, "exec"), module.__dict__)
 
 
+def add_record():
+    """Add the field of `Limits`."""
+    added = {READ: RATE, LAST_TEXT: TEXT, LAST_FIELD: RECORD}
+    import_changed("armcontour.robot.limits", added)
+
+
 def add_class():
-    """Define the constraint of the planner, which registers it."""
-    import numpy as np
-
-    from armcontour.planning.constraints import ToolConstraint
-
-    class PathAcceleration(ToolConstraint):
-        """Limit `|a u + b x| <= limit`, with the derivatives of the tool's way along its path."""
-
-        serves = (NAME,)
-
-        def discretize(self, path):
-            first, second = self.arm.tool_motion(*path.motion)
-            speed = np.linalg.norm(first, axis=1)
-            along = (first * second).sum(axis=1) / speed
-            terms = tuple(x[:, None] for x in (speed, along, 0 * speed))
-            bound = np.array([self.limit])
-            return (path.rows(terms, -bound, bound),)
+    """Add the constraint, and its name in the constraints that the planner makes from limits."""
+    added = {FROM_LIMITS: CONSTRAINT, LAST_KIND: "    PathAcceleration,\n"}
+    import_changed("armcontour.planning.constraints", added)
 
 
 JOB = """
@@ -95,6 +107,7 @@ def facts():
 
     import armcontour as ac
     from armcontour.controllers.player import at_speed
+    from armcontour.core.render import limit_style
     from armcontour.planning import explain, stop
 
     def job_of(limit, method="optimal"):
@@ -123,6 +136,7 @@ def facts():
         },
     )
     yield "explained", explain(trajectory, arm, limits).kinds
+    yield "drawn", limit_style("path acceleration")
     yield "ratio", result.runs["only"].evaluation.limit_ratios[NAME]
     t = np.linspace(0.0, free.duration, 2001)
     samples = types.SimpleNamespace(t=t, q=free(t), dq=free(t, 1), ddq=free(t, 2))

@@ -9,9 +9,11 @@ import sys
 import pytest
 
 import armcontour as ac
-from armcontour.planning.constraints import CONSTRAINTS
+from armcontour.core.render import limit_style
+from armcontour.planning.constraints import FROM_LIMITS
+from armcontour.planning.explanation import BETWEEN
 from armcontour.robot.limit_use import States
-from armcontour.robot.limits import JOINT_RANGE, LIMITS
+from armcontour.robot.limits import LIMITS, WITHOUT_CONSTRAINT
 
 # The limit of `added_limit.py`, and its value [m/s²].
 NAME, LIMIT = "path_acceleration", 0.1
@@ -55,10 +57,29 @@ def test_job_files_and_the_form_of_the_studio_have_the_added_limit(facts):
     assert facts["form"] == ["m/s²", "Largest acceleration of the tool along the path."]
 
 
+def test_added_limit_is_not_drawn_like_the_time_between_two_limits(facts):
+    assert facts["drawn"] != limit_style(BETWEEN)
+
+
 def test_every_limit_is_planned_by_a_constraint_or_a_part_of_its_own():
     # Tracing checks the ranges, and a separate planner limits the jerk.
-    served = [*JOINT_RANGE, "joint_jerk", *(x for kind in CONSTRAINTS for x in kind.serves)]
-    assert sorted(served) == sorted(LIMITS)
+    served = [name for kind in FROM_LIMITS for name in kind.serves]
+    assert sorted([*WITHOUT_CONSTRAINT, *served]) == sorted(LIMITS)
+
+
+@pytest.mark.parametrize(
+    ("name", "order"), [("angular_jerk", 3), ("tool_jerk", 3), ("tool_height", 0)]
+)
+def test_limit_that_no_planner_can_keep_is_refused_when_it_is_declared(name, order):
+    program = f"""
+from tests.jobs.added_limit import LAST_FIELD, import_changed
+
+record = "    {name}: Annotated[AccelerationLimit | None, Limit({order})] = None\\n"
+import_changed("armcontour.robot.limits", {{LAST_FIELD: record}})
+"""
+    done = subprocess.run([sys.executable, "-c", program], stderr=subprocess.PIPE, encoding="utf-8")
+    assert done.returncode == 1
+    assert "InvalidInput" in done.stderr and f"{name} has order {order}" in done.stderr
 
 
 def test_every_limit_has_a_label_a_unit_and_a_measure():

@@ -12,8 +12,7 @@ import pytest
 from scipy import sparse
 
 import armcontour as ac
-from armcontour.planning import optimal_timing
-from armcontour.planning.constraints import limits_on
+from armcontour.planning.constraints import constraints_of, limits_on
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
@@ -113,7 +112,7 @@ def first_pass(joint_path, s, arm, limits):
     """The planner's own optimum with the limits kept at the ends of the intervals only."""
     s = np.union1d(s, joint_path.breaks)
     path = SampledJointPath(Grid(joint_path, s, joint_path.locate((s[1:] + s[:-1]) / 2)))
-    active = optimal_timing.constraints_of(joint_path, arm, limits.for_joints(joint_path.dof))
+    active = constraints_of(joint_path, arm, limits.for_joints(joint_path.dof))
     x = plan_on_grid(path.intervals, limits_on(path, active), Rules(tries=1)).x
     return float(np.sum(2 * path.grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))
 

@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.planning import optimal_timing
-from armcontour.planning.constraints import Constraint, JointMotion, SecondOrder
+from armcontour.planning.constraints import Constraint, JointMotion, SecondOrder, constraints_of
 from armcontour.planning.optimal_timing import plan_optimal
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import A, Rounds
@@ -115,7 +115,7 @@ def planned_on(limits, constraint, s):
     """A plan of EVEN with a constraint on the grid points `s`, which is not refined."""
     s = np.union1d(s, EVEN.breaks)
     grid = Grid(EVEN, s, EVEN.locate((s[1:] + s[:-1]) / 2))
-    active = [*optimal_timing.constraints_of(EVEN, None, limits.for_joints(EVEN.dof)), constraint]
+    active = [*constraints_of(EVEN, None, limits.for_joints(EVEN.dof)), constraint]
     law = optimal_timing.time_optimal(grid, active, None, 0.0, 0.0, np.inf)
     return ac.Trajectory(laws=(law,), method="optimal")
 

@@ -8,8 +8,7 @@ from scipy.integrate import quad
 from scipy.special import gamma
 
 import armcontour as ac
-from armcontour.planning import optimal_timing
-from armcontour.planning.constraints import SecondOrder, limits_on
+from armcontour.planning.constraints import SecondOrder, constraints_of, limits_on
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
@@ -322,7 +321,7 @@ def collocated(path, any_arm, limits, intervals=None):
     every interval.
     """
     on = SampledJointPath(place_grid(path, intervals))
-    active = optimal_timing.constraints_of(path, any_arm, limits.for_joints(path.dof))
+    active = constraints_of(path, any_arm, limits.for_joints(path.dof))
     x = plan_on_grid(on.intervals, limits_on(on, active), Rules(tries=1)).x
     return float(np.sum(2 * on.grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))
 

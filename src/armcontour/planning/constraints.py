@@ -39,13 +39,10 @@ from armcontour.planning.topp.limit_forms import (
 from armcontour.planning.topp.sampled_joint_path import ROUNDING, SampledJointPath
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, require_orientation
-from armcontour.robot.limits import LIMITS, TOOL_LIMITS
+from armcontour.robot.limits import LIMITS, TOOL_LIMITS, WITHOUT_CONSTRAINT
 
 # Times of the samples of an interval as fractions of its duration, (5, 1)
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
-# Classes of constraints of `Limits`. The order is that of the planner, which requires the rows with
-# viscous friction first. An explanation prefers the first of two limits with equal fractions.
-CONSTRAINTS: list[type[Constraint]] = []
 Coefficients = Callable[[FloatArray, str], tuple[FloatArray, FloatArray, FloatArray]]
 # Positions of the samples on a piece of the joint path, as fractions of its length, (9, 1)
 PIECE_SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
@@ -117,21 +114,19 @@ class IntervalEnds:
 
 
 class Constraint:
-    """One limit along a path; this base class limits nothing."""
+    """One limit along a path; this base class limits nothing.
 
-    # Fields of `Limits`, for which the planner makes this constraint by `of`
+    A constraint reaches the planner in one of two ways: as a class in `Optimal.from_limits`, of
+    which `from_limits` makes an object for each plan, or as an object in `Optimal.constraints`.
+    """
+
+    # Fields of `Limits` that the constraint keeps; only for classes in `Optimal.from_limits`
     serves: ClassVar[tuple[str, ...]] = ()
     name = ""  # Name in messages, such as "acceleration"
     limit: float | FloatArray = np.inf  # Largest value; one number, or one per joint
     joints = False  # True if each joint has its own limit; explanations then name the joint
     curved = False  # True if the limit has a term in sqrt(x), viscous friction
     brakes = False  # True if a limit of the tool also restricts the path acceleration
-
-    def __init_subclass__(cls) -> None:
-        """Register the class for the limits that it serves."""
-        if "serves" in vars(cls):
-            CONSTRAINTS.append(cls)
-            cls.name = LIMITS[cls.serves[0]].label if len(cls.serves) == 1 else ""
 
     @classmethod
     def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> Constraint | None:
@@ -266,6 +261,7 @@ class JointTorque(Constraint):
     """`|a u + b x + c + viscous q' sqrt(x) + coulomb sign(q')| <= limit` for every joint."""
 
     serves = ("joint_torque",)
+    name = LIMITS["joint_torque"].label
     limit: FloatArray  # Largest torques [N m], (dof,)
     joints = True
 
@@ -541,6 +537,7 @@ class ToolAcceleration(ToolConstraint):
     """Limit `|p' dds + p'' ds²| <= limit` of the acceleration of the tool position p [m/s²]."""
 
     serves = ("tool_acceleration",)
+    name = LIMITS["tool_acceleration"].label
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Vectors in a frame that turns with the motion, in which they are constant on circles."""
@@ -553,6 +550,7 @@ class AngularSpeed(ToolConstraint):
     """Limit `|w|² ds² <= limit²`, where w is the angular velocity of the tool at ds = 1 [rad/m]."""
 
     serves = ("angular_speed",)
+    name = LIMITS["angular_speed"].label
     brakes = False
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
@@ -566,6 +564,7 @@ class AngularAcceleration(ToolConstraint):
     """Limit `|w dds + w' ds²| <= limit`, where w is the angular velocity of the tool at ds = 1."""
 
     serves = ("angular_acceleration",)
+    name = LIMITS["angular_acceleration"].label
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Angular velocity at ds = 1 and its derivative in s, as vectors."""
@@ -573,3 +572,52 @@ class AngularAcceleration(ToolConstraint):
         w = tool.tool_twist(q, first)[:, 3:]
         rate = tool.tool_twist_rate(q, first, second)[:, 3:]
         return (path.round(w, rate, self.limit),)
+
+
+# Kinds of constraints that the planner makes from `Limits`. The order matters: rows with viscous
+# friction come first, and an explanation prefers the first of two limits with equal fractions.
+FROM_LIMITS: tuple[type[Constraint], ...] = (
+    JointTorque,
+    JointMotion,
+    ToolPace,
+    ToolAcceleration,
+    AngularSpeed,
+    AngularAcceleration,
+)
+
+
+def constraints_of(
+    joint_path: JointPath,
+    arm: Arm,
+    limits: Limits,
+    kinds: Sequence[type[Constraint]] = FROM_LIMITS,
+) -> list[Constraint]:
+    """Make the constraints that keep the limits of an arm and a path.
+
+    - `kinds`: classes of constraints, each of which serves some of the limits.
+    """
+    _refuse_unserved(joint_path, limits, kinds)
+    constraints = (kind.from_limits(joint_path, arm, limits) for kind in kinds)
+    return [x for x in constraints if x is not None]
+
+
+def _refuse_unserved(
+    joint_path: JointPath, limits: Limits, kinds: Sequence[type[Constraint]]
+) -> None:
+    """Raise InvalidInput for a limit that the plan would ignore."""
+    served = {name for kind in kinds for name in kind.serves}
+    for name in LIMITS:
+        if name in served or name in WITHOUT_CONSTRAINT:
+            continue
+        if getattr(limits, name) is not None:
+            raise InvalidInput(
+                f"{name} is limited, but no constraint in from_limits serves it, so the plan would "
+                "exceed it. Add its constraint to from_limits, or remove the limit with "
+                f"limits.replace({name}=math.inf)."
+            )
+    if "speed" not in served and np.isfinite(assigned_speeds(joint_path, limits)).any():
+        raise InvalidInput(
+            "A segment of the path has an assigned velocity, but no constraint in from_limits "
+            "serves speed, so the plan would exceed it. Add ToolPace to from_limits, or plan a "
+            "path whose segments have no speed."
+        )

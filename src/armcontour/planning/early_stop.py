@@ -17,7 +17,7 @@ from armcontour.core.errors import NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Time
 from armcontour.motion import JointPath, Law, PathLaw, Trajectory, arm_of
-from armcontour.planning.constraints import CONSTRAINTS, Constraint
+from armcontour.planning.constraints import FROM_LIMITS, Constraint
 from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
 from armcontour.planning.optimal_timing import plan_optimal
 from armcontour.planning.timing_options import Optimal
@@ -163,7 +163,7 @@ class _PlanSpeed(Constraint):
 
 def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> tuple[float, Law] | None:
     """Delay 0 and the fastest stop, on the shortest feasible part of a path; None if infeasible."""
-    braking = (x.from_limits(joint_path, arm, limits) for x in CONSTRAINTS if x.brakes)
+    braking = (x.from_limits(joint_path, arm, limits) for x in FROM_LIMITS if x.brakes)
     constraints = (_PlanSpeed(), *(x for x in braking if x is not None))
     options = Optimal(constraints=constraints, start_speed=1.0, intervals=INTERVALS)
     law, low, high = None, 0, len(joint_path.breaks) - 1

@@ -17,10 +17,10 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.core.text import limit_label
 from armcontour.motion import Method, PathLaw, Trajectory, arm_of
-from armcontour.planning.constraints import CONSTRAINTS, Constraint, IntervalEnds, assigned_speeds
+from armcontour.planning.constraints import FROM_LIMITS, Constraint, IntervalEnds, assigned_speeds
 from armcontour.planning.path_grid import Grid
 from armcontour.robot import Arm, Limits, resolve_limits
-from armcontour.robot.limits import LIMITS, reduce_limits
+from armcontour.robot.limits import JOINT_RANGE, LIMITS, reduce_limits
 
 # A limit is active on an interval if its used fraction is at least this. Margins of the planner may
 # use the remainder. Below this fraction, the plan is in transition between two limits.
@@ -41,6 +41,10 @@ BETWEEN = "between two limits"
 # Labels of the time outside contours, by kind of move
 RAPIDS, DWELLS = "rapids between contours", "dwells"
 IDLE = {"rapid": RAPIDS, "dwell": DWELLS}
+# Limits that an explanation considers, those of the default constraints first. If used fractions
+# of two limits are equal, the first one is active.
+DEFAULT_ORDER = [name for kind in FROM_LIMITS for name in kind.serves]
+EXPLAINED = (*DEFAULT_ORDER, *(x for x in LIMITS if x not in (*DEFAULT_ORDER, *JOINT_RANGE)))
 # Fields of `_LawExplanation` that are summed over contours: lengths and times.
 SUMMED = ("with_assigned", "reached")
 
@@ -320,8 +324,7 @@ def _explain_law(
     names: list[tuple[str, int | None]] = []
     used: list[FloatArray] = []
     reached = np.zeros(len(grid), dtype=bool)
-    # If the used fractions of two limits are equal, the first limit is active.
-    for limit in (*(x for kind in CONSTRAINTS for x in kind.serves), "joint_jerk"):
+    for limit in EXPLAINED:
         if limit == "speed" and np.isfinite(assigned).any():
             speed, _ = ends.states.measure("speed")
             used.append((speed.reshape(-1, 2).max(axis=1) / assigned)[:, None])

@@ -21,7 +21,7 @@ from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import choose, highest, load
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.motion.kernels import interval_time
-from armcontour.planning.constraints import CONSTRAINTS, Constraint, limits_on
+from armcontour.planning.constraints import Constraint, constraints_of, limits_on
 from armcontour.planning.law_checks import raise_too_fast
 from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
@@ -201,12 +201,13 @@ def plan_optimal(
     - `joint_path`: a traced path, or a joint path without a tool path (then without limits of the
       tool).
     - `limits`: joint ranges are ignored; the speed of each path segment also applies.
-    - `options`: number of intervals, speeds at the ends, and additional constraints.
+    - `options`: number of intervals, speeds at the ends, and constraints.
     """
     intervals = options.intervals
     grid = place_grid(joint_path, intervals)
     loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
-    active = [*constraints_of(joint_path, arm, limits), *options.constraints]
+    made = constraints_of(joint_path, arm, limits, options.from_limits)
+    active = [*made, *options.constraints]
     jerk = np.broadcast_to(or_unlimited(limits.joint_jerk, joint_path.dof), (joint_path.dof,))
     ends = options.start_speed, options.end_speed
     if any(ends) and np.isfinite(jerk).any():
@@ -221,12 +222,6 @@ def plan_optimal(
 
         law = limit_jerk(law, Task(tuple(active), jerk, intervals, options.iterations))
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
-
-
-def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
-    """Make the constraints of the planner from the limits of an arm and a path."""
-    constraints = (x.from_limits(joint_path, arm, limits) for x in CONSTRAINTS)
-    return [x for x in constraints if x is not None]
 
 
 def time_optimal(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
 from armcontour.core import checks
@@ -20,8 +20,9 @@ from armcontour.core.quantities import (
     Reserve,
 )
 from armcontour.core.render import number
+from armcontour.core.text import show
 from armcontour.motion import DEFAULT_CYCLE, JointPath, Method, check_cycle
-from armcontour.planning.constraints import Constraint
+from armcontour.planning.constraints import FROM_LIMITS, Constraint
 from armcontour.planning.path_grid import FEWEST_PER_PIECE, MAX_INTERVALS
 
 # Largest duration [s], about eleven days. Longer durations are mistakes, and times are rounded to a
@@ -87,7 +88,13 @@ class Optimal(PlanOptions):
             is slower, and satisfies all limits.
         start_speed: Path speed at the start of a single path [m/s]; 0 with limits of jerk.
         end_speed: Path speed at the end of a single path [m/s]; 0 with limits of jerk.
-        constraints: Additional constraints.
+        from_limits: Kinds of constraints: subclasses of `Constraint` that serve fields of `Limits`.
+            For each plan, the planner makes a constraint of each kind from the limits. Replace a
+            kind to plan its limits with a formula of your own. A limit that no kind serves is
+            refused; to plan without it, remove it from the limits.
+        constraints: Constraints of your own, in addition to the limits: objects that are ready,
+            such as `SecondOrder(...)`. `explain` needs them again, because a plan does not contain
+            them.
 
     Raises:
         InvalidInput: A value of the wrong type or out of range, or a motion of a given duration
@@ -100,9 +107,17 @@ class Optimal(PlanOptions):
     iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS)] = MAX_ITERATIONS
     start_speed: PathSpeed = 0.0
     end_speed: PathSpeed = 0.0
+    from_limits: tuple[type[Constraint], ...] = field(default=FROM_LIMITS, repr=False)
     constraints: tuple[Constraint, ...] = ()
 
     def _check_together(self) -> None:
+        for kind in self.from_limits:
+            if not (isinstance(kind, type) and issubclass(kind, Constraint) and kind.serves):
+                raise InvalidInput(
+                    "from_limits must contain subclasses of Constraint whose `serves` names fields "
+                    f"of Limits, but it contains {show(kind)}. Pass a constraint that is "
+                    "ready in constraints."
+                )
         for name in ("start_speed", "end_speed"):
             if self.duration is not None and getattr(self, name):
                 raise InvalidInput(

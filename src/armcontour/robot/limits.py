@@ -36,6 +36,12 @@ from armcontour.core.quantities import (
 from armcontour.core.text import digits, format_table, short_repr
 
 JOINT_RANGE = ("joint_lower", "joint_upper")
+# Limits that no constraint of the planner serves: tracing keeps the joint ranges, and
+# `planning/jerk` keeps the jerk of the joints.
+WITHOUT_CONSTRAINT = (*JOINT_RANGE, "joint_jerk")
+# Orders of the limits that a constraint of the planner can keep: it bounds the path speed and the
+# path acceleration.
+CONSTRAINT_ORDERS = (1, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +49,9 @@ class Limit:
     """Record of a limit, in the annotation of its field of `Limits`.
 
     Planner, stops, check, certificate, explanation, player and reports read the record. The
-    constraint of the planner names the field (`planning/constraints.py`).
+    constraint of the planner names the field (`planning/constraints.py`), so the order must be
+    1 or 2: limits of position and of jerk are refused, except those that have a planner of their
+    own, `WITHOUT_CONSTRAINT`.
     """
 
     # Without `rate`, the derivative `order` of the joint positions is limited, or the norm of this
@@ -372,11 +380,21 @@ class Limits(Checked):
 
 
 def _read_records() -> dict[str, Limit]:
-    """Records of the limits by name, from the annotations of the fields."""
-    records, kinds = {}, {"joint": "joint", "angular": "rotation"}
+    """Records of the limits by name, from the annotations of the fields.
+
+    Raises:
+        InvalidInput: A limit that no planner can keep.
+    """
+    records = {}
+    kinds = {"joint": "joint", "angular": "rotation"}
     for name, hint in get_type_hints(Limits, include_extras=True).items():
         parts = list(parts_of(hint))
         for limit in (x for x in parts if isinstance(x, Limit)):
+            if limit.order not in CONSTRAINT_ORDERS and name not in WITHOUT_CONSTRAINT:
+                raise InvalidInput(
+                    f"The limit {name} has order {limit.order}, but the planner keeps only limits "
+                    "of order 1 and 2, and joint_jerk. Declare the limit with order 1 or 2."
+                )
             records[name] = dataclasses.replace(
                 limit,
                 name=name,

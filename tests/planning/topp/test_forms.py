@@ -5,8 +5,7 @@ import pytest
 from scipy.optimize import linprog
 
 import armcontour as ac
-from armcontour.planning import optimal_timing
-from armcontour.planning.constraints import Constraint, JointTorque, limits_on
+from armcontour.planning.constraints import Constraint, JointTorque, constraints_of, limits_on
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.grid_plan import MotionBounds, Rules, plan_on_grid, rows_with_friction
 from armcontour.planning.topp.limit_forms import (
@@ -126,7 +125,7 @@ def largest_by_programs(path, ends):
 
 def test_the_forward_pass_equals_linear_programs():
     path = sampled_path(60)
-    (motion,) = optimal_timing.constraints_of(PATH, UR5E, LIMITS)
+    (motion,) = constraints_of(PATH, UR5E, LIMITS)
     law = plan_on_grid(path.intervals, limits_on(path, [motion]), Rules(tries=1))
     expected = largest_by_programs(path, motion.rows(path).ends)
     np.testing.assert_allclose(law.x, expected, rtol=1e-6, atol=1e-9)
