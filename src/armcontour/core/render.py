@@ -173,9 +173,11 @@ def plain(data: Data) -> dict[str, Any]:
 
 
 def jsonable(value: Any) -> Any:
-    """Convert a value for JSON: arrays to lists, numbers that are not finite to null."""
+    """Convert a value for JSON: arrays to lists, infinite numbers to null, classes to names."""
     if value is None or isinstance(value, bool | int | str):
         return value
+    if isinstance(value, type):
+        return value.__name__
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
