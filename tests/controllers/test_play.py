@@ -137,7 +137,7 @@ def test_a_robot_that_differs_from_the_simulation_is_not_kept(job, robot, stops)
     played = run_at(job, simulated(**robot))
     assert played.kept is False
     assert (played.record.stopped is not None) == played.record.deviated == stops
-    assert ("contour_error.max" in [x.name for x in played.results]) != stops
+    assert ("contour_error.max" in [x.name for x in played.differences]) != stops
     assert played.to_data()["kept"].note
 
 

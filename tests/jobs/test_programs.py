@@ -15,7 +15,6 @@ from armcontour.core.progress import Step
 from armcontour.files.job_file import read_cell
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Rounding, run, warnings_of
-from armcontour.jobs.plan_quantities import full_stops
 from armcontour.jobs.run_plan import plan_one, prepare_program
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
@@ -215,7 +214,7 @@ def test_stops_at_ends_of_arcs_are_reported_once_and_counted_by_contour():
         assert [x.s for x in plan.jerk_stops] == pytest.approx(ENDS, abs=1e-12)
         assert plan.jerk_stops[1].point == pytest.approx((0.38, 0.22), abs=1e-9)
         assert plan.trajectory.speed_at(ENDS) == pytest.approx([0, 0], abs=1e-9)
-        assert full_stops(plan) == {"curvature jumps": 2}
+        assert plan.full_stops == {"curvature jumps": 2}
         assert stops_said(plan.remarks) == []
     (warning,) = stops_said(warnings_of(results))
     assert warning.startswith(
@@ -237,7 +236,7 @@ def test_transitions_within_the_tolerance_avoid_stops():
         path = plan.path.path
         deviation = BENT.project(path(np.linspace(0.0, path.length, 4001))).distance.max()
         assert deviation <= allowed + 1e-12 and (deviation > 0.5 * allowed or allowed == 0.0)
-        assert full_stops(plan) == ({} if allowed else {"curvature jumps": 2})
+        assert plan.full_stops == ({} if allowed else {"curvature jumps": 2})
         times[allowed] = plan.trajectory.duration
     assert sorted(times, reverse=True) == sorted(times, key=lambda x: times[x])
 
@@ -248,7 +247,7 @@ def test_set_points_of_a_drawing_stay_within_the_joint_velocities():
     one = {("path", "names"): ["CUT-6"]}
     drawn = read_cell(DRAWINGS / "gentle.yaml", DRAWINGS / "gasket.dxf", patch=one)
     as_planned, compensated = run(drawn, simulate=False).runs.values()
-    assert full_stops(as_planned) == {} and as_planned.warnings == ()
+    assert as_planned.full_stops == {} and as_planned.warnings == ()
     limits, set_points = drawn.runs[0].limits, as_planned.set_points
     bounds = limits.joint_velocity, limits.joint_acceleration, limits.joint_jerk
     for order, limit in enumerate(bounds, 1):

@@ -1,5 +1,6 @@
 """The verdict on a run: deviation from the drawing, and the allowed deviation."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from armcontour.core import render
 from armcontour.core.render import plain
 from armcontour.files import parse_job
 from armcontour.files.job_file import read_cell
+from armcontour.jobs import rows
 from armcontour.jobs.advice import with_advice
 
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
@@ -70,6 +72,37 @@ def test_the_default_accuracy_is_a_tenth_of_the_smallest_tolerance(runs):
     # Without a tolerance and an accuracy there is nothing to keep.
     assert allowed(runs["sharp"]) is None and runs["sharp"].kept is None
     assert "kept" not in [x.name for x in runs["sharp"].to_data().shown()]
+
+
+def test_order_of_the_rows_does_not_change_the_verdict(monkeypatch):
+    allowed_error = 1e-6
+    before = runs_of(accuracy=allowed_error)
+    original = rows.verdict_rows
+    # The verdict is the first of the rows, so that each other row is first once.
+    for first in range(len([*original(before["late"], before["late"].verdict)])):
+
+        def turned(result, verdict, first=first):
+            found = [*original(result, verdict)]
+            return iter([*found[first:], *found[:first]])
+
+        monkeypatch.setattr(rows, "verdict_rows", turned)
+        for name, result in runs_of(accuracy=allowed_error).items():
+            assert result.kept is before[name].kept is False
+            data = result.to_data()
+            assert data["kept"].value is False
+            assert data["off_drawing"].value == result.verdict.off_drawing
+            assert "NOT KEPT" in render.verdict(data)
+            assert plain(data) == plain(before[name].to_data())
+
+
+def test_a_changed_result_is_judged_anew(runs):
+    result = runs["late"]
+    assert result.kept is True
+    stricter = replace(result, run=replace(result.run, accuracy=1e-6))
+    assert stricter.kept is False and stricter.verdict.requirement == "accuracy"
+    assert result.judge({"measured": [1.0]}).kept is False
+    planned = replace(result, execution=None, evaluation=None)
+    assert planned.kept is None and planned.verdict.off_drawing is None
 
 
 @pytest.mark.parametrize("name", ["late", "sharp"])

@@ -121,4 +121,4 @@ def _result_lines(study: jobs.JobResult) -> Sequence[str]:
     has_experiment = any(x.run.experiment is not None for x in study.runs.values())
     if has_experiment and (assumed := job.arm.chain.assumed):
         lines.append(f"Masses: {assumed}")
-    return [*lines, *unknown_notes(study)]
+    return [*lines, *unknown_notes(study.runs.values())]

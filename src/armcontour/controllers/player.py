@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -21,10 +21,11 @@ from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.sampled_data import differences, interpolate
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.rows import judge
+from armcontour.jobs.rows import reason_of
 from armcontour.jobs.run_learning import measured_pieces
 from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.study import run
+from armcontour.jobs.verdict import judge
 from armcontour.motion import JointPath, Log, SetPoints, Trajectory
 from armcontour.planning import plan, stop
 from armcontour.planning.timing_options import Optimal
@@ -183,7 +184,9 @@ class Played(Result):
         distance: Largest distance of a joint from the first set-point before the motion [rad].
         approach: Largest distance that a joint has moved on the way to the start [rad].
         record: What the controller recorded; None in a dry run.
-        results: Verdict on the motion, and its differences from the simulation.
+        kept: True if the robot completed the run as simulated; None if that was not judged.
+        reason: The requirement that decides, as a clause; empty if there is none.
+        differences: Differences of the motion from the simulation, and its contour error.
     """
 
     job: Job
@@ -195,12 +198,9 @@ class Played(Result):
     distance: float = 0.0
     approach: float = 0.0
     record: PlayedMotion | None = None
-    results: tuple[Row, ...] = ()
-
-    @property
-    def kept(self) -> bool | None:
-        """True if the robot completed the run as simulated; None if that was not judged."""
-        return next((x.value for x in self.results if x.name == "kept"), None)
+    kept: bool | None = None
+    reason: str = ""
+    differences: tuple[Row, ...] = ()
 
     @property
     def log(self) -> Log:
@@ -223,6 +223,11 @@ class Played(Result):
             prismatic=self.job.arm.chain.prismatic or (),
         )
 
+    def _verdict_rows(self) -> Iterator[Row]:
+        """Yield the row of the verdict, if the motion was judged."""
+        if self.kept is not None:
+            yield Row("kept", self.kept, JUDGED, "verdict", self.reason, VERDICT)
+
     def to_data(self) -> Data:
         """Rows on the run, the checks, and the motion if one was executed."""
         record = self.record
@@ -230,7 +235,8 @@ class Played(Result):
         units = any_unit("rad", self.job.arm.chain.slides)
         rows = [
             Row("executed", bool(record or self.approach), "", "executed", level=VERDICT),
-            *self.results,
+            *self._verdict_rows(),
+            *self.differences,
             Row("controller", self.controller, "", "controller", level=FIRST),
             Row("run", self.plan.run.name, "", "run", level=FIRST),
             Row("speed_factor", self.speed_factor, "1", "share of the speed", level=FIRST),
@@ -515,7 +521,7 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
     i, j = divmod(int(joints.argmax()), arm.dof)
     where = f"from the simulation, joint {j + 1} at {number(record.t[i], 's')}"
     when = f"from the simulation, at {number(record.t[tool.argmax()], 's')}"
-    kept: bool | None = False
+    kept = False
     reason = " ".join(record.notes) or "stopped on request"
     rows = [
         Row(
@@ -535,14 +541,15 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
         errors = [x.contour_error.max for x in pieces]
         note = f"simulated {number(planned.judged.contour_error.max, 'm')}"
         rows.append(Row("contour_error.max", max(errors), "m", "contour error", note, FIRST))
-        kept, reason = judge(planned, {"measured": errors})
+        verdict = judge(planned.run, planned.roundings, {"measured": errors})
+        kept = verdict.kept is not False
+        reason = reason_of(planned.run, verdict)
         j = int(joints[-1].argmax())
         if joints[-1, j] > (LEAST if band is None else band):
             kept = False
             rest = number(joints[-1, j], unit_of(arm, "rad", j))
             reason = f"joint {j + 1} rests {rest} from its simulated end"
-    verdict = Row("kept", kept is not False, JUDGED, "verdict", reason, VERDICT)
-    return replace(played, results=(verdict, *rows))
+    return replace(played, kept=kept, reason=reason, differences=tuple(rows))
 
 
 def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> Run:

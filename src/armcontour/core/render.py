@@ -188,12 +188,11 @@ def jsonable(value: Any) -> Any:
 
 
 def units(results: Iterable[Data]) -> dict[str, str]:
-    """Units of all values by name, for JSON."""
+    """Units of all values by name, for JSON; names of values in parts with and without the part."""
     units_by_name: dict[str, str] = {}
     for data in results:
-        named: Sequence[Row] = [x for _, x in data.walk()]
-        named = [*named, *(y for x in data.tables for y in x.columns)]
-        units_by_name |= {x.name: x.unit for x in named if x.unit and x.unit != JUDGED}
+        named = [*data.walk(), *((y.name, y) for x in data.tables for y in x.columns)]
+        units_by_name |= {name: x.unit for name, x in named if x.unit and x.unit != JUDGED}
         units_by_name |= units(data.parts.values())
     return units_by_name
 

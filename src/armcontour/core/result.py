@@ -123,7 +123,7 @@ class Data:
                 yield f"{key}.{name}", row
 
     def shown(self, level: int = TABLE) -> tuple[Row, ...]:
-        """Rows with a label and a value, up to a level; those of the verdict first."""
+        """Rows with a label and a value, up to a level; those of lower levels first."""
         rows = (replace(row, name=name) for name, row in self.walk())
         labelled = (x for x in rows if x.label and x.level <= level and x.figure is not None)
-        return tuple(sorted(labelled, key=lambda x: x.level > VERDICT))
+        return tuple(sorted(labelled, key=lambda x: x.level))

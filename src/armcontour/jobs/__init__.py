@@ -7,9 +7,10 @@ _HOME = {
     "analog_signals": "analog_outputs",
     "certificate_goal": "CertificateGoal Uncertainty",
     "job": "Experiment Exports Job Rounding Run build_plant",
-    "run_notes": "warnings_of",
     "run_plan": "plan_one prepare_program round_program",
-    "run_result": "Advice ExperimentResult Improvement JobResult RunResult",
+    "run_record": "Advice ExperimentResult Improvement",
+    "run_result": "JobResult RunResult warnings_of",
     "study": "STEPS run",
+    "verdict": "Verdict",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -14,18 +14,12 @@ from armcontour.core.errors import ArmContourError
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import split
 from armcontour.jobs.job import Job, Run, default_compensation
-from armcontour.jobs.rows import (
-    ASSIGNED,
-    EXPECTED,
-    Errors,
-    judge,
-    judging_executions,
-    weave_speed,
-    worst_contour,
-)
+from armcontour.jobs.rows import ASSIGNED, weave_speed
 from armcontour.jobs.run_plan import plan_one
-from armcontour.jobs.run_result import Advice, Improvement, JobResult, RunResult
+from armcontour.jobs.run_record import Advice, Improvement
+from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
+from armcontour.jobs.verdict import EXPECTED, Errors, judging_executions
 from armcontour.motion import Method
 from armcontour.planning.explanation import DWELLS, RAPIDS
 from armcontour.robot.limits import LIMITS
@@ -132,17 +126,18 @@ def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None
     """Plan and simulate a change; None if that is not possible."""
     try:
         planned = plan_one(candidate.job, candidate.run)
-        errors = _contour_errors(candidate.job, planned)
+        verdict = planned.judge(_contour_errors(candidate.job, planned))
     except ArmContourError:
         return None
+    assert verdict.off_drawing is not None
     duration = planned.trajectory.duration
     return Improvement(
         label=candidate.label,
         edits=candidate.edits,
         saved=result.trajectory.duration - duration,
         duration=duration,
-        off_drawing=float(worst_contour(planned, errors).value),
-        kept=judge(planned, errors)[0],
+        off_drawing=verdict.off_drawing,
+        kept=verdict.kept,
         condition=candidate.condition,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,13 +14,10 @@ from armcontour.core.render import number, number_range
 from armcontour.geometry import count_full_stops
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Trajectory
-from armcontour.planning import Conventional, Tracing, find_jerk_stops
+from armcontour.planning import Tracing, find_jerk_stops
 from armcontour.planning.tracing.positioner_tilt import angles_to_gravity
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, SerialArm
-
-if TYPE_CHECKING:
-    from armcontour.jobs import RunResult
 
 # Reason of stops due to jerk limits, in the list of full stops.
 CURVATURE_JUMPS = "curvature jumps"
@@ -59,19 +56,10 @@ def jerk_stops(
     return tuple(stops)
 
 
-def full_stops(result: RunResult) -> dict[str, int]:
-    """Number of full stops inside contours, by reason."""
-    by_jerk = len(result.jerk_stops)
-    return stops_of_path(result) | ({CURVATURE_JUMPS: by_jerk} if by_jerk else {})
-
-
-def stops_of_path(result: RunResult) -> dict[str, int]:
-    """Number of full stops that the path requires regardless of limits, by reason."""
-    if isinstance(result.run.timing, Conventional):
-        # The conventional method does not stop, because it passes corners at uniform speed.
-        return {}
+def stops_of_path(program: Program) -> dict[str, int]:
+    """Number of full stops that a program requires regardless of limits, by reason."""
     stops: Counter[str] = Counter()
-    for contour in result.path.contours:
+    for contour in program.contours:
         stops.update(count_full_stops(contour.path))
     return dict(sorted(stops.items()))
 

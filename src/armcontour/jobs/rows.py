@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +16,15 @@ from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Ro
 from armcontour.core.text import count_noun, joint_label, list_some
 from armcontour.geometry import RoundedPath, ShapedPath
 from armcontour.geometry.shaped_path import SHAPED
+from armcontour.jobs.job import Job, Run
 from armcontour.jobs.plan_quantities import (
     Torques,
     angular_speed,
     applied_torques,
-    full_stops,
     largest_tilt,
 )
+from armcontour.jobs.run_record import RunRecord
+from armcontour.jobs.verdict import BODIES, SERVO, Verdict
 from armcontour.motion import Execution
 from armcontour.program import Contour, Program
 from armcontour.program.preparation import PIERCE
@@ -32,32 +34,26 @@ from armcontour.robot.limits import LIMITS
 from armcontour.simulation import RigidBodyPlant
 from armcontour.verification.evaluation import duration_row
 
-if TYPE_CHECKING:
-    from armcontour.jobs import JobResult, RunResult
-    from armcontour.jobs.job import Experiment, Job, Run
-
-T = TypeVar("T")
-# Names of the executions with the servo model, on rigid bodies (the experiment) and on the robot
-# whose logs determined the servo, and the largest error of each contour [m] in each execution.
-SERVO, BODIES, EXPECTED = "servo", "rigid bodies", "expected"
-Errors: TypeAlias = Mapping[str, Sequence[float]]
-
-# Default of the allowed contour error, as a fraction of the smallest corner tolerance.
-DEFAULT_ACCURACY = 0.1
 # Name of the assigned velocity in explanations.
 ASSIGNED = LIMITS["speed"].label
-# Relative excess of a limit that is ignored as a rounding error.
-ROUNDING = 1e-9
-# Prefixes of the names of rows by execution, and of their labels if the execution is not the worst
-# of those that judge the run. Of such an execution, only rows with these names are shown.
-PREFIXES = {SERVO: "", BODIES: "experiment."}
-OTHERS_LABELS = {SERVO: "servo model: ", BODIES: "on rigid bodies: "}
+# Key of the part of a run's data with the execution on rigid bodies. The values of the execution
+# with the servo model are those of the run itself.
+EXPERIMENT = "experiment"
+# Of an execution that is not the worst of those that judge the run, only rows whose names begin
+# with these words are shown, with a label that begins with the name of the execution.
 SHOWN_OF_OTHERS = ("contour_error", "torque")
+OTHERS_LABELS = {SERVO: "servo model: ", BODIES: "on rigid bodies: "}
 
 
-def job_data(study: JobResult, warnings: Sequence[str], parts: Mapping[str, Data]) -> Data:
+def job_data(
+    job: Job,
+    simulated: bool,
+    runs: Mapping[str, Data],
+    warnings: Sequence[str],
+    parts: Mapping[str, Data],
+) -> Data:
     """Data of a job, its arm and its runs, with further parts."""
-    job, arm, runs = study.job, study.job.arm, study.figures
+    arm = job.arm
     suffix = f", {count_noun(len(warnings), 'warning')}" if warnings else ""
     return Data(
         f"Study of {job.title}{suffix}",
@@ -72,7 +68,7 @@ def job_data(study: JobResult, warnings: Sequence[str], parts: Mapping[str, Data
             Row("arm.masses_known", arm.has_bodies),
             Row("arm.assumed", arm.chain.assumed or None),
             Row("arm.notes", arm.notes),
-            Row("simulated", study.simulated),
+            Row("simulated", simulated),
             Row("units", units([*runs.values(), *parts.values()])),
         ),
         parts={"runs": Data("Runs", parts=runs), **parts},
@@ -80,9 +76,15 @@ def job_data(study: JobResult, warnings: Sequence[str], parts: Mapping[str, Data
     )
 
 
-def run_data(result: RunResult, job: Job | None = None) -> Data:
+def run_data(
+    result: RunRecord, job: Job | None, warnings: tuple[str, ...], remarks: tuple[str, ...]
+) -> Data:
     """Data of a run; without values of the execution if the run was not simulated."""
-    parts, tables = dict[str, Data](), list(_tables(result, job))
+    parts = dict[str, Data]()
+    tables = list(_tables(result, job))
+    experiment = tuple(_experiment_rows(result))
+    if experiment:
+        parts[EXPERIMENT] = Data("On rigid bodies", experiment)
     if result.clearance is not None:
         data = result.clearance.to_data()
         parts["clearance"] = replace(data, rows=(*data.rows, Row("avoided", result.avoided)))
@@ -102,16 +104,16 @@ def run_data(result: RunResult, job: Job | None = None) -> Data:
     return Data(
         f"Run {result.run.name}",
         (
-            *verdict_rows(result, errors_of(result)),
-            *warning_rows(result.warnings),
-            *_executions(result),
+            *verdict_rows(result, result.verdict),
+            *warning_rows(warnings),
+            *_execution_rows(result),
             *_set_points(result),
             *_plan(result, job),
         ),
         tuple(tables),
         parts,
-        notes=result.remarks,
-        warnings=result.warnings,
+        notes=remarks,
+        warnings=warnings,
     )
 
 
@@ -125,21 +127,16 @@ def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
 # The verdict: deviation of the tool from the drawing, compared with the allowed deviation.
 
 
-def verdict_rows(result: RunResult, errors: Errors | None) -> Iterator[Row]:
-    """Yield rows of the verdict, the deviation from the drawing, the duration and its cause.
-
-    `errors`: None without an execution.
-    """
-    run, e = result.run, result.evaluation
-    satisfied, note = (None, "") if errors is None else judge(result, errors)
-    if result.failure is not None:
-        satisfied, note = False, "the simulated robot does not complete the motion"
-    yield Row("kept", satisfied, JUDGED, "verdict", note, VERDICT)
-    if errors is not None:
-        yield worst_contour(result, errors)
-        yield Row("judged_by", tuple(judging(run, errors)))
+def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
+    """Yield rows of the verdict, the deviation from the drawing, the duration and its cause."""
+    run = result.run
+    e = result.evaluation
+    yield Row("kept", verdict.kept, JUDGED, "verdict", reason_of(run, verdict), VERDICT)
+    if verdict.errors:
+        yield worst_contour(run, verdict)
+        yield Row("judged_by", tuple(verdict.errors))
     yield Row("accuracy", run.accuracy, "m")
-    yield Row("contour_error_allowed", allowed_error(result), "m")
+    yield Row("contour_error_allowed", verdict.allowed, "m")
     if result.expected is not None and e is not None:
         worst, model = (number(x, "m") for x in (result.expected.worst, e.contour_error.max))
         note = f"with the largest errors of the logs {worst}; servo model alone {model}"
@@ -154,72 +151,38 @@ def verdict_rows(result: RunResult, errors: Errors | None) -> Iterator[Row]:
         yield Row("time_limit", limit, "", "time limited by", note, VERDICT)
 
 
-def errors_of(result: RunResult) -> Errors | None:
-    """Contour errors of all executions of a run; None without a simulation."""
-    errors = {name: [x.max for x in e.contours] for name, e in result.evaluations.items()}
-    if result.expected is not None:
-        errors[EXPECTED] = [*result.expected.contours]
-    return errors or None
+def reason_of(run: Run, verdict: Verdict) -> str:
+    """The requirement that determines a verdict, as a clause; empty if there is none."""
+    tolerance = None if run.rounding is None else run.rounding.tolerance
+    match verdict.requirement:
+        case "motion":
+            return "the simulated robot does not complete the motion"
+        case "corners":
+            return f"the allowed corner error is {number(tolerance, 'm')}"
+        case "accuracy":
+            return f"the allowed distance from the drawing is {number(run.accuracy, 'm')}"
+        case "contour error":
+            return (
+                f"the allowed contour error is {number(verdict.allowed, 'm')}, a tenth of the "
+                "smallest corner tolerance"
+            )
+    return ""
 
 
-def judging(run: Run, executions: Mapping[str, T]) -> dict[str, T]:
-    """Executions that judge a run, by name; the worst of them is the verdict."""
-    # The servo model lacks the dynamics that set-points for rigid bodies compensate.
-    bodies_only = run.for_bodies and BODIES in executions
-    return {name: x for name, x in executions.items() if name == BODIES or not bodies_only}
-
-
-def judging_executions(run: Run) -> dict[str, Experiment | None]:
-    """Experiments of the executions that judge a run, by name; None for the servo model."""
-    bodies = {} if run.experiment is None else {BODIES: run.experiment}
-    return judging(run, {SERVO: None, **bodies})
-
-
-def judge(result: RunResult, errors: Errors) -> tuple[bool | None, str]:
-    """Return whether contour errors [m] satisfy the requirement of a run, and the requirement.
-
-    None if the run has neither an accuracy nor a tolerance. The text is empty without an excess.
-    """
-    rounding, tolerance, run = result.rounding_error or 0.0, result.tolerance, result.run
-    allowed = allowed_error(result)
-    if allowed is None:
-        return None, ""
-    if tolerance is not None and rounding > tolerance * (1 + ROUNDING):
-        return False, f"the allowed corner error is {number(tolerance, 'm')}"
-    if run.accuracy is not None:
-        satisfied = worst_contour(result, errors).value <= run.accuracy * (1 + ROUNDING)
-        return satisfied, f"the allowed distance from the drawing is {number(run.accuracy, 'm')}"
-    worst = max(map(max, judging(run, errors).values()))
-    if worst <= allowed:
-        return True, ""
-    return False, (
-        f"the allowed contour error is {number(allowed, 'm')}, a tenth of the smallest corner "
-        "tolerance"
-    )
-
-
-def allowed_error(result: RunResult) -> float | None:
-    """Contour error that the run allows [m]; None if neither accuracy nor tolerance is given."""
-    if result.run.accuracy is not None:
-        return max(result.run.accuracy - (result.rounding_error or 0.0), 0.0)
-    return None if result.tolerance is None else result.tolerance * DEFAULT_ACCURACY
-
-
-def worst_contour(result: RunResult, errors: Errors) -> Row:
-    """`off_drawing` of the contour with the largest sum of rounding and contour error."""
-    judges = judging(result.run, errors)
-    roundings = [getattr(x.path, "deviation", None) for x in result.path.contours]
-    worst = (max(x) for x in zip(*judges.values(), strict=True))
-    sums = [(rounding or 0.0) + x for rounding, x in zip(roundings, worst, strict=True)]
-    k = sums.index(max(sums))
+def worst_contour(run: Run, verdict: Verdict) -> Row:
+    """Row with the largest distance from the drawing."""
+    tolerance = None if run.rounding is None else run.rounding.tolerance
     # If an accuracy is specified, only the sum is limited, not the parts.
-    free = result.run.accuracy is not None
-    tolerance, allowed = (None, None) if free else (result.tolerance, allowed_error(result))
-    row = off_drawing(roundings[k], tolerance, {n: x[k] for n, x in judges.items()}, allowed)
+    free = run.accuracy is not None
+    row = off_drawing(
+        verdict.rounding,
+        None if free else tolerance,
+        verdict.errors,
+        None if free else verdict.allowed,
+    )
     others = (
-        f"; {name} {number(max(x), 'm')}, not judged, because it lacks the compensated dynamics"
-        for name, x in errors.items()
-        if name not in judges
+        f"; {name} {number(x, 'm')}, not judged, because it lacks the compensated dynamics"
+        for name, x in verdict.others.items()
     )
     return replace(row, note=row.note + "".join(others))
 
@@ -247,7 +210,7 @@ def off_drawing(
     return Row("off_drawing", (rounding or 0.0) + max(errors.values()), "m", label, note, VERDICT)
 
 
-def weave_speed(result: RunResult) -> float | None:
+def weave_speed(result: RunRecord) -> float | None:
     """Travel speed of the weaves [m/s]; None without weaves, or if the run limits the speed."""
     contours, fastest = result.path.contours, result.run.limits.speed
     if fastest is not None and any((x.path.speeds > fastest).any() for x in contours):
@@ -256,58 +219,69 @@ def weave_speed(result: RunResult) -> float | None:
     return next((x for x in speeds if x > 0), None)
 
 
-def judging_rows(result: RunResult, rows: tuple[Row, ...]) -> tuple[Row, ...]:
-    """Rows of a run, with the values of the execution that is the verdict."""
+def with_worst_execution(result: RunRecord, data: Data) -> Data:
+    """Data of a run in which the values of the execution are those of the verdict.
+
+    If rigid bodies decide, their shown values replace those of the servo model.
+    """
     if result.judged is result.evaluation:
-        return rows
-    prefix, named = PREFIXES[BODIES], dict[str, Row]()
-    for x in rows:
-        if not x.name.startswith(prefix) or x.level < FILE:
-            name = x.name.removeprefix(prefix)
-            named[name] = replace(x, name=name)
-    return tuple(named.values())
+        return data
+    parts = dict(data.parts)
+    experiment = parts.pop(EXPERIMENT)
+    rows = {x.name: x for x in data.rows}
+    rows |= {x.name: x for x in experiment.rows if x.level < FILE}
+    return replace(data, rows=tuple(rows.values()), parts=parts)
 
 
 # The executions, with the servo model and with rigid bodies.
 
 
-def _executions(result: RunResult) -> Iterator[Row]:
-    """Yield rows of all executions, or of a plan that was not simulated."""
-    experiment, limit = result.experiment, result.run.limits.joint_torque
-    if result.evaluation is None and result.trajectory.arm is not None:
+def _execution_rows(result: RunRecord) -> Iterator[Row]:
+    """Yield rows of the execution with the servo model, or of a plan that was not simulated."""
+    evaluation = result.evaluation
+    if evaluation is None and result.trajectory.arm is not None:
         yield Row("speed", result.motion.tool_speed.max(), "m/s", "tool speed, largest")
-    if (e := result.evaluation) is not None:
-        yield from _shown(result, SERVO, [*e.to_data().rows, *_angular_rows(result.motion)])
+    if evaluation is not None:
+        for row in [*evaluation.to_data().rows, *_angular_rows(result.motion)]:
+            if row.name == "limit_ratios":
+                yield row
+            elif row.name != "duration":  # `verdict_rows` has the duration
+                yield _row_of_execution(row, SERVO, result.judged is evaluation)
         yield Row("unsettled", result.motion.unsettled, unit_of(result.arm, "rad"))
     tilt = largest_tilt(result.arm, result.trajectory)
     if tilt is not None:
         yield Row("tilt", tilt, "rad", "tool axis from gravity, largest", "planned, on contours")
+    limit = result.run.limits.joint_torque
     yield from _torque_rows(result.arm, limit, result.torques, "planned")
+
+
+def _experiment_rows(result: RunRecord) -> Iterator[Row]:
+    """Yield rows of the execution on rigid bodies, or of its failure; none without either."""
     if result.failure is not None:
         label = f"{OTHERS_LABELS[BODIES]}failed"
-        yield Row("experiment.failed", str(result.failure), "", label, level=FIRST)
-    if experiment is not None:
-        data, motion = experiment.evaluation.to_data(), experiment.execution
-        applied = _torque_rows(result.arm, limit, applied_torques(motion), "applied")
-        rows = [*_plant_rows(experiment.plant), *data.rows, *_angular_rows(motion), *applied]
-        yield from _shown(result, BODIES, rows)
-        yield Row("experiment.cornering", data.tables[0].as_dicts())
-
-
-def _shown(result: RunResult, execution: str, rows: Iterable[Row]) -> Iterator[Row]:
-    """Yield rows of an execution, which are main results only if this execution is the verdict."""
-    judged = result.judged is result.evaluations[execution]
-    for row in rows:
-        shown = replace(row, name=f"{PREFIXES[execution]}{row.name}")
+        yield Row("failed", str(result.failure), "", label, level=FIRST)
+    experiment = result.experiment
+    if experiment is None:
+        return
+    data = experiment.evaluation.to_data()
+    motion = experiment.execution
+    limit = result.run.limits.joint_torque
+    torques = _torque_rows(result.arm, limit, applied_torques(motion), "applied")
+    for row in [*_plant_rows(experiment.plant), *data.rows, *_angular_rows(motion), *torques]:
         if row.name == "duration":  # `verdict_rows` has the row that is shown
-            if execution == BODIES:
-                yield replace(shown, level=FILE)
-        elif judged or shown.name == "limit_ratios":
-            yield shown
-        elif row.label and row.name.startswith(SHOWN_OF_OTHERS):
-            yield replace(shown, label=OTHERS_LABELS[execution] + row.label, level=TABLE)
+            yield replace(row, level=FILE)
         else:
-            yield replace(shown, level=FILE)
+            yield _row_of_execution(row, BODIES, result.judged is experiment.evaluation)
+    yield Row("cornering", data.tables[0].as_dicts())
+
+
+def _row_of_execution(row: Row, execution: str, is_worst: bool) -> Row:
+    """Row of an execution, which is a main result only if this execution is the verdict."""
+    if is_worst:
+        return row
+    if row.label and row.name.startswith(SHOWN_OF_OTHERS):
+        return replace(row, label=OTHERS_LABELS[execution] + row.label, level=TABLE)
+    return replace(row, level=FILE)
 
 
 def _angular_rows(execution: Execution) -> Iterator[Row]:
@@ -353,7 +327,7 @@ def _plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
 # Set-points and plan.
 
 
-def _set_points(result: RunResult) -> Iterator[Row]:
+def _set_points(result: RunRecord) -> Iterator[Row]:
     """Yield rows of set-points and of command limits with their effect on the error."""
     set_points = result.set_points
     if result.servo is None and result.execution is None:
@@ -378,7 +352,7 @@ def _set_points(result: RunResult) -> Iterator[Row]:
     yield Row("limit_contour_max", 0.0 if cost is None else cost.contour_max, "m")
 
 
-def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
+def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     """Yield rows of path, methods, stops and shaping of a plan."""
     run, trajectory, path = result.run, result.trajectory, result.path
     yield Row("length", path.length, "m", "path")
@@ -396,7 +370,7 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
         start = dict(zip(names, trajectory(0.0), strict=True))
         yield Row("start", start, unit_of(result.arm, "rad"))
     yield Row("switching_points", trajectory.switching_points, "s")
-    stops = full_stops(result)
+    stops = result.full_stops
     yield Row("full_stops.count", sum(stops.values()))
     yield Row("full_stops.reasons", stops)
     if job is not None and job.process.analog_names:
@@ -408,7 +382,7 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
     yield from shaping_rows(path)
 
 
-def _program_rows(result: RunResult) -> Iterator[Row]:
+def _program_rows(result: RunRecord) -> Iterator[Row]:
     """Yield rows of lengths and times of a program, with the process on and off."""
     spans, path, objective = result.trajectory.spans, result.path, result.objective
     works = [x.work for x in result.trajectory.contour_spans if x.work is not None]
@@ -482,7 +456,7 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
 # Tables: stretches (intervals of a speed rule), corners, weaves, moves and events.
 
 
-def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
+def _tables(result: RunRecord, job: Job | None) -> Iterator[Table]:
     """Yield the tables of a run, which are in files only."""
     trajectory, single = result.trajectory, result.path.single_path
     yield Table(
@@ -522,7 +496,7 @@ def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
         yield from result.evaluation.to_data().tables
 
 
-def _move_table(result: RunResult, begin: float) -> Table:
+def _move_table(result: RunRecord, begin: float) -> Table:
     """Table of the moves of a program with times; only rows of contours have all values.
 
     `begin`: `resume_at` of the process [m].

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +15,9 @@ from armcontour.geometry.rounding.rounded_path import describe_large_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import describe_unfinished
 from armcontour.jobs.job import Run
-from armcontour.jobs.plan_quantities import JerkStop, stops_of_path
+from armcontour.jobs.plan_quantities import JerkStop
 from armcontour.jobs.rows import shaping_rows
+from armcontour.jobs.run_record import RunRecord
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.execution import describe_excess
 from armcontour.planning import Conventional
@@ -26,9 +26,6 @@ from armcontour.robot import compare_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation
-
-if TYPE_CHECKING:
-    from armcontour.jobs import JobResult, RunResult
 
 # Clearance of the arm from itself below which a remark reports the clearance [m].
 NEAR = 10e-3
@@ -48,7 +45,7 @@ MIN_JOINT_ERROR = 1e-6
 SAME_SPEED = 1e-3
 
 
-def warnings(result: RunResult) -> Iterator[str | None]:
+def warnings(result: RunRecord) -> Iterator[str | None]:
     """Yield warnings about deviations of the result from the request; None has no warning."""
     run, trajectory, executed = result.run, result.trajectory, result.execution
     yield from _capped(result.objective, run)
@@ -79,7 +76,7 @@ def warnings(result: RunResult) -> Iterator[str | None]:
     yield from result.path.notes
 
 
-def remarks(result: RunResult) -> Iterator[str]:
+def remarks(result: RunRecord) -> Iterator[str]:
     """Yield notes about plan and execution that are not warnings."""
     yield from result.path.remarks
     yield from (x.sentence for x in result.weaves if not x.differs)
@@ -87,7 +84,7 @@ def remarks(result: RunResult) -> Iterator[str]:
         yield f"set-points / command limits: {used}."
     yield from _describe_shaping(result)
     # Stops due to jerk limits are reported by a warning.
-    if stops := stops_of_path(result):
+    if stops := result.stops_of_path:
         reasons = ", ".join(f"{n} {reason}" for reason, n in stops.items())
         yield f"{count_noun(sum(stops.values()), 'full stop')} inside contours ({reasons})."
     yield from _describe_clearance(result)
@@ -102,13 +99,13 @@ def remarks(result: RunResult) -> Iterator[str]:
     yield from _describe_model_error(result)
 
 
-def _describe_shaping(result: RunResult) -> Iterator[str]:
+def _describe_shaping(result: RunRecord) -> Iterator[str]:
     if shaping := {x.name: x.note for x in shaping_rows(result.path)}:
         early = describe_unfinished(x.path for x in result.path.contours)
         yield " ".join([f"{shaping['shaping.gain']}.", *map(capitalise, early)])
 
 
-def _describe_clearance(result: RunResult) -> Iterator[str]:
+def _describe_clearance(result: RunRecord) -> Iterator[str]:
     """Yield the clearance if a scene, a near pair or an avoided configuration makes it relevant."""
     if (clearance := result.clearance) is not None:
         relevant = (x.kind == "environment" or x.low <= NEAR for x in clearance.nearest)
@@ -116,7 +113,7 @@ def _describe_clearance(result: RunResult) -> Iterator[str]:
             yield " ".join([clearance.sentence, *(f"{capitalise(x)}." for x in result.avoided)])
 
 
-def _describe_model_error(result: RunResult) -> Iterator[str]:
+def _describe_model_error(result: RunRecord) -> Iterator[str]:
     evaluation = result.evaluation
     if evaluation is not None and evaluation.model_error is not None:
         along, across = (number(x, "m") for x in evaluation.model_error)
@@ -127,24 +124,12 @@ def _describe_model_error(result: RunResult) -> Iterator[str]:
         )
 
 
-def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
-    """Warnings of several runs with the names of the runs; equal warnings are merged."""
-    messages: dict[str, list[str]] = {}
-    for plan in plans:
-        for sentence in plan.warnings:
-            messages.setdefault(sentence, []).append(plan.run.name)
-    return tuple(
-        f"Run{'s' if len(names) > 1 else ''} {', '.join(names)}: {sentence}"
-        for sentence, names in messages.items()
-    )
-
-
-def unknown_notes(study: JobResult) -> tuple[str, ...]:
+def unknown_notes(runs: Iterable[RunRecord]) -> tuple[str, ...]:
     """Notes about properties of simulated robots that plan and controller do not model."""
     notes: dict[str, list[str]] = {}
-    for name, result in study.runs.items():
+    for result in runs:
         if result.run.experiment is not None and (unknown := result.run.experiment.unknown):
-            notes.setdefault(unknown, []).append(name)
+            notes.setdefault(unknown, []).append(result.run.name)
     return tuple(
         f"The simulated robot of {', '.join(names)} has properties unknown to plan and controller: "
         f"{unknown}."
@@ -188,7 +173,7 @@ def _at_corners(path: Path) -> FloatArray:
     )
 
 
-def _slow(result: RunResult) -> str:
+def _slow(result: RunRecord) -> str:
     """Warning for the end of a lead that is slowest relative to its assigned velocity."""
     run, slow = result.run, list[tuple[float, str]]()
     spans = result.trajectory.contour_spans
@@ -224,7 +209,7 @@ def _stops(stops: tuple[JerkStop, ...]) -> str:
     )
 
 
-def _collisions(result: RunResult) -> Iterator[str | None]:
+def _collisions(result: RunRecord) -> Iterator[str | None]:
     """Yield warnings for collisions executed or not checked, and for links below the base."""
     planned, executed = result.clearance, result.executed_clearance
     if planned is None:

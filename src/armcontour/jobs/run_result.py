@@ -1,137 +1,23 @@
-"""`RunResult`: the result of a run, from its plan to its evaluation; `JobResult`: of a job."""
+"""`RunResult`: the result of a run with its rows and notes; `JobResult`: the results of a job."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Self
 
-from armcontour.core.errors import ExecutionError
 from armcontour.core.fields import checked
-from armcontour.core.render import Result, compare, lay_out, number
-from armcontour.core.result import FILE, JUDGED, VERDICT, Data, Row, Table
+from armcontour.core.render import Result, compare, lay_out
+from armcontour.core.result import Data
 from armcontour.core.text import draw, short_repr
 from armcontour.jobs import rows, run_notes
-from armcontour.jobs.job import Job, Run
-from armcontour.jobs.plan_quantities import (
-    JerkStop,
-    Torques,
-    Weaving,
-    jerk_stops,
-    planned_torques,
-    weavings,
-)
-from armcontour.motion import Execution, SetPoints, Trajectory, arm_of
-from armcontour.planning import Explanation, Tracing
-from armcontour.program import Program
-from armcontour.robot import Arm
-from armcontour.robot.servo import ServoModel
-from armcontour.simulation import RigidBodyPlant
-from armcontour.verification import Evaluation
-from armcontour.verification.clearance import Clearance
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Improvement:
-    """A suggested change of a job, and its effect.
-
-    Args:
-        label: The change in words.
-        edits: Keys of the job file, relative to the run, and their values in SI units.
-        saved: Reduction of the duration [s]; negative if the motion becomes longer.
-        duration: Duration of the changed motion [s].
-        off_drawing: Distance of the tool from the drawing after the change [m].
-        kept: Verdict on the changed run; None if it is not judged.
-        condition: Condition of the change, as a clause.
-    """
-
-    label: str
-    edits: tuple[tuple[str, Any], ...]
-    saved: float
-    duration: float
-    off_drawing: float
-    kept: bool | None
-    condition: str = ""
-
-    @property
-    def effect(self) -> str:
-        """Effect of the change, such as "saves 0.5 s"."""
-        time = number(abs(self.saved), "s")
-        return f"saves {time}" if self.saved >= 0 else f"keeps the accuracy, takes {time} more"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Advice(Result):
-    """Suggested changes of a run, in order of decreasing effect.
-
-    Args:
-        improvements: The changes.
-        note: A sentence if there are none.
-    """
-
-    improvements: tuple[Improvement, ...]
-    note: str
-
-    def to_data(self) -> Data:
-        """Result with the table of the changes, or with the note."""
-        return Data("What to change", tables=(self.table,), notes=(self.note,) if self.note else ())
-
-    @property
-    def table(self) -> Table:
-        """Table of the changes for reports, the Studio, the terminal and files."""
-        columns = (
-            *(Row("change", None, "", "what to change"), Row("saved", None, "s", "saves")),
-            *(Row("off_drawing", None, "m", "off the drawing"), Row("kept", None, JUDGED, "then")),
-            *(Row("duration", None, "s"), Row("condition", None, "", "if"), Row("edits", None)),
-        )
-        changes = [
-            (x.label, x.saved, x.off_drawing, x.kept, x.duration, x.condition, x.edits)
-            for x in self.improvements
-        ]
-        return Table("changes", columns, changes, VERDICT if changes else FILE)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExpectedErrors:
-    """Contour errors to expect of a robot whose servo was identified from its logs.
-
-    Args:
-        contours: Largest error of each contour [m].
-        worst: Largest error if every joint deviates as far as it did at most in the logs [m].
-    """
-
-    contours: tuple[float, ...]
-    worst: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ExperimentResult:
-    """Result of a run that is simulated with rigid bodies.
-
-    Args:
-        plant: The bodies and drives.
-        execution: The executed motion.
-        evaluation: Errors of the executed motion.
-        uncompensated: Errors of the same plan without compensation; None for a run that has none,
-            or if its joints do not come to rest.
-    """
-
-    plant: RigidBodyPlant
-    execution: Execution
-    evaluation: Evaluation
-    uncompensated: Evaluation | None = None
-
-    def __str__(self) -> str:
-        """The evaluation of the experiment."""
-        return f"Experiment on rigid bodies. {self.evaluation}"
-
-    __repr__ = short_repr
+from armcontour.jobs.job import Job
+from armcontour.jobs.run_record import RunRecord
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RunResult(Result):
+class RunResult(RunRecord, Result):
     """Result of one run of a job: its plan, its set-points, their execution and its evaluation.
 
     Args:
@@ -157,76 +43,17 @@ class RunResult(Result):
         advice: Suggested changes; None if they were not computed.
     """
 
-    run: Run
-    objective: Program
-    path: Program
-    trajectory: Trajectory
-    traced: Tracing | None = None
-    clearance: Clearance | None = None
-    avoided: tuple[str, ...] = ()
-    explanation: Explanation | None = None
-    # Users get only results with set-points, so that the type of the field is not optional.
-    set_points: SetPoints = None  # type: ignore[assignment]
-    servo: ServoModel | None = None
-    execution: Execution | None = None
-    evaluation: Evaluation | None = None
-    expected: ExpectedErrors | None = None
-    executed_clearance: Clearance | None = None
-    experiment: ExperimentResult | None = None
-    failure: ExecutionError | None = None
-    advice: Advice | None = None
-
-    @classmethod
-    def from_plan(cls, planned: RunResult, **changes: Any) -> Self:
-        """Create an instance of this class from a plan and further or changed fields."""
-        return cls(**{x.name: getattr(planned, x.name) for x in fields(RunResult)} | changes)
-
     def to_data(self) -> Data:
         """Verdict on the run, its values, tables, notes and warnings."""
-        return rows.run_data(self)
+        return self.data()
+
+    def data(self, job: Job | None = None) -> Data:
+        """Data of the run, with values of the job's process if the job is given."""
+        return rows.run_data(self, job, self.warnings, self.remarks)
 
     __repr__ = short_repr
 
     figure = draw
-
-    @property
-    def kept(self) -> bool | None:
-        """True if the tool deviates from the drawing by no more than allowed, without collision.
-
-        If several executions judge the run, the worse one counts.
-        None without a simulation, and without an accuracy and a tolerance.
-        """
-        satisfied: bool | None = next(rows.verdict_rows(self, rows.errors_of(self))).value
-        return satisfied
-
-    @property
-    def evaluations(self) -> dict[str, Evaluation]:
-        """Evaluations of all executions by their names `SERVO` and `BODIES`."""
-        bodies = None if self.experiment is None else self.experiment.evaluation
-        both = {rows.SERVO: self.evaluation, rows.BODIES: bodies}
-        return {name: x for name, x in both.items() if x is not None}
-
-    @property
-    def judged(self) -> Evaluation | None:
-        """The worst evaluation of those that judge the run; None without a simulation.
-
-        Set-points that compensate the dynamics of the arm are judged on rigid bodies only, if the
-        run has an experiment.
-        """
-        judges = rows.judging(self.run, self.evaluations).values()
-        return max(judges, key=lambda x: x.contour_error.max, default=None)
-
-    @property
-    def arm(self) -> Arm:
-        """Arm of the execution, or of the plan."""
-        return arm_of(self.trajectory) if self.execution is None else self.execution.arm
-
-    @cached_property
-    def motion(self) -> Execution:
-        """Executed motion; without a simulation, joints follow the plan exactly."""
-        if self.execution is not None:
-            return self.execution
-        return Execution.from_plan(self.trajectory, self.arm)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -237,33 +64,6 @@ class RunResult(Result):
     def remarks(self) -> tuple[str, ...]:
         """Notes about plan and execution that are not warnings, with the name of the run."""
         return tuple(f"Run {self.run.name}: {x}" for x in run_notes.remarks(self))
-
-    @property
-    def rounding_error(self) -> float | None:
-        """Largest distance of the path from the objective [m]; None if corners are as drawn."""
-        deviations = (getattr(x.path, "deviation", None) for x in self.path.contours)
-        return max((x for x in deviations if x is not None), default=None)
-
-    @property
-    def tolerance(self) -> float | None:
-        """Largest corner error that the run allows [m]; None if not specified."""
-        rounding = self.run.rounding
-        return None if rounding is None else rounding.tolerance
-
-    @cached_property
-    def torques(self) -> Torques | None:
-        """Torques of the plan over time; None if the masses of the arm are unknown."""
-        return planned_torques(self.arm, self.trajectory)
-
-    @cached_property
-    def jerk_stops(self) -> tuple[JerkStop, ...]:
-        """Full stops inside contours at jumps of the curvature, due to jerk limits."""
-        return jerk_stops(self.path, self.traced, self.trajectory, self.run)
-
-    @cached_property
-    def weaves(self) -> tuple[Weaving, ...]:
-        """Planned width and frequency of each weave."""
-        return tuple(weavings(self.path, self.trajectory))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -289,7 +89,7 @@ class JobResult:
     @cached_property
     def figures(self) -> dict[str, Data]:
         """Data of each run by name, for the terminal, the summary and reports."""
-        return {name: rows.run_data(x, self.job) for name, x in self.runs.items()}
+        return {name: x.data(self.job) for name, x in self.runs.items()}
 
     @checked
     def to_data(self, parts: Mapping[str, Data] = MappingProxyType({})) -> Data:
@@ -298,7 +98,8 @@ class JobResult:
         Args:
             parts: Further parts of the summary by key.
         """
-        return rows.job_data(self, run_notes.warnings_of(self.runs.values()), parts)
+        warnings = warnings_of(self.runs.values())
+        return rows.job_data(self.job, self.simulated, self.figures, warnings, parts)
 
     def __str__(self) -> str:
         """Table with a row for every run."""
@@ -306,3 +107,15 @@ class JobResult:
         return lay_out(data.title, compare(data.parts["runs"].parts))
 
     __repr__ = short_repr
+
+
+def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
+    """Warnings of several runs with the names of the runs; equal warnings are merged."""
+    messages: dict[str, list[str]] = {}
+    for plan in plans:
+        for sentence in plan.warnings:
+            messages.setdefault(sentence, []).append(plan.run.name)
+    return tuple(
+        f"Run{'s' if len(names) > 1 else ''} {', '.join(names)}: {sentence}"
+        for sentence, names in messages.items()
+    )

@@ -18,7 +18,8 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.job import Experiment, Job, Run, build_plant
 from armcontour.jobs.run_notes import sample_rates
 from armcontour.jobs.run_plan import ROUNDING, explain_plan, explained_reach, plan_one
-from armcontour.jobs.run_result import ExpectedErrors, ExperimentResult, JobResult, RunResult
+from armcontour.jobs.run_record import ExpectedErrors, ExperimentResult
+from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.motion import Execution, Method, SetPoints, Trajectory
 from armcontour.planning import check_jerk_support
 from armcontour.program import Program

@@ -136,7 +136,7 @@ def picture_frame(planned: Preview, view: View) -> MessageFrame:
     header, arrays = _line_arrays(planned, planned.path, view)
     header |= {
         "run": planned.run.name,
-        "rows": frame(Data("Plan", tuple(verdict_rows(planned, None)))),
+        "rows": frame(Data("Plan", tuple(verdict_rows(planned, planned.judge(None))))),
         **view.header,
         **time_header(planned.explanation),
         "shortfalls": _shortfalls(planned, view),

@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import frame
 from armcontour.core.result import FIRST, Data
-from armcontour.jobs.rows import allowed_error, verdict_rows
+from armcontour.jobs.rows import verdict_rows
 from armcontour.motion import Execution
 from armcontour.report.message_frame import MessageFrame
 from armcontour.report.plan_frames import Preview
@@ -83,7 +83,7 @@ def _allowed_distance(planned: Preview) -> float | None:
     """Distance from the drawing that the run allows [m]; None if nothing limits it."""
     if planned.run.accuracy is not None or planned.tolerance is None:
         return planned.run.accuracy
-    return planned.tolerance + (allowed_error(planned) or 0.0)
+    return planned.tolerance + (planned.verdict.allowed or 0.0)
 
 
 def _figures(executed: PreviewExecution) -> Data:
@@ -94,7 +94,7 @@ def _figures(executed: PreviewExecution) -> Data:
     return Data(
         "Preview",
         (
-            *verdict_rows(planned, executed.contour_errors),
+            *verdict_rows(planned, planned.judge(executed.contour_errors)),
             settled_row(executed.settled),
             *error_rows("contour_error", "contour error", errors, FIRST, FIRST),
             demand_row(demand_ratio(execution, limits)),

@@ -26,7 +26,6 @@ from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
-from armcontour.jobs.rows import BODIES, SERVO, Errors, errors_of, judging, judging_executions
 from armcontour.jobs.run_plan import (
     explain_plan,
     explained_reach,
@@ -37,6 +36,7 @@ from armcontour.jobs.run_plan import (
 )
 from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.study import compute_set_points, simulate_experiment
+from armcontour.jobs.verdict import BODIES, SERVO, Errors, judging, judging_executions
 from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
@@ -197,7 +197,7 @@ class CoarsePlanner:
     def execute(self, planned: Preview) -> PreviewExecution:
         """Execution and contour errors of a plan; those of a full run are already simulated."""
         if planned.execution is not None:
-            executions, errors = {SERVO: planned.execution}, errors_of(planned)
+            executions, errors = {SERVO: planned.execution}, planned.errors
             if planned.experiment is not None:
                 executions[BODIES] = planned.experiment.execution
             judges = judging(planned.run, planned.evaluations)

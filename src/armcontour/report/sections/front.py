@@ -24,7 +24,7 @@ def front(study: JobResult) -> Front:
     drawing = draw_plan(result, study.job)
     return Front(
         verdict=("" if alone else f"Run {name}: ") + _verdict_sentence(study, data),
-        good=data["kept"].value,
+        good=result.kept,
         tiles=tiles(data, places=drawing.places) if alone else (),
         tables=() if alone else (TextTable(header=header, rows=tuple(rows)),),
         drawing=drawing,
@@ -113,7 +113,7 @@ def notes(study: JobResult, warnings: Sequence[str] = ()) -> Section | None:
     shown_warnings = tuple(warnings) or warnings_of(runs)
     others = (
         *dict.fromkeys(z for y in runs for z in (*y.path.remarks, *y.remarks)),
-        *unknown_notes(study),
+        *unknown_notes(study.runs.values()),
         *((f"About the masses: {assumed}",) if assumed and uses_masses else ()),
     )
     if not shown_warnings and not others:

@@ -11,7 +11,6 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import LINES, number
 from armcontour.jobs import JobResult, RunResult
-from armcontour.jobs.rows import allowed_error
 from armcontour.planning.explanation import Binding
 from armcontour.report.figure import Bar, Curve, Figure, Plot
 from armcontour.report.plan_drawing import colour_of, kind_of, word_of
@@ -118,7 +117,7 @@ def error(study: JobResult) -> Plot | None:
     if not study.simulated:
         return None
     allowed = {
-        x.run.accuracy or allowed_error(x) for x in study.runs.values() if x.evaluation is not None
+        x.run.accuracy or x.verdict.allowed for x in study.runs.values() if x.evaluation is not None
     }
     limit = allowed.pop() if len(allowed) == 1 else None
     unit = limit / 100 if limit else 1e-3

@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import number
 from armcontour.jobs import JobResult, RunResult
-from armcontour.jobs.rows import DEFAULT_ACCURACY
+from armcontour.jobs.verdict import DEFAULT_ACCURACY
 from armcontour.motion import Execution
 from armcontour.program import contour_called
 from armcontour.report.figure import render

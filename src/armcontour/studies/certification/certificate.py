@@ -14,17 +14,10 @@ from armcontour.core.text import count_noun, joint_label, short_repr
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job
-from armcontour.jobs.rows import (
-    BODIES,
-    ROUNDING,
-    SERVO,
-    field_rows,
-    off_drawing,
-    verdict_rows,
-    warning_rows,
-)
+from armcontour.jobs.rows import field_rows, off_drawing, verdict_rows, warning_rows
 from armcontour.jobs.run_notes import beyond_logs
 from armcontour.jobs.run_result import JobResult, RunResult
+from armcontour.jobs.verdict import BODIES, ROUNDING, SERVO
 from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.simulation.rigid_body_plant import can_simulate
 from armcontour.studies.certification.derating import DeratedInterval, Derating
@@ -296,7 +289,9 @@ class Certificate(Result):
         yield replace(row, note=row.note + self._on(worst))
         note = f"limits {self.check.verdict}, between samples too" + "".join(ends)
         yield Row("kept", self.kept, JUDGED, "verdict", note, VERDICT)
-        yield from (x for x in verdict_rows(self.result, None) if x.name in PLANNED)
+        yield from (
+            x for x in verdict_rows(self.result, self.result.judge(None)) if x.name in PLANNED
+        )
         optimum = self.uncertified.duration
         note = f"{number(self.cost / optimum, '1')} of the uncertified {number(optimum, 's')}"
         yield Row("cost", self.cost, "s", "cost", note, VERDICT)

@@ -24,7 +24,7 @@ def figures(request: Request) -> MessageFrame:
     """Frame with the exact figures and the plan of a run, or a refusal with its position."""
     from armcontour.core.render import frame
     from armcontour.core.result import VERDICT, Row
-    from armcontour.jobs.rows import judging_rows
+    from armcontour.jobs.rows import with_worst_execution
     from armcontour.report.arm_frame import nearest_pair
     from armcontour.report.plan_frames import Tier, refusal_header, time_header
 
@@ -36,15 +36,15 @@ def figures(request: Request) -> MessageFrame:
         with suppress(InvalidInput):
             view = request.view
         return MessageFrame("refusal", refusal_header(error, view, tier=3, run=request.run or ""))
-    data, obstacle = result.to_data(), _nearest_to_obstacles(request, result)
-    rows = judging_rows(result, data.rows)
+    data = with_worst_execution(result, result.to_data())
+    obstacle = _nearest_to_obstacles(request, result)
     if obstacle is not None:
         row = Row("obstacle", obstacle.low, "m", "to the obstacles", obstacle.bodies, VERDICT)
-        rows = (*rows, row)
+        data = replace(data, rows=(*data.rows, row))
     header = {
         "run": result.run.name,
         "tier": Tier.EXACT,
-        "rows": frame(replace(data, rows=rows)),
+        "rows": frame(data),
         "obstacle_t": obstacle and obstacle.t,
         **time_header(result.explanation),
         "nearest": nearest_pair(result),
