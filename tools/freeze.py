@@ -38,10 +38,12 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 STORE = ROOT / ".armcontour" / "freeze"
 PARTS = 2  # processes that share the work of one tree
-CHANGED, CHECKED = 200, 400  # drawings with random changes, trajectories of either sort together
+CHANGED = 200  # drawings with random changes
+CHECKED = 400  # trajectories of either sort together
 CACHES = 3  # states of the sources whose compiled functions are kept
 REFUSED = (2, 3, 4, 5, 6, 8)  # exit codes of errors; the others are answers
-RELATIVE, METRES = 1e-9, 1e-10  # largest differences: relative, and of contour errors [m]
+RELATIVE = 1e-9  # largest relative difference
+METRES = 1e-10  # largest difference of contour errors [m]
 # Keys of JSON whose values depend on the machine or the day.
 UNSTABLE = re.compile(r"armcontour|version|elapsed|seconds|progress|files|source|made_from")
 NAME = re.compile(r"(?:--)?\w(?:[\w-]*\w)?")  # of keys, options, files and their parts
@@ -216,7 +218,8 @@ def _run_command(arguments: list[str]) -> dict[str, Any]:
         original(self, *args, **data)
         raised[:] = [self]
 
-    printed, sys.argv = io.StringIO(), ["armcontour", *arguments]
+    printed = io.StringIO()
+    sys.argv = ["armcontour", *arguments]
     base.__init__ = keep  # type: ignore[method-assign]
     code: Any = 0
     try:
@@ -302,8 +305,7 @@ def record_of(
         return json.loads(file.read_text())  # type: ignore[no-any-return]
     folder = STORE / "work"
     shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    (folder / "corpus.json").write_text(json.dumps(corpus(folder)))
+    shutil.copytree(_stored_corpus(), folder)
     path = os.pathsep.join([str(tree / "src"), str(ROOT)])
     cache = compiled(tree)
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache)}
@@ -324,6 +326,18 @@ def record_of(
     file.write_text(json.dumps(records))
     shutil.rmtree(folder)
     return records
+
+
+def _stored_corpus() -> Path:
+    """Folder with the inputs of all records; files such as DXF contain times and random names."""
+    stored = STORE / f"corpus-{_environment()}"
+    if not stored.exists():
+        begun = STORE / "corpus"
+        shutil.rmtree(begun, ignore_errors=True)
+        begun.mkdir(parents=True)
+        (begun / "corpus.json").write_text(json.dumps(corpus(begun)))
+        begun.rename(stored)
+    return stored
 
 
 def compiled(tree: Path) -> Path:
