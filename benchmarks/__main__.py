@@ -37,7 +37,8 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # A load of each core by others from which the machine is called busy.
 BUSY = 0.5
 # How often a line is measured that seems slower than the baseline, and one for the baseline.
-AGAIN, TIMES = 2, 3
+AGAIN = 2
+TIMES = 3
 # Measurements of lines by their names.
 Found: TypeAlias = dict[str, list[Measured]]
 
@@ -91,7 +92,8 @@ def _measured(
     keep: Callable[[Found], None] | None = None,
 ) -> tuple[Found, bool]:
     """Measure, and say what was found; answers that, and whether a line failed."""
-    busy, begin = _busy(), time.perf_counter()
+    busy = _busy()
+    begin = time.perf_counter()
     # What goes into the baseline is not judged by the one before.
     measurements, trouble = measure_all(lines, {} if keep else baselines, times, keep)
     best = [_judged(x) for x in measurements.values()]
@@ -228,7 +230,8 @@ def _print_table(rows: Iterable[Measured], baselines: Mapping[str, Known]) -> No
 
 def _busy() -> list[str]:
     """A sentence, if other programs kept the machine busy in the last minute."""
-    cores, load = os.cpu_count() or 1, os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+    cores = os.cpu_count() or 1
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
     if load < BUSY * cores:
         return []
     return [

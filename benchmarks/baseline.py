@@ -125,7 +125,8 @@ def baselines_by_name(sessions: Iterable[Session]) -> dict[str, Known]:
 
 def updated(sessions: Iterable[Session], new: Session) -> list[Session]:
     """A baseline with lines measured anew, which leave the session that they were of."""
-    unchanged, lines = [], dict(new.lines)
+    unchanged = []
+    lines = dict(new.lines)
     for x in sessions:
         rest = {name: line for name, line in x.lines.items() if name not in new.lines}
         if x.is_like(new):

@@ -20,9 +20,11 @@ from benchmarks.measured import Bar, Line, Pair, Taken, spawned, timed
 
 GASKET = Path(__file__).parents[1] / "examples" / "drawings" / "gasket.dxf"
 # Mean length of a line of G-code [mm], and the width of the noise on it.
-STEP, NOISE = 0.5, 0.01
+STEP = 0.5
+NOISE = 0.01
 # Distance of circles, and their smallest and largest radius [mm].
-APART, RADII = 6.0, (1.2, 2.2)
+APART = 6.0
+RADII = (1.2, 2.2)
 # Runs of the reference work beside a command, at least.
 REFERENCES = 20
 

@@ -16,7 +16,9 @@ from benchmarks import reference
 from benchmarks.measured import Bar, Line, Missing, Pair, timed
 
 CELLS = 1000
-FEW, MANY, WAYPOINTS = 8_000, 32_000, 640
+FEW = 8_000
+MANY = 32_000
+WAYPOINTS = 640
 
 
 def lines() -> list[Line]:

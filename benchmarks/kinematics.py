@@ -33,7 +33,10 @@ GUESSES = {"quintics": "quintics", "place": "the place before"}
 TURN = 0.3  # rad, between corners of the second path
 ANGULAR_TOLERANCE = 0.02  # rad
 # What is returned is right within these.
-TOOL, TURNED, DERIVATIVES = 1e-10, 1e-10, 1e-8  # m, rad, of rates in m, rad and 1/m
+# m, rad, of rates in m, rad and 1/m
+TOOL = 1e-10
+TURNED = 1e-10
+DERIVATIVES = 1e-8
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,8 @@ def lines() -> list[Line]:
 def _pair(key: str, start: str | None) -> Pair:
     import pinocchio as pin
 
-    arm, path = ur5e.load(), path_of(key)
+    arm = ur5e.load()
+    path = path_of(key)
     model = pin.buildModelFromXML(ur5e.urdf(arm, 1.0))
     data = model.createData()
     task = prepared(arm, path)
@@ -130,7 +134,8 @@ def verified(
     knots = task.knots
     q, dq_ds, d2q_ds2 = task.solver.ends(knots, knots.u0, guess)
     poses, rates = _evaluate(task)
-    data, frame = model.createData(), model.getFrameId(ur5e.TOOL)
+    data = model.createData()
+    frame = model.getFrameId(ur5e.TOOL)
     places = np.empty((PLACES, 3, 4))
     for k, row in enumerate(q):
         pin.framesForwardKinematics(model, data, row)

@@ -21,9 +21,11 @@ from statistics import median
 from benchmarks import reference
 
 # A side of a round takes about this long [s], if it is one of many short calls.
-SLICE, MOST_CALLS = 0.03, 60
+SLICE = 0.03
+MOST_CALLS = 60
 # A line takes about this long [s], in so many rounds; long work is measured once.
-BUDGET, MOST_ROUNDS = 1.5, 20
+BUDGET = 1.5
+MOST_ROUNDS = 20
 
 # Runs a process and prints what it took. A small process does so, as one begins with the peak
 # memory of that which started it.
@@ -181,7 +183,8 @@ class Measured:
     @property
     def converted(self) -> Taken:
         """The usual, on the machine of the bars."""
-        usual, nominal = self.usual, reference.SECONDS.get(self.line.peer)
+        usual = self.usual
+        nominal = reference.SECONDS.get(self.line.peer)
         if nominal is None:
             return usual
         factor = nominal / median(x.processor for x in self.peer)
@@ -195,7 +198,8 @@ class Measured:
     @property
     def of_bar(self) -> str:
         """What it has of what its bar limits, in words."""
-        bar, usual = self.line.bar, self.converted
+        bar = self.line.bar
+        usual = self.converted
         return str(
             Bar(
                 None if bar.ratio is None else self.usual_ratio,
@@ -219,7 +223,8 @@ def measure(line: Line, times: int = 1) -> list[Measured]:
 
 
 def _measure(pair: Pair) -> tuple[list[Taken], list[Taken]]:
-    ours, peer = pair.ours(1), pair.peer(1)
+    ours = pair.ours(1)
+    peer = pair.peer(1)
     each = ours[0].processor, min(x.processor for x in peer)
     calls = [max(1, min(MOST_CALLS, int(SLICE / max(x, 1e-6)))) for x in each]
     whole = sum(n * x for n, x in zip(calls, each, strict=True))
@@ -235,9 +240,11 @@ def timed(call: Callable[[], object]) -> Timer:
     def run(times: int) -> list[Taken]:
         taken = []
         for _ in range(times):
-            wall, processor = time.perf_counter(), time.process_time()
+            wall = time.perf_counter()
+            processor = time.process_time()
             call()
-            processor, wall = time.process_time() - processor, time.perf_counter() - wall
+            processor = time.process_time() - processor
+            wall = time.perf_counter() - wall
             taken.append(Taken(processor, wall))
         return taken
 

@@ -26,19 +26,22 @@ from armcontour.planning.optimal_timing import constraints_of, time_optimal
 from armcontour.planning.path_grid import Grid
 from benchmarks.measured import Bar, Line, Missing, Pair, Taken, Timer, timed
 
-JOINTS, WAYPOINTS = 6, 5
+JOINTS = 6
+WAYPOINTS = 5
 POINTS = (200, 1000, 5000)
 SOURCE = Path(__file__).with_name("toppra_peer.cpp")
 # The same waypoints for every grid; the limits bind on every joint somewhere.
 RNG = np.random.default_rng(1)
 WAY = RNG.uniform(-2, 2, (WAYPOINTS, JOINTS))
-VELOCITY, ACCELERATION = RNG.uniform(1, 3, JOINTS), RNG.uniform(1, 5, JOINTS)
+VELOCITY = RNG.uniform(1, 3, JOINTS)
+ACCELERATION = RNG.uniform(1, 5, JOINTS)
 # Parameters from 0 to 1 on which every uniform grid above has a point.
 AT = np.linspace(0, 1, WAYPOINTS)
 # Bars of the ratio, by the number of points.
 CPP_BARS = {200: 0.65, 1000: 0.31, 5000: 0.21}
 PYTHON_BARS = {1000: 1 / 40, 5000: 1 / 60}
-SMALL, LARGE = 10_000, 1_000_000
+SMALL = 10_000
+LARGE = 1_000_000
 # Grids on which memory is measured.
 GRIDS = (10_000, 100_000, 1_000_000)
 # The peak since exec, unlike getrusage's, is not the parent's.
@@ -226,7 +229,8 @@ def _answer(
 ) -> str:
     """Judge ds² on a grid, with a path acceleration linear in s between its points."""
     path = ac.JointPath.spline(WAY, AT)
-    width, slope = np.diff(grid), np.zeros(len(grid) - 1) if skew is None else skew
+    width = np.diff(grid)
+    slope = np.zeros(len(grid) - 1) if skew is None else skew
     share = np.linspace(0, 1, PLACES)
     s = grid[:-1, None] + share * width[:, None]
     u = np.diff(squares) / (2 * width) - slope * width / 2
@@ -247,7 +251,8 @@ def _said(who: str, duration: float, used: float) -> str:
 
 def _scaling() -> Pair:
     """Time per grid point at a million points against that at ten thousand."""
-    ours, peer = timed(lambda: plan(LARGE)), timed(lambda: plan(SMALL))
+    ours = timed(lambda: plan(LARGE))
+    peer = timed(lambda: plan(SMALL))
     return Pair(ours, peer, memory, parts=(LARGE, SMALL))
 
 

@@ -76,9 +76,11 @@ def _cells(line: Line, baseline: Known | None) -> tuple[str, ...]:
         more = " (only if asked for)" if line.full else ""
         return NOT_YET + more, line.peer, "-"
     ours = "-" if baseline.ours is None else in_words(baseline.ours)
-    peer, result = baseline.peer, faster(baseline.ratio)
+    peer = baseline.peer
+    result = faster(baseline.ratio)
     if peer == REFERENCE:
-        peer, result = "-", "-"
+        peer = "-"
+        result = "-"
     if baseline.missed:
         result = "goal missed" if result == "-" else f"{result}, goal missed"
     return ours, peer, result

@@ -13,7 +13,10 @@ from benchmarks.measured import Bar, Line, Pair, timed
 
 CYCLE = 4e-3
 POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
-TOLERANCE, ACCELERATION, SPEED = 5e-3, 0.09, 0.15  # m, m/s², m/s
+# m, m/s², m/s
+TOLERANCE = 5e-3
+ACCELERATION = 0.09
+SPEED = 0.15
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 

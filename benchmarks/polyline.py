@@ -21,7 +21,8 @@ from benchmarks.measured import Bar, Line, Missing, Pair, timed
 
 SEGMENTS = 10_000
 # Grid points a segment, and spline points a line or arc, for toppra.
-GRID_POINTS, SPLINE_POINTS = 5, 4
+GRID_POINTS = 5
+SPLINE_POINTS = 4
 TOLERANCE = 5e-5
 VELOCITY = (2.0, 2.0)
 # The margins of the zigzag need three finer grids: five plans, of up to 293,000 intervals, take 0.7
@@ -48,7 +49,8 @@ def lines() -> list[Line]:
 def _pair(shape: str, tool: bool) -> Pair:
     if find_spec("toppra") is None:
         raise Missing("toppra is not installed, which has wheels for linux-x86_64")
-    arm, points = ac.load_arm("pmk3s"), zigzag() if shape == "zigzag" else wavy()
+    arm = ac.load_arm("pmk3s")
+    points = zigzag() if shape == "zigzag" else wavy()
     joints = arm.limits.replace(joint_velocity=VELOCITY)
     solve = toppra_solver(points, arm, joints)
     limits = joints.replace(speed=0.15, centripetal_acceleration=0.09) if tool else joints

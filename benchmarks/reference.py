@@ -12,7 +12,10 @@ NAME = "the reference work"
 COMPILED = "numba compiling the reference function"
 # What both take on the machine for which the bars in seconds are [s].
 SECONDS = {NAME: 12e-3, COMPILED: 2.5}
-LOOPS, CALLS, LARGE, LARGE_CALLS = 60_000, 2_500, 20_000, 25
+LOOPS = 60_000
+CALLS = 2_500
+LARGE = 20_000
+LARGE_CALLS = 25
 
 
 def work() -> float:

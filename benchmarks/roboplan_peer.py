@@ -29,10 +29,12 @@ class Peer:
         self.scene = Scene("benchmark", loadUrdfSceneDescription(urdf, []))
         self.scene.importJointLimitsFromConfig(loadJointLimitsConfig(limits))
         self.scene.addGroupFromChain("arm", base, tool)
-        self.base, self.tool = base, tool
+        self.base = base
+        self.tool = tool
         self.start = JointConfiguration()
         self.start.positions = np.array(start)
-        self.prepared, self.planned = {}, {}
+        self.prepared = {}
+        self.planned = {}
 
     def prepare(self, name, poses, mode, options):
         """A planner for poses (n, 4, 4), and its first plan; it is kept, so this is not timed."""
@@ -73,7 +75,8 @@ def main():
         method, arguments = json.loads(line)
         try:
             if method == "arm":
-                peer, answer = Peer(**arguments), None
+                peer = Peer(**arguments)
+                answer = None
             else:
                 answer = getattr(peer, method)(**arguments)
             print(json.dumps([answer, None]), flush=True)

@@ -12,7 +12,9 @@ from armcontour.geometry import ShapedPath
 from benchmarks import reference, ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 
-CENTRIPETAL, SPEED = 0.09, 0.15  # m/s², m/s
+# m/s², m/s
+CENTRIPETAL = 0.09
+SPEED = 0.15
 POINTS = {
     1: ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)),
     2: (
@@ -32,10 +34,13 @@ BARS = (
 )
 LONGEST = {1: 2.0, 2: 6.0}
 # Corners of long paths, their tolerance and the lengths of their lines [m].
-LONG, SHORT = 1000, 100
-LONG_TOLERANCE, STEPS = 2e-3, (0.015, 0.040)
+LONG = 1000
+SHORT = 100
+LONG_TOLERANCE = 2e-3
+STEPS = (0.015, 0.040)
 # Distances from the first joint between which long paths stay [m].
-NEAR, FAR = 0.15, 0.42
+NEAR = 0.15
+FAR = 0.42
 
 
 def lines() -> list[Line]:
@@ -54,7 +59,8 @@ def lines() -> list[Line]:
         for cap, (bar, oracle) in zip((CENTRIPETAL, None), bars, strict=True)
     ]
     longer = Bar(ratio=12, seconds=30)
-    title, peer = f"shaped: {LONG} corners, 2 mm", f"{SHORT} corners"
+    title = f"shaped: {LONG} corners, 2 mm"
+    peer = f"{SHORT} corners"
     return [
         *entries,
         Line(
@@ -75,7 +81,8 @@ def _line(
 ) -> Line:
     """One of the jobs on the PMK-3s, with the duration that it shall have and an oracle's."""
     if cap is not None:
-        name, title = f"{name}/centripetal", f"{title}, centripetal limit"
+        name = f"{name}/centripetal"
+        title = f"{title}, centripetal limit"
     bar_text = f"bar {bar:g}{'' if oracle is None else f', oracle {oracle:.3f}'}"
 
     def prepare() -> Pair:

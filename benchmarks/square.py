@@ -43,7 +43,10 @@ from benchmarks.measured import Bar, Line, Missing, Pair, Taken, timed
 
 PYTHON = "ARMCONTOUR_ROBOPLAN_PYTHON"
 PROGRAM = Path(__file__).with_name("roboplan_peer.py")
-VELOCITY, ACCELERATION, SPEED = 3.14, 8.0, 0.25  # rad/s, rad/s², m/s
+# rad/s, rad/s², m/s
+VELOCITY = 3.14
+ACCELERATION = 8.0
+SPEED = 0.25
 JOINTS = ac.Limits.only(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
 # Places per interval at which a plan is judged.
 PLACES = 20
@@ -114,7 +117,8 @@ def lines() -> list[Line]:
 
 
 def _pair(ours: str, peer: str) -> Pair:
-    arm, path = ur5e.load(), ur5e.square()
+    arm = ur5e.load()
+    path = ur5e.square()
     limits = JOINTS if ours == "joints" else JOINTS.replace(speed=SPEED)
     start = plan(arm, path, JOINTS.replace(speed=SPEED))(0.0)
     posture = None if ours == "configurations" else start
@@ -143,7 +147,8 @@ def _pair(ours: str, peer: str) -> Pair:
 
 def _torque(fixed_start: bool) -> Pair:
     """The arm's own limits and the tool's speed; toppra is given the joint path that we plan on."""
-    arm, path = ur5e.load(), ur5e.square()
+    arm = ur5e.load()
+    path = ur5e.square()
     limits = arm.limits.replace(speed=SPEED)
     first = plan(arm, path, limits)
     start = first(0.0)
@@ -173,7 +178,8 @@ def plan(
 @cache
 def _settings() -> dict[str, tuple[str, dict[str, float]]]:
     """Modes and options by name."""
-    ask, arm = _roboplan(), ur5e.load()
+    ask = _roboplan()
+    arm = ur5e.load()
     low, high = 0.05, 0.5
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
@@ -263,7 +269,9 @@ def _through(
 
 def _prepare(ask: Ask, name: str, mode: str, options: dict[str, float]) -> None:
     poses = np.zeros((5, 4, 4))
-    poses[:, :3, :3], poses[:, :3, 3], poses[:, 3, 3] = ur5e.DOWN, ur5e.corners(), 1
+    poses[:, :3, :3] = ur5e.DOWN
+    poses[:, :3, 3] = ur5e.corners()
+    poses[:, 3, 3] = 1
     ask("prepare", name=name, poses=poses.tolist(), mode=mode, options=options)
 
 
@@ -287,7 +295,8 @@ def _roboplan() -> Ask:
     resources = ExitStack()
     atexit.register(resources.close)
     folder = Path(resources.enter_context(tempfile.TemporaryDirectory()))
-    urdf, limits = folder / "arm.urdf", folder / "limits.yaml"
+    urdf = folder / "arm.urdf"
+    limits = folder / "limits.yaml"
     urdf.write_text(ur5e.urdf(arm, VELOCITY))
     rows = [f"  {x}:\n    max_acceleration: [{ACCELERATION}]\n" for x in arm.joint_names]
     limits.write_text("joint_limits:\n" + "".join(rows))

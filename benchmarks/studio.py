@@ -20,7 +20,8 @@ from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, timed
 
 # A waypoint moves by so much from one call to the next, in so many steps [m].
-STEP, STEPS = 1e-5, 1000
+STEP = 1e-5
+STEPS = 1000
 
 Data = Mapping[str, Any]
 
@@ -70,7 +71,9 @@ def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool =
     from armcontour.studio.handles import handles_of
     from armcontour.studio.preview import CoarsePlanner
 
-    data, previewer, numbers = load(text, "job"), CoarsePlanner(), count()
+    data = load(text, "job")
+    previewer = CoarsePlanner()
+    numbers = count()
     handles = handles_of(previewer.job(data, "optimal"), data)
     view = View(handles.plane, handles.centre)
 

@@ -33,8 +33,11 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Mouse
 
 # How long each motion of the mouse lasts [s], and how often it moves [Hz].
-SECONDS, RATE = 5.0, 60.0
-LINES, SEGMENTS, CONTOURS = 150_000, 10_000, 2_000
+SECONDS = 5.0
+RATE = 60.0
+LINES = 150_000
+SEGMENTS = 10_000
+CONTOURS = 2_000
 
 
 @dataclass(frozen=True)
@@ -196,7 +199,9 @@ def start(browser: Browser, folder: FilePath) -> Iterator[Found]:
     """From the command to a page that can be used, and to the first plan."""
     # As a package that was installed; a source tree may be kept from being compiled.
     compileall.compile_dir(FilePath(armcontour.__file__).parent, quiet=2)
-    usable, planned, whole = [], [], []
+    usable = []
+    planned = []
+    whole = []
     paper = folder / "paper.yaml"
     shutil.copy(FilePath(armcontour.__file__).parent / "jobs" / "library" / "paper.yaml", paper)
     for _ in range(4):

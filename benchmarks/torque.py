@@ -22,17 +22,21 @@ from benchmarks.optimal import even_grid, plan_on
 POINTS = 1000
 # Places of a traced path that are toppra's waypoints.
 PLACES = 400
-WAYPOINTS, REACH = 6, 1.5
+WAYPOINTS = 6
+REACH = 1.5
 AT = np.linspace(0, 1, WAYPOINTS)
 WAY = np.random.default_rng(3).uniform(-REACH, REACH, (WAYPOINTS, 6))
 # Less than the arm has, so that they bind, on two joints.
 TORQUE = np.array([60.0, 120.0, 60.0, 12.0, 8.0, 4.0])  # N m
-VELOCITY, ACCELERATION = 3.14, 40.0  # rad/s, rad/s²
+# rad/s, rad/s²
+VELOCITY = 3.14
+ACCELERATION = 40.0
 
 
 def lines() -> list[Line]:
     """One line."""
-    title, peer = f"plan with torque limits, {POINTS} points", "toppra and RNEA (Seidel)"
+    title = f"plan with torque limits, {POINTS} points"
+    peer = "toppra and RNEA (Seidel)"
     return [Line("torque/spline", title, peer, _prepare, Bar(ratio=1 / 20))]
 
 
@@ -118,7 +122,8 @@ def _per_joint(arm: ac.SerialArm, value: Any) -> FloatArray:
 
 def _model(pin: Any, arm: ac.SerialArm) -> Any:
     """The model of an arm with masses and without a payload."""
-    chain, model = arm.chain, pin.Model()
+    chain = arm.chain
+    model = pin.Model()
     model.gravity.linear = np.asarray(chain.gravity)
     base = pin.SE3(np.asarray(chain.base.rotation), np.asarray(chain.base.position))
     parent = 0

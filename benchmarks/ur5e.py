@@ -9,10 +9,12 @@ import armcontour as ac
 from armcontour.core.checks import FloatArray
 
 # A corner of the square [m], its side [m], and a tool that looks down.
-CORNER, SIDE = (0.45, 0.08, 0.2), 0.1
+CORNER = (0.45, 0.08, 0.2)
+SIDE = 0.1
 DOWN = np.diag([1.0, -1.0, -1.0])
 CORNER_ERROR = 2.5e-4  # m
-BASE, TOOL = "base", "tool"
+BASE = "base"
+TOOL = "tool"
 
 
 def load() -> ac.SerialArm:

@@ -146,7 +146,8 @@ def run_command(arguments: Sequence[str]) -> tuple[int, str, str]:
     Args:
         arguments: Words of the command line after the program.
     """
-    out, errors = io.StringIO(), io.StringIO()
+    out = io.StringIO()
+    errors = io.StringIO()
     with (
         mock.patch.object(sys, "argv", ["armcontour", *arguments]),
         mock.patch.object(signal, "signal", lambda *_: None),
@@ -182,10 +183,12 @@ def agree(expected: str, printed: str, *, within: float = 0.0) -> bool:
             last = (i, k)
             i += 1
         elif i < len(expected_words) and _same_word(expected_words[i], printed_words[k], within):
-            i, k = i + 1, k + 1
+            i = i + 1
+            k = k + 1
         elif last is not None:
             last = (last[0], last[1] + 1)
-            i, k = last[0] + 1, last[1]
+            i = last[0] + 1
+            k = last[1]
         else:
             return False
     return all(x == ANY for x in expected_words[i:])

@@ -6,7 +6,8 @@ import armcontour as ac
 
 torch = ac.Frame.rpy((0.085, 0.0, 0.165), (0.0, math.pi / 4, 0.0))
 arm = ac.load_arm("ur5e", tool=torch)
-center, radius = (0.45, 0.0, 0.35), 0.08
+center = (0.45, 0.0, 0.35)
+radius = 0.08
 seam = ac.Path(segments=[ac.Arc.circle((0.45, 0.0, 0.35 + radius), center, normal=(0.0, 1.0, 0.0))])
 limits = arm.limits.replace(speed=0.05)
 

@@ -11,7 +11,8 @@ robot = ac.ServoPlant(arm, ac.ServoModel(kp=[23.0, 20.0], kv=[150.0, 120.0], dea
 
 # Excite both joints by a multisine of 5 mrad for 12 s, with a step of 0.5 rad for 2 s.
 # Record two programs, so that the model of each program is tested on the other one.
-t, logs = np.arange(0.0, 12.0, 4e-3), []
+t = np.arange(0.0, 12.0, 4e-3)
+logs = []
 frequencies = np.arange(0.5, 25.0, 1 / 12)  # Hz, in steps of 1 / duration
 for program in (1, 2):
     random = np.random.default_rng(program)

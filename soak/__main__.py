@@ -69,7 +69,8 @@ def judge_all(
     place: str, seeds: range, jobs: int, seconds: float
 ) -> Iterator[tuple[int, Outcome, float]]:
     """Judge the problems of seeds in several processes, until the time is over."""
-    begun, tasks = time.monotonic(), iter((place, seed) for seed in seeds)
+    begun = time.monotonic()
+    tasks = iter((place, seed) for seed in seeds)
     if jobs == 1:
         yield from map(judge, tasks)
         return
@@ -82,7 +83,8 @@ def uncovered(hits: dict[str, list[bool]]) -> int:
     """Print how many intervals hold the true value; returns how many names miss the bar."""
     missed = 0
     for name, held in sorted(hits.items()):
-        share, slack = sum(held) / len(held), 2 * math.sqrt(0.05 * 0.95 / len(held))
+        share = sum(held) / len(held)
+        slack = 2 * math.sqrt(0.05 * 0.95 / len(held))
         bad = not COVERED[0] - slack <= share <= COVERED[1] + slack
         missed += bad
         print(f"  {name:44} {share:6.1%} of {len(held)} held{', outside the bar' if bad else ''}")
@@ -95,11 +97,14 @@ def soak(topic: str, options: argparse.Namespace) -> int:
     seeds = range(options.first_seed, options.first_seed + (options.count or usual))
     counts: Counter[tuple[str, str]] = Counter()
     hits: dict[str, list[bool]] = defaultdict(list)
-    wrong, worst, slowest = 0, 0.0, (0.0, -1)
+    wrong = 0
+    worst = 0.0
+    slowest = (0.0, -1)
     for seed, outcome, seconds in judge_all(place, seeds, options.jobs, options.seconds):
         counts[outcome.kind, outcome.result] += 1
         wrong += bool(outcome.notes)
-        worst, slowest = max(worst, outcome.worst), max(slowest, (seconds, seed))
+        worst = max(worst, outcome.worst)
+        slowest = max(slowest, (seconds, seed))
         for name, held in outcome.covered.items():
             hits[name].append(held)
         for note in outcome.notes:

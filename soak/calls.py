@@ -98,7 +98,8 @@ def folder() -> Iterator[None]:
 @cache
 def right() -> dict[str, Any]:
     """Right arguments by their names."""
-    arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
+    arm = ac.load_arm("pmk3s")
+    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
     limits = arm.limits.replace(speed=0.1, joint_acceleration=[0.7, 0.7])
     job = files.parse_job(FILES["bend.yaml"])
     study = ac.run(job)
@@ -367,7 +368,8 @@ def judge(call: Call, bad: Mapping[str, Any]) -> tuple[str, str]:
 def run(seed: int) -> Outcome:
     """Make the call of a seed: first each argument with each bad value, then two at random."""
     with folder():
-        values, rng = bad_values(), np.random.default_rng(seed)
+        values = bad_values()
+        rng = np.random.default_rng(seed)
         call, name = slots()[seed % len(slots())]
         bad = {name: values[seed // len(slots()) % len(values)]}
         if seed >= len(slots()) * len(values):

@@ -27,7 +27,8 @@ def outside(drawing: str, cell: str) -> list[str]:
     """Sentences on what a certificate does not hold; none if it holds."""
     job = read_cell(cell, DRAWINGS / drawing)
     certificate = ac.certify(job, goal=ac.CertificateGoal(servo_error=SERVO))
-    arm, planned = job.arm, certificate.result
+    arm = job.arm
+    planned = certificate.result
     limits = planned.run.limits
     executed = ac.simulate(
         certificate.set_points, ac.ServoPlant(arm, job.plant_servo, limits), resolution=1e-4

@@ -131,7 +131,8 @@ def proven_speed(log, forward, reach):
     high = float((length / np.maximum(span.low[:, 0], 1e-300)).max())
     if log.dq is not None:
         speed, errors = _sample_speeds(log, middle, forward, reach)
-        low, high = max(low, float((speed - errors).max())), max(high, float(speed.max()))
+        low = max(low, float((speed - errors).max()))
+        high = max(high, float(speed.max()))
     return low, high
 
 
@@ -157,7 +158,8 @@ def _chords(log, y):
 
 def pmk3s(q):
     """The tool of the paper's arm, (1) [m]."""
-    first, both = q[:, 0], q[:, 0] + q[:, 1]
+    first = q[:, 0]
+    both = q[:, 0] + q[:, 1]
     x = 0.135 + 0.250 * np.sin(first) + 0.215 * np.sin(both)
     return np.column_stack([x, 0.250 * np.cos(first) + 0.215 * np.cos(both)])
 
@@ -169,7 +171,10 @@ def ur5e(q):
     alpha = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
     frame = np.tile(np.eye(4), (len(q), 1, 1))
     for j in range(6):
-        c, s, ca, sa = np.cos(q[:, j]), np.sin(q[:, j]), np.cos(alpha[j]), np.sin(alpha[j])
+        c = np.cos(q[:, j])
+        s = np.sin(q[:, j])
+        ca = np.cos(alpha[j])
+        sa = np.sin(alpha[j])
         link = np.zeros((len(q), 4, 4))
         link[:, 0] = np.column_stack([c, -s * ca, s * sa, a[j] * c])
         link[:, 1] = np.column_stack([s, c * ca, -c * sa, a[j] * s])
@@ -182,7 +187,8 @@ def ur5e(q):
 # Limits that are drawn.
 LIMITS = ("joint_velocity", "joint_acceleration", "joint_upper", "speed")
 # A violation is at least this large, as the digits of a file can hide smaller ones.
-LEAST, MOST = 1.01, 1e6
+LEAST = 1.01
+MOST = 1e6
 # Numbers that no joint and no clock has.
 WILD = ("1e308", "-1e308", "1e200", "-1e30", "9e9", "1e-308", "5e-324", "1e999", "-0.0")
 # How far each joint's axis may be from the tool [m]: all links stretched.
@@ -323,15 +329,18 @@ def judge(case):
             samples = parse_trajectory(case.text, arm.joint_names)
             verdict = ac.check(samples, arm, _limits(case)).verdict
         except InvalidInput as error:
-            verdict, note = "refused", str(error)
+            verdict = "refused"
+            note = str(error)
         except Exception as error:  # noqa: BLE001 - every crash is a finding
-            verdict, note = "crash", f"{type(error).__name__}: {error}"
+            verdict = "crash"
+            note = f"{type(error).__name__}: {error}"
     return Answer(case, verdict, "open" if case.log is None else prove(case), note)
 
 
 def prove(case):
     """Whether the samples prove a violation."""
-    log, allowed = case.log, case.allowed
+    log = case.log
+    allowed = case.allowed
     if case.limit == "speed":
         low, high = proven_speed(log, FORWARD[case.arm], REACH[case.arm])
         ratios = low / allowed, high / allowed
@@ -360,7 +369,8 @@ def _motion(rng, dof):
     h = rng.uniform(0.05, 0.4, n)
     ddq = rng.uniform(-1, 1, (n, dof)) * float(rng.choice([0.1, 1.0, 10.0]))
     ddq[rng.random((n, dof)) < 0.2] = 0.0
-    q, dq = [rng.uniform(-1.5, 1.5, dof)], [np.zeros(dof)]
+    q = [rng.uniform(-1.5, 1.5, dof)]
+    dq = [np.zeros(dof)]
     for a, step in zip(ddq, h, strict=True):
         q.append(q[-1] + dq[-1] * step + a * step**2 / 2)
         dq.append(dq[-1] + a * step)
@@ -373,7 +383,8 @@ def _times(rng, end):
     even = bool(rng.random() < 0.5)
     if even:
         step = float(rng.choice([x for x in (0.001, 0.004, 0.01, 0.05) if 3 * x < end]))
-        digits, t = 3, np.arange(1 + int(min(end / step, 200))) * step
+        digits = 3
+        t = np.arange(1 + int(min(end / step, 200))) * step
     else:
         digits = int(rng.integers(4, 13))
         t = np.unique(rng.uniform(0, end, int(rng.integers(10, 150))))
@@ -385,7 +396,8 @@ def _add_spike(rng, columns, t, limit, allowed, factor):
     """Move one sample so far that, but for the rounding, the limit is exceeded by `factor`."""
     i = int(rng.integers(1, len(t) - 1))
     j = int(rng.integers(columns["q"].shape[1]))
-    before, after = t[i] - t[i - 1], t[i + 1] - t[i]
+    before = t[i] - t[i - 1]
+    after = t[i + 1] - t[i]
     sign = float(rng.choice([-1.0, 1.0]))
     q = columns["q"]
     if limit == "joint_upper":
@@ -410,7 +422,8 @@ def _printed(values, form):
 
 def _intervals(values, names, form, shift):
     """What printed numbers stand for; None if no clock or no joint goes there."""
-    t, dof = values[:, :1], (values.shape[1] - 1) // len(names)
+    t = values[:, :1]
+    dof = (values.shape[1] - 1) // len(names)
     if not (np.diff(t[:, 0]) > 1e-9).all() or not (np.abs(t) < 1e10).all():
         return None
     kind, digits = form

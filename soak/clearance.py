@@ -40,7 +40,8 @@ from soak import Outcome
 ARMS = ("ur5e", "ur10e", "panda")
 FINER = 100
 POSTURES = 50  # given to MuJoCo per seed
-LAPS, LAP = 4, 0.3
+LAPS = 4
+LAP = 0.3
 # How far apart bodies may be that touch for one of two programs only [m]: tolerances of both.
 EXCESS = 5e-6
 FloatArray = npt.NDArray[np.float64]
@@ -61,7 +62,8 @@ def random_motion(arm: ac.Arm, rng: np.random.Generator) -> Trajectory:
     limits = arm.limits.for_joints(arm.dof)
     assert limits.joint_velocity is not None
     low, high = (np.clip(x, -np.pi, np.pi) for x in (limits.joint_lower, limits.joint_upper))
-    q, dq = [rng.uniform(low, high)], [np.zeros(arm.dof)]
+    q = [rng.uniform(low, high)]
+    dq = [np.zeros(arm.dof)]
     ddq = rng.uniform(-1, 1, (LAPS, arm.dof)) * limits.joint_velocity / (2 * LAP)
     for x in ddq:
         q.append(q[-1] + LAP * dq[-1] + LAP**2 / 2 * x)
@@ -127,9 +129,11 @@ class Judge:
         first, second = self._pairs.T
         between = np.linalg.norm(centres[:, first] - centres[:, second], axis=2)
         near = between <= (self._radii[first] + self._radii[second]) * (1 + 1e-9)
-        request, count = coal.CollisionRequest(), 0
+        request = coal.CollisionRequest()
+        count = 0
         for k, pair in np.argwhere(near).tolist():
-            shapes, places = [], []
+            shapes = []
+            places = []
             for body in self._pairs[pair].tolist():
                 pose = placed[k, body]
                 shapes.append(self._bodies[body][1])
@@ -147,7 +151,8 @@ class Judge:
             turned = np.zeros((len(q), 4, 4))
             turn = Rotation.from_rotvec(q[:, k, None] * axis).as_matrix()
             turned[:, :3, :3] = chain.rotations[k] @ turn
-            turned[:, :3, 3], turned[:, 3, 3] = chain.positions[k], 1.0
+            turned[:, :3, 3] = chain.positions[k]
+            turned[:, 3, 3] = 1.0
             poses.append(poses[-1] @ turned)
         return poses
 
@@ -172,7 +177,8 @@ def _ball(shape: Any) -> tuple[FloatArray, float]:
 
 def _body(x: LinkShape) -> tuple[object, FloatArray]:
     """A body of the library, of triangles where it is a mesh, and its place in its link."""
-    shape, place = x.exact or x.shape, x.place
+    shape = x.exact or x.shape
+    place = x.place
     made: object
     match shape:
         case Mesh():
@@ -200,7 +206,8 @@ def _body(x: LinkShape) -> tuple[object, FloatArray]:
 def _matrix(rotation: FloatArray, position: FloatArray) -> FloatArray:
     """A frame as a matrix, (4, 4)."""
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, position
+    matrix[:3, :3] = rotation
+    matrix[:3, 3] = position
     return matrix
 
 
@@ -211,7 +218,8 @@ def judge_motion(
     finer: int = FINER,
 ) -> None:
     """Check a random motion in a random scene; if it is clear, look at it at random times."""
-    motion, scene = random_motion(arm, rng), random_scene(rng)
+    motion = random_motion(arm, rng)
+    scene = random_scene(rng)
     clearance = ac.check_clearance(motion, arm, scene)
     tally.motions += 1
     if not clearance.satisfied:
@@ -230,8 +238,10 @@ def mujoco_contacts(arm: ac.Arm) -> Callable[[FloatArray], set[frozenset[str]]]:
     import mujoco
 
     assert arm.chain is not None and arm.shapes is not None
-    chain, depth = arm.chain, 0
-    assets, geoms = [], {k: "" for k in range(arm.dof + 1)}
+    chain = arm.chain
+    depth = 0
+    assets = []
+    geoms = {k: "" for k in range(arm.dof + 1)}
     for k, x in enumerate(arm.shapes.shapes):
         assert isinstance(x.shape, Mesh)
         points = x.place.position + x.shape.points @ x.place.rotation.T
@@ -282,8 +292,11 @@ def compare_contacts(
     pairs, _ = pairs_of(arm, Scene())
     assert arm.chain is not None
     every = np.arange(len(pairs))
-    distances, limits = Distances(arm.chain, pairs), arm.limits.for_joints(arm.dof)
-    touching, worst, different = 0, 0.0, 0
+    distances = Distances(arm.chain, pairs)
+    limits = arm.limits.for_joints(arm.dof)
+    touching = 0
+    worst = 0.0
+    different = 0
     for q in rng.uniform(limits.joint_lower, limits.joint_upper, (count, arm.dof)):
         theirs = contacts(q)
         ours = distances.measure(q[None], 0 * every, every)
@@ -298,7 +311,9 @@ def compare_contacts(
 
 def run(seed: int) -> Outcome:
     """Judge a random motion of an arm, and compare contacts at random postures with MuJoCo."""
-    name, rng, tally = ARMS[seed % len(ARMS)], np.random.default_rng(seed), Tally()
+    name = ARMS[seed % len(ARMS)]
+    rng = np.random.default_rng(seed)
+    tally = Tally()
     arm = ac.load_arm(name)
     judge_motion(arm, rng, tally)
     _, _, worst, different = compare_contacts(arm, rng, POSTURES)

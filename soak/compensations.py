@@ -16,9 +16,12 @@ from armcontour.control.compensation import METHODS
 from soak import Outcome
 
 NAMES = ("none", "inverse", "pole_placement", "inverse_dynamics")
-KP, KV, CYCLE = 25.0, 150.0, 4e-3
+KP = 25.0
+KV = 150.0
+CYCLE = 4e-3
 # Gains of robots are within this share of the nominal ones; so many are drawn.
-GAINS, DRAWN = 0.2, 6
+GAINS = 0.2
+DRAWN = 6
 Plant = Callable[[ac.ServoModel], ac.ServoPlant | ac.RigidBodyPlant]
 
 
@@ -88,7 +91,8 @@ def rows(reserve: float) -> Iterator[str]:
         cells = []
         for x in set_points:
             errors = [ac.evaluate(ac.simulate(x, plant(s)), path).contour_error for s in servos]
-            rms, maximum = np.median([e.rms for e in errors]), max(e.max for e in errors)
+            rms = np.median([e.rms for e in errors])
+            maximum = max(e.max for e in errors)
             cells.append(f"{rms * 1e3:.4f} / {maximum * 1e3:.3f}")
         yield f"| {judge} | {reserve:.0%} | {name} | " + " | ".join(cells) + " |"
 

@@ -32,7 +32,8 @@ class Piece:
         """Points at distances u from the start."""
         if self.bend == 0:
             return self.start + np.multiply.outer(u, self.tangent)
-        angle, r = np.asarray(u) * self.bend, 1 / self.bend
+        angle = np.asarray(u) * self.bend
+        r = 1 / self.bend
         # 1 - cos as a square, for arcs of a huge radius.
         across = 2 * r * np.sin(angle / 2) ** 2
         return (
@@ -119,7 +120,8 @@ def draw(seed):
     away = []
     for side, heading in ((1, np.pi), (2, turn * rng.choice([-1, 1]))):
         tangent = np.array([np.cos(heading), np.sin(heading)])
-        bend, normal = 0.0, np.zeros(2)
+        bend = 0.0
+        normal = np.zeros(2)
         length = 10 ** rng.uniform(-5, 0)
         if arcs & side:
             # Radii from tiny to large; arcs up to full circles.
@@ -153,7 +155,8 @@ def judge(case):
     """What is wrong with the rounded corner; "" if nothing is. And whether it is a full stop."""
     path = case.path
     rounded = ac.round_corners(path, tolerance=case.tolerance)
-    (stopped,), (reason,) = rounded.corners.stopped, rounded.corners.reason
+    (stopped,) = rounded.corners.stopped
+    (reason,) = rounded.corners.reason
     if stopped:
         few = case.turn > np.pi - NEARLY_BACK and reason in ("no room", "turn-back")
         return "" if few else f"a full stop: {reason}", True
@@ -161,7 +164,8 @@ def judge(case):
     columns = (table.starts, table.tangents, table.normals, table.curvatures, table.lengths)
     drawn = [Piece(*row) for row in zip(*columns, strict=True)]
     for a, b in zip(drawn, drawn[1:], strict=False):
-        u, v = a.direction(a.length), b.tangent
+        u = a.direction(a.length)
+        v = b.tangent
         jump = 2 * np.arctan2(np.linalg.norm(u - v), np.linalg.norm(u + v))
         if jump > TANGENT:
             return f"tangents jump by {jump:.2g}", False
@@ -170,7 +174,8 @@ def judge(case):
     corner = case.away[0].start[None]
     allowed = case.tolerance + ROUNDING
     # A long arc comes back to its corner: only what replaces the corner counts.
-    (begin,), (end,) = rounded.corners.start, rounded.corners.end
+    (begin,) = rounded.corners.start
+    (end,) = rounded.corners.end
     middles = (rounded.breaks[1:] + rounded.breaks[:-1]) / 2
     blend = [x for x, s in zip(drawn, middles, strict=True) if begin < s < end]
     error = min(float(x.distance(corner)[0]) for x in blend)

@@ -5,16 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 # Largest acceleration of a drive [rad/s²], gains [1/s], cycle of the thread [s].
-LIMIT, KP, KV, CYCLE = 0.72, 25.0, 150.0, 1e-3
+LIMIT = 0.72
+KP = 25.0
+KV = 150.0
+CYCLE = 1e-3
 # Links and base of the arm [m], corners of the path [m], corner error [m].
-BASE, FIRST, SECOND = 0.135, 0.250, 0.215
+BASE = 0.135
+FIRST = 0.250
+SECOND = 0.215
 POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
 TOLERANCE = 5e-3
 
 
 def follow(command: np.ndarray) -> np.ndarray:
     """Joint positions that two `pid` and two `integ` per joint make of commands [rad], (n, dof)."""
-    q, v, found = command[0].copy(), np.zeros(command.shape[1]), []
+    q = command[0].copy()
+    v = np.zeros(command.shape[1])
+    found = []
     for u in command:
         found.append(q.copy())
         v = v + CYCLE * np.clip(KV * (KP * (u - q) - v), -LIMIT, LIMIT)
@@ -24,26 +31,31 @@ def follow(command: np.ndarray) -> np.ndarray:
 
 def tool(q: np.ndarray) -> np.ndarray:
     """Positions of the tool [m], (n, 2)."""
-    a, b = q[:, 0], q[:, 0] + q[:, 1]
+    a = q[:, 0]
+    b = q[:, 0] + q[:, 1]
     x = BASE + FIRST * np.sin(a) + SECOND * np.sin(b)
     return np.column_stack([x, FIRST * np.cos(a) + SECOND * np.cos(b)])
 
 
 def distances(points: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
     """Distances from the path with a corner error [m]; 0 for sharp corners, (n,)."""
-    best, begin = np.full(len(points), np.inf), POINTS[0]
+    best = np.full(len(points), np.inf)
+    begin = POINTS[0]
     for a, b, c in zip(POINTS[:-2], POINTS[1:-1], POINTS[2:], strict=True):
-        u, v = (b - a) / np.linalg.norm(b - a), (c - b) / np.linalg.norm(c - b)
+        u = (b - a) / np.linalg.norm(b - a)
+        v = (c - b) / np.linalg.norm(c - b)
         half = np.arccos(u @ v) / 2
         radius = tolerance / (1 / np.cos(half) - 1)
-        start, end = b - u * radius * np.tan(half), b + v * radius * np.tan(half)
+        start = b - u * radius * np.tan(half)
+        end = b + v * radius * np.tan(half)
         inwards = (v - u) / np.linalg.norm(v - u)
         centre = b + inwards * radius / np.cos(half)
         from_centre = points - centre
         size = np.linalg.norm(from_centre, axis=1)
         within = from_centre @ -inwards >= size * np.cos(half)
         best = np.minimum(best, np.where(within, np.abs(size - radius), np.inf))
-        best, begin = np.minimum(best, _from_line(points, begin, start)), end
+        best = np.minimum(best, _from_line(points, begin, start))
+        begin = end
     return np.minimum(best, _from_line(points, begin, POINTS[-1]))
 
 

@@ -25,7 +25,9 @@ NAMES = {
 }
 LIMIT = 20.0  # rad/s²
 # Noise [rad], and times of a sample of the kinds of logs and of drawn ones [s].
-NOISE, INTERVAL, SAMPLE = 1e-5, 1e-3, 2e-3
+NOISE = 1e-5
+INTERVAL = 1e-3
+SAMPLE = 2e-3
 
 
 @njit(cache=True)
@@ -55,11 +57,14 @@ def _run(t, u, linear, before, kp, kv, delay, limit, q0, dq0, steps, friction, f
             b = _command(t, u, linear, before, feed / kp, now + h / 2 - delay)
             c = _command(t, u, linear, before, feed / kp, now + h - 1e-12 - delay)
             k1 = min(max(kv * (kp * (a - q) - w), -limit), limit)
-            q2, w2 = q + h / 2 * w, w + h / 2 * k1
+            q2 = q + h / 2 * w
+            w2 = w + h / 2 * k1
             k2 = min(max(kv * (kp * (b - q2) - w2), -limit), limit)
-            q3, w3 = q + h / 2 * w2, w + h / 2 * k2
+            q3 = q + h / 2 * w2
+            w3 = w + h / 2 * k2
             k3 = min(max(kv * (kp * (b - q3) - w3), -limit), limit)
-            q4, w4 = q + h * w3, w + h * k3
+            q4 = q + h * w3
+            w4 = w + h * k3
             k4 = min(max(kv * (kp * (c - q4) - w4), -limit), limit)
             q += h / 6 * (w + 2 * w2 + 2 * w3 + w4)
             w += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
@@ -143,7 +148,8 @@ def run(seed: int) -> Outcome:
     """Identify a random joint."""
     (one, other), truth = draw(seed)
     identification = ac.identify(one)
-    joint, notes = identification.joints[0], []
+    joint = identification.joints[0]
+    notes = []
     if not joint.written:
         return Outcome(kind="joint", result="no model", notes=[joint.note], covered={})
     predicted = identification.predict(other)

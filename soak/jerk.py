@@ -35,10 +35,13 @@ STEP = 1e-9
 # A bend q'' jumps where its jump is this share of its largest value there.
 BEND = 1e-6
 # Means of the jerk over samples; those that rounding spoils by more than NOISE are not judged.
-RATES, SLACK, NOISE = (1000.0, 8000.0), 5e-3, 2e-3
+RATES = (1000.0, 8000.0)
+SLACK = 5e-3
+NOISE = 2e-3
 MOST_SAMPLES = 40_000
 # One problem in so many is planned again with searches that end after some iterations.
-AGAIN, EARLY = 10, (1, 3, 8, 20)
+AGAIN = 10
+EARLY = (1, 3, 8, 20)
 ORDERS = ("velocity", "acceleration", "jerk")
 GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(32)
 
@@ -70,7 +73,8 @@ def draw(seed: int) -> Problem:
 
 def _points(rng: Random) -> np.ndarray:
     """Waypoints of 1 to 7 joints."""
-    count, dof = int(rng.integers(4, 13)), int(rng.integers(1, 8))
+    count = int(rng.integers(4, 13))
+    dof = int(rng.integers(1, 8))
     return rng.uniform(-1.5, 1.5, (count, dof))
 
 
@@ -161,7 +165,8 @@ def interrupted(iterations: int) -> Iterator[None]:
 
 def early(seed: int) -> list[str]:
     """What is wrong with the plans of a seed's problem when searches end early."""
-    problem, notes = draw(seed), []
+    problem = draw(seed)
+    notes = []
     for iterations in EARLY:
         with interrupted(iterations):
             planned = ac.plan(problem.path, limits=problem.limits)
@@ -173,8 +178,10 @@ class Sampled:
     """A law at places of every interval: `s` and its derivatives, (n, k), and those of q."""
 
     def __init__(self, law: ac.PathLaw, places: int = PLACES) -> None:
-        self.law, self.path = law, law.joint_path
-        self.width, self.times = np.diff(law.s), np.diff(law.breaks)
+        self.law = law
+        self.path = law.joint_path
+        self.width = np.diff(law.s)
+        self.times = np.diff(law.breaks)
         ds, dds, slope, jerk = (x[:, None] for x in law.rates)
         share = np.linspace(0, 1, places)
         # With dds linear in s, ds² is a quadratic in s.
@@ -220,7 +227,8 @@ class Sampled:
 
     def joins(self, limits: ac.Limits) -> list[str]:
         """What is wrong where intervals meet, and at both ends."""
-        law, notes = self.law, []
+        law = self.law
+        notes = []
         if not np.isin(self.path.breaks, law.s).all():
             notes.append("a break of the path is no break of the law")
         if law.s[0] != self.path.breaks[0] or law.s[-1] != self.path.breaks[-1]:
@@ -285,7 +293,8 @@ def ratios(sampled: Sampled, limits: ac.Limits) -> dict[str, tuple[np.ndarray, n
         limit = getattr(limits, f"joint_{name}")
         if limit is None:
             continue
-        low, high = -limit, limit
+        low = -limit
+        high = limit
         if name != "jerk":
             low, high = getattr(limits, f"{name}_bounds")(values.shape[-1])
         ratio = np.maximum(values / low, values / high)
@@ -326,7 +335,8 @@ LEAST = 1e-6
 # How a tool is held that looks down.
 DOWN = np.diag([1.0, -1.0, -1.0])
 # How many of the seeds have a tool that turns, and by about which angle at a waypoint [rad].
-TURNING, TURN = 0.2, 0.2
+TURNING = 0.2
+TURN = 0.2
 
 
 @cache
@@ -338,10 +348,12 @@ def draw_tool(seed: int) -> Problem:
     """A polyline with corners of continuous curvature, or with a tool that turns, of a seed."""
     rng = np.random.default_rng((18, seed))
     if rng.random() < TURNING:
-        kind, arm = "turning", _arm(ARMS[0])
+        kind = "turning"
+        arm = _arm(ARMS[0])
         path = _turning(rng, arm)
     else:
-        kind, arm = "corners", _arm(str(rng.choice(ARMS)))
+        kind = "corners"
+        arm = _arm(str(rng.choice(ARMS)))
         path = _corners(rng, arm)
     limits = _tool_limits(rng, arm, ac.trace(path, arm))
     intervals = None if rng.random() < 0.3 else int(rng.choice([200, 500, 1000]))
@@ -402,7 +414,8 @@ def _tool_limits(rng: Random, arm: Any, path: ac.JointPath) -> ac.Limits:
 
 def series(arm: Any, *q: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Derivatives of the tool's position, (n, 3), and of its rotation matrix, (n, 3, 3)."""
-    chain, size = arm.chain, len(q[0])
+    chain = arm.chain
+    size = len(q[0])
     rotation, point = _fixed(chain.base, size, len(q))
     for k in range(arm.dof):
         point = [x + y @ chain.positions[k] for x, y in zip(point, rotation, strict=True)]
@@ -418,7 +431,8 @@ def _fixed(frame: ac.Frame, size: int, orders: int) -> tuple[list[np.ndarray], l
     """A frame that does not move."""
     rotation = [np.zeros((size, 3, 3)) for _ in range(orders)]
     point = [np.zeros((size, 3)) for _ in range(orders)]
-    rotation[0][:], point[0][:] = frame.rotation, frame.position
+    rotation[0][:] = frame.rotation
+    point[0][:] = frame.position
     return rotation, point
 
 
@@ -453,7 +467,8 @@ class Tool:
     """The tool's motion at the places of a sampled law, (n, k, ...)."""
 
     def __init__(self, arm: Any, sampled: Sampled) -> None:
-        self.arm, self.sampled = arm, sampled
+        self.arm = arm
+        self.sampled = sampled
         q = sampled.slopes()
         self.shape = q[0].shape[:2]
         self.q = q[0].reshape(-1, arm.dof)
@@ -527,7 +542,8 @@ def run_tool(seed: int) -> Outcome:
 
 
 # The longest that a straight move may be, as a share of Ruckig's; it is never shorter.
-BAR, ROUNDING = 1e-3, 1e-9
+BAR = 1e-3
+ROUNDING = 1e-9
 
 
 def draw_move(seed: int) -> tuple[np.ndarray, ac.Limits]:
@@ -535,7 +551,8 @@ def draw_move(seed: int) -> tuple[np.ndarray, ac.Limits]:
     rng = np.random.default_rng((17, seed))
     dof = int(rng.integers(1, 8))
     ends = rng.uniform(-3, 3, (2, dof))
-    velocity, acceleration = 10 ** rng.uniform(-1, 1, dof), 10 ** rng.uniform(-0.5, 1.5, dof)
+    velocity = 10 ** rng.uniform(-1, 1, dof)
+    acceleration = 10 ** rng.uniform(-0.5, 1.5, dof)
     factor = 10 ** rng.uniform(np.log10(2), np.log10(300))
     jerk = factor * acceleration * 10 ** rng.uniform(-0.3, 0.3, dof)
     return ends, ac.Limits.only(
@@ -549,7 +566,8 @@ def ruckig_duration(ends: np.ndarray, limits: ac.Limits) -> float:
 
     step = np.abs(ends[1] - ends[0])
     parameters = InputParameter(1)
-    parameters.current_position, parameters.target_position = [0.0], [1.0]
+    parameters.current_position = [0.0]
+    parameters.target_position = [1.0]
     parameters.max_velocity = [float((limits.joint_velocity / step).min())]
     parameters.max_acceleration = [float((limits.joint_acceleration / step).min())]
     parameters.max_jerk = [float((limits.joint_jerk / step).min())]

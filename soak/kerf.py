@@ -68,7 +68,8 @@ def distances(points: np.ndarray, path: ac.Path) -> np.ndarray:
 def samples(path: ac.Path) -> tuple[np.ndarray, np.ndarray]:
     """Points along a path and the unit normals to its left there; around corners all of them."""
     places = np.union1d(np.linspace(0, path.length, STEPS), path.breaks)
-    points, normals = [], []
+    points = []
+    normals = []
     for side in ("left", "right"):
         tangents = path(places, 1, side=side)
         points.append(path(places))
@@ -81,7 +82,8 @@ def samples(path: ac.Path) -> tuple[np.ndarray, np.ndarray]:
         points.append(path(places[bent]))
         normals.append(mixed[bent] / size[bent, None])
     # The vertex at which a closed path begins.
-    first, last = path(0.0, 1), path(path.length, 1, side="left")
+    first = path(0.0, 1)
+    last = path(path.length, 1, side="left")
     for share in np.linspace(0, 1, 7):
         t = first * (1 - share) + last * share
         points.append(path([0.0]))
@@ -109,7 +111,8 @@ def comes_back(path: ac.Path) -> bool:
 
 def judge_offset(rng: np.random.Generator, source: ac.Path, side: str, kerf: float) -> str:
     """What an offset is, "offset", "parts", "vanished" or "crossing"; raises AssertionError."""
-    d, scale = kerf / 2, float(np.abs(source.vertices).max())
+    d = kerf / 2
+    scale = float(np.abs(source.vertices).max())
     program = ac.Program(moves=(ac.Contour(path=source, name="c", keep_start=True),))
     process = ac.Process(begin="drawn", kerf=kerf, kerf_side=side)
     try:
@@ -170,13 +173,17 @@ def run_offset(seed: int) -> str:
 # Largest deviation of the part from the drawing, beside the tolerance of corners [m].
 ALLOWED = 1e-7
 # Distance of chords from arcs of the drawing [m], and largest spacing of points [m].
-SAGITTA, SPACING = 5e-9, 1e-4
+SAGITTA = 5e-9
+SPACING = 1e-4
 # Tolerance of corners of the plan [m], and time between points of its tool path [s].
-CORNERS, STEP = 1e-4, 2e-4
+CORNERS = 1e-4
+STEP = 2e-4
 # Lengths of both links [m], and where plates lie [m].
-LINKS, PLACE = (0.5, 0.5), (0.45, 0.2)
+LINKS = (0.5, 0.5)
+PLACE = (0.45, 0.2)
 # Largest size of a drawing [m], and length of contours up to which they are planned [m].
-LARGEST, LONGEST = 0.3, 10.0
+LARGEST = 0.3
+LONGEST = 10.0
 LAYERS = ("CUT", "HOLES", "PARTS", "0")
 
 
@@ -208,7 +215,8 @@ class Verdict:
 
 def inside(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
     """Whether points are inside of a closed polyline, by crossings of a ray."""
-    (ax, ay), (bx, by) = polygon[:-1].T, polygon[1:].T
+    ax, ay = polygon[:-1].T
+    bx, by = polygon[1:].T
     parity = np.zeros(len(points), dtype=bool)
     for i, (x, y) in enumerate(points):
         cross = (ay > y) != (by > y)
@@ -244,7 +252,8 @@ def judge(part: Part, tools: list[np.ndarray], leads: list[np.ndarray], kerf: fl
     Raises:
         AssertionError: The tool is on the wrong side of a contour.
     """
-    half, drawn = kerf / 2, Distances(part.closed)
+    half = kerf / 2
+    drawn = Distances(part.closed)
     rings = [x for x in tools if (x[0] == x[-1]).all()]
     lines = [x for x in tools if (x[0] != x[-1]).any()]
     for x in (*rings, *leads):
@@ -252,7 +261,9 @@ def judge(part: Part, tools: list[np.ndarray], leads: list[np.ndarray], kerf: fl
         assert (depth % 2 == 0).all(), "wrong side"
     cut_into = max(float((half - drawn(x)).max()) for x in (*rings, *leads))
     cut = Distances(rings)
-    left_over, reachable, edges = 0.0, 0, 0
+    left_over = 0.0
+    reachable = 0
+    edges = 0
     for x, waste_inside in zip(part.closed, part.waste, strict=True):
         step = np.diff(x, axis=0)
         middle = (x[:-1] + x[1:]) / 2
@@ -261,12 +272,14 @@ def judge(part: Part, tools: list[np.ndarray], leads: list[np.ndarray], kerf: fl
         area = np.sum(x[:-1, 0] * x[1:, 1] - x[1:, 0] * x[:-1, 1]) / 2
         centers = middle + half * normal * (1 if (area > 0) == waste_inside else -1)
         reached = drawn(centers) >= half - 1e-8
-        edges, reachable = edges + len(reached), reachable + int(reached.sum())
+        edges = edges + len(reached)
+        reachable = reachable + int(reached.sum())
         if reached.any():
             left_over = max(left_over, float((cut(middle[reached]) - half).max()))
     open_error = 0.0
     if part.opened or lines:
-        part_distance, contour_distance = Distances(part.opened), Distances(lines)
+        part_distance = Distances(part.opened)
+        contour_distance = Distances(lines)
         open_error = max(float(part_distance(np.concatenate(lines)).max()), 0.0)
         open_error = max(open_error, float(contour_distance(np.concatenate(part.opened)).max()))
     return Verdict(cut_into, left_over, reachable / edges, open_error)
@@ -278,11 +291,13 @@ Vertices = list[tuple[float, float, float]]
 
 def sampled(vertices: Vertices, closed: bool) -> np.ndarray:
     """Dense points on a polyline with bulges, in its unit, given in mm."""
-    sagitta, spacing = 1e3 * SAGITTA, 1e3 * SPACING
+    sagitta = 1e3 * SAGITTA
+    spacing = 1e3 * SPACING
     ends = [*vertices[1:], vertices[0]] if closed else vertices[1:]
     points = []
     for (ax, ay, bulge), (bx, by, _) in zip(vertices, ends, strict=False):
-        a, b = np.array([ax, ay]), np.array([bx, by])
+        a = np.array([ax, ay])
+        b = np.array([bx, by])
         size = float(np.linalg.norm(b - a))
         if bulge == 0:
             share = np.linspace(0, 1, max(2, int(size / spacing) + 2))[:-1, None]
@@ -310,7 +325,8 @@ def _blob(rng: np.random.Generator, radius: float, kerf: float) -> Vertices:
         r = radius * rng.uniform(0.6, 1)
         return [(r, 0, 1), (-r, 0, 1)]
     if kind == 1:
-        r, half = radius * rng.uniform(0.25, 0.45), radius / 2
+        r = radius * rng.uniform(0.25, 0.45)
+        half = radius / 2
         return [(-half, -r, 0), (half, -r, 1), (half, r, 0), (-half, r, 1)]
     n = int(rng.integers(3, 8))
     angles = 2 * np.pi * (np.arange(n) + rng.uniform(0, 0.4, n)) / n
@@ -334,7 +350,8 @@ def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
 
     document = ezdxf.new("R2010")
     document.header["$INSUNITS"] = 4
-    space, part = document.modelspace(), Part()
+    space = document.modelspace()
+    part = Part()
 
     def add(vertices: Vertices, position: np.ndarray, closed: bool = True) -> None:
         layer = str(rng.choice(LAYERS))
@@ -352,7 +369,9 @@ def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
         moved = [(*(turn @ x[:2] + position), x[2]) for x in vertices]
         space.add_lwpolyline(moved, format="xyb", close=closed, dxfattribs={"layer": layer})
 
-    columns, rows, cell = int(rng.integers(1, 4)), int(rng.integers(1, 3)), 24.0
+    columns = int(rng.integers(1, 4))
+    rows = int(rng.integers(1, 3))
+    cell = 24.0
     x, y = columns * cell + 4, rows * cell + 4
     r = rng.choice([0.0, 3.0])
     q = np.tan(np.pi / 8)
@@ -393,10 +412,12 @@ def tool_path(program: ac.Program) -> tuple[list[np.ndarray], list[np.ndarray]]:
     arm = ac.PlanarTwoLink(name="two links", base=0.0, links=LINKS, limits=limits)
     planned = ac.plan(program, arm, limits)
     samples = planned.sample(STEP)
-    first, both = samples.q[:, 0], samples.q.sum(axis=1)
+    first = samples.q[:, 0]
+    both = samples.q.sum(axis=1)
     points = LINKS[0] * np.column_stack([np.sin(first), np.cos(first)])
     points += LINKS[1] * np.column_stack([np.sin(both), np.cos(both)])
-    tools, leads = [], []
+    tools = []
+    leads = []
     for contour, span in zip(program.contours, planned.contour_spans, strict=True):
         assert span.work is not None
         cuts = np.searchsorted(samples.t, [span.t[0], *span.work, span.t[1]])
@@ -450,7 +471,8 @@ def run_file(file: Path, kerf: float) -> tuple[str, Verdict | None]:
     if program.length <= LONGEST:
         tools, leads = tool_path(program)
     else:
-        tools, leads = [points_on(x.path, *x.at_work) for x in program.contours], []
+        tools = [points_on(x.path, *x.at_work) for x in program.contours]
+        leads = []
     verdict = judge(part, tools, leads, kerf)
     check_part(verdict)
     return "part", verdict

@@ -20,10 +20,19 @@ from soak import Outcome
 
 ARMS = ("pmk3s", "ur5e", "panda")
 ARMATURE = 0.1  # kg m²
-ACCELERATION, SLOW = 6.4, 0.72  # rad/s², of the square and of the paper's job
-COULOMB, VISCOUS = (6, 6, 4, 1.5, 1.5, 1.5), (8, 8, 5, 2, 2, 2)  # N m, N m s/rad
-PAYLOAD, MASS = 5.0, 20.6  # kg, and the mass of the UR5e
-NOISES, GAINS, DEAD_TIME, CLOCK = (1e-6, 1e-4), 0.1, 10e-3, 0.01
+# rad/s², of the square and of the paper's job
+ACCELERATION = 6.4
+SLOW = 0.72
+# N m, N m s/rad
+COULOMB = (6, 6, 4, 1.5, 1.5, 1.5)
+VISCOUS = (8, 8, 5, 2, 2, 2)
+# kg, and the mass of the UR5e
+PAYLOAD = 5.0
+MASS = 20.6
+NOISES = (1e-6, 1e-4)
+GAINS = 0.1
+DEAD_TIME = 10e-3
+CLOCK = 0.01
 INTERVAL = 1e-3
 # Drives that never saturate: saturation is another topic.
 STRONG = ac.Limits(joint_torque=1e5)
@@ -32,7 +41,9 @@ RUNS = 8
 OVER_NOISE = 2.0
 # The last run may be worse than the best one by a factor, and by so many standard deviations of
 # noise or, with another servo, by an error [m].
-SURE, LAST_TO_BEST, SMALL = 3.0, 1.2, 5e-6
+SURE = 3.0
+LAST_TO_BEST = 1.2
+SMALL = 5e-6
 POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
 
 
@@ -81,14 +92,16 @@ cached_task = cache(task)
 
 def draw(task, rng, seed):
     """A robot: a function from the number of a run to its plant, and the noise of its encoders."""
-    chain, dof = task.arm.chain, task.arm.dof
+    chain = task.arm.chain
+    dof = task.arm.dof
     inertia = nominal_inertia(task.arm)
     inertias = nominal_inertia(ur5e_arm())
     torque = inertia * task.acceleration / ACCELERATION
     coulomb = float(np.median(np.array(COULOMB) / inertias)) * torque
     viscous = float(np.median(np.array(VISCOUS) / inertias)) * torque
     if dof == len(COULOMB):
-        coulomb, viscous = np.array(COULOMB), np.array(VISCOUS)
+        coulomb = np.array(COULOMB)
+        viscous = np.array(VISCOUS)
     factor = rng.uniform(0, 2)
     payload = rng.uniform(0, PAYLOAD) * float(np.sum(chain.masses)) / MASS
     true = task.arm._copy(
@@ -122,7 +135,8 @@ def ur5e_arm():
 
 def record(executed, noise, clock, rng):
     """The log of an execution, with a clock of its own."""
-    begin, end = executed.t[0] - rng.uniform(0.02, 0.2), executed.t[-1]
+    begin = executed.t[0] - rng.uniform(0.02, 0.2)
+    end = executed.t[-1]
     t = np.arange(begin, end, INTERVAL)
     q = CubicSpline(executed.t, executed.q)(np.clip(t, executed.t[0], None))
     set_points = executed.set_points
@@ -136,7 +150,9 @@ def record(executed, noise, clock, rng):
 
 def repeat(task, plant, noise, clock, rng, runs):
     """Set-points of the last run, its execution, true errors of all runs [m], and lessons."""
-    set_points, errors, lessons = task.set_points, [], []
+    set_points = task.set_points
+    errors = []
+    lessons = []
     for run in range(runs + 1):
         execution = ac.simulate(set_points, plant(run))
         errors.append(ac.evaluate(execution, task.path).contour_error.rms)
@@ -166,7 +182,8 @@ def wrong_model(task, seed, runs=RUNS):
     Gains by up to 40 %, feed-forward from 0 to 1 that the model lacks, dead time up to 12 ms; every
     second robot has joints that move independently, the others rigid bodies with friction.
     """
-    rng, dof = np.random.default_rng([seed, 7]), task.arm.dof
+    rng = np.random.default_rng([seed, 7])
+    dof = task.arm.dof
     servo = SERVO.replace(
         kp=25.0 * rng.uniform(0.6, 1.4, dof), kv=150.0 * rng.uniform(0.6, 1.4, dof),
         velocity_feedforward=rng.uniform(0, 1), dead_time=rng.uniform(0, 12e-3),
@@ -194,7 +211,8 @@ def wrong_model(task, seed, runs=RUNS):
 def run(seed: int) -> Outcome:
     """Teach a random robot, and judge all of its runs."""
     name = ARMS[seed % len(ARMS)]
-    task, rng = cached_task(name), np.random.default_rng([seed, ARMS.index(name)])
+    task = cached_task(name)
+    rng = np.random.default_rng([seed, ARMS.index(name)])
     errors, floor = teach(task, rng, seed, RUNS)
     notes = []
     if errors[-1] > LAST_TO_BEST * errors.min() + SURE * floor:
@@ -209,7 +227,8 @@ def run(seed: int) -> Outcome:
 def run_wrong_model(seed: int) -> Outcome:
     """Teach a robot whose servo differs by much from its model."""
     errors, lessons = wrong_model(cached_task(ARMS[0]), seed)
-    last, notes = lessons[-1], []
+    last = lessons[-1]
+    notes = []
     if errors[:7].min() > SMALL and not last.finished:
         notes.append("stays above 0.005 mm without a reason")
     if errors[-1] > LAST_TO_BEST * errors.min() + SMALL:

@@ -31,8 +31,10 @@ from soak import Outcome
 
 STEP = 1e-3
 # Time by which samples and events may differ [s], and distance from the contour [m].
-SLACK, ON = 2e-3, 1e-6
-CELL, ORIGIN = 0.035, np.array([0.27, 0.13])
+SLACK = 2e-3
+ON = 1e-6
+CELL = 0.035
+ORIGIN = np.array([0.27, 0.13])
 ASSIGNED = 0.06
 
 
@@ -73,7 +75,8 @@ class Shape:
         """The point of a circle at an arc length."""
         spoke = self.start - self.centre
         a = self.turn * s / np.linalg.norm(spoke)
-        c, d = np.cos(a), np.sin(a)
+        c = np.cos(a)
+        d = np.sin(a)
         return self.centre + np.array([c * spoke[0] - d * spoke[1], d * spoke[0] + c * spoke[1]])
 
     def places(self, tool: np.ndarray, end: float) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +86,8 @@ class Shape:
             s = (tool - self.start) @ along
             beyond = np.maximum(0, np.maximum(-s, s - self.length))
             return s, np.hypot((tool - self.start) @ [-along[1], along[0]], beyond)
-        spokes, first = tool - self.centre, self.start - self.centre
+        spokes = tool - self.centre
+        first = self.start - self.centre
         radius = np.linalg.norm(first)
         angle = np.arctan2(spokes[:, 1], spokes[:, 0]) - np.arctan2(first[1], first[0])
         s = np.unwrap(self.turn * angle) * radius
@@ -101,7 +105,8 @@ def draw(rng: np.random.Generator, number: int, name: str, style: str) -> Shape:
         half = 0.5 * rng.uniform(0.014, 0.022) * np.array([np.cos(angle), np.sin(angle)])
         outline = Shape(middle - half, middle + half, None)
     else:
-        angle, radius = rng.uniform(0, 2 * np.pi), rng.uniform(0.005, 0.01)
+        angle = rng.uniform(0, 2 * np.pi)
+        radius = rng.uniform(0.005, 0.01)
         start = middle + radius * np.array([np.cos(angle), np.sin(angle)])
         outline = Shape(start, None, middle, rng.choice([-1.0, 1.0]))
     length = outline.length
@@ -189,7 +194,8 @@ def judge_program(seed: int) -> int:
             for k in range(tabs.count):
                 s = (k + 0.5) * x.length / tabs.count
                 x.off.append((s - tabs.width / 2, s + tabs.width / 2))
-    first, begun = 0, 0.0
+    first = 0
+    begun = 0.0
     if rng.random() < 0.6:
         begun = resume_at = rng.uniform(0, sum(y for _, y in visits) - 1e-3)
         while begun >= visits[first][1]:
@@ -254,7 +260,8 @@ def _judge_output(
 
     def count(mask: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         done = np.concatenate([[0], np.cumsum(mask)])
-        i, j = np.searchsorted(t, low), np.searchsorted(t, high, side="right")
+        i = np.searchsorted(t, low)
+        j = np.searchsorted(t, high, side="right")
         return done[j] - done[i], j - i
 
     some, _ = count(work | leads, t - SLACK, t + on_lead + SLACK)
@@ -273,7 +280,8 @@ UNITS = {
 CENTER = np.array([0.36, 0.16])
 TIMES = 20_001
 # Rounding errors of units and of plans, as a share [-] and as a length [m].
-SAME, NEAR = 1e-7, 1e-8
+SAME = 1e-7
+NEAR = 1e-8
 # Speeds of the tool and along its path differ by this share: the joint path is an interpolation.
 SPEED = 1e-5
 
@@ -283,7 +291,8 @@ class DrawnJob:
 
     def __init__(self, seed: int) -> None:
         rng = self.rng = np.random.default_rng(seed)
-        n, size = int(rng.integers(3, 7)), float(rng.uniform(0.015, 0.05))
+        n = int(rng.integers(3, 7))
+        size = float(rng.uniform(0.015, 0.05))
         angle = np.linspace(0, 2 * np.pi, n, endpoint=False) + rng.uniform(-0.3, 0.3, n)
         around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         corners = CENTER + size * rng.uniform(0.6, 1.2, (n, 1)) * around
@@ -342,7 +351,8 @@ def tool(q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Tool points [m] and speeds [m/s] of the PMK-3s, angles clockwise from y."""
     arm = ac.load_arm("pmk3s")
     assert isinstance(arm, ac.PlanarTwoLink)
-    first, second = q[:, 0], q.sum(axis=1)
+    first = q[:, 0]
+    second = q.sum(axis=1)
     ones = np.array([arm.link1, arm.link2])
     x = np.stack([np.sin(first), np.sin(second)], axis=1)
     y = np.stack([np.cos(first), np.cos(second)], axis=1)
@@ -353,7 +363,8 @@ def tool(q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def distances(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
     """Distances of points from a polygon [m], (n,)."""
-    a, along = polygon[:-1], np.diff(polygon, axis=0)
+    a = polygon[:-1]
+    along = np.diff(polygon, axis=0)
     share = np.einsum("nkd,kd->nk", points[:, None] - a, along) / (along**2).sum(axis=1)
     foot = a + np.clip(share, 0, 1)[..., None] * along
     return np.asarray(np.linalg.norm(points[:, None] - foot, axis=2).min(axis=1))
@@ -392,7 +403,8 @@ def judge_job(seed: int) -> list[str]:
         "contour not covered": (far.max(), drawn.tolerance + step + NEAR),
         "speed over assigned": (speed.max() / drawn.speed - 1, SPEED),
     }
-    begin, end = spans[0], spans[-1]
+    begin = spans[0]
+    end = spans[-1]
     assert begin.work is not None and end.work is not None
     for name, low, high, length in (
         ("lead-in", begin.t[0], begin.work[0], drawn.lead_in),

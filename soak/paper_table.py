@@ -39,7 +39,8 @@ def runs() -> dict[str, tuple[ac.SetPoints, float, float]]:
     rounded = ac.round_corners(objective, tolerance=TOLERANCE)
     slow = ac.plan(objective, arm, limits.replace(speed=0.04), ac.Conventional())
     proposed = ac.plan(rounded, arm, limits, ac.Paper(knots=600))
-    none, poles = ac.NoCompensation(), ac.PolePlacement()
+    none = ac.NoCompensation()
+    poles = ac.PolePlacement()
     return {
         "conventional": (ac.compensate(slow, SERVO, none, cycle=2e-4), 0.0, CONVENTIONAL),
         "proposed": (ac.compensate(proposed, SERVO, poles, cycle=2e-4), TOLERANCE, 0.0),

@@ -41,7 +41,9 @@ from soak import Outcome
 from soak.hal_drives import CYCLE, KP, KV, LIMIT, distances, tool
 
 # Bars: distance from the path [m], demanded over allowed acceleration, speed at the end [rad/s].
-DISTANCE, DEMAND, REST = 5e-6, 1.0, 1e-4
+DISTANCE = 5e-6
+DEMAND = 1.0
+REST = 1e-4
 # The servo is the one that `identify` finds in a log of these drives, whose loops have a cycle.
 JOB = """
 name: played
@@ -100,7 +102,8 @@ figures: list[tuple[float, float]] = []
 
 def processes(word: str) -> list[int]:
     """Processes below this one whose command line has a word."""
-    found, parents = [], {os.getpid()}
+    found = []
+    parents = {os.getpid()}
     table = sorted(int(x) for x in os.listdir("/proc") if x.isdigit())
     for _ in range(4):
         for pid in table:
@@ -146,7 +149,10 @@ class Trial:
     """
 
     def __init__(self, at: float = np.inf, event: Callable[[Trial], None] = lambda x: None) -> None:
-        self.at, self.event, self.begun, self.happened = at, event, np.inf, False
+        self.at = at
+        self.event = event
+        self.begun = np.inf
+        self.happened = False
         self.folder = FilePath(tempfile.mkdtemp(prefix="playing-"))
         self.folder.chmod(0o755)
         self.stop = False

@@ -131,7 +131,8 @@ def read(kind: str, seed: int) -> Outcome:
     rng = np.random.default_rng([seed, len(kind), ord(kind[0])])
     sample_files = samples(kind)
     data = mutated(sample_files[int(rng.integers(len(sample_files)))], rng)
-    name, notes = f"part{KINDS[kind]}", []
+    name = f"part{KINDS[kind]}"
+    notes = []
     how = ReadOptions(
         units=None if rng.random() < 0.5 else 1e-3,
         unknown="refuse" if rng.random() < 0.5 else "skip",

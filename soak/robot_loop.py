@@ -29,7 +29,9 @@ runs:
 """
 # Largest excess of the error over the predicted one, of the last of four runs, and of a robot that
 # the model does not describe [m].
-BEYOND, LEARNED, UNKNOWN = 1e-7, 1e-7, 1e-5
+BEYOND = 1e-7
+LEARNED = 1e-7
+UNKNOWN = 1e-5
 ATTEMPTS = 5
 
 
@@ -71,7 +73,8 @@ def learn_runs(job: ac.Job, on: LinuxCNC, reserve: float) -> tuple[list[float], 
 
 def main() -> int:
     """Print the figures; returns the exit code."""
-    job, wrong = parse_job(JOB), []
+    job = parse_job(JOB)
+    wrong = []
     measured, predicted = identify_and_play(job)
     print(f"identified: {measured * 1e3:.6f} mm RMS, predicted {predicted * 1e3:.6f}", flush=True)
     if measured > predicted + BEYOND:

@@ -26,13 +26,16 @@ from soak.timing import limit_ratios
 
 LEAK = 1e-9
 # Beside its share of the tolerance, a tool may be off by what tracing leaves [m], [rad].
-TRACED, TURNED = 1.5e-10, 2e-9
+TRACED = 1.5e-10
+TURNED = 2e-9
 # Places this near to each other are one [m].
 SAME_PLACE = 1e-9
 # Places per segment of the path, and random ones per interval of the law.
-PLACES, RANDOM = 96, 4
+PLACES = 96
+RANDOM = 4
 # Points of the tool are this part of the tolerance apart at most, but no more than so many.
-STEP, MOST_POINTS = 0.25, 30_000
+STEP = 0.25
+MOST_POINTS = 30_000
 # Steps of a motion for differences, and what they may be off by beside rounding errors.
 STEPS = 20_000
 CURVED = 5e-3
@@ -40,9 +43,11 @@ CURVED = 5e-3
 SLOW = 2e-3
 PMK = ac.load_arm("pmk3s")
 # A tool that looks down, and an axis of one that is tilted.
-DOWN, AXIS = np.diag([1.0, -1.0, -1.0]), np.array([0.2, 0.1, -1.0])
+DOWN = np.diag([1.0, -1.0, -1.0])
+AXIS = np.array([0.2, 0.1, -1.0])
 # Where paths lie [m]: distances from the first joint of the arm in the plane, and a box in space.
-NEAR, FAR = 0.09, 0.455
+NEAR = 0.09
+FAR = 0.455
 BOX = np.array([(0.35, -0.25, 0.1), (0.65, 0.25, 0.4)])
 # Vertices between two stretches of which a tolerance is at most half [rad].
 SHARP = np.radians(30)
@@ -77,7 +82,8 @@ def hold_tool(path: ac.Path, hold: str) -> ac.Path:
 
 def pieces_of(problem: Problem) -> Pieces:
     """The objective in pieces, each with its tolerance."""
-    path, tolerance = problem.objective, problem.options["tolerance"]
+    path = problem.objective
+    tolerance = problem.options["tolerance"]
 
     def own_tolerance(s: np.ndarray, side: str) -> np.ndarray:
         segment_tolerance = path.tolerances[path.locate(s, side=side)]
@@ -194,7 +200,8 @@ def _signs(rng: Random, count: int) -> np.ndarray:
 
 def _with_demands(rng: Random, points: np.ndarray) -> ac.Path:
     """The polyline, now and then with speeds or tolerances of its own lines."""
-    speeds, tolerances = rng.random() < 0.1, rng.random() < 0.1
+    speeds = rng.random() < 0.1
+    tolerances = rng.random() < 0.1
     if not (speeds or tolerances):
         return ac.Path.polyline(points)
     demands = [
@@ -299,7 +306,8 @@ def run(seed: int) -> Outcome:
 
 def time_rivals(planned: ac.Trajectory, problem: Problem) -> dict[str, float]:
     """Durations of the fastest motions along shapes within the tolerance, by their names [s]."""
-    objective, tolerance = problem.objective, problem.options["tolerance"]
+    objective = problem.objective
+    tolerance = problem.options["tolerance"]
     shapes = {
         "arcs": ac.round_corners(objective, tolerance=tolerance),
         "parabolas": hold_tool(
@@ -337,7 +345,8 @@ def judge(planned: ac.Trajectory, problem: Problem) -> list[str]:
 def _times(planned: ac.Trajectory, problem: Problem) -> np.ndarray:
     """Times at which a motion is judged: dense in every interval, segment and length of path."""
     rng = np.random.default_rng(problem.seed)
-    breaks, path = planned.breaks, planned.path
+    breaks = planned.breaks
+    path = planned.path
     inside = breaks[:-1, None] + rng.random((len(breaks) - 1, RANDOM)) * np.diff(breaks)[:, None]
     share = np.linspace(0, 1, PLACES + 2)[:-1]
     places = (path.breaks[:-1, None] + share * path.lengths[:, None]).ravel()
@@ -360,11 +369,14 @@ def _differences(planned: ac.Trajectory, problem: Problem) -> list[str]:
     """Limits that positions alone show to be exceeded; means over steps are never larger."""
     limits = problem.limits
     t = np.linspace(0, planned.duration, STEPS + 1)
-    h, q = t[1], planned(t)
+    h = t[1]
+    q = planned(t)
     rounding = 64 * np.finfo(float).eps * max(1.0, np.abs(q).max())
-    first, second = np.diff(q, axis=0) / h, np.diff(q, 2, axis=0) / h**2
+    first = np.diff(q, axis=0) / h
+    second = np.diff(q, 2, axis=0) / h**2
     tool = problem.arm.tool_position(q)
-    velocity, change = np.diff(tool, axis=0) / h, np.diff(tool, 2, axis=0) / h**2
+    velocity = np.diff(tool, axis=0) / h
+    change = np.diff(tool, 2, axis=0) / h**2
     speed = np.linalg.norm(velocity, axis=1)
     low, high = limits.acceleration_bounds(q.shape[1])
     # How far each is above its limit, and what rounding and the differences themselves may add.
@@ -403,12 +415,14 @@ def _keeping(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) 
     k = int(np.argmax(far))
     if far[k] > LEAK * pieces.bands.max() + TRACED:
         notes.append(f"outside the tolerance by {far[k]:.3g} m at t = {t[k]:.9g} s")
-    vertices, ends = problem.objective.vertices[1:-1], np.cumsum(pieces.lengths)
+    vertices = problem.objective.vertices[1:-1]
+    ends = np.cumsum(pieces.lengths)
     for i, (vertex, place) in enumerate(zip(vertices, problem.objective.breaks[1:-1], strict=True)):
         index = int(np.argmin(np.abs(ends - place)))
         matched = (matching.first <= index + 1) & (matching.last >= index)
         distance = np.where(matched, np.linalg.norm(points - vertex, axis=1), np.inf)
-        j, allowed = int(np.argmin(distance)), pieces.joints[index] * (1 + LEAK) + TRACED
+        j = int(np.argmin(distance))
+        allowed = pieces.joints[index] * (1 + LEAK) + TRACED
         if distance[j] <= allowed:
             continue
         bounds = t[max(j - 1, 0)], t[min(j + 1, len(t) - 1)]
@@ -425,7 +439,8 @@ def _keeping(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) 
 
 def _promised(planned: Any, problem: Problem, pieces: Any, t: Any, points: Any) -> list[str]:
     """Points that are too far from the places that the path itself gives for them."""
-    path, objective = planned.path, problem.objective
+    path = planned.path
+    objective = problem.objective
     on_path = np.clip(planned.s(t), 0, path.length)
     place = np.clip(np.interp(on_path, path.places[:, 1], path.places[:, 0]), 0, objective.length)
     distance = np.linalg.norm(points - objective(place), axis=1)
@@ -540,10 +555,12 @@ def match(points, pieces):
     back = _reverse(pieces)
     last_b, first_b, lost_b = _run(points[::-1], slack[::-1], *back.columns, back.ends, back.joints)
     n = len(pieces) - 1
-    first_b, last_b = n - first_b[::-1], n - last_b[::-1]
+    first_b = n - first_b[::-1]
+    last_b = n - last_b[::-1]
     if lost_b >= 0:
         return Matching(first, last, len(points) - 1 - lost_b)
-    first, last = np.maximum(first, first_b), np.minimum(last, last_b)
+    first = np.maximum(first, first_b)
+    last = np.minimum(last, last_b)
     wrong = np.flatnonzero(first > last)
     return Matching(first, last, int(wrong[0]) if len(wrong) else -1)
 
@@ -612,16 +629,21 @@ def _free(x, start, tangent, normal, bend, length, band):
 @njit(cache=True)
 def _run(points, slack, starts, tangents, normals, bends, lengths, bands, ends, joints):
     """First and last piece that each point can be matched to after those before; or one lost."""
-    m, n = len(points), len(lengths)
-    first, last = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
+    m = len(points)
+    n = len(lengths)
+    first = np.zeros(m, dtype=np.int64)
+    last = np.zeros(m, dtype=np.int64)
     low = np.full(n, np.inf)
     high = np.full(n, -np.inf)
-    low[0], high[0] = 0.0, 0.0
-    begin, until = 0, 0
+    low[0] = 0.0
+    high[0] = 0.0
+    begin = 0
+    until = 0
     for j in range(m):
         x = points[j]
         reached = False
-        found_begin, found_until = -1, -1
+        found_begin = -1
+        found_until = -1
         k = begin
         while k < n and (k <= until or reached):
             near = bands[k] + slack[j]
@@ -643,7 +665,10 @@ def _run(points, slack, starts, tangents, normals, bends, lengths, bands, ends, 
         if found_begin < 0:
             return first, last, j
         for i in range(begin, found_begin):
-            low[i], high[i] = np.inf, -np.inf
-        begin, until = found_begin, found_until
-        first[j], last[j] = begin, until
+            low[i] = np.inf
+            high[i] = -np.inf
+        begin = found_begin
+        until = found_until
+        first[j] = begin
+        last[j] = until
     return first, last, -1 if until == n - 1 else m - 1

@@ -18,7 +18,8 @@ from tools.studio_page import Server, Studio, browsing, serving, write_job
 from soak import Outcome
 
 # How often something is done [Hz], and how much memory may grow [bytes].
-RATE, GROWTH = 60.0, 50e6
+RATE = 60.0
+GROWTH = 50e6
 SECONDS = 300.0
 # The share of the time after which memory is measured first: by then all is loaded.
 WARM = 0.2
@@ -42,7 +43,8 @@ class Monkey:
     """Does something random, one small step at a time."""
 
     def __init__(self, studio: Studio, seed: int) -> None:
-        self.studio, self.random = studio, random.Random(seed)
+        self.studio = studio
+        self.random = random.Random(seed)
         self.done = 0
         self._plays: tuple[tuple[int, Callable[[], Iterator[None]]], ...] = (
             (8, self._drag),
@@ -89,7 +91,8 @@ class Monkey:
 
     def _drag(self) -> Iterator[None]:
         """Drag a handle, or the ground; sometimes it is let go by Escape."""
-        mouse, to = self.studio.page.mouse, self._one(self.random.choice(HANDLES))
+        mouse = self.studio.page.mouse
+        to = self._one(self.random.choice(HANDLES))
         x, y = to or (self.random.uniform(50, 1000), self.random.uniform(150, 550))
         mouse.move(x, y)
         mouse.down()
@@ -104,7 +107,8 @@ class Monkey:
         yield
 
     def _slide(self) -> Iterator[None]:
-        mouse, slider = self.studio.page.mouse, self._one("#panel input[type=range], .scrub")
+        mouse = self.studio.page.mouse
+        slider = self._one("#panel input[type=range], .scrub")
         if slider is None:
             return
         mouse.move(*slider)
@@ -172,8 +176,10 @@ def undo_all(studio: Studio) -> int:
 
 def let_loose(studio: Studio, seconds: float, seed: int) -> list[str]:
     """Let a monkey at a page that shows the run `optimal`; returns what went wrong."""
-    text, figures = studio.text, [studio.figure(x) for x in ("duration", "contour_error.rms")]
-    monkey, server = Monkey(studio, seed), studio.server
+    text = studio.text
+    figures = [studio.figure(x) for x in ("duration", "contour_error.rms")]
+    monkey = Monkey(studio, seed)
+    server = studio.server
     monkey.run(WARM * seconds)
     warm = server.memory, studio.memory
     monkey.run((1 - WARM) * seconds)

@@ -100,7 +100,8 @@ def _limits(rng: Random, dof: int, size: float, *, tool: bool) -> ac.Limits:
 
 
 def _knots(rng: Random) -> np.ndarray:
-    count, dof = int(rng.integers(3, 13)), int(rng.integers(2, 8))
+    count = int(rng.integers(3, 13))
+    dof = int(rng.integers(2, 8))
     steps = rng.normal(size=(count, dof))
     steps *= rng.uniform(0.05, 1, (count, 1)) / np.linalg.norm(steps, axis=1, keepdims=True)
     if rng.random() < 0.2:
@@ -158,7 +159,8 @@ def _within(points: np.ndarray, margin: float = 0.01) -> bool:
 
 def _walk(rng: Random, count: int, step: float) -> np.ndarray:
     """Points a random walk visits within the reach."""
-    turn, distance = rng.uniform(-1, 2), rng.uniform(0.12, 0.4)
+    turn = rng.uniform(-1, 2)
+    distance = rng.uniform(0.12, 0.4)
     points = [np.array([PMK.base + distance * np.cos(turn), distance * np.sin(turn)])]
     while len(points) < count:
         heading = rng.uniform(0, 2 * np.pi)
@@ -331,7 +333,8 @@ def _least_duration(problem: Problem) -> float:
 
 
 def _leaves_reach(problem: Problem) -> bool:
-    path, arm = problem.path, problem.arm
+    path = problem.path
+    arm = problem.arm
     points = path(np.linspace(0, path.length, 100_001))
     distance = np.hypot(points[:, 0] - arm.base, points[:, 1])
     near, far = arm.reach
@@ -345,10 +348,12 @@ def judge(
     (law,) = planned.laws
     n = len(law.breaks) - 1
     share = np.random.default_rng(problem.seed).random((n, PLACES + 2))
-    share[:, 0], share[:, -1] = 0.0, 1.0
+    share[:, 0] = 0.0
+    share[:, -1] = 1.0
     t = law.breaks[:-1, None] + share * np.diff(law.breaks)[:, None]
     t[:, -1] = law.breaks[1:]
-    t, i = t.ravel(), np.repeat(np.arange(n), PLACES + 2)
+    t = t.ravel()
+    i = np.repeat(np.arange(n), PLACES + 2)
     q, dq, ddq = (law.on_interval(i, t, order) for order in (0, 1, 2))
     notes = _steps(law, q.reshape(n, -1, q.shape[1]), options)
     ratios = _ratios(planned, problem, i, q, dq, ddq)
@@ -370,7 +375,8 @@ def _steps(law: Any, q: np.ndarray, options: dict[str, Any]) -> list[str]:
     i = np.arange(len(q))
     ends = law.path_position(i, law.breaks[1:])
     speeds = law.path_position(i, law.breaks[1:], 1)
-    length, fastest = path.length, float(law.rates.ds.max())
+    length = path.length
+    fastest = float(law.rates.ds.max())
     if law.s[0] != path.breaks[0] or law.s[-1] != path.breaks[-1] or (np.diff(law.s) <= 0).any():
         notes.append("s does not run from start to end")
     size = 1.0 + float(np.abs(q).max())
@@ -399,7 +405,8 @@ def _ratios(
     ddq: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """Ratios to the limits; the speed's limit may be that of a segment."""
-    limits, arm = problem.limits, problem.arm
+    limits = problem.limits
+    arm = problem.arm
     if planned.path is None:
         return limit_ratios(limits, None, q, dq, ddq)
     ratios = limit_ratios(limits, arm, q, dq, ddq)
@@ -427,7 +434,8 @@ def limit_ratios(
         return ratios
     if limits.joint_torque is not None:
         ratios["joint torque"] = (np.abs(arm.torque(q, dq, ddq)) / limits.joint_torque).max(axis=1)
-    velocity, acceleration = arm.tool_velocity(q, dq), arm.tool_acceleration(q, dq, ddq)
+    velocity = arm.tool_velocity(q, dq)
+    acceleration = arm.tool_acceleration(q, dq, ddq)
     speed = np.linalg.norm(velocity, axis=1)
     if limits.speed is not None:
         ratios["speed"] = speed / limits.speed

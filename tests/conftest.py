@@ -96,7 +96,8 @@ def _resources() -> set[str]:
 @pytest.fixture(autouse=True, scope="module")
 def nothing_left_open() -> Iterator[None]:
     """Fail where a module leaves something open, which another module's test would suffer from."""
-    threads, before = _threads(), _resources()
+    threads = _threads()
+    before = _resources()
     yield
     # A thread that is being started can be joined only after its start.
     for _ in range(2):
@@ -172,7 +173,8 @@ def refuses() -> Callable[..., None]:
     ) -> None:
         with pytest.raises(kind) as caught:
             call()
-        error, message = caught.value, str(caught.value)
+        error = caught.value
+        message = str(caught.value)
         assert type(error) is kind
         missing = [word for word in words if word not in message]
         assert not missing, f"{missing} not in {message!r}"
@@ -222,10 +224,8 @@ def worst_ratios() -> Callable[..., dict[str, float]]:
                 low, high = limits.acceleration_bounds(dq.shape[1])
                 used["joint_acceleration"] = np.maximum(ddq / low, ddq / high)
             if arm is not None and planned.path is not None:
-                velocity, acceleration = (
-                    arm.tool_velocity(q, dq),
-                    arm.tool_acceleration(q, dq, ddq),
-                )
+                velocity = arm.tool_velocity(q, dq)
+                acceleration = arm.tool_acceleration(q, dq, ddq)
                 speed = np.linalg.norm(velocity, axis=1)
                 middle = (law.s[:-1] + law.s[1:]) / 2
                 segment_speeds = planned.path.speeds[planned.path.locate(middle)][i]

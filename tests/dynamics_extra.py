@@ -19,11 +19,13 @@ def pinocchio():
 def pinocchio_model(chain):
     """Pinocchio's model of a chain with the frame `tool`, without friction and armature."""
     pin = pinocchio()
-    model, joint = pin.Model(), 0
+    model = pin.Model()
+    joint = 0
     model.gravity.linear = np.array(chain.gravity)
     for k in range(len(chain)):
         place = pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k]))
-        prismatic, revolute = pin.JointModelPrismaticUnaligned, pin.JointModelRevoluteUnaligned
+        prismatic = pin.JointModelPrismaticUnaligned
+        revolute = pin.JointModelRevoluteUnaligned
         kind = (prismatic if chain.prismatic[k] else revolute)(np.array(chain.axes[k]))
         joint = model.addJoint(joint, kind, place, f"joint {k}")
         if chain.masses is not None:

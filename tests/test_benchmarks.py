@@ -5,7 +5,8 @@ from benchmarks.__main__ import all_lines
 
 
 def test_the_pages_show_the_baseline_and_every_missed_bar():
-    lines, sessions = all_lines(), baseline.read(baseline.FILE)
+    lines = all_lines()
+    sessions = baseline.read(baseline.FILE)
     texts = [x.read_text(encoding="utf-8") for x in page.FILES]
     for text in texts:
         assert page.filled(text, lines, sessions) == text, "Run `python -m benchmarks --page`."

@@ -232,7 +232,8 @@ def test_the_shortest_rotation_turns_one_direction_into_the_other():
 
 
 def test_rotations_are_read_from_every_form():
-    matrix, quaternion = TURNED.as_matrix(), TURNED.as_quat()
+    matrix = TURNED.as_matrix()
+    quaternion = TURNED.as_quat()
     for form in (
         *(TURNED, matrix, matrix.tolist(), quaternion, -quaternion),
         *(quaternion * (1 + 5e-7), matrix + 1e-8),
@@ -415,7 +416,9 @@ class Columns(Checked):
 
 def test_arrays_without_a_quantity_are_checked_copied_and_locked(refuses):
     """With each version of NumPy, whose aliases of annotations differ."""
-    values, numbers, pairs = np.zeros(2), np.zeros(2, dtype=np.intp), np.zeros((3, 2))
+    values = np.zeros(2)
+    numbers = np.zeros(2, dtype=np.intp)
+    pairs = np.zeros((3, 2))
     for wrong in ("text", [0.0, "text"], None):
         refuses(lambda x=wrong: Columns(values=x), InvalidInput, "values of columns")
     refuses(lambda: Columns(values=values, numbers=[0.5]), InvalidInput, "numbers")

@@ -99,7 +99,9 @@ def run_page(page, names):
 
 def write_log(file, t, u):
     """What a joint with gains of 25 and 150 1/s, 12 ms late, makes of a page's command."""
-    t, u = t[::4], u[::4]  # 250 Hz is as good for this test and sooner done
+    # 250 Hz is as good for this test and sooner done
+    t = t[::4]
+    u = u[::4]
     measured = move(t, u, kp=25.0, kv=150.0, delay=12e-3)
     measured = measured + 1e-5 * np.random.default_rng(0).normal(size=len(t))
     table = np.column_stack([t, u, measured])
@@ -112,7 +114,8 @@ def write_bag(folder):
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    kind, point = "control_msgs/msg/JointTrajectoryControllerState", "JointTrajectoryPoint"
+    kind = "control_msgs/msg/JointTrajectoryControllerState"
+    point = "JointTrajectoryPoint"
     fields = "".join(f"trajectory_msgs/{point} {x}\n" for x in ("reference", "feedback"))
     store = get_typestore(Stores.ROS2_HUMBLE)
     definition = f"std_msgs/Header header\nstring[] joint_names\n{fields}"

@@ -58,7 +58,8 @@ def page(name):
 
 def test_the_table_of_contour_errors_is_computed_again(plans):
     slow = ac.plan(OBJECTIVE, ARM, LIMITS.replace(speed=0.04), ac.Conventional())
-    with_reserve, full = plans[0.02], plans[0.0]
+    with_reserve = plans[0.02]
+    full = plans[0.0]
     rows = [
         (slow, errors(slow, OBJECTIVE, options=ac.NoCompensation())),
         (with_reserve, errors(with_reserve, options=ac.NoCompensation())),

@@ -107,7 +107,8 @@ def faults(name):
         yield f"the summary is no sentence: {lines[0]}"
     if len(lines) > 1 and lines[1]:
         yield "no empty line after the summary"
-    by_section, taken = sections(function.__doc__), parameters(function)
+    by_section = sections(function.__doc__)
+    taken = parameters(function)
     listed = set(by_section.get("Args", {}))
     if dataclasses.is_dataclass(function):
         # A result's fields may be listed as attributes.
@@ -131,7 +132,8 @@ def test_defaults_of_compensation_are_those_of_its_page():
     page = (ROOT / "docs/guides/compensations.md").read_text(encoding="utf-8")
     default, of_bodies = re.findall(r"\| `(\w+)`, \*\*the default", page)
     assert of_bodies == ac.InverseDynamics.method
-    arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0)
+    arm = ac.load_arm("pmk3s")
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
     plan = ac.plan(ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)]), arm)
     for arm_argument in (arm, None):
         assert ac.compensate(plan, servo, arm=arm_argument).method == default
@@ -153,7 +155,8 @@ def results():
     job = parse_job(CORNER_JOB)
     study = ac.run(job)
     x = study.runs["only"]
-    certificate, check = ac.certify(job), ac.check(x.trajectory, job.arm, x.run.limits)
+    certificate = ac.certify(job)
+    check = ac.check(x.trajectory, job.arm, x.run.limits)
     yield from (job, study, x, certificate, certificate.worst, check, check.worst, job.arm)
     yield from (x.evaluation, x.evaluation.contour_error, x.explanation)
     grid = {"x": np.array([0.0, 0.01])}
@@ -170,7 +173,8 @@ def results():
 
 def test_printed_results_have_few_lines_and_their_repr_has_one():
     for result in results():
-        name, text = type(result).__name__, " ".join(str(result).split())
+        name = type(result).__name__
+        text = " ".join(str(result).split())
         lines = str(result).splitlines()
         assert len(lines) <= MAX_LINES + 2 and max(map(len, lines)) < 100, name
         assert all(x in text for x in FACTS.get(name, ())), text

@@ -31,11 +31,13 @@ def tolerance(number, line):
 
 def check_example(name):
     """Run an example in this process, where warnings are errors too, and compare its output."""
-    printed, errors = io.StringIO(), io.StringIO()
+    printed = io.StringIO()
+    errors = io.StringIO()
     with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(errors):
         runpy.run_path(str(pages.EXAMPLES / f"{name}.py"), run_name="__main__")
     assert errors.getvalue() == ""
-    expected, actual = pages.PRINTED[name].splitlines(), printed.getvalue().splitlines()
+    expected = pages.PRINTED[name].splitlines()
+    actual = printed.getvalue().splitlines()
     words, expected_words = ([NUMBER.sub("#", x).split() for x in y] for y in (actual, expected))
     assert words == expected_words
     for want, got in zip(expected, actual, strict=True):

@@ -20,7 +20,8 @@ PLANNED = ac.plan(ROUNDED, ARM, LIMITS)
 
 
 def test_paths_consist_of_lines_and_all_forms_of_arcs() -> None:
-    line, arc = ac.Path.line((0.0, 0.0), (0.3, 0.4)), ac.Path.arc((0, 0), (2, 0), via=(1, 1))
+    line = ac.Path.line((0.0, 0.0), (0.3, 0.4))
+    arc = ac.Path.arc((0, 0), (2, 0), via=(1, 1))
     circle = ac.Path.circle((0.1, 0.2, 0.3), 0.05)
     assert line.length == pytest.approx(0.5)
     assert arc.length == pytest.approx(np.pi)

@@ -63,7 +63,8 @@ def test_compiled_inner_functions_with_arrays_count_references():
             importlib.import_module(".".join(place.parts))
     judged = 0
     for (module, name), kernel in KERNELS.items():
-        options, function = kernel.targetoptions, kernel.py_func
+        options = kernel.targetoptions
+        function = kernel.py_func
         if not module.startswith("armcontour.") or options.get("_nrt", True):
             continue
         judged += 1
@@ -208,7 +209,8 @@ def test_a_cached_function_is_invalid_if_a_called_file_changes(kernels):
     apart = 0
     for kernel in kernels.values():
         stamped = {x[0] for x in kernel._cache._cache_file._source_stamp}
-        new, visited = [kernel], set()
+        new = [kernel]
+        visited = set()
         while new:
             for x in callees(new.pop()):
                 if x not in visited:

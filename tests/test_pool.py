@@ -47,7 +47,8 @@ class Elsewhere(Executor):
 
 @pytest.mark.parametrize("workers", [{"processes": 1}, {"processes": 2}, {"executor": Elsewhere()}])
 def test_results_of_workers_are_in_the_order_of_their_items(workers):
-    progress_log, items = [], list(range(1, 101))
+    progress_log = []
+    items = list(range(1, 101))
     results = map_in_processes(halve, items, **workers, done=progress_log.append)
     assert results == [1 / x for x in items]
     assert progress_log[0] == 0 and progress_log == sorted(progress_log) and progress_log[-1] < 100

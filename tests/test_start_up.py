@@ -28,9 +28,12 @@ del sys.argv[1:-1]
 TYPER = {"typer", "annotated_doc", "click", "colorama", "shellingham", "typing_extensions"}
 NOT_COUNTED = ("__editable", "_sysconfigdata")
 # Own modules: the package and its lazy names; for help also the commands and what they print with.
-OWN_OF_IMPORT, OWN_OF_HELP, OWN_OF_COMMAND = 3, 32, 21
+OWN_OF_IMPORT = 3
+OWN_OF_HELP = 32
+OWN_OF_COMMAND = 21
 # Modules of the standard library. Python 3.14 needs more for the same imports than 3.11.
-STANDARD_OF_IMPORT, STANDARD_OF_HELP = 40, 125
+STANDARD_OF_IMPORT = 40
+STANDARD_OF_HELP = 125
 
 
 def loaded(statement, folder):

@@ -95,8 +95,11 @@ class _Body:
 
     def distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances of points, (n,), and the nearest points of the hull, (n, 3)."""
-        request, ball, still = coal.DistanceRequest(), coal.Sphere(1e-9), coal.Transform3s()
-        distances, nearest = np.empty(len(points)), np.empty((len(points), 3))
+        request = coal.DistanceRequest()
+        ball = coal.Sphere(1e-9)
+        still = coal.Transform3s()
+        distances = np.empty(len(points))
+        nearest = np.empty((len(points), 3))
         for k, x in enumerate(points):
             result = coal.DistanceResult()
             pose = coal.Transform3s(np.eye(3), x)

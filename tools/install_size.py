@@ -35,7 +35,8 @@ def needs(package: Distribution) -> list[str]:
 
 def brought_by(name: str, packages: dict[str, Distribution]) -> set[str]:
     """A package and its installed dependencies."""
-    names, todo = set(), [name]
+    names = set()
+    todo = [name]
     while todo:
         one = todo.pop()
         if one in packages and one not in names:

@@ -44,17 +44,23 @@ def options_text() -> str:
 
 def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
     """Data of a short option: its name, key, help text, and the conversion of its value."""
-    parts, read, example, suffix = tuple(parts_of(hint)), about.read, "", ""
+    parts = tuple(parts_of(hint))
+    read = about.read
+    example = ""
+    suffix = ""
     quantity = next((x for x in parts if isinstance(x, Quantity)), None)
     whole = next((x for x in parts if isinstance(x, AtLeast)), None)
     if bool in parts or read == "to_skip":
         kind = "flag"
     elif Mapping in parts or (Sequence in parts and read in ("", "to_formats")):
-        kind, suffix = "texts", "; may be repeated"
+        kind = "texts"
+        suffix = "; may be repeated"
     elif quantity is not None and quantity.unit == "1":
         kind = "number"
     elif quantity is not None:
-        kind, read, example = "text", "to_quantity", f", such as '{quantity.example}'"
+        kind = "text"
+        read = "to_quantity"
+        example = f", such as '{quantity.example}'"
     else:
         kind = "whole" if whole else "text"
     head, colon, details = capitalise(OMITTED_TEXT.sub("", text)).partition(";")
@@ -230,7 +236,8 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
             field["list"] = True
             field["plain"] = not any(y.get("type") == "string" for y in items) or None
     if name == "corners" and "fields" in field:
-        field["choices"], shape = [], next(x for x in field["fields"] if x["name"] == "shape")
+        field["choices"] = []
+        shape = next(x for x in field["fields"] if x["name"] == "shape")
         shape["choices"] = [SHARP, *shape["choices"]]
     if name == "arm":
         field["choices"] = list(arm_names())

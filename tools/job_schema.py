@@ -71,7 +71,8 @@ class Schemas:
     def _of_leaf(self, leaf: Any) -> list[dict[str, Any]]:
         """Schemas of the forms of an alternative."""
         base, mark = get_args(leaf)[:2] if get_origin(leaf) is Annotated else (leaf, None)
-        origin, parts = get_origin(base) or base, get_args(base)
+        origin = get_origin(base) or base
+        parts = get_args(base)
         match mark:
             case Quantity():
                 return self._of_quantity(base, get_args(leaf)[1:])
@@ -147,7 +148,8 @@ class Schemas:
 
     def _of_key(self, field: KeyField) -> dict[str, Any]:
         """Schema of a key, with its default and its description."""
-        schema, default = dict(self.of_hint(field.hint)), field.default
+        schema = dict(self.of_hint(field.hint))
+        default = field.default
         if field.is_made and {"type": "null"} not in schema.get("anyOf", ()):
             parts = [schema] if "examples" in schema else schema.get("anyOf", [schema])
             schema = {"anyOf": [*parts, {"type": "null"}]}

@@ -75,7 +75,8 @@ def mutants_of(package: str, file: Path) -> list[Mutant]:
     def between(first: ast.expr, second: ast.expr, operator: ast.AST) -> None:
         text = SWAPS.get(type(operator))
         if text and first.end_lineno == second.lineno and rows[second.lineno - 1].isascii():
-            begin, end = first.end_col_offset or 0, second.col_offset
+            begin = first.end_col_offset or 0
+            end = second.col_offset
             gap = rows[second.lineno - 1][begin:end]
             if not set(gap) & set("()#"):
                 add(second.lineno, begin, end, f" {text} ")
@@ -103,7 +104,8 @@ def mutants_of(package: str, file: Path) -> list[Mutant]:
 
 def draw(count: int, seed: int) -> list[Mutant]:
     """Random mutants, the same number for each package."""
-    chance, drawn = random.Random(seed), []
+    chance = random.Random(seed)
+    drawn = []
     for package in TESTS:
         files = sorted((SOURCES / package).rglob("*.py"))
         all_of = [x for file in files for x in mutants_of(package, file)]
@@ -191,7 +193,8 @@ def main() -> None:
         remaining = [Mutant(*x) for x in json.loads(options.only.read_text())]
     else:
         remaining = draw(options.count, options.seed)
-    total, survivors = len(remaining), list[Mutant]()
+    total = len(remaining)
+    survivors = list[Mutant]()
 
     def work(k: int) -> None:
         slot = Slot(ROOT / ".armcontour" / "mutants" / str(k))

@@ -352,9 +352,11 @@ def write_shapes(file: FilePath, count: int, columns: int, pitch: float, radius:
 
     drawing = ezdxf.new()
     drawing.units = ezdxf.units.MM
-    space, r = drawing.modelspace(), radius
+    space = drawing.modelspace()
+    r = radius
     for k in range(count):
-        x, y = pitch * (k % columns), pitch * (k // columns)
+        x = pitch * (k % columns)
+        y = pitch * (k // columns)
         if k % 3 == 0:
             space.add_circle((x, y), r)
         elif k % 3 == 1:

@@ -67,7 +67,8 @@ PROPOSED = (5.327, 2.28e-6)
 def main() -> None:
     """Test the archives of a folder, and print the results."""
     folder = Path(sys.argv[1])
-    (sources,), (wheel,) = folder.glob("*.tar.gz"), folder.glob("*-any.whl")
+    (sources,) = folder.glob("*.tar.gz")
+    (wheel,) = folder.glob("*-any.whl")
     if (ROOT / ".git").exists():
         # The folder may belong to another user, as in a container.
         git = ("git", "-c", f"safe.directory={ROOT}", "-C", str(ROOT))

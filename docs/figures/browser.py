@@ -21,7 +21,9 @@ from tools.studio_page import Studio, browsing, serving
 FOLDER = Path(__file__).parent
 GASKET = ROOT / "examples" / "drawings" / "gasket.dxf"
 DRAWN = 2000.0  # time in which plots draw themselves [ms]
-FRAMES, SMALLER = 40, (1080, 675)  # of the moving picture
+# of the moving picture
+FRAMES = 40
+SMALLER = (1080, 675)
 COLOURS = 64  # of a picture of a report, which has few
 # The first plot of a report, or of a section.
 PLOT = ".plotted"
@@ -98,14 +100,16 @@ def show_gasket(studio: Studio) -> None:
     studio.wait_for("#view3d[data-frames]")
     studio.page.wait_for_timeout(DRAWN)
     save("studio_gasket", studio.page.screenshot())
-    slider, pictures = studio.find("#playback .scrub"), []
+    slider = studio.find("#playback .scrub")
+    pictures = []
     duration = float(slider.get_attribute("max") or 0)
     for k in range(FRAMES):
         slider.fill(str(duration * k / FRAMES))
         slider.blur()
         studio.page.wait_for_timeout(DRAWN / 2)
         pictures.append(Image.open(io.BytesIO(studio.page.screenshot())).resize(SMALLER))
-    file, each = FOLDER / "studio_moving.webp", int(1e3 * duration / FRAMES)
+    file = FOLDER / "studio_moving.webp"
+    each = int(1e3 * duration / FRAMES)
     more = {"save_all": True, "append_images": pictures[1:], "duration": each, "loop": 0}
     pictures[0].save(file, quality=50, method=6, **more)
     print(file.name, f"{file.stat().st_size / 1e3:.0f} kB")

@@ -13,7 +13,9 @@ from matplotlib.figure import Figure
 import armcontour as ac
 from armcontour.geometry import round_path
 
-SIDE, ERROR = 0.03, 5e-3  # m, of the corner of 90°
+# m, of the corner of 90°
+SIDE = 0.03
+ERROR = 5e-3
 VIEW = 3.2  # mm, half of the enlarged part
 LIMITING = {
     "joint 1 acceleration": style.BLUE,
@@ -96,7 +98,9 @@ def draw_fig_evaluation() -> Figure:
 def draw_fig_optimal() -> Figure:
     """Speed and joint accelerations over arc length, in the colours of the limiting constraints."""
     plan = ac.plan(ROUNDED, ARM, LIMITS)
-    s, ds, ddq = plan.s(plan.breaks), plan.s(plan.breaks, 1), plan(plan.breaks, 2)
+    s = plan.s(plan.breaks)
+    ds = plan.s(plan.breaks, 1)
+    ddq = plan(plan.breaks, 2)
     figure, rows = plt.subplots(3, 1, figsize=(8.6, 7.2), sharex=True, height_ratios=(3, 1.4, 1.4))
     for part in ac.explain(plan, ARM, LIMITS).bindings:
         on = (s >= part.s[0]) & (s <= part.s[1])
@@ -151,7 +155,9 @@ STEPS = (
     ("robot", 10, 9),
     ("identify", 9, 8),
 )
-COLUMN, ROW = 38, 23  # distances of the boxes
+# distances of the boxes
+COLUMN = 38
+ROW = 23
 BOX = (23, 9)
 THIN = {"color": style.BLACK, "lw": 1}
 
@@ -165,7 +171,8 @@ def draw_flow() -> Figure:
     for node, centre in zip(NODES, centres, strict=True):
         style.box(axes, centre, BOX, node.text, node.colour)
     for name, begin, end in STEPS:
-        (x, y), (x_end, y_end) = centres[begin], centres[end]
+        x, y = centres[begin]
+        x_end, y_end = centres[end]
         middle = ((x + x_end) / 2, (y + y_end) / 2)
         if y == y_end:
             half = BOX[0] / 2 if x_end > x else -BOX[0] / 2
@@ -175,8 +182,12 @@ def draw_flow() -> Figure:
             style.arrow(axes, (x, y - BOX[1] / 2), (x_end, y_end + BOX[1] / 2))
             axes.text(x + 1.5, middle[1], name, ha="left", va="center", fontsize=8)
     # The servo model enters `compensate`, and the log the learning of set-points.
-    (x, y), (log, _), (used, used_y) = centres[8], centres[9], centres[6]
-    low, right, top = y - 8, 2.5 * COLUMN, used_y - 0.3
+    x, y = centres[8]
+    log, _ = centres[9]
+    used, used_y = centres[6]
+    low = y - 8
+    right = 2.5 * COLUMN
+    top = used_y - 0.3
     axes.plot([x, x, right, right], [y - BOX[1] / 2, low, low, top - 2], **THIN)
     style.arrow(axes, (right, top - 3), (right, top))
     axes.text(right + 1.5, (low + top) / 2, "servo\nmodel", ha="left", va="center", fontsize=8)

@@ -117,8 +117,11 @@ def draw_fig03_corner() -> Figure:
     figure, axes = plt.subplots(figsize=(6.4, 4.6))
     axes.set_aspect("equal")
     axes.axis("off")
-    arc, first, last = 1e3 * ROUNDED(np.linspace(*s, 200)), r - 16 * before, q + 16 * after
-    rounded, thin = {"color": style.PROPOSED, "lw": 2.5}, {"color": style.BLACK, "lw": 0.8}
+    arc = 1e3 * ROUNDED(np.linspace(*s, 200))
+    first = r - 16 * before
+    last = q + 16 * after
+    rounded = {"color": style.PROPOSED, "lw": 2.5}
+    thin = {"color": style.BLACK, "lw": 0.8}
     error = {"color": style.VERMILLION, "lw": 2.5}
     error["label"] = f"corner error $ε$ = {1e3 * corners.error[0]:.0f} mm"
     for points, look in (
@@ -185,7 +188,8 @@ def draw_fig05_passes() -> Figure:
         )
         for s in (share**2, 1 - (1 - share) ** 2)
     )
-    end, (_, t_f, t_2, _) = trajectory.duration, trajectory.switching_points
+    end = trajectory.duration
+    _, t_f, t_2, _ = trajectory.switching_points
     assigned = 1e3 * LIMITS.speed
 
     figure, (top, bottom) = plt.subplots(2, 1, figsize=(7.2, 5.6), sharex=True)
@@ -330,7 +334,8 @@ def draw_fig10_results() -> Figure:
     )
     figure, grid = plt.subplots(4, 3, figsize=(11, 11), height_ratios=[2.6, 1, 1, 1], sharey="row")
     for (title, (executed, evaluation), colour, end), column in zip(columns, grid.T, strict=True):
-        error, inside = evaluation.contour_error, executed.t <= end
+        error = evaluation.contour_error
+        inside = executed.t <= end
         t = executed.t[inside]
         path, speed, *joints = column
         path.plot(*1e3 * OBJECTIVE.vertices.T, color=style.OBJECTIVE, lw=1, ls="--")

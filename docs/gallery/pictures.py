@@ -27,7 +27,8 @@ def draw_01(names: Names) -> Figure:
     """The paper's path in the colours of its rules, and the objective path."""
     figure, axes = plt.subplots(figsize=SIZE)
     axes.plot(*1e3 * names["objective"].vertices.T, color=style.GREY, ls="--", lw=1)
-    begin, drawn_kinds = 0.0, set()
+    begin = 0.0
+    drawn_kinds = set()
     for stretch in names["planned"].stretches:
         t = np.linspace(*stretch.t, 100)
         tool = 1e3 * names["arm"].tool_position(names["planned"](t, side="left"))
@@ -49,7 +50,9 @@ def draw_02(names: Names) -> Figure:
 def draw_03(names: Names) -> Figure:
     """The bead along the box, with the tool's axis and the arm."""
     axes = _space("Tool axis and arm along the box")
-    path, plan, arm = names["rounded"], names["planned"], names["arm"]
+    path = names["rounded"]
+    plan = names["planned"]
+    arm = names["arm"]
     _axes_along(axes, path, 0.05, 24)
     axes.plot(*path(np.linspace(0, path.length, PLACES)).T, color=style.BLUE, lw=2)
     for k, t in enumerate(np.linspace(0, plan.duration, 4)):
@@ -61,7 +64,9 @@ def draw_03(names: Names) -> Figure:
 def draw_04(names: Names) -> Figure:
     """The tube, its seam, and where the torch points."""
     axes = _space("Torch axis and arm along the seam")
-    path, plan, arm = names["free"], names["planned"], names["arm"]
+    path = names["free"]
+    plan = names["planned"]
+    arm = names["arm"]
     turn, along = np.meshgrid(np.linspace(0, 2 * np.pi, 60), (-0.12, 0.12))
     x, y, z = names["center"]
     radius = names["radius"]
@@ -104,7 +109,8 @@ def draw_05(names: Names) -> Figure:
 def draw_06(names: Names) -> Figure:
     """The gasket: contours, leads and rapids, the laser on and off."""
     figure, axes = plt.subplots(figsize=SIZE)
-    plan, arm = names["set_points"].trajectory, names["arm"]
+    plan = names["set_points"].trajectory
+    arm = names["arm"]
     program = ac.prepare(names["gasket"], names["process"])
     for span in plan.spans:
         if span.kind == "rapid":
@@ -145,9 +151,12 @@ def draw_08(names: Names) -> Figure:
 def draw_09(names: Names) -> Figure:
     """The first corner: objective, arcs and the shaped path, in the tolerance."""
     figure, axes = plt.subplots(figsize=SIZE)
-    objective, shaped = names["objective"], names["planned"].path
-    corner, tolerance = 1e3 * objective.vertices[1], 5.0
-    x, y = corner[0] + np.linspace(-28, 12, 300), corner[1] + np.linspace(-14, 14, 300)
+    objective = names["objective"]
+    shaped = names["planned"].path
+    corner = 1e3 * objective.vertices[1]
+    tolerance = 5.0
+    x = corner[0] + np.linspace(-28, 12, 300)
+    y = corner[1] + np.linspace(-14, 14, 300)
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     distances = 1e3 * objective.project(grid / 1e3).distance.reshape(300, 300)
     axes.contourf(x, y, distances, levels=(0, tolerance), colors=[style.SKY], alpha=0.25)
@@ -168,7 +177,8 @@ def draw_09(names: Names) -> Figure:
 def draw_10(names: Names) -> Figure:
     """The acceleration of a joint without and with a limit of jerk."""
     figure, axes = plt.subplots(figsize=SIZE)
-    arm, limits = names["arm"], names["limits"]
+    arm = names["arm"]
+    limits = names["limits"]
     for label, path, jerk, colour in (
         ("arcs, no limit of jerk", names["arcs"], None, style.VERMILLION),
         ("smooth corners, 7.2 rad/s³", names["smooth"], 7.2, style.BLUE),
@@ -201,7 +211,9 @@ def draw_11(names: Names) -> Figure:
 def draw_12(names: Names) -> Figure:
     """The arm where it first touches the first post, and both posts."""
     axes = _space("Posture at the first violation")
-    arm, plan, seam = names["arm"], names["planned"], names["seam"]
+    arm = names["arm"]
+    plan = names["planned"]
+    seam = names["seam"]
     for x, colour in ((0.35, style.VERMILLION), (0.60, style.GREEN)):
         post = names["scene_with_post"](x).obstacles[1]
         axes.add_collection3d(Poly3DCollection(_box(post), color=colour, alpha=0.35))
@@ -218,7 +230,8 @@ def draw_13(names: Names) -> Figure:
     """Error over cycle time, a line for each compensation."""
     figure, axes = plt.subplots(figsize=SIZE)
     axes.set_prop_cycle(color=COLOURS)
-    rows, key = names["result"].rows, "compensation.method"
+    rows = names["result"].rows
+    key = "compensation.method"
     for method, marker in zip(dict.fromkeys(x.values[key] for x in rows), "os^", strict=True):
         mine = [x.data for x in rows if x.values[key] == method]
         error = [1e3 * x["contour_error.max"].value for x in mine]
@@ -239,7 +252,9 @@ def draw_15(names: Names) -> Figure:
     figure = plt.figure(figsize=SIZE, layout="none")
     figure.suptitle("Pipe and arm at two times, seen from the floor", fontsize=10, weight="bold")
     result = names["result"]
-    arm, plan, path = result.arm, result.trajectory, result.path.contours[0].path
+    arm = result.arm
+    plan = result.trajectory
+    path = result.path.contours[0].path
     turn, share = np.meshgrid(np.linspace(0, 2 * np.pi, 40), (0.0, 1.0))
     pipe = 0.3 * share - 0.15, 0.1 * np.sin(turn), 0.1 * np.cos(turn)
     x, y = 0.05 * np.cos(turn), 0.05 * np.sin(turn)

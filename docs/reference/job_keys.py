@@ -13,7 +13,8 @@ from armcontour.core import quantities
 from armcontour.robot.servo import ServoModel
 
 HERE = Path(__file__).parent
-SCHEMA, PAGE = HERE / "job.schema.json", HERE / "job_keys.md"
+SCHEMA = HERE / "job.schema.json"
+PAGE = HERE / "job_keys.md"
 HEAD = """# Keys of job files
 
 This page lists all keys of a [job file](../guides/job.md), from the outermost mapping to the
@@ -72,7 +73,8 @@ def _tables(schema: dict[str, Any]) -> Iterator[str]:
 
 def _places(schema: dict[str, Any]) -> dict[str, str]:
     """Where each mapping of keys first stands, from the outside in, by its name in the schema."""
-    queue, places = [("", schema)], dict[str, str]()
+    queue = [("", schema)]
+    places = dict[str, str]()
     while queue:
         place, kind = queue.pop(0)
         for key, value in kind["properties"].items():

@@ -31,7 +31,8 @@ def mend(app: Any, name: str, source: list[str]) -> None:
         target = (folder / match["target"]).resolve()
         if not target.is_relative_to(ROOT) or not target.exists():
             return match[0]
-        place, anchor = target.relative_to(ROOT).as_posix(), match["anchor"] or ""
+        place = target.relative_to(ROOT).as_posix()
+        anchor = match["anchor"] or ""
         if place in SHOWN:
             target = SHOWN[place]
         elif not (target.is_relative_to(DOCS) and target.suffix in OWN):

@@ -93,7 +93,9 @@ def _without_metadata(text: str) -> str:
     begin = text.find("Annotated[")
     if begin < 0:
         return text
-    depth, comma, position = 0, 0, begin + len("Annotated[")
+    depth = 0
+    comma = 0
+    position = begin + len("Annotated[")
     start = position
     while depth >= 0:
         depth += {"[": 1, "(": 1, "]": -1, ")": -1}.get(text[position], 0)

@@ -41,7 +41,8 @@ def plate() -> str:
     """A small plate as DXF, for first steps: outline, a hole, a slot, and a mark."""
     document = new_dxf()
     space = document.modelspace()
-    cut, mark = {"layer": "CUT"}, {"layer": "MARK"}
+    cut = {"layer": "CUT"}
+    mark = {"layer": "MARK"}
     # The outline comes first, as many programs draw it; holes and slot have to be cut before it.
     outline = [(6, 0, 0), (54, 0, QUARTER), (60, 6, 0), (60, 40, 0), (0, 40, 0), (0, 6, QUARTER)]
     space.add_lwpolyline(outline, format="xyb", close=True, dxfattribs=cut)
@@ -56,7 +57,8 @@ def gasket() -> str:
     """A flange gasket as DXF: outline with bulges, bore, ports, bolt holes, and a mark."""
     document = new_dxf()
     space = document.modelspace()
-    cut, mark = {"layer": "CUT"}, {"layer": "MARK"}
+    cut = {"layer": "CUT"}
+    mark = {"layer": "MARK"}
     # The outline comes last, so that the part lies still until it is done. First an arrow that
     # says which side is up.
     space.add_line((70, 86), (70, 98), dxfattribs=mark)
@@ -124,7 +126,9 @@ def lettering() -> str:
 
 def rounded_rectangle(x: float, y: float, width: float, height: float, radius: float) -> str:
     """Its outline from Bézier curves, as the data of an SVG path."""
-    right, bottom, k = x + width, y + height, radius * (1 - ROUND)
+    right = x + width
+    bottom = y + height
+    k = radius * (1 - ROUND)
     return (
         f"M {x + radius} {y} H {right - radius} "
         f"C {right - k:.4f} {y} {right} {y + k:.4f} {right} {y + radius} V {bottom - radius} "
@@ -153,7 +157,9 @@ def pocket() -> str:
 
 def zigzag(x_min: float, right: float, bottom: float, top: float, step: float) -> list[str]:
     """Rows back and forth, each joined to the next one by half a circle."""
-    lines, y, forth = [], bottom, True
+    lines = []
+    y = bottom
+    forth = True
     while True:
         lines.append(f"G1 X{right if forth else x_min:g} F1800")
         if y + step > top:
@@ -167,7 +173,8 @@ def wall(
     depth: float, *, x_min: float, right: float, bottom: float, top: float, radius: float
 ) -> list[str]:
     """Once round, onto the wall and off it by quarters of circles."""
-    middle, on = (x_min + right) / 2, 6.0
+    middle = (x_min + right) / 2
+    on = 6.0
     slant = on * (1 - cos(pi / 4)), on * sin(pi / 4)
     return [
         f"G0 X{middle - on:g} Y{bottom + on:g}",
@@ -190,7 +197,9 @@ def wall(
 
 def pipe_saddle() -> str:
     """The seam of a branch of 100 mm on a pipe of 200 mm, with the torch between the walls."""
-    lines, pipe, branch = ["x [mm],y [mm],z [mm],ax,ay,az"], 100, 50
+    lines = ["x [mm],y [mm],z [mm],ax,ay,az"]
+    pipe = 100
+    branch = 50
     for k in range(121):
         x, y = branch * cos(pi * k / 60), branch * sin(pi * k / 60)
         z = sqrt(pipe**2 - y**2)

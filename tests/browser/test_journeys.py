@@ -48,7 +48,8 @@ def test_the_papers_job_is_shown_with_its_cycle_time(studio, judge):
 
 
 def test_a_dragged_corner_has_another_tolerance(studio, judge):
-    before, bound = studio.figure("duration"), shares(studio)
+    before = studio.figure("duration")
+    bound = shares(studio)
     with studio.changing():
         with studio.grabbing(studio.handle("corner", 1)) as (x, y):
             studio.page.mouse.move(x + 8, y, steps=4)
@@ -181,7 +182,8 @@ def test_drawing_and_arm_and_slider_and_charts_show_the_same_time(studio):
 
 
 def test_a_new_waypoint_has_the_focus(studio):
-    original, count = studio.text, 4
+    original = studio.text
+    count = 4
     waypoints = studio.find("g.handle.waypoint")
     plus = studio.handle("middle", 2)
     for insert in (lambda: plus.click(), lambda: studio.drag(plus, (20, 15))):
@@ -217,7 +219,8 @@ def points(studio):
 
 
 def test_a_dragged_waypoint_snaps_and_shows_its_gain(studio, judge):
-    before, original = studio.figure("duration"), studio.text
+    before = studio.figure("duration")
+    original = studio.text
     handle = studio.handle("waypoint", 1)
     expect(label(studio)).to_be_hidden()
     with studio.changing():
@@ -227,7 +230,8 @@ def test_a_dragged_waypoint_snaps_and_shows_its_gain(studio, judge):
             shown = label(studio).locator(".value").inner_text()
             gained = label(studio).locator(".better, .worse")
             expect(gained).to_be_visible()
-            box, middle = label(studio).bounding_box(), studio.middle(handle)
+            box = label(studio).bounding_box()
+            middle = studio.middle(handle)
             # The label is on the side of the pointer that has room.
             for axis, size, place in zip("xy", ("width", "height"), middle, strict=True):
                 assert box[axis] - 60 < place < box[axis] + box[size] + 60

@@ -194,7 +194,8 @@ def test_a_contour_is_selected_by_a_click_in_space(studio):
     planned(studio)
     studio.find("[data-view='Part']").click()
     canvas = studio.find(".arm-canvas")
-    box, chosen = canvas.bounding_box(), studio.find("ol.contours [aria-pressed=true]")
+    box = canvas.bounding_box()
+    chosen = studio.find("ol.contours [aria-pressed=true]")
     # A line through the middle of the part crosses a contour.
     for x in range(0, int(box["width"]), 8):
         canvas.click(position={"x": x, "y": box["height"] / 2})

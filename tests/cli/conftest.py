@@ -64,7 +64,8 @@ def refused(command_in):
     """Find rows `(arguments, words)` that are not refused with this exit code in one sentence."""
 
     def faults(folder, rows, codes=(2, 3), begin=()):
-        unclear, before = [], sorted(folder.rglob("*"))
+        unclear = []
+        before = sorted(folder.rglob("*"))
         for arguments, words in rows:
             arguments = arguments.split() if isinstance(arguments, str) else arguments
             ended = command_in(folder, *begin, *arguments)

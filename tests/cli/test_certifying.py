@@ -52,7 +52,8 @@ def test_the_written_joint_positions_of_a_certificate_can_be_checked(command, tm
         "path: {file: parts.csv, frame: {position: [0.3, 0.1, 0]}}\n"
         "process: {lead_in: {length: 3 mm}, lead_out: {length: 3 mm}}",
     )
-    job, out = tmp_path / "parts.yaml", tmp_path / "out"
+    job = tmp_path / "parts.yaml"
+    out = tmp_path / "out"
     job.write_text(text, encoding="utf-8")
     done("run", job, "--out", out, "--no-simulation")
     motion = out / "only" / "planned.csv"

@@ -97,7 +97,8 @@ def test_without_simulation_the_requested_files_are_written(folder, call):
     # The same set-points as with it.
     call("run part.ngc --cell pmk3s --out whole")
     whole = folder / "whole" / "compensated" / "set_points.csv"
-    set_points, file = table(whole), folder / "out" / "compensated" / "export" / "set_points.csv"
+    set_points = table(whole)
+    file = folder / "out" / "compensated" / "export" / "set_points.csv"
     exported = np.loadtxt(file, delimiter=",", skiprows=1, usecols=(0, 1, 2))
     np.testing.assert_allclose(exported[:, 1:], set_points[:, 1:3], rtol=0, atol=0.51e-9)
     # In exports time counts from the first set-point.

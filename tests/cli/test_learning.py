@@ -59,7 +59,9 @@ def written(folder, table, titles=TITLES, name="run.csv"):
 def test_learn_continues_from_the_set_points_of_an_earlier_result(
     command, shop, tmp_path, refused, done
 ):
-    log, out, third = written(tmp_path, shop.table), tmp_path / "second", tmp_path / "third"
+    log = written(tmp_path, shop.table)
+    out = tmp_path / "second"
+    third = tmp_path / "third"
     learn = ("learn", shop.file, "--log")
     shown = done(*learn, log, "--set-points", shop.first, "--out", out)
     assert "run.csv" in shown and "Continue with" in shown

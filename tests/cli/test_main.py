@@ -66,7 +66,8 @@ def test_run_writes_a_report_and_the_listed_files(tmp_path, run, refused):
     assert set(result["runs"]) == {"planned", "compensated"}
     for name in result["files"]:
         assert (tmp_path / "out" / name).is_file()
-    planned, compensated = result["runs"]["planned"], result["runs"]["compensated"]
+    planned = result["runs"]["planned"]
+    compensated = result["runs"]["compensated"]
     assert compensated["contour_error"]["rms"] < planned["contour_error"]["rms"]
     assert compensated["corners"][0]["error"] == pytest.approx(2e-3)
     header, *rows = (tmp_path / "out" / "compensated" / "set_points.csv").read_text().splitlines()
@@ -170,10 +171,12 @@ def test_commands_list_arms_version_and_schema(done):
 
 
 def test_identify_finds_gains_in_a_log(tmp_path, command):
-    arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
+    arm = ac.load_arm("pmk3s")
+    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
     line = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15)])
     planned = ac.plan(line, arm, arm.limits.replace(speed=0.1))
-    t, waves = np.arange(0.0, 10.0, 2e-3), np.arange(0.5, 20.0, 0.5)
+    t = np.arange(0.0, 10.0, 2e-3)
+    waves = np.arange(0.5, 20.0, 0.5)
     shaken = np.sin(2 * np.pi * np.outer(t, waves) + waves**2).sum(axis=1)
     commands = planned(0.0) + 1e-4 * np.column_stack([shaken, -shaken])
     set_points = ac.SetPoints(cycle=2e-3, q=commands, trajectory=planned, method="none")
@@ -182,7 +185,8 @@ def test_identify_finds_gains_in_a_log(tmp_path, command):
     measured = executed.q[: len(t)] + noise
     rows = np.column_stack([t, commands[:, 0], measured[:, 0], commands[:, 1], measured[:, 1]])
     names = "t [s],command 1 [rad],measured 1 [rad],command 2 [rad],measured 2 [rad]"
-    log, out = tmp_path / "log.csv", tmp_path / "found"
+    log = tmp_path / "log.csv"
+    out = tmp_path / "found"
     np.savetxt(log, rows, delimiter=",", header=names, comments="", fmt="%.9f")
     # One program only.
     assert command("identify", log, "--out", out).code == 9

@@ -148,10 +148,8 @@ def check(data, done, folder):
     }
     summary = json.loads((folder / "out" / "summary.json").read_text("utf-8"))["runs"][run]
     summary["time"] = {x["name"]: x["of_time"] for x in summary.get("time", ())}
-    (frame, time), on_rigid_bodies = (
-        studio(text, folder, run),
-        result.judged is not result.evaluation,
-    )
+    frame, time = studio(text, folder, run)
+    on_rigid_bodies = result.judged is not result.evaluation
     # The page has the very cells of print and report.
     for cells in time:
         line = r"\s+".join(map(re.escape, cells))

@@ -36,9 +36,16 @@ class Simulated(Controller):
         at: FloatArray | None = None, cycle: float = 1e-3, trip: float = np.inf,
     ) -> None:  # fmt: skip
         super().__init__()
-        self.kp, self.kv, self.ki, self.friction = kp, kv, ki, friction
-        self.acceleration, self.late, self.noise = acceleration, late, noise
-        self.at, self.cycle, self.trip = at, cycle, trip
+        self.kp = kp
+        self.kv = kv
+        self.ki = ki
+        self.friction = friction
+        self.acceleration = acceleration
+        self.late = late
+        self.noise = noise
+        self.at = at
+        self.cycle = cycle
+        self.trip = trip
         self.rng = np.random.default_rng(1)
         self.motions: list[Motion] = []
 
@@ -56,10 +63,18 @@ class Simulated(Controller):
         """Play a motion; `stop_requested` is asked in every cycle."""
         self._check_motion(motion)
         self.motions.append(motion)
-        command, stopped, measured, dt = motion.q.copy(), None, [], self.cycle
-        q, speed, total = self.held.copy(), np.zeros_like(self.held), np.zeros_like(self.held)
-        u_before, w_before, clipped = self.held, np.zeros_like(self.held), np.zeros_like(self.held)
-        asked, k = None, 0
+        command = motion.q.copy()
+        stopped = None
+        measured = []
+        dt = self.cycle
+        q = self.held.copy()
+        speed = np.zeros_like(self.held)
+        total = np.zeros_like(self.held)
+        u_before = self.held
+        w_before = np.zeros_like(self.held)
+        clipped = np.zeros_like(self.held)
+        asked = None
+        k = 0
         notes: tuple[str, ...] = ()
         while k < len(command):
             u = command[k]
@@ -85,7 +100,9 @@ class Simulated(Controller):
             a = a - np.clip(500 * speed, -self.friction, self.friction)
             speed = speed + a * dt if k < self.trip else 0 * speed
             q = q + speed * dt
-            u_before, w_before, k = u, w, k + 1
+            u_before = u
+            w_before = w
+            k = k + 1
         self.held = command[-1]
         return PlayedMotion(
             t=np.arange(len(command)) * dt,

@@ -11,7 +11,10 @@ class Device:
     """Takes `at_once` rows per loop, and measures the commands of the loop before."""
 
     def __init__(self, at_once=2):
-        self.at_once, self.written, self.calls, self.new = at_once, [], [], []
+        self.at_once = at_once
+        self.written = []
+        self.calls = []
+        self.new = []
 
     def start(self):
         self.calls.append("start")
@@ -27,7 +30,8 @@ class Device:
         return True
 
     def exchange(self):
-        new, self.new = self.new, []
+        new = self.new
+        self.new = []
         return new
 
     def finish(self):
@@ -38,7 +42,8 @@ class Bench:
     """A feeder without processes."""
 
     def __init__(self, record, **device):
-        self.device, self.out = Device(**device), io.StringIO()
+        self.device = Device(**device)
+        self.out = io.StringIO()
         self.feeder = Feeder(self.device, str(record), self.out)
 
     def send(self, *lines):

@@ -72,7 +72,8 @@ def test_the_velocity_limit_decreases_towards_the_ends_of_the_ranges(fr3, limits
 def test_motions_that_the_fci_does_not_support_are_refused(fr3, limits):
     robot = Franka("127.0.0.1")
     q = np.repeat(HOME[None], 20, axis=0)
-    jump, far = q.copy(), q.copy()
+    jump = q.copy()
+    far = q.copy()
     jump[10:, 4] += 1e-4
     far[:, 3] = -0.1
     for changed, given, reason in (
@@ -92,7 +93,9 @@ class Control:
     """A control whose states arrive at given milliseconds."""
 
     def __init__(self, times):
-        self.times, self.sent, self.q_d = iter(times), [], [0.0] * 7
+        self.times = iter(times)
+        self.sent = []
+        self.q_d = [0.0] * 7
 
     def readOnce(self):  # noqa: N802
         t = next(self.times)
@@ -122,7 +125,8 @@ class Library(ModuleType):
         """A command."""
 
         def __init__(self, q):
-            self.q, self.motion_finished = q, False
+            self.q = q
+            self.motion_finished = False
 
     RealtimeConfig = enum.Enum("RealtimeConfig", "kEnforce kIgnore")
     RobotMode = enum.Enum("RobotMode", "Idle Reflex")
@@ -152,7 +156,8 @@ def library(monkeypatch):
 
 def feed(device, rows, cycles):
     """Play rows as the feeder's loop does; returns the samples."""
-    sent, samples = 0, []
+    sent = 0
+    samples = []
     device.start()
     for _ in range(cycles):
         for _ in range(min(device.room(), len(rows) - sent)):

@@ -75,10 +75,13 @@ def test_a_robot_that_moves_as_simulated_is_kept(job):
 def test_reported_differences_are_computed_from_the_log(job):
     """Differences by the record, and the contour error by the path."""
     played = run_at(job, simulated(kp=20.0, friction=3e-3))
-    execution, record, begin = played.plan.execution, played.record, played.plan.set_points
+    execution = played.plan.execution
+    record = played.record
+    begin = played.plan.set_points
     t = begin.start_time + record.t
     expected = np.column_stack([np.interp(t, execution.t, x) for x in execution.q.T])
-    data, arm = played.to_data(), played.job.arm
+    data = played.to_data()
+    arm = played.job.arm
     joints = np.abs(record.measured - expected).max(axis=0)
     np.testing.assert_allclose(data["difference.joints"].value, joints, rtol=1e-9)
     tools = arm.tool_position(record.measured) - arm.tool_position(expected)
@@ -107,9 +110,11 @@ runs: {only: {compensation: {method: inverse}, timing: {reserve: 50 %}}}
 
 
 def test_values_of_a_rail_are_in_m():
-    job, units = parse_job(RAIL), "m, " + ", ".join(["rad"] * 6)
+    job = parse_job(RAIL)
+    units = "m, " + ", ".join(["rad"] * 6)
     played = run_at(job, simulated(acceleration=3.0, cycle=4e-3, noise=1e-5))
-    data, log = played.to_data(), played.log
+    data = played.to_data()
+    log = played.log
     assert data["difference.joints"].unit == units and data["distance"].unit == "rad, m"
     assert "command 1 [m],command 2 [rad]" in log_text(log)
     fit = ac.identify([log], ac.ServoFit(kinematics=job.arm))

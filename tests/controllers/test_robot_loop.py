@@ -111,7 +111,8 @@ def test_learning_returns_to_the_best_run_after_a_worse_run(job):
     robot = Simulated(ki=20.0, friction=0.03)
     result = learn_on(job, robot, reserve=0.02, execute=True, runs=8, band=0.2)
     assert len(robot.motions) < 8 and result.lesson.finished
-    every, runs = errors(result), result.lesson.runs
+    every = errors(result)
+    runs = result.lesson.runs
     best = int(np.argmin(every))
     np.testing.assert_array_equal(result.best.q, runs[best].q)
     worse = int(np.argmax(np.diff(every) > 0)) + 1

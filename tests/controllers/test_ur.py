@@ -136,8 +136,10 @@ def test_a_protective_stop_ends_the_motion_with_its_record(arm, double):
 
 
 def test_motions_that_the_robot_does_not_support_are_refused(arm):
-    robot, q = Ur("127.0.0.1"), np.repeat(START[None], 5, axis=0)
-    fast, far = q.copy(), q.copy()
+    robot = Ur("127.0.0.1")
+    q = np.repeat(START[None], 5, axis=0)
+    fast = q.copy()
+    far = q.copy()
     fast[3, 2] += 0.01
     far[3, 1] = 7.0
     with pytest.raises(ControllerRefused, match="Joint 3 moves with 286 deg/s .* limit 180 deg/s"):
@@ -149,7 +151,8 @@ def test_motions_that_the_robot_does_not_support_are_refused(arm):
 @needs_dynamics
 def test_a_folded_arm_does_not_move_to_the_start(arm):
     """The arm has no scene, but its forearm touches its upper arm on the way."""
-    job, q = parse_job(JOB), START.copy()
+    job = parse_job(JOB)
+    q = START.copy()
     assert approach_of(job, arm.limits, q + 0.1, q, 2e-3).q[-1] == pytest.approx(q)
     q[2] = 2.9
     with pytest.raises(ControllerRefused, match="upper_arm_link touch"):

@@ -38,12 +38,15 @@ class Double:
     """The controller's variables, and its cycle."""
 
     def __init__(self, address: str, state: dict[str, float], used: str, *, paced: bool) -> None:
-        self.paced, self.used = paced, used
+        self.paced = paced
+        self.used = used
         self.stopped_at = state.pop("stopped_at", float("inf"))
         self.values: dict[str, float] = dict.fromkeys(TYPES, 0)
         self.values |= {"robot_mode": 7, "safety_mode": 1, "runtime_state": 1}
         self.values |= {"target_speed_fraction": 1.0, **state}
-        self.target, self.actual, self.cycles = list(START), list(START), 0
+        self.target = list(START)
+        self.actual = list(START)
+        self.cycles = 0
         self.rtde = socket.create_server((address, 30004))
         self.script = socket.create_server((address, 30002))
         self.received = b""
@@ -52,8 +55,11 @@ class Double:
         """Serve one client after the other."""
         while True:
             self.client, _ = self.rtde.accept()
-            self.received, self.outputs, self.inputs = b"", [], []
-            self.values["runtime_state"], self.started = 1, False
+            self.received = b""
+            self.outputs = []
+            self.inputs = []
+            self.values["runtime_state"] = 1
+            self.started = False
             try:
                 while True:
                     self.idle()
@@ -139,7 +145,8 @@ class Double:
                 raise ProgramEnd
             self.received += data
         size, kind = struct.unpack_from(">HB", self.received)
-        data, self.received = self.received[3:size], self.received[size:]
+        data = self.received[3:size]
+        self.received = self.received[size:]
         kind = chr(kind)
         if kind == "V":
             self.send("V", b"\x01" if data == b"\x00\x02" else b"\x00")

@@ -44,7 +44,8 @@ def test_a_row_of_a_batch_equals_the_results_of_run(file):
         (1, "only"), (1, "none"), (2, ""), (3, "only"), (3, "none"), (4, "")
     ]  # fmt: skip
     for row in result.rows:
-        speed, points = row.values["limits.speed"], row.values["path.points"]
+        speed = row.values["limits.speed"]
+        points = row.values["path.points"]
         text = JOB.replace("0.1 m/s", str(speed))
         job = parse_job(text.replace("[[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]", str(points)))
         if points == FAR:

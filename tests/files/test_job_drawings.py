@@ -240,7 +240,8 @@ def test_invalid_jobs_of_drawings_are_refused_in_one_sentence(folder):
     ]
     refusals(lambda x: job(folder, **x), long, "plate.yaml")
     # Options for files require a file.
-    points, repeat = POINTS["path"], {"columns": 2, "column_spacing": 1}
+    points = POINTS["path"]
+    repeat = {"columns": 2, "column_spacing": 1}
     table = [(points | {"ignore_z": True}, "path.ignore_z ... path.file"),
              (points | {"repeat": repeat}, "path.repeat ... path.file")]  # fmt: skip
     refusals(lambda path: parse_job(yaml.safe_dump({**JOB, "path": path})), table)

@@ -118,7 +118,9 @@ def blocks(draw, indent="", depth=3):
     """Lines of a block with comments, and what they are."""
     names = draw(st.lists(KEYS, min_size=1, max_size=3, unique=True))
     listed = bool(indent) and draw(st.booleans())
-    lines, items, data = [], [], {}
+    lines = []
+    items = []
+    data = {}
     for name in names:
         if draw(st.integers(0, 4)) == 0:
             lines.append(indent + f"# about - {name}: é")
@@ -278,7 +280,8 @@ def test_edits_keep_layouts_and_comments():
 
 def test_an_edit_of_a_job_changes_only_one_place_in_its_text():
     """Keys of the jobs and cells of the package are set, added and removed."""
-    folder, edits = Path(armcontour.__file__).parent, 0
+    folder = Path(armcontour.__file__).parent
+    edits = 0
     for file in [*folder.glob("jobs/library/*.yaml"), *folder.glob("files/cells/*.yaml")]:
         text = file.read_text("utf-8")
         data = load(text, file.name)

@@ -159,7 +159,8 @@ def test_invalid_paths_in_space_are_refused_in_one_sentence():
     refusals(read, BAD_PATHS, "job.yaml: ")
 
 
-HALF, TURN = np.pi / 2, np.pi
+HALF = np.pi / 2
+TURN = np.pi
 VALUES = f"""
 limits: {{joint_torque: [10 N m, 10 Nm, 8, 2, 2, 2]}} => {{joint_torque: [10, 10, 8, 2, 2, 2]}}
 limits: {{joint_jerk: 180 deg/s^3}} => {{joint_jerk: {[TURN] * 6}}}

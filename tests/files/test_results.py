@@ -81,7 +81,8 @@ def test_a_result_of_the_same_kind_is_replaced_without_force(tmp_path):
 
 def test_force_deletes_nothing_outside_of_the_folder(tmp_path):
     """Also with a list of files as this program writes it, over files that it did not write."""
-    out, outside = tmp_path / "out", tmp_path / "outside"
+    out = tmp_path / "out"
+    outside = tmp_path / "outside"
     outside.mkdir()
     (outside / "precious.txt").write_text("precious")
     checksum = hashlib.sha256(b"precious").hexdigest()
@@ -140,7 +141,8 @@ def test_a_second_run_into_the_same_folder_is_refused(tmp_path, force):
 
 def fail_at(patch, counts, error, *, after=False):
     """Let some renames, by their numbers from 0, raise an error before or after them."""
-    made, inner = iter(range(99)), os.rename
+    made = iter(range(99))
+    inner = os.rename
 
     def rename(source, target):
         fails = next(made) in counts
@@ -186,7 +188,8 @@ def test_an_earlier_result_is_exported_with_the_derivatives_of_its_run(method, t
     runs = {"a": {"cycle": CYCLE, "compensation": method}}
     about = {"job": "line", "arm": {"joints": ARM.joint_names}, "runs": runs}
     with ResultFolder(tmp_path / "out") as folder:
-        names, samples = ARM.joint_names, planned.sample(CYCLE)
+        names = ARM.joint_names
+        samples = planned.sample(CYCLE)
         folder.write_with(SUMMARY, lambda file: file.write_text(json.dumps(about)))
         folder.write_with(
             "a/set_points.csv", partial(write_set_points, set_points=set_points, joint_names=names)

@@ -16,7 +16,8 @@ AT_ONCE = "time_from_start: {sec: 0, nanosec: 0}}"
 def test_exported_files_are_read_again(tmp_path, mac, arm):
     t = np.arange(6) * 0.004
     q = np.column_stack([np.sin(t), np.cos(t)])
-    names, file = ("shoulder", "elbow"), tmp_path / "a.yaml"
+    names = ("shoulder", "elbow")
+    file = tmp_path / "a.yaml"
     table = SetPointTable(name="arm", joint_names=names, cycle=4e-3, t=t, q=q, dq=2 * q, ddq=3 * q)
     RosYamlFormat().write(table, file)
     trajectory = read_trajectory(file)

@@ -189,7 +189,8 @@ def test_a_box_is_read_from_every_format(tmp_path):
 
 
 def test_units_and_scales_of_meshes_are_read(tmp_path):
-    large, small = tmp_path / "large.stl", tmp_path / "small.stl"
+    large = tmp_path / "large.stl"
+    small = tmp_path / "small.stl"
     large.write_bytes(binary(CORNERS * 1000))
     small.write_bytes(binary(CORNERS / 1000))
     assert read_mesh(large, unit="mm").size == pytest.approx(0.4)

@@ -38,7 +38,8 @@ def plan(job):
 
 def learned(plan, step=1e-3):
     """A lesson whose set-points are those of the plan and a little more."""
-    set_points, zeros = plan.set_points, np.zeros(2)
+    set_points = plan.set_points
+    zeros = np.zeros(2)
     run = LearningRun(
         q=set_points.q, error=np.zeros((5, 2)), noise=zeros, joint_rms=zeros, joint_max=zeros,
         tool_rms=0.0, tool_max=0.0,
@@ -87,7 +88,8 @@ def changed(plan, where=slice(None), by=1e-6, **fields):
 
 
 def test_set_points_that_do_not_belong_to_the_job_are_refused(job, plan, tmp_path):
-    still, lesson = changed(plan, by=0.0), learned(plan)
+    still = changed(plan, by=0.0)
+    lesson = learned(plan)
     other = dataclasses.replace(lesson.runs[0], q=lesson.runs[0].q + 1e-6)
     other = dataclasses.replace(lesson, runs=(other,))
     table = [
@@ -210,7 +212,9 @@ def study_data(study):
 
 
 def test_the_summary_states_torques_start_and_assumed_masses(study_data, study):
-    arm, plain, tried = study_data["arm"], study_data["runs"]["plain"], study_data["runs"]["tried"]
+    arm = study_data["arm"]
+    plain = study_data["runs"]["plain"]
+    tried = study_data["runs"]["tried"]
     assert arm["joints"][0] == "shoulder_pan_joint" and arm["masses_known"]
     assert arm["assumed"] == load_arm("ur5e").chain.assumed
     for torque in (plain["torque"], tried["experiment"]["torque"]):
@@ -239,7 +243,8 @@ def written(tmp_path, write, *arguments):
 
 
 def test_columns_have_joint_names_and_are_read_again(study, tmp_path):
-    plan, names = study.runs["plain"].trajectory, study.job.arm.joint_names
+    plan = study.runs["plain"].trajectory
+    names = study.job.arm.joint_names
     text = written(tmp_path, write_planned, plan.sample(4e-3), names)
     assert text.startswith("t [s],q shoulder_pan_joint [rad],")
     samples = parse_trajectory(text, names)

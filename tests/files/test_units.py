@@ -75,7 +75,8 @@ def test_units_have_the_factors_of_pint():
             assert parse_quantity(text, unit) == float(registry.Quantity(text).to(unit).magnitude)
 
 
-LENGTH, SHARE = Quantity("m", "5 mm"), Quantity("1", "10 %")
+LENGTH = Quantity("m", "5 mm")
+SHARE = Quantity("1", "10 %")
 
 
 def test_a_written_quantity_has_the_unit_of_the_one_that_it_replaces():

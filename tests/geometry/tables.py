@@ -41,7 +41,8 @@ def refused(*rows, kind=ac.InvalidInput):
         try:
             with pytest.raises(kind) as caught:
                 call()
-            error, message = caught.value, str(caught.value)
+            error = caught.value
+            message = str(caught.value)
             assert type(error) is kind and message.endswith(".") and "\n" not in message
             assert not [x for x in words if x not in message], message
             for name, value in data.items():

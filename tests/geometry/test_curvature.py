@@ -28,8 +28,10 @@ def slot(radius=0.015, straight=0.05):
 
 def chain(turns, radii, dimension, seed):
     """Tangent arcs, and lines for infinite radii, in planes that change at every vertex."""
-    rng, rows = np.random.default_rng(seed), []
-    point, tangent = np.zeros(dimension), np.eye(dimension)[0]
+    rng = np.random.default_rng(seed)
+    rows = []
+    point = np.zeros(dimension)
+    tangent = np.eye(dimension)[0]
     for turn, radius in zip(turns, radii, strict=True):
         across = rng.normal(size=dimension)
         across -= (across @ tangent) * tangent
@@ -44,7 +46,8 @@ def chain(turns, radii, dimension, seed):
             lengths=np.array([length]),
         )
         rows.append(row)
-        point, tangent = row.ends[0], row.end_tangents[0] / np.linalg.norm(row.end_tangents[0])
+        point = row.ends[0]
+        tangent = row.end_tangents[0] / np.linalg.norm(row.end_tangents[0])
     return ac.Path(segments=Segments.join(rows))
 
 
@@ -138,7 +141,8 @@ def test_the_tool_orientation_is_kept_and_does_not_jump(kind):
     }
     path = paths[kind]()
     smooth = smooth_curvature(path, tolerance=1e-4)
-    o, breaks = smooth.orientation, smooth.orientation.breaks[1:-1]
+    o = smooth.orientation
+    breaks = smooth.orientation.breaks[1:-1]
     size = np.abs(o.rates(np.linspace(0, smooth.length, 999))).max(axis=(1, 2))
     for before, after, bound in zip(
         o.rates(breaks, side="left"), o.rates(breaks), size, strict=True

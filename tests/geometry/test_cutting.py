@@ -83,8 +83,10 @@ def test_the_joined_parts_of_a_path_equal_the_path(path):
 
 
 def test_invalid_cuts_joins_placements_and_projections_are_refused():
-    flat, far = ac.Path.polyline([(0, 0), (1, 0)]), ac.Path.polyline([(2, 0), (3, 0)])
-    one, corner = flat.lifted(), ac.Path.polyline([[0, 0], [1, 0], [1, 1]])
+    flat = ac.Path.polyline([(0, 0), (1, 0)])
+    far = ac.Path.polyline([(2, 0), (3, 0)])
+    one = flat.lifted()
+    corner = ac.Path.polyline([[0, 0], [1, 0], [1, 1]])
     other = ac.Path.polyline([(1, 0, 0), (2, 0, 0)]).oriented(Rotation.identity())
     leaning = path_of(arc((1, 0, 0), (0, 0, 0), 1, normal=(0, 1, 0)))
     up = ac.Path.polyline([(0, 0, 0), (0, 0, 1)])
@@ -122,7 +124,8 @@ def test_a_placed_path_has_the_coordinates_of_its_frame(path, scale):
 
 def test_a_planar_path_stays_planar_if_its_frame_is_planar():
     assert FLAT.is_planar_transform and not FRAME.is_planar_transform
-    placed, s = PLANE.placed(FLAT, scale=2.0), SHARES * PLANE.length
+    placed = PLANE.placed(FLAT, scale=2.0)
+    s = SHARES * PLANE.length
     assert placed.dimension == 2
     expected = 2 * PLANE(s) @ FLAT.rotation[:2, :2].T + FLAT.position[:2]
     np.testing.assert_allclose(placed(2 * s), expected, atol=1e-12)
@@ -143,7 +146,8 @@ def test_a_planar_path_stays_planar_if_its_frame_is_planar():
 
 @held
 def test_a_reversed_path_has_the_same_points_in_reverse_order(path):
-    reversed_path, s = path.reversed(), SHARES * path.length
+    reversed_path = path.reversed()
+    s = SHARES * path.length
     alike(reversed_path, path, s, path.length - s, direction=-1)
     assert reversed_path.tags == path.tags[::-1]
     np.testing.assert_array_equal(reversed_path.speeds, path.speeds[::-1])
@@ -160,7 +164,8 @@ def test_part_of_a_path_that_follows_its_tangent_is_rounded_like_the_whole():
     # Rounding takes a piece's start for its rotation, so a part must begin with its own.
     bend = arc((0.1, 0, 0), (0.1, 0.05, 0), 1.2, normal=(0, 0, 1))
     path = path_of(line((0, 0, 0), (0.1, 0, 0)), bend).following_tangent((0, 0, 1))
-    begin, fine = 0.1 + 0.02, {"tolerance": 1e-3, "angular_tolerance": 1e-3}
+    begin = 0.1 + 0.02
+    fine = {"tolerance": 1e-3, "angular_tolerance": 1e-3}
     cut = ac.round_corners(cut_path(path, begin, path.length), **fine)
     s = np.linspace(0, cut.length, 20)
     np.testing.assert_allclose(cut.orientation(s), path.orientation(s + begin), atol=2e-3)

@@ -128,7 +128,8 @@ def rational(points, weights, knots, degree):
     whole = BSpline(knots, np.hstack([np.array(points) * weights, weights]), degree)
 
     def curve(t, order):
-        h, dh = whole(t), whole(t, 1)
+        h = whole(t)
+        dh = whole(t, 1)
         p = h[:, :2] / h[:, 2:]
         return p if order == 0 else (dh[:, :2] - p * dh[:, 2:]) / h[:, 2:]
 
@@ -173,7 +174,8 @@ def test_closed_curves_and_curves_with_zero_speed_are_fitted():
 
 
 def test_invalid_curves_are_refused(monkeypatch):
-    round_, none = ellipse(1, 1), bezier((0, 0), (0, 0), (0, 0))
+    round_ = ellipse(1, 1)
+    none = bezier((0, 0), (0, 0), (0, 0))
     refused(
         (lambda: fitted(none, [0, 1], 1e-5), "no length", "(0.0, 0.0)"),
         (lambda: fitted(round_, [0, 1], 0.0), "tolerance", "above zero"),
@@ -188,7 +190,8 @@ def test_invalid_curves_are_refused(monkeypatch):
 def test_rational_splines_with_very_different_weights_are_fitted(seed):
     # Nearly all of such a curve may lie within a thousandth of its parameters.
     rng = np.random.default_rng(seed)
-    weights, points = np.exp(rng.uniform(-6, 6, 8)), rng.normal(size=(8, 2))
+    weights = np.exp(rng.uniform(-6, 6, 8))
+    points = rng.normal(size=(8, 2))
     inner = np.sort(rng.random(4))
     curve = rational(points, weights, [0, 0, 0, 0, *inner, 1, 1, 1, 1], 3)
     path = fitted(curve, [0, *inner, 1], 1e-5)

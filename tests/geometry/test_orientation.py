@@ -120,7 +120,8 @@ def test_jumps_of_orientation_are_angles_at_repeated_points():
 
 
 def test_invalid_orientations_are_refused():
-    flat, repeated = ac.Path.polyline(POINTS[:, :2]), ac.Path.polyline(REPEATED)
+    flat = ac.Path.polyline(POINTS[:, :2])
+    repeated = ac.Path.polyline(REPEATED)
     back = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 0, 0)])
     half = np.tile(DOWN, (5, 1, 1))
     half[3:] = np.eye(3)
@@ -189,7 +190,8 @@ def test_pointing_sets_the_tool_axis_without_spin():
 def test_a_tool_that_follows_the_tangent_does_not_spin_about_it():
     bend = arc((0.2, 0, 0), (0.2, 0.1, 0), 2.0, normal=(0, 0, 1))
     path = path_of(line((0, 0, 0), (0.2, 0, 0)), bend)
-    tool, s = turns(1)[0], np.linspace(0, path.length, 301)
+    tool = turns(1)[0]
+    s = np.linspace(0, path.length, 301)
     held = path.following_tangent([0.3, 0, 1.0], tool=tool).orientation(s)
     by_default = path.following_tangent([0, 0, 1.0]).orientation(s)
     # The frame's axes: R tool^T e.

@@ -20,7 +20,8 @@ def corner(turn, leg=10.0):
 def bezier(path, length, n=2001):
     """Points of the quadratic Bézier curve across the corner of a path of two lines."""
     a, v, b = path.vertices
-    p0, p2 = v - length * path.tangents[0], v + length * path.tangents[1]
+    p0 = v - length * path.tangents[0]
+    p2 = v + length * path.tangents[1]
     t = np.linspace(0, 1, n)[:, None]
     return (1 - t) ** 2 * p0 + 2 * t * (1 - t) * v + t**2 * p2
 
@@ -30,7 +31,8 @@ def test_the_arcs_follow_the_parabola(turn):
     error = min(0.005, turn)
     path = corner(turn)
     rounded = round_path(path, tolerance=error, curve="parabola")
-    c, half = rounded.corners, turn / 2
+    c = rounded.corners
+    half = turn / 2
     leg = min(2 * error / np.sin(half), 10.0)
     assert c.tangent[0] == pytest.approx(leg, rel=1e-9)
     assert c.error[0] == pytest.approx(leg * np.sin(half) / 2, rel=1e-9)

@@ -54,7 +54,9 @@ PATHS = [winding_path(), space_path()]
 
 @each("angle", [0.1, np.pi, 4.0, 2 * np.pi, -0.1, -np.pi, -4.0, -2 * np.pi])
 def test_a_plane_arc_rotates_its_start_about_its_centre(angle):
-    center, start, sign = np.array([0.4, -0.2]), np.array([0.5, 0.1]), np.sign(angle)
+    center = np.array([0.4, -0.2])
+    start = np.array([0.5, 0.1])
+    sign = np.sign(angle)
     path = path_of(arc(start, center, angle))
     radius = np.linalg.norm(start - center)
     assert path.length == pytest.approx(radius * abs(angle), rel=1e-14)
@@ -124,13 +126,15 @@ def test_a_path_has_one_sided_derivatives_and_turns_and_stops_at_vertices():
 def test_arcs_of_any_radius_keep_their_accuracy(radius):
     path = path_of(arc((0, 0), (0, radius), min(1.0, 1.0 / radius)))
     s = np.linspace(0, path.length, 11)
-    x, y = radius * np.sin(s / radius), 2 * radius * np.sin(s / radius / 2) ** 2
+    x = radius * np.sin(s / radius)
+    y = 2 * radius * np.sin(s / radius / 2) ** 2
     np.testing.assert_allclose(path(s), np.stack([x, y], 1), rtol=1e-13, atol=1e-15 * path.length)
 
 
 @each("angle", [0.0, 1e-12, 1e-6, 1.0, np.pi - 1e-7, np.pi])
 def test_angle_between_is_accurate_near_zero_and_pi(angle):
-    first, second = np.array([1.0, 0.0]), np.array([np.cos(angle), np.sin(angle)])
+    first = np.array([1.0, 0.0])
+    second = np.array([np.cos(angle), np.sin(angle)])
     assert angle_between(first, second) == pytest.approx(angle, rel=1e-8, abs=1e-16)
 
 
@@ -261,9 +265,11 @@ def test_segments_and_values_of_the_wrong_size_are_refused():
 
 
 def test_paths_with_gaps_are_refused():
-    near, far = ac.Path(segments=gapped(0.9e-9)), Frame.rpy([1e9, 1e9, 0], [0, 0, 1])
+    near = ac.Path(segments=gapped(0.9e-9))
+    far = Frame.rpy([1e9, 1e9, 0], [0, 0, 1])
     assert near.placed(Frame(position=[1, 2, 3])).length == 2
-    away, n = ROUNDED.placed(Frame(position=[9, 9, 0])), len(ROUNDED)
+    away = ROUNDED.placed(Frame(position=[9, 9, 0]))
+    n = len(ROUNDED)
     refused(
         (lambda: near.placed(Frame(), scale=10), "Segment 2", {"index": 1}),
         (lambda: ROUNDED.placed(far), "must be continuous"),
@@ -298,7 +304,8 @@ def test_the_extent_of_a_path_encloses_dense_points_tightly(dimension):
 )
 def test_an_arc_passes_through_three_points(seed, dimension, first, share):
     rng = np.random.default_rng(seed)
-    radius, side = 10.0 ** rng.uniform(-2, 1), rng.choice([-1.0, 1.0])
+    radius = 10.0 ** rng.uniform(-2, 1)
+    side = rng.choice([-1.0, 1.0])
     phases = rng.uniform(0, 2 * np.pi) + side * np.array([0.0, share * first, first])
     points = np.zeros((3, 3))
     points[:, :2] = radius * np.column_stack([np.cos(phases), np.sin(phases)])

@@ -34,7 +34,8 @@ def test_a_tolerance_gives_the_largest_radius_of_equation_15(turn):
 
 @each("turn", TURNS)
 def test_a_speed_gives_the_radius_of_13_and_the_error_of_14(turn):
-    v, a = 0.03, 0.09
+    v = 0.03
+    a = 0.09
     rounded = ac.round_corners(corner(turn), speed=v, acceleration=a)
     cosine = np.cos(turn / 2)
     assert rounded.corners.radius[0] == pytest.approx(v**2 / a, rel=1e-12)  # (13)
@@ -44,7 +45,8 @@ def test_a_speed_gives_the_radius_of_13_and_the_error_of_14(turn):
 
 
 def test_both_cases_are_capped_by_the_tolerance_and_tiny_turns_keep_their_digits():
-    path, case_one = corner(np.pi / 2), {"speed": 0.3, "acceleration": 0.09}
+    path = corner(np.pi / 2)
+    case_one = {"speed": 0.3, "acceleration": 0.09}
     free = ac.round_corners(path, **case_one).corners
     capped = ac.round_corners(path, **case_one, tolerance=0.01).corners
     assert free.error[0] > 0.01 and capped.speed[0] < 0.3
@@ -101,7 +103,8 @@ def bridge():
 
 
 def test_a_corner_next_to_an_arc_becomes_two_tangent_arcs():
-    path, tolerance = bridge(), 0.05
+    path = bridge()
+    tolerance = 0.05
     rounded = ac.round_corners(path, tolerance=tolerance, acceleration=0.09)
     corners = rounded.corners
     assert len(rounded.stops) == 0 and not corners.shrunk.any()
@@ -117,7 +120,8 @@ def test_a_corner_next_to_an_arc_becomes_two_tangent_arcs():
 
 
 def test_a_corner_next_to_an_arc_is_that_of_lines_or_the_smallest_blend():
-    turn, big = 1.2, 1e7
+    turn = 1.2
+    big = 1e7
     normal = np.array([-np.sin(turn), np.cos(turn)])
     bent = path_of(line((-1, 0), (0, 0)), arc((0, 0), big * normal, 1 / big))
     corners = ac.round_corners(bent, tolerance=1e-3).corners
@@ -126,7 +130,9 @@ def test_a_corner_next_to_an_arc_is_that_of_lines_or_the_smallest_blend():
         rest = 9.0 if name in ("start", "end") else 0.0
         expected = getattr(straight, name)[0] - rest
         assert getattr(corners, name)[0] == pytest.approx(expected, rel=1e-5)
-    path, v, a = bridge(), 0.03, 0.09
+    path = bridge()
+    v = 0.03
+    a = 0.09
     corners = ac.round_corners(path, speed=v, acceleration=a).corners
     np.testing.assert_allclose(corners.radius, v**2 / a, rtol=1e-6)
     np.testing.assert_allclose(corners.speed, v, rtol=1e-6)
@@ -186,7 +192,8 @@ def test_the_orientation_is_rounded_over_corners_next_to_arcs(axis_only):
 def test_corners_next_to_arcs_of_other_planes_are_rounded():
     first = arc((1, 0, 0), (1, 0, 0.5), 1.5, normal=(0, -1, 0))
     after = path_of(first)
-    end, ahead = after.vertices[-1], after(after.length, 1, side="left")
+    end = after.vertices[-1]
+    ahead = after(after.length, 1, side="left")
     path = path_of(first, line(end, end + np.cross(ahead, (0, 1, 0)) + (0, 1.0, 0)))
     rounded = ac.round_corners(path, tolerance=5e-3)
     assert len(rounded.stops) == 0 and (rounded.turns <= 1e-9).all()

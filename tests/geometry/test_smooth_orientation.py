@@ -29,10 +29,8 @@ def smooth(request):
 
 def test_the_derivative_of_the_angular_rate_does_not_jump(smooth):
     o = smooth.orientation
-    breaks, size = (
-        o.breaks[1:-1],
-        np.abs(o.rates(np.linspace(0, smooth.length, 999))).max(axis=(1, 2)),
-    )
+    breaks = o.breaks[1:-1]
+    size = np.abs(o.rates(np.linspace(0, smooth.length, 999))).max(axis=(1, 2))
     for k in range(2):
         jump = o.rates(breaks, side="left")[k] - o.rates(breaks)[k]
         assert np.abs(jump).max() < 1e-11 * size[k]
@@ -46,7 +44,8 @@ def test_the_angular_error_reaches_but_does_not_exceed_its_tolerance(kind, allow
     rounded = ac.round_corners(
         path, tolerance=0.04, continuity="curvature", angular_tolerance=allowed
     )
-    c, expected = rounded.corners, path.orientation.starts[1:3]
+    c = rounded.corners
+    expected = path.orientation.starts[1:3]
     rotations = rounded.orientation((c.start + c.end) / 2)
     errors = np.linalg.norm(log(rotations @ np.swapaxes(expected, 1, 2)), axis=1)
     if kind == "axis":

@@ -72,7 +72,8 @@ def test_the_curvature_of_a_spline_equals_that_of_scipy_and_is_continuous(name):
             path(0.0, 2), path(path.length, 2, side="left"), atol=1e-9 * size
         )
     curve, parameter = scipys(points, closed)
-    first, second = curve(parameter[1:-1], 1), curve(parameter[1:-1], 2)
+    first = curve(parameter[1:-1], 1)
+    second = curve(parameter[1:-1], 2)
     tangent = first / np.linalg.norm(first, axis=1, keepdims=True)
     across = second - np.sum(second * tangent, axis=1, keepdims=True) * tangent
     bend = across / np.sum(first**2, axis=1, keepdims=True)
@@ -89,7 +90,8 @@ def test_a_tool_that_follows_a_spline_in_space_does_not_stop():
     breaks = path.breaks[1:-1]
     np.testing.assert_allclose(path.orientation(breaks)[:, :, 0], path(breaks, 1), atol=1e-9)
     s = np.linspace(0, path.length, 999)
-    axes, tangents = path.orientation(s)[:, :, 0], path(s, 1)
+    axes = path.orientation(s)[:, :, 0]
+    tangents = path(s, 1)
     assert np.linalg.norm(axes - tangents, axis=1).max() < 1e-3
     # It does not turn about the tangent.
     rates, _ = path.orientation.rates(s)
@@ -128,9 +130,11 @@ TURNS = Rotation.from_rotvec([[0, 0, 0], [0.2, 0.1, 0.3], [0, 0.3, 0.1], [0.1, 0
 
 @each("closed", [False, True])
 def test_an_orientation_per_point_is_interpolated_over_the_arcs(closed):
-    points, turns = WAYPOINTS, TURNS
+    points = WAYPOINTS
+    turns = TURNS
     if closed:
-        points, turns = np.vstack([points, points[:1]]), TURNS[[0, 1, 2, 3, 0]]
+        points = np.vstack([points, points[:1]])
+        turns = TURNS[[0, 1, 2, 3, 0]]
     plain = ac.Path.spline(points, closed=closed)
     waypoints = plain.breaks[plain.waypoints]
     assert len(plain) > 20 and len(waypoints) == len(points)

@@ -146,7 +146,8 @@ def test_reversals_and_different_moves_are_not_joined():
         lines = [line(*ends[0]), line(*ends[1], **values), line(*ends[2], **values)]
         rounded = ac.round_corners(path_of(*lines, turn), **allowed)
         assert len(rounded) == 4 and rounded.vertices[1] == pytest.approx((0.01, 0), abs=1e-15)
-    lines, bend = [line(*x) for x in ends], arc((0.03, 0), (0.03, 0.02), np.pi / 2)
+    lines = [line(*x) for x in ends]
+    bend = arc((0.03, 0), (0.03, 0.02), np.pi / 2)
     rounded = ac.round_corners(path_of(*lines, bend, line((0.05, 0.02), (0.1, 0.02))), **allowed)
     assert len(rounded) == 5 and rounded.vertices[1] == pytest.approx((0.03, 0), abs=1e-15)
 

@@ -50,7 +50,8 @@ def sampled_distance(path, objective, places, reach, n=400):
 
 
 def test_tolerances_of_segments_limit_both_sides_of_the_tube():
-    second, third = ((1, 0), (1, 1)), ((1, 1), (0, 1))
+    second = ((1, 0), (1, 1))
+    third = ((1, 1), (0, 1))
     lines = line((0, 0), (1, 0)), line(*second, tolerance=1e-3), line(*third, tolerance=4e-3)
     tube = Tube.around(path_of(*lines), 5e-3)
     np.testing.assert_array_equal(tube.tolerance, [5e-3, 1e-3, 4e-3])
@@ -95,7 +96,8 @@ def test_no_sample_exceeds_the_proven_bounds_of_the_tube(seed, dimension, bent):
         objective, _ = draw_with_arcs(spline, 1e-2)
         path, _ = draw_with_arcs(spline, rng.choice([0.1, 0.02]))
         places = evenly(objective, path)
-    reach, tolerance = rng.choice([0.05, 0.3, 2.0]), rng.uniform(0.01, 0.4)
+    reach = rng.choice([0.05, 0.3, 2.0])
+    tolerance = rng.uniform(0.01, 0.4)
     proof = Tube.around(objective, tolerance).prove(path, places, reach)
     distance, segment = sampled_distance(path, objective, places, reach, 12)
     excess = distance - tolerance
@@ -116,7 +118,8 @@ def test_the_deviation_at_vertices_equals_that_of_a_dense_sample():
 
 
 def test_invalid_tubes_and_paths_are_refused():
-    path, space = ac.Path.polyline(CORNER), ac.Path.polyline([(0, 0, 0), (0.2, 0, 0)])
+    path = ac.Path.polyline(CORNER)
+    space = ac.Path.polyline([(0, 0, 0), (0.2, 0, 0)])
     bent = ac.round_corners(path, tolerance=1e-3, continuity="curvature")
     prove = Tube.around(path, 1e-3).prove
     refused(
@@ -137,7 +140,8 @@ PRINTED = np.sqrt(0.5) * LAST
 
 def printed_arc(start, end, center):
     """An arc whose centre is moved to where both ends are as far away, as in G-code."""
-    middle, chord = (start + end) / 2, end - start
+    middle = (start + end) / 2
+    chord = end - start
     across = np.array([-chord[1], chord[0]]) / np.linalg.norm(chord)
     center = middle + across * ((center - middle) @ across)
     u, v = start - center, end - center
@@ -148,7 +152,8 @@ def rounded_rectangle(step=LAST, turn=23.0, wide=0.08, high=0.05, r=0.008):
     """A closed rectangle with round corners, whose points and centres are printed."""
     c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
     x, y = wide / 2, high / 2
-    segments, points = [], []
+    segments = []
+    points = []
     signs = (1, 1), (-1, 1), (-1, -1), (1, -1)
     for sx, sy in signs:
         pair = [(sx * x, sy * (y - r)), (sx * (x - r), sy * y)]
@@ -166,7 +171,8 @@ def rounded_rectangle(step=LAST, turn=23.0, wide=0.08, high=0.05, r=0.008):
 
 
 def seam_kink(path):
-    a, b = path(path.length, 1, side="left"), path(0.0, 1)
+    a = path(path.length, 1, side="left")
+    b = path(0.0, 1)
     return 2 * np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b))
 
 
@@ -212,7 +218,9 @@ def test_exact_paths_and_corners_do_not_change():
 
 
 def test_tolerances_of_segments_limit_the_repair_of_tangents():
-    a, b, c = (0.0, 0.0), (0.03, 4e-7), (0.07, 0.0)
+    a = (0.0, 0.0)
+    b = (0.03, 4e-7)
+    c = (0.07, 0.0)
     some, none = (path_of(line(a, b, tolerance=x), line(b, c, tolerance=x)) for x in (1e-8, 0.0))
     assert repair_tangents(some, PRINTED).deviation == pytest.approx(1e-8, rel=1e-6)
     assert repair_tangents(none, PRINTED) is None
@@ -224,8 +232,10 @@ def test_tolerances_of_segments_limit_the_repair_of_tangents():
 )
 def test_printed_tangent_arcs_are_tangent_again(parts, decimals):
     step = 10.0 ** -(decimals + 3)
-    position, heading = np.array([0.31, 0.12]), 0.37
-    segments, start = [], np.round(position / step) * step
+    position = np.array([0.31, 0.12])
+    heading = 0.37
+    segments = []
+    start = np.round(position / step) * step
     for radius, angle in parts:
         turn = np.copysign(max(abs(angle), 0.3), angle)
         center = position + radius * np.sign(turn) * np.array([-np.sin(heading), np.cos(heading)])

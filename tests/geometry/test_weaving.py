@@ -11,7 +11,8 @@ from tests.geometry.tables import each, line, path_of, refused
 from armcontour.geometry import Arc, Path, SegmentLimits
 from armcontour.geometry.weave import Weave, weave_seam
 
-WIDTH, PITCH = 4e-3, 5e-3
+WIDTH = 4e-3
+PITCH = 5e-3
 SLOW = {"speed": 0.01, "tolerance": 1e-4, "tag": "weld"}
 LINE = path_of(line([0.1, 0.2], [0.15, 0.2], **SLOW))
 # A line and a quarter of a circle, tangent to each other.
@@ -139,7 +140,8 @@ def test_a_saddle_is_woven_perpendicular_to_the_tool(spacing):
     seam = saddle(dense)
     points = woven(np.linspace(0, woven.length, 20_001))
     near = cKDTree(seam).query(points)[1]
-    tangent, out = np.gradient(seam, dense, axis=0)[near], axis(dense[near])
+    tangent = np.gradient(seam, dense, axis=0)[near]
+    out = axis(dense[near])
     normal = np.cross(-out, tangent)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     lateral = np.sum((points - seam[near]) * normal, axis=1)

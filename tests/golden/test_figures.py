@@ -21,8 +21,12 @@ class Bench:
     """Measures quantities by name; every part of the chain is run once."""
 
     def __init__(self, arm, objective, rounded, limits, mac, conventional):
-        self.arm, self.objective, self.rounded = arm, objective, rounded
-        self.limits, self.mac, self.conventional_plan = limits, mac, conventional
+        self.arm = arm
+        self.objective = objective
+        self.rounded = rounded
+        self.limits = limits
+        self.mac = mac
+        self.conventional_plan = conventional
         self.executed = cache(self._executed)
 
     def measure(self, quantity):

@@ -13,8 +13,13 @@ from scipy import signal
 import armcontour as ac
 from armcontour.planning.paper_timing import run_laps
 
-L0, L1, L2 = 0.135, 0.250, 0.215  # m, Sec. IV-A
-KP, KV = 25.0, 150.0  # 1/s, Sec. IV-A
+# m, Sec. IV-A
+L0 = 0.135
+L1 = 0.250
+L2 = 0.215
+# 1/s, Sec. IV-A
+KP = 25.0
+KV = 150.0
 LIMIT = 0.72  # rad/s², Sec. IV-A
 CORNER_ERROR = 5e-3  # m, Sec. IV-A
 CENTRIPETAL = 0.09  # Sec. IV-A, printed in m/s
@@ -45,7 +50,8 @@ def printed_inverse(x, y):
 
 class TestArm:
     def test_eq3_printed_arctangent_is_right_above_the_base_only(self, arm):
-        above, below = (0.30, 0.20), (0.30, -0.20)
+        above = (0.30, 0.20)
+        below = (0.30, -0.20)
         assert_allclose(forward(*printed_inverse(*above)), above, atol=1e-12)
         assert np.linalg.norm(forward(*printed_inverse(*below)) - below) > 0.1
         assert_allclose(forward(*arm.joint_position(above)), above, atol=1e-12)
@@ -86,7 +92,8 @@ class TestCorners:
         assert_allclose(radius * (1 / np.cos(wrapped / 2) - 1), CORNER_ERROR, rtol=1e-9)
 
     def test_eq15_radius_needs_a_tangent_length_that_fits_the_lines(self):
-        side, turn = 0.01, np.pi / 2
+        side = 0.01
+        turn = np.pi / 2
         path = ac.Path.polyline([(0.0, 0.0), (side, 0.0), (side, side)])
         printed = printed_radius(CORNER_ERROR, 0.0, turn)
         assert printed * np.tan(turn / 2) > side
@@ -106,7 +113,9 @@ class TestCorners:
 
     @pytest.mark.parametrize("turn", [1, -1])
     def test_eq17_printed_form_is_a_straight_line(self, turn):
-        r, alpha1, sweep = 0.01, 0.7, 1.2
+        r = 0.01
+        alpha1 = 0.7
+        sweep = 1.2
         beta = np.linspace(0, sweep, 50)
         heading = np.array([np.cos(alpha1), np.sin(alpha1)])
         printed = r * np.sin(beta)[:, None] * heading
@@ -144,7 +153,8 @@ def step_after(velocity, acceleration, time):
 
 class TestLaps:
     def test_eq18_printed_denominator_has_an_extra_displacement(self):
-        velocity, step = 0.2, 0.01
+        velocity = 0.2
+        step = 0.01
         printed = printed_lap_time(velocity, step, LIMIT)
         assert step_after(velocity, LIMIT, printed) > 100 * step
         time, acceleration = one_lap(velocity, step)
@@ -153,7 +163,8 @@ class TestLaps:
         assert_allclose(time, printed * step, rtol=1e-9)
 
     def test_eq18_printed_sign_of_the_root_gives_a_negative_time_backwards(self):
-        velocity, step = -0.2, -0.01
+        velocity = -0.2
+        step = -0.01
         plus = (-velocity + np.sqrt(velocity**2 + 2 * LIMIT * abs(step))) / -LIMIT
         assert plus < 0
         time, acceleration = one_lap(velocity, step)
@@ -170,7 +181,9 @@ class TestLaps:
         assert_allclose(step_after(velocity, acceleration, time), 0, atol=1e-15)
 
     def test_eq19_largest_of_the_smallest_times_can_break_a_limit(self):
-        limit, velocity, step = 1.0, 1.0, 0.1
+        limit = 1.0
+        velocity = 1.0
+        step = 0.1
         assert velocity**2 > 2 * limit * step  # joint 1 cannot stop within its lap
         time_alone = one_lap(velocity, step, limit)[0]
         slower = one_lap(0.0, 0.5, limit)[0]
@@ -209,7 +222,8 @@ class TestLaps:
         assert_allclose(faster, 4 * acceleration, rtol=1e-12)
 
     def test_eq20_printed_division_by_h_misses_the_knot(self):
-        velocity, step = 0.2, 0.01
+        velocity = 0.2
+        step = 0.01
         time, acceleration = one_lap(velocity, step, LIMIT / 2)
         printed = 2 * (step - velocity * time) / time
         mended = 2 * (step - velocity * time) / time**2
@@ -220,7 +234,8 @@ class TestLaps:
     def test_eq21_time_runs_from_the_start_of_the_lap(self, arm, rounded, planned):
         law = planned.laws[0]
         k = len(law.breaks) // 2
-        begin, end = law.breaks[k], law.breaks[k + 1]
+        begin = law.breaks[k]
+        end = law.breaks[k + 1]
         state = planned(begin), planned(begin, 1), planned(begin, 2)
         place = arm.joint_position(
             rounded([rounded.project(arm.tool_position(law.q[k + 1])[None]).s[0]])
@@ -269,7 +284,8 @@ class TestLaps:
 def plain_laps(knots, velocity=(0.0, 0.0)):
     """Mended (18) to (20), with `dq + ddq h` as the velocity of the next lap."""
     velocity = np.array(velocity, dtype=float)
-    velocities, accelerations = [velocity], []
+    velocities = [velocity]
+    accelerations = []
     for step in np.diff(knots, axis=0):
         towards = velocity * np.sign(step)
         times = (-towards + np.sqrt(towards**2 + 2 * LIMIT * np.abs(step))) / LIMIT
@@ -281,8 +297,12 @@ def plain_laps(knots, velocity=(0.0, 0.0)):
 
 
 class TestMiddlePath:
-    p1, p2 = np.array([0.36, 0.20]), np.array([0.30, 0.27])  # to the left and up, like line 2
-    v_f, v_r = 0.148, 0.140  # m/s: it slows down
+    # to the left and up, like line 2
+    p1 = np.array([0.36, 0.20])
+    p2 = np.array([0.30, 0.27])
+    # m/s: it slows down
+    v_f = 0.148
+    v_r = 0.140
 
     def test_eq24_eq25_need_the_unit_vector_and_the_signed_acceleration(self):
         chord = self.p2 - self.p1
@@ -306,7 +326,9 @@ class TestMiddlePath:
     def test_eq24_library_moves_the_tool_with_uniform_acceleration(self, arm, planned):
         middle = next(x for x in planned.stretches if x.kind == "AVC")
         t = np.linspace(*middle.t, 41)[1:-1]
-        q, dq, ddq = planned(t), planned(t, 1), planned(t, 2)
+        q = planned(t)
+        dq = planned(t, 1)
+        ddq = planned(t, 2)
         ends = arm.tool_position(planned(np.array(middle.t)))
         along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
         v_f = np.linalg.norm(arm.tool_velocity(q, dq)[0])
@@ -366,8 +388,10 @@ def printed_eq27(theta1, theta2, rate1, rate2):
     s2, c2 = np.sin(theta2), np.cos(theta2)
     s12, c12 = np.sin(theta1 + theta2), np.cos(theta1 + theta2)
     d = L1 * L2 * s2
-    p11, p12 = s12 / (L1 * s2), c12 / (L1 * s2)
-    p21, p22 = -(L1 * s1 + L2 * s12) / d, (-L1 * c1 + L2 * c12) / d
+    p11 = s12 / (L1 * s2)
+    p12 = c12 / (L1 * s2)
+    p21 = -(L1 * s1 + L2 * s12) / d
+    p22 = (-L1 * c1 + L2 * c12) / d
     q11 = c12 / (L1 * s2) * rate1 - s1 / (L1 * s2**2) * rate2
     q12 = -(s12 / (L1 * s2) * rate1 + c1 / (L1 * s2**2) * rate2)
     q21 = -(L1 * c1 + L2 * c12) / d * rate1 + s1 * (L2 + L1 * c2) / (d * s2) * rate2
@@ -376,7 +400,8 @@ def printed_eq27(theta1, theta2, rate1, rate2):
 
 
 class TestMiddlePathAcceleration:
-    theta, rate = np.array([0.31, 1.27]), np.array([0.4, -0.7])
+    theta = np.array([0.31, 1.27])
+    rate = np.array([0.4, -0.7])
     acceleration = np.array([0.15, 0.35])
 
     def tool_motion(self):
@@ -390,7 +415,8 @@ class TestMiddlePathAcceleration:
 
     def matrices(self, **mended):
         p, q = printed_eq27(*self.theta, *self.rate)
-        (x, y), s2 = forward(*self.theta) - [L0, 0], np.sin(self.theta[1])
+        x, y = forward(*self.theta) - [L0, 0]
+        s2 = np.sin(self.theta[1])
         if mended.get("p22"):
             p[1, 1] = -y / (L1 * L2 * s2)
         if mended.get("q22"):

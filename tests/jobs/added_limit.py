@@ -114,7 +114,8 @@ def facts():
         return ac.files.parse_job(JOB.replace("LIMIT", limit).replace("METHOD", method))
 
     job = job_of("100 mm/s²")
-    arm, (run,) = job.arm, job.runs
+    arm = job.arm
+    (run,) = job.runs
     limits = run.limits
     yield "read", limits.path_acceleration
     result = ac.run(job)

@@ -16,7 +16,8 @@ from armcontour.robot.limit_use import States
 from armcontour.robot.limits import LIMITS, WITHOUT_CONSTRAINT
 
 # The limit of `added_limit.py`, and its value [m/s²].
-NAME, LIMIT = "path_acceleration", 0.1
+NAME = "path_acceleration"
+LIMIT = 0.1
 # Bound of the differences of tool speeds, which are not exact.
 ROUNDING = 1e-5
 

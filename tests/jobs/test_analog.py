@@ -26,7 +26,9 @@ from armcontour.program import (
     prepare,
 )
 
-SLOW, FAST, LEAD = 0.02, 0.05, Lead(length=2e-3)
+SLOW = 0.02
+FAST = 0.05
+LEAD = Lead(length=2e-3)
 POWER = Analog(name="power", rest=0.2, full=1.0)
 FLOW = Analog(name="flow", rest=0.0, full=8.0, speed=0.1, off=-1.0)
 EARLY = Analog(name="early", rest=0.2, full=1.0, lead_time=0.05)
@@ -77,13 +79,15 @@ def test_analog_outputs_follow_the_speed_of_the_tool(plan):
 
 
 def test_outputs_are_on_while_the_tool_pierces_and_along_active_leads():
-    lead, pierce = Lead(length=2e-3, active=True), Pierce(time=0.25)
+    lead = Lead(length=2e-3, active=True)
+    pierce = Pierce(time=0.25)
     ends = {"lead_in": lead, "lead_out": LEAD}
     pierced = Process(**ends, pierce=pierce, switch=LASER, analog=(POWER,))
     program, trajectory = planned(pierced)
     power = analog_outputs(program, trajectory, pierced, LIMITS)["power"]
     for span in trajectory.contour_spans:
-        start, (begin, end) = span.t[0], span.work
+        start = span.t[0]
+        begin, end = span.work
         t = np.array([start - 0.26, start - 0.24, start - 0.01, (start + begin) / 2, end + 1e-3])
         values = power(t)
         np.testing.assert_allclose(values[[0, 1, 2, 4]], [0.0, 0.2, 0.2, 0.0], atol=1e-9)
@@ -106,7 +110,8 @@ def test_a_layer_can_have_its_own_analog_outputs():
     np.testing.assert_allclose(functions["power"](times), [1.0, 0.0, 0.0], atol=1e-6)
     np.testing.assert_array_equal(functions["gas"](times), [1.0, 3.0, 1.0])
     # A constant needs no assigned velocity.
-    only, lifted = dataclasses.replace(process, analog=()), LIMITS.replace(speed=np.inf)
+    only = dataclasses.replace(process, analog=())
+    lifted = LIMITS.replace(speed=np.inf)
     values = analog_outputs(program, trajectory, only, lifted)["gas"](times)
     np.testing.assert_array_equal(values, [1.0, 3.0, 1.0])
 
@@ -134,7 +139,8 @@ def test_exported_files_have_a_column_per_analog_output(plan, tmp_path):
 
 
 def test_invalid_outputs_and_outputs_without_a_full_speed_are_refused(plan):
-    lifted, process = LIMITS.replace(speed=np.inf), dataclasses.replace(PROCESS, analog=(FLOW,))
+    lifted = LIMITS.replace(speed=np.inf)
+    process = dataclasses.replace(PROCESS, analog=(FLOW,))
     assert list(analog_outputs(*plan, process, lifted)) == ["flow"]
     refused(
         (lambda: analog_outputs(*plan, PROCESS, lifted), "power", "contour 1", "limits.speed"),

@@ -151,7 +151,8 @@ def test_a_missing_clearance_library_causes_a_warning(job, monkeypatch):
 def test_the_executed_motion_is_also_checked(job):
     study = ac.run(job)
     result = study.runs["compensated"]
-    planned, executed = result.clearance, result.executed_clearance
+    planned = result.clearance
+    executed = result.executed_clearance
     assert executed.satisfied
     assert executed.pairs[0].high == pytest.approx(planned.pairs[0].high, abs=1e-3)
     # The job goes to other processes without its cell.

@@ -39,8 +39,10 @@ def job(process, *moves, arm=ARM, **values):
 def planned(done):
     """The program of a job's run, its plan, and its speeds at the ends of the work."""
     (job_run,) = done.runs
-    plan, errors = plan_one(done, job_run, clear=False), []
-    program, trajectory = plan.path, plan.trajectory
+    plan = plan_one(done, job_run, clear=False)
+    errors = []
+    program = plan.path
+    trajectory = plan.trajectory
     for span in trajectory.spans:
         if span.work is not None:
             t = np.array(span.work)
@@ -146,7 +148,8 @@ def test_a_warning_names_leads_that_are_too_short():
 
 
 def test_a_drawing_is_run_up_to_its_evaluation():
-    progress_log, lead = [], Lead(length=0.01)
+    progress_log = []
+    lead = Lead(length=0.01)
     process = Process(lead_in=lead, lead_out=lead, switch=Switch(), events=(Event(name="x"),))
     result = run(job(process), progress=progress_log.append).runs["compensated"]
     assert isinstance(result.path, Program) and isinstance(result.objective, Program)
@@ -248,7 +251,8 @@ def test_set_points_of_a_drawing_stay_within_the_joint_velocities():
     drawn = read_cell(DRAWINGS / "gentle.yaml", DRAWINGS / "gasket.dxf", patch=one)
     as_planned, compensated = run(drawn, simulate=False).runs.values()
     assert as_planned.full_stops == {} and as_planned.warnings == ()
-    limits, set_points = drawn.runs[0].limits, as_planned.set_points
+    limits = drawn.runs[0].limits
+    set_points = as_planned.set_points
     bounds = limits.joint_velocity, limits.joint_acceleration, limits.joint_jerk
     for order, limit in enumerate(bounds, 1):
         ratio = np.abs(np.diff(set_points.q, order, axis=0)) / set_points.cycle**order / limit

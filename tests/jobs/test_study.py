@@ -34,10 +34,8 @@ def job(arm, objective, servo, limits):
     )
     slow = limits.replace(speed=0.04)
     methods = {"timing": ac.Conventional(), "compensation": ac.NoCompensation()}
-    plant, runs = (
-        ac.ServoModel(kp=[24.0, 26.0], kv=150.0),
-        (proposed, a_run("conventional", **methods, limits=slow, cycle=1e-2)),
-    )
+    plant = ac.ServoModel(kp=[24.0, 26.0], kv=150.0)
+    runs = (proposed, a_run("conventional", **methods, limits=slow, cycle=1e-2))
     values = {"servo": servo, "plant_servo": plant, "runs": runs}
     return ac.Job(name="paper", title="The paper's job", arm=arm, path=objective, **values)
 
@@ -58,7 +56,8 @@ def changed(run, **values):
 def test_the_results_of_run_equal_those_of_its_single_steps(job, study):
     assert list(study.runs) == ["proposed", "conventional"] and study.job is job
     for job_run in job.runs:
-        path, result = job.path, study.runs[job_run.name]
+        path = job.path
+        result = study.runs[job_run.name]
         if job_run.rounding is not None:
             path = ac.round_corners(path, tolerance=5e-3, acceleration=0.09)
         trajectory = ac.plan(ac.trace(path, job.arm), job.arm, job_run.limits, job_run.timing)
@@ -106,7 +105,8 @@ def test_an_experiment_executes_the_same_set_points_on_rigid_bodies(job):
 
 
 def test_the_robot_of_an_experiment_has_a_payload_unknown_to_its_controller():
-    arm, servo = ac.load_arm("ur5e"), ac.ServoModel(kp=25.0, kv=150.0)
+    arm = ac.load_arm("ur5e")
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
     load = ac.Payload(mass=2.0)
     plant = build_plant(Experiment(payload=load), arm, servo, arm.limits, True)
     assert plant.chain.payload is load and plant.controller_chain is arm.chain
@@ -145,7 +145,8 @@ def test_invalid_runs_are_refused_by_name_before_any_run_starts(job, in_space, m
     by_mac = changed(only_run, name="two", limits=jerky, timing=ac.Paper())
     free = changed(only_run, limits=jerky, rounding=Rounding(shape="free", tolerance=1e-3))
     bodies = changed(job.runs[1], experiment=Experiment())
-    lag, words = ac.ServoModel(kp=25.0, order="first"), "Run conventional: experiment: "
+    lag = ac.ServoModel(kp=25.0, order="first")
+    words = "Run conventional: experiment: "
     refused(
         (work(in_space, runs=(only_run, by_mac)), "Run two: The method paper", "joint_jerk"),
         (work(in_space, runs=(free,)), "shaped path"),
@@ -240,7 +241,9 @@ def test_configuration_seed_and_angular_tolerance_are_used(in_space):
 def test_reported_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
     result = study.runs["proposed"]
     torques = planned_torques(result.arm, result.trajectory)
-    plan, arm, t = result.trajectory, job.arm, 1.234
+    plan = result.trajectory
+    arm = job.arm
+    t = 1.234
     torque_of_arm = [np.interp(t, torques.t, x) for x in torques.values.T]
     np.testing.assert_allclose(
         torque_of_arm, arm.torque(plan(t), plan(t, 1), plan(t, 2)), rtol=1e-3
@@ -248,7 +251,8 @@ def test_reported_torques_and_angular_speed_are_those_of_the_arm(job, study, in_
     states = ([plan(plan.breaks[1:-1], k, side=x) for k in range(3)] for x in ("left", "right"))
     both = [np.abs(arm.torque(*x)) for x in states]
     assert (torques.peak >= np.maximum(*both).max(axis=0)).all()
-    arm, links = job.arm, (job.arm.link1, job.arm.link2)
+    arm = job.arm
+    links = (job.arm.link1, job.arm.link2)
     bodiless = ac.PlanarTwoLink(name="bare", base=arm.base, links=links, limits=arm.limits)
     bare = with_runs(job, job.runs[1], arm=bodiless)
     result = ac.run(bare).runs["conventional"]

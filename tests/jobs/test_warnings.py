@@ -112,7 +112,8 @@ def test_set_points_of_inverse_dynamics_are_judged_on_rigid_bodies():
 def test_a_warning_names_a_compensation_that_is_worse_than_none_on_bodies():
     experiment = Experiment(payload=ac.Payload(mass=0.1))
     result = only(job(ac.Path.polyline(LINES), compensation=ac.Inverse(), experiment=experiment))
-    judged, plain = result.experiment.evaluation, result.experiment.uncompensated
+    judged = result.experiment.evaluation
+    plain = result.experiment.uncompensated
     assert plain.contour_error.rms > judged.contour_error.rms > 0
     for evaluation, uncompensated in ((judged, judged), (judged, None), (plain, judged)):
         other = dataclasses.replace(

@@ -71,14 +71,16 @@ def test_the_arc_length_of_a_motion_is_the_length_of_its_tool_path(case):
     breaks = trajectory.breaks
     t = np.unique(np.concatenate([breaks, np.linspace(0, breaks[-1], 10_001)]))
     x, weights = np.polynomial.legendre.leggauss(4)
-    middle, half = (t[:-1] + t[1:]) / 2, np.diff(t) / 2
+    middle = (t[:-1] + t[1:]) / 2
+    half = np.diff(t) / 2
     times = middle[:, None] + half[:, None] * x
     speed = np.linalg.norm(ARM.tool_velocity(trajectory(times), trajectory(times, 1)), axis=-1)
     way = (speed @ weights) * half
     for span in trajectory.spans:
         if span.kind != "contour":
             way[(middle > span.t[0]) & (middle < span.t[1])] = 0.0
-    s, gone = trajectory.s(t), np.concatenate([[0.0], np.cumsum(way)])
+    s = trajectory.s(t)
+    gone = np.concatenate([[0.0], np.cumsum(way)])
     np.testing.assert_allclose(s, gone, atol=ASIDE if "paper" in name else 1e-8)
     np.testing.assert_allclose(s[[0, -1]], [0, places_of(name).max()], atol=1e-12)
     # It never falls.
@@ -98,16 +100,15 @@ def test_time_at_is_the_inverse_of_the_arc_length(case):
         assert ((t >= 0) & (t <= trajectory.duration)).all()
         np.testing.assert_allclose(trajectory.s(t), s, atol=1e-12, rtol=0)
         # Next to a stop the speed is the root of a way that is known up to rounding.
-        speed_by_place, speed_by_time = (
-            trajectory.speed_at(s, side=side),
-            trajectory.s(t, 1, side=side),
-        )
+        speed_by_place = trajectory.speed_at(s, side=side)
+        speed_by_time = trajectory.s(t, 1, side=side)
         np.testing.assert_allclose(speed_by_place, speed_by_time, atol=1e-7, rtol=1e-6)
         sides.append(t)
         # Where the motion moves, a place has one time.
         t = SHARES * trajectory.duration
         speed = trajectory.s(t, 1, side=side)
-        t, speed = t[speed > 1e-3], speed[speed > 1e-3]
+        t = t[speed > 1e-3]
+        speed = speed[speed > 1e-3]
         assert len(t) > 100
         errors = np.abs(trajectory.time_at(trajectory.s(t), side=side) - t)
         assert (errors <= np.maximum(1e-12 / speed, 1e-6 * t)).all()
@@ -117,7 +118,8 @@ def test_time_at_is_the_inverse_of_the_arc_length(case):
 @pytest.mark.parametrize("kind", ["optimal", "paper"])
 def test_the_tool_is_at_the_point_of_the_path_at_time_at(kind):
     for name in (kind, f"{kind}, sharp"):
-        path, trajectory = path_of(name), plan(name)
+        path = path_of(name)
+        trajectory = plan(name)
         s = places_of(name)
         errors = ARM.tool_position(trajectory(trajectory.time_at(s))) - path(s)
         # Laps are abreast of the place, and leave it by little.
@@ -141,7 +143,8 @@ def test_the_arc_length_of_a_program_increases_on_contours_only(method):
     trajectory = plan(f"program, {method}")
     first, second = trajectory.contour_spans
     assert [x.kind for x in trajectory.spans] == ["contour", "dwell", "rapid", "contour"]
-    between, ends = ROUNDED.length, (first.t[1], second.t[0])
+    between = ROUNDED.length
+    ends = (first.t[1], second.t[0])
     limits_of_rest = [float(trajectory.time_at(between, side=x)) for x in ("left", "right")]
     assert limits_of_rest == pytest.approx(ends, abs=1e-12)
     t = np.linspace(*ends, 50)
@@ -158,8 +161,11 @@ def test_the_arc_length_of_a_program_increases_on_contours_only(method):
 
 
 def test_invalid_times_and_arc_lengths_are_refused(refuses):
-    one, mac, program = plan("optimal"), plan("paper"), plan("program, optimal")
-    (law,), dwell = one.laws, Span(move=0, kind="dwell", t=(0.0, 1.0))
+    one = plan("optimal")
+    mac = plan("paper")
+    program = plan("program, optimal")
+    (law,) = one.laws
+    dwell = Span(move=0, kind="dwell", t=(0.0, 1.0))
     still = ac.Trajectory(laws=(law, dwell_law(np.zeros(2), 1.0)), method="by hand")
     spans = program.spans[:-1], program.spans[1:], plan("program, paper").spans, program.spans * 2
     calls = [
@@ -184,7 +190,8 @@ def test_invalid_times_and_arc_lengths_are_refused(refuses):
 def test_rates_of_the_arc_length_agree_with_differences(order):
     for name in MAKERS:
         trajectory = plan(name)
-        rng, widths = np.random.default_rng(1), np.diff(trajectory.breaks)
+        rng = np.random.default_rng(1)
+        widths = np.diff(trajectory.breaks)
         k = np.unique([0, len(widths) - 1, *rng.integers(0, len(widths), 100)])
         t = trajectory.breaks[k] + rng.uniform(0.2, 0.8, len(k)) * widths[k]
         h = np.minimum(0.05 * widths[k], 1e-4)

@@ -16,7 +16,8 @@ def test_laps_are_the_parabolas_of_equation_21():
         dq=np.array([[1.0, 0.0], [3.0, 0.0]]),
         ddq=np.array([[1.0, 0.0], [-2.0, -2.0]]),
     )
-    i, t = np.array([0, 0, 1, 1]), np.array([0.5, 2.0, 2.0, 2.5])
+    i = np.array([0, 0, 1, 1])
+    t = np.array([0.5, 2.0, 2.0, 2.5])
     for order, expected in enumerate(
         (
             [(0.625, 1), (4, 1), (4, 1), (4 + 1.5 - 0.25, 0.75)],
@@ -41,13 +42,15 @@ def test_a_path_law_has_derivatives_by_the_chain_rule_on_each_side_of_breaks():
     law = path_law([[0.2, 0.8, 0.0], [1.0, -0.8, 0.0]])
     s_of = [Polynomial([0.0, 0.2, 0.4]), Polynomial([0.6, 1.0, -0.4])]
     for k in (0, 1):
-        t, i = np.linspace(k, k + 1, 21), np.full(21, k)
+        t = np.linspace(k, k + 1, 21)
+        i = np.full(21, k)
         for order in range(3):
             expected = s_of[k].deriv(order)(t - k)
             np.testing.assert_allclose(law.path_position(i, t, order), expected, atol=1e-13)
         np.testing.assert_allclose(law.on_interval(i, t, 0), PATH(s_of[k](t - k)), atol=1e-12)
     # Acceleration that changes on the way, slow enough to stay inside the interval.
-    law, h = path_law([[0.2, 0.3, 0.2], [0.5, -0.1, -0.3]]), 1e-6
+    law = path_law([[0.2, 0.3, 0.2], [0.5, -0.1, -0.3]])
+    h = 1e-6
     t = np.array([0.11, 0.37, 0.83, 1.21, 1.57, 1.93])
     i = (t > 1).astype(int)
     for order in (1, 2):
@@ -82,7 +85,8 @@ LIMITS = ac.Limits(joint_velocity=[1.0, 2.0], joint_acceleration=[3.0, 2.0])
 def many():
     """Laws along bent joint paths, each of which continues the previous one, and two pauses."""
     rng = np.random.default_rng(3)
-    laws, q = [], np.zeros(2)
+    laws = []
+    q = np.zeros(2)
     for k in range(12):
         points = np.concatenate([[q], q + rng.uniform(-1, 1, (k % 4 + 1, 2))])
         laws += ac.plan(
@@ -130,7 +134,8 @@ def test_hermite_interpolation_meets_any_data_at_both_ends():
 def test_joint_splines_equal_those_of_scipy():
     for n in (3, 4, 20):
         rng = np.random.default_rng(n)
-        points, parameters = rng.normal(size=(n, 2)), np.cumsum(rng.uniform(0.1, 1, n))
+        points = rng.normal(size=(n, 2))
+        parameters = np.cumsum(rng.uniform(0.1, 1, n))
         chords = np.cumsum([0, *np.linalg.norm(np.diff(points, axis=0), axis=1)])
         for specified, s, ends in (
             (specified, s, ends)
@@ -138,7 +143,8 @@ def test_joint_splines_equal_those_of_scipy():
             for ends in ("natural", "clamped")
         ):
             path = ac.JointPath.spline(points, specified, ends=ends)
-            reference, u = CubicSpline(s, points, bc_type=ends), np.linspace(s[0], s[-1], 77)
+            reference = CubicSpline(s, points, bc_type=ends)
+            u = np.linspace(s[0], s[-1], 77)
             for k in range(3):
                 case = f"{n} points, {ends}, order {k}"
                 np.testing.assert_allclose(path(u, k), reference(u, k), atol=1e-8, err_msg=case)
@@ -225,7 +231,8 @@ def dense(law):
 def limits_of(law):
     """Limits that the densest look at a law takes in full, each by a joint of its own or by ds."""
     ends, ds = dense(law)
-    pieces, sign = len(law.joint_path.breaks) - 1, np.array([[-1], [1], [-1], [1]])
+    pieces = len(law.joint_path.breaks) - 1
+    sign = np.array([[-1], [1], [-1], [1]])
     # A joint at rest has only rounding errors.
     return sign * np.maximum(sign * ends, 1e-4), np.tile([ds, 2 * ds], (pieces, 1))
 
@@ -268,7 +275,8 @@ def test_peaks_within_long_intervals_are_found(jerk):
 def test_rounding_errors_do_not_bend_short_intervals_of_long_paths():
     # Lengths are exact, but the breaks are their sums, rounded to about 1e-14 m at 50 m.
     exact = np.concatenate([[0.0], np.cumsum(np.tile([5e-4, 2e-9, 5e-4, 3e-11], 50))])
-    s, values = 50.0 + exact, (np.sin(exact), np.cos(exact), -np.sin(exact))
+    s = 50.0 + exact
+    values = (np.sin(exact), np.cos(exact), -np.sin(exact))
     ends = (tuple(x[rows, None] for x in values) for rows in (slice(-1), slice(1, None)))
     path = ac.JointPath.hermite(s, *ends)
     s_inside = (s[:-1, None] + np.diff(s)[:, None] * np.linspace(0, 1, 7)).ravel()

@@ -48,7 +48,8 @@ def test_the_law_agrees_with_the_integral_of_one_over_the_speed():
             lambda r, x=end_speed: 2 * r / x(r * r), 0, np.sqrt(width), epsabs=0, epsrel=1e-11
         )
         assert duration == pytest.approx(expected, rel=1e-9), case
-        law, t = law_of(duration, width, begin, u, slope, 0.0), np.linspace(0, duration, 21)
+        law = law_of(duration, width, begin, u, slope, 0.0)
+        t = np.linspace(0, duration, 21)
 
         def rates(_, y, u=u, slope=slope):
             return [y[1], u + slope * y[0]]
@@ -57,7 +58,8 @@ def test_the_law_agrees_with_the_integral_of_one_over_the_speed():
         s, ds = solve_ivp(rates, (0, duration), [0, begin], **options).y
         near = 1e-9 * width, 1e-9 * max(begin, end), 1e-12
         for order, exact in enumerate((s, ds, u + slope * s)):
-            value, options = law.path_position(i, t, order), {"rtol": 1e-9, "err_msg": case}
+            value = law.path_position(i, t, order)
+            options = {"rtol": 1e-9, "err_msg": case}
             np.testing.assert_allclose(value, exact, atol=near[order], **options)
         assert law.path_position(i[:1], t[-1:])[0] == pytest.approx(width, rel=1e-12), case
 
@@ -65,7 +67,9 @@ def test_the_law_agrees_with_the_integral_of_one_over_the_speed():
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_the_law_is_continuous_where_its_series_ends(sign):
     # slope (time / 2)² = z; the formulas of times change over at |z| = 1e-4.
-    width, begin, end = np.full(2, 0.1), np.full(2, 0.4), np.full(2, 0.6)
+    width = np.full(2, 0.1)
+    begin = np.full(2, 0.4)
+    end = np.full(2, 0.6)
     z = sign * 1e-4 * np.array([1 - 1e-9, 1 + 1e-9])
     below, above = interval_times(width, begin, end, z / 0.1**2)
     assert below == pytest.approx(above, rel=1e-12)
@@ -77,7 +81,8 @@ def test_the_law_is_continuous_where_its_series_ends(sign):
     assert np.sign(below - uniform) == sign  # 1 + z / 3 + ...
     assert below / uniform - 1 == pytest.approx(sign * 1e-4 / 3, rel=1e-3)
     # |slope| t² = 1e-4 is where those of the motion do.
-    law, t = law_of(0.1, 0.1, 0.5, 0.3, sign, 0.0), 1e-2 * np.array([1 - 1e-9, 1 + 1e-9])
+    law = law_of(0.1, 0.1, 0.5, 0.3, sign, 0.0)
+    t = 1e-2 * np.array([1 - 1e-9, 1 + 1e-9])
     for order, rate in enumerate((0.5, 0.3, 0.5 * sign)):
         before, after = law.path_position(np.zeros(2, dtype=int), t, order)
         # What time itself changes.
@@ -87,12 +92,14 @@ def test_the_law_is_continuous_where_its_series_ends(sign):
 @pytest.mark.parametrize("ends", [False, True])
 def test_the_jerk_is_uniform_from_rest_and_to_rest(ends):
     # Closed form: s = j t³ / 6 from rest, and its mirror image to rest.
-    jerk, duration = 3.0, 0.8
+    jerk = 3.0
+    duration = 0.8
     length = jerk * duration**3 / 6
     start = (jerk * duration**2 / 2, -jerk * duration) if ends else (0.0, 0.0)
     path = ac.JointPath.spline(np.array([[0.0, 0.0], [length, 2 * length]]), [0, length])
     law = law_of(duration, length, *start, 0.0, jerk, path=path)
-    t, i = np.linspace(0.0, duration, 9), np.zeros(9, dtype=int)
+    t = np.linspace(0.0, duration, 9)
+    i = np.zeros(9, dtype=int)
     since, side = (duration - t, -1.0) if ends else (t, 1.0)
     way = jerk * since**3 / 6
     derivatives = (

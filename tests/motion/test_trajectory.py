@@ -111,7 +111,8 @@ def test_a_law_that_starts_late_has_both_sides_of_its_breaks():
     # For few breaks, (start + break) - start equals the break; some are rounded up, others down.
     random = np.random.default_rng(0)
     breaks = np.append(0.0, np.cumsum(random.uniform(0.5e-3, 2e-3, 400)))
-    starts, numbers = 1.0 / 3.0 + 33.0, np.arange(400.0)[:, None]
+    starts = 1.0 / 3.0 + 33.0
+    numbers = np.arange(400.0)[:, None]
     law = LapLaw(breaks=breaks, q=np.zeros((401, 1)), dq=np.zeros((400, 1)), ddq=numbers)
     trajectory = ac.Trajectory(laws=(lap(starts, (0,), (0,), (0,)), law), method="hand")
     joints = trajectory.breaks[1:]

@@ -46,7 +46,8 @@ def number(text):
 
 def bare(line):
     """A line in upper case without spaces and comments, character by character."""
-    code, depth = "", False
+    code = ""
+    depth = False
     for char in line:
         if depth:
             depth = char != ")"
@@ -61,7 +62,8 @@ def bare(line):
 
 def words_of(text):
     """Letters and numbers of a line; letters without a number and texts are None and nothing."""
-    position, words = 0, []
+    position = 0
+    words = []
     while position < len(text) and text[position] != "*":
         letter = text[position]
         position += 1
@@ -80,13 +82,19 @@ class Interpreter:
     def __init__(self, unit=1e-3):
         self.unit = unit
         self.x = [0.0, 0.0, 0.0]
-        self.plane, self.motion = (0, 1, 2), None
+        self.plane = (0, 1, 2)
+        self.motion = None
         self.relative = self.centers_absolute = False
         self.speed = self.tolerance = math.nan
-        self.moves, self.contour, self.rapid = [], None, None
-        self.started, self.states = False, {}
-        self.lost, self.gap = set(), False
-        self.feed, self.tool = None, None
+        self.moves = []
+        self.contour = None
+        self.rapid = None
+        self.started = False
+        self.states = {}
+        self.lost = set()
+        self.gap = False
+        self.feed = None
+        self.tool = None
 
     def run(self, text):
         self.m6 = any("M6" in re.findall(r"[A-Z][0-9.]+", bare(x)) for x in text.split("\n"))
@@ -114,7 +122,9 @@ class Interpreter:
         head = re.match(r"(N\d+)?M([0-9.]+)", bare(text))
         if head and float(head[2]) not in KNOWN_M:
             return False
-        m, codes, v = [], [], {}
+        m = []
+        codes = []
+        v = {}
         for letter, value in words_of(bare(text)):
             if letter == "G":
                 codes.append(round(value, 4))
@@ -198,7 +208,8 @@ class Interpreter:
         axes = {i: v[k] * self.unit for i, k in enumerate("XYZ") if v.get(k) is not None}
         if 28 in codes:
             if axes:
-                before, self.motion = self.motion, 0
+                before = self.motion
+                self.motion = 0
                 self.straight(self.target(axes), 0)
                 self.motion = before
             self.leave({i for i, k in enumerate("XYZ") if k in v} or {0, 1, 2})
@@ -238,7 +249,8 @@ class Interpreter:
             self.straight(end, line)
 
     def straight(self, end, line):
-        start, self.x = self.x, end
+        start = self.x
+        self.x = end
         if self.motion == 0 and self.gap:
             if not self.lost:
                 self.gap = False
@@ -288,7 +300,8 @@ class Interpreter:
 
     def arc(self, start, end, v, line):
         a, b, c = self.plane
-        s, e = complex(start[a], start[b]), complex(end[a], end[b])
+        s = complex(start[a], start[b])
+        e = complex(end[a], end[b])
         way = 1 if self.motion == 3 else -1
         if "R" in v:
             center = self.by_radius(s, e, v["R"] * self.unit, way)
@@ -298,7 +311,9 @@ class Interpreter:
 
         def place(z, height):
             point = [0.0, 0.0, 0.0]
-            point[a], point[b], point[c] = z.real, z.imag, height
+            point[a] = z.real
+            point[b] = z.imag
+            point[c] = height
             return point
 
         def turned(center, s, angle):
@@ -329,7 +344,8 @@ class Interpreter:
             middle = center + (s - center) * cmath.exp(1j * way * sweep / 2)
             # Where the radius through the middle meets the bisector of middle and end: a point
             # middle + t (center - middle) as far from the end as from the middle.
-            p, q = center - middle, e - middle
+            p = center - middle
+            q = e - middle
             second = middle + p * abs(q) ** 2 / (2 * (p * q.conjugate()).real)
             rest = (way * cmath.phase((e - second) / (middle - second))) % (2 * math.pi)
             parts = [(center, s, sweep / 2), (second, middle, rest)]

@@ -24,19 +24,23 @@ CELLS = (250, 2000)
 IN_TIME = 0.6
 # Time of a cell next to a rest, as part of the time in which the jerk reaches the limit of
 # acceleration or half of the speed. It is followed by cells that last this part of it.
-REST, RAMP = 0.5, 0.05
+REST = 0.5
+RAMP = 0.05
 LONGEST = 0.05  # share of the path at most
 SMALLEST = 1e-6  # ds² is at least this part of where the search starts
 IPOPT = {"print_level": 0, "sb": "yes", "tol": 1e-8, "max_iter": 2000, "max_cpu_time": 200.0}
 WARM = {"mu_init": 1e-4}
 # The five splines: waypoints of six joints, and limits of every joint.
-SEEDS, FACTORS = range(5), (10.0, 50.0)
+SEEDS = range(5)
+FACTORS = (10.0, 50.0)
 VELOCITY = np.array([2.0, 2.0, 2.0, 3.0, 3.0, 3.0])  # rad/s
 ACCELERATION = np.array([4.5, 4.5, 7.5, 7.5, 9.0, 9.0])  # rad/s²
 
 # The paper's job: vertices [m], corner error [m], limits of the tool, and of jerk of both joints.
 POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
-CORNER_ERROR, SPEED, CENTRIPETAL = 5e-3, 0.15, 0.09
+CORNER_ERROR = 5e-3
+SPEED = 0.15
+CENTRIPETAL = 0.09
 PAPER_JERKS = (7.2, 36.0)  # rad/s³
 # A curvature below this counts as this [1/m].
 FLAT = 1e-9
@@ -151,12 +155,14 @@ def solve(path: ac.JointPath, bounds: Bounds, cells: tuple[int, ...] = CELLS) ->
 
 def _mesh(path: ac.JointPath, bounds: Bounds, count: int, timing: Timing | None) -> np.ndarray:
     """Nodes that are close where time passes slowly, and at all breaks of the path."""
-    low, high = path.breaks[0], path.breaks[-1]
+    low = path.breaks[0]
+    high = path.breaks[-1]
     if timing is None:
         t = np.linspace(0, 1, 401)
         s = low + (high - low) * t**3 * (10 - 15 * t + 6 * t**2)
     else:
-        t, s = timing.t, timing.s
+        t = timing.t
+        s = timing.s
     share = IN_TIME * t / t[-1] + (1 - IN_TIME) * (s - low) / (high - low)
     inner = np.interp(np.linspace(0, 1, count + 1), share, s)
     begin = low + _ramp(bounds, path(low, 1), path.length)
@@ -181,7 +187,9 @@ class _Program:
     """The nonlinear program on given nodes."""
 
     def __init__(self, path: ac.JointPath, bounds: Bounds, s: np.ndarray) -> None:
-        self.path, self.bounds, self.s = path, bounds, s
+        self.path = path
+        self.bounds = bounds
+        self.s = s
         self.width = np.diff(s)
 
     def solve(self, timing: Timing | None) -> Timing:
@@ -193,9 +201,13 @@ class _Program:
         import casadi as ca
 
         n = len(self.width)
-        x, y, h = ca.SX.sym("x", n - 1), ca.SX.sym("y", n - 2), self.width[1:-1]
+        x = ca.SX.sym("x", n - 1)
+        y = ca.SX.sym("y", n - 2)
+        h = self.width[1:-1]
         node, middle = self._start(timing)
-        a, d = x * node, y * middle  # ds² at inner nodes, and middle Bernstein coefficients
+        # ds² at inner nodes, and middle Bernstein coefficients
+        a = x * node
+        d = y * middle
         # dds on both sides of the inner nodes, and its slope on the inner cells.
         right = ca.vertcat((d - a[:-1]) / h, -2 / 3 * a[-1] / self.width[-1])
         slopes = ca.vertcat(2 / 3 * a[0] / self.width[0], (a[1:] - d) / h)

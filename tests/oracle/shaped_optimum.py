@@ -26,8 +26,10 @@ SLOW = 1e-5
 # Steps per line.
 STEPS_OF_LINE = 180
 # Random jobs: corners, largest turn [rad], distances from the first joint [m].
-CORNERS, MOST_TURN = 5, np.radians(150)
-INSIDE, OUTSIDE = 0.12, 0.44
+CORNERS = 5
+MOST_TURN = np.radians(150)
+INSIDE = 0.12
+OUTSIDE = 0.44
 IPOPT = {
     "print_level": 0,
     "sb": "yes",
@@ -98,13 +100,18 @@ class _Program:
     def __init__(self, job: Job, steps: int) -> None:
         import casadi as ca
 
-        self.job, self.steps = job, steps
+        self.job = job
+        self.steps = steps
         m = job.lines * steps
-        q, v, a = ca.SX.sym("q", 2, m + 1), ca.SX.sym("v", 2, m + 1), ca.SX.sym("a", 2, m)
+        q = ca.SX.sym("q", 2, m + 1)
+        v = ca.SX.sym("v", 2, m + 1)
+        a = ca.SX.sym("a", 2, m)
         time = ca.SX.sym("t", job.lines)
         h = ca.vertcat(*(time[k // steps] / steps for k in range(m))).T
         h = ca.vertcat(h, h)
-        rows, low, high = [], [], []
+        rows = []
+        low = []
+        high = []
 
         def demand(expression, lower, upper):
             rows.append(ca.vec(expression))
@@ -113,7 +120,8 @@ class _Program:
 
         demand(q[:, 1:] - q[:, :-1] - h * v[:, :-1] - h**2 / 2 * a, 0.0, 0.0)
         demand(v[:, 1:] - v[:, :-1] - h * a, 0.0, 0.0)
-        tool, velocity = self._tool(ca, q), self._velocity(ca, q, v)
+        tool = self._tool(ca, q)
+        velocity = self._velocity(ca, q, v)
         demand(ca.sum1(velocity**2)[1:-1] / job.speed**2, -np.inf, 1.0)
         self._tube(ca, tool, demand)
         if job.centripetal is not None:
@@ -123,21 +131,27 @@ class _Program:
         program = {"x": x, "f": ca.sum1(time), "g": ca.vertcat(*rows)}
         options = {"print_time": False, **{f"ipopt.{k}": y for k, y in IPOPT.items()}}
         self.solver = ca.nlpsol("fastest", "ipopt", program, options)
-        self.low, self.high = np.concatenate(low), np.concatenate(high)
+        self.low = np.concatenate(low)
+        self.high = np.concatenate(high)
 
     def _tool(self, ca, q):
-        (first, second), both = self.job.links, q[0, :] + q[1, :]
+        first, second = self.job.links
+        both = q[0, :] + q[1, :]
         x = self.job.base + first * ca.sin(q[0, :]) + second * ca.sin(both)
         return ca.vertcat(x, first * ca.cos(q[0, :]) + second * ca.cos(both))
 
     def _velocity(self, ca, q, v):
-        (first, second), both, rate = self.job.links, q[0, :] + q[1, :], v[0, :] + v[1, :]
+        first, second = self.job.links
+        both = q[0, :] + q[1, :]
+        rate = v[0, :] + v[1, :]
         x = first * ca.cos(q[0, :]) * v[0, :] + second * ca.cos(both) * rate
         return ca.vertcat(x, -first * ca.sin(q[0, :]) * v[0, :] - second * ca.sin(both) * rate)
 
     def _turning(self, ca, q, v, a, demand):
         """Centripetal acceleration |x' x x''| / |x'| at one end of every step."""
-        (first, second), both, rate = self.job.links, q[0, :] + q[1, :], v[0, :] + v[1, :]
+        first, second = self.job.links
+        both = q[0, :] + q[1, :]
+        rate = v[0, :] + v[1, :]
         velocity = self._velocity(ca, q, v)
         moved = self._velocity(ca, q, a)
         ax = -first * ca.sin(q[0, :]) * v[0, :] ** 2 - second * ca.sin(both) * rate**2
@@ -149,13 +163,16 @@ class _Program:
 
     def _tube(self, ca, tool, demand):
         """Nodes within the tolerance of their own line, and of the vertex between two lines."""
-        points, n = self.job.points, self.steps
+        points = self.job.points
+        n = self.steps
         for k, (start, end) in enumerate(pairwise(points)):
             length = float(np.linalg.norm(end - start))
             dx, dy = (end - start) / length
             span_points = tool[:, k * n + 1 : (k + 1) * n]
-            x, y = span_points[0, :] - start[0], span_points[1, :] - start[1]
-            along, across = dx * x + dy * y, dx * y - dy * x
+            x = span_points[0, :] - start[0]
+            y = span_points[1, :] - start[1]
+            along = dx * x + dy * y
+            across = dx * y - dy * x
             beyond = ca.fmax(0, -along) + ca.fmax(0, along - length)
             demand((across**2 + beyond**2) / self.job.tolerance**2, -np.inf, 1.0)
             if k:
@@ -164,16 +181,22 @@ class _Program:
 
     def solve(self, start) -> float | None:
         """Duration of the local optimum near a start; None if IPOPT finds none."""
-        job, m = self.job, self.job.lines * self.steps
+        job = self.job
+        m = self.job.lines * self.steps
         q, dq, ddq, time = _start(job, start, self.steps)
-        high_q, high_v = np.full((2, m + 1), np.inf), np.full((2, m + 1), np.inf)
+        high_q = np.full((2, m + 1), np.inf)
+        high_v = np.full((2, m + 1), np.inf)
         if job.velocity is not None:
             high_v[:] = job.velocity
-        low_q, low_v = -high_q, -high_v
+        low_q = -high_q
+        low_v = -high_v
         ends = ac.load_arm("pmk3s").joint_position(job.points[[0, -1]]).T
-        low_q[:, [0, -1]], high_q[:, [0, -1]] = ends, ends
-        low_v[:, [0, -1]], high_v[:, [0, -1]] = 0.0, 0.0
-        bound, times = np.full(2 * m, job.acceleration), np.ones(len(time))
+        low_q[:, [0, -1]] = ends
+        high_q[:, [0, -1]] = ends
+        low_v[:, [0, -1]] = 0.0
+        high_v[:, [0, -1]] = 0.0
+        bound = np.full(2 * m, job.acceleration)
+        times = np.ones(len(time))
         solution = self.solver(
             x0=np.concatenate([*(x.ravel("F") for x in (q, dq, ddq)), time]),
             lbx=np.concatenate([low_q.ravel("F"), low_v.ravel("F"), -bound, 1e-3 * times]),
@@ -204,7 +227,8 @@ def draw(seed: int) -> Job:
 def gap(seed: int, duration: float) -> float:
     """Share of a duration by which the shaped motion of the oracle's job is longer."""
     job = draw(seed)
-    path, arm = ac.Path.polyline(job.points), ac.load_arm("pmk3s")
+    path = ac.Path.polyline(job.points)
+    arm = ac.load_arm("pmk3s")
     planned = ac.plan(
         path, arm, job.limits, ac.Shaped(tolerance=job.tolerance, configuration="positive")
     )

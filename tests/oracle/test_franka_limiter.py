@@ -49,17 +49,23 @@ def velocity_limits(name, q):
 
 def commands_changed(name, commands):
     """Number of joint commands that the limiter changes, fed with its own earlier output."""
-    acceleration, jerk = ACCELERATION[name], JERK[name]
+    acceleration = ACCELERATION[name]
+    jerk = JERK[name]
     ratio = jerk / acceleration
-    q, dq, ddq, changed = commands[0], np.zeros(7), np.zeros(7), 0
+    q = commands[0]
+    dq = np.zeros(7)
+    ddq = np.zeros(7)
+    changed = 0
     for command in commands[1:]:
         low, high = velocity_limits(name, q)
         jerk_command = (((command - q) / CYCLE - dq) / CYCLE - ddq) / CYCLE
         a = ddq + np.clip(jerk_command, -jerk, jerk) * CYCLE
         a = np.minimum(a, np.minimum(ratio * (high - dq), acceleration))
         a = np.maximum(a, np.maximum(ratio * (low - dq), -acceleration))
-        before, dq = dq, dq + a * CYCLE
-        q, ddq = q + dq * CYCLE, (dq - before) / CYCLE
+        before = dq
+        dq = dq + a * CYCLE
+        q = q + dq * CYCLE
+        ddq = (dq - before) / CYCLE
         changed += int((np.abs(q - command) > ROUNDING).sum())
     return changed
 

@@ -49,7 +49,9 @@ def compare_points(actual, expected):
 
 def compare_contour(contour, expected, chord_tolerance):
     assert contour.name == expected.name
-    path, i, places = contour.path, 0, []
+    path = contour.path
+    i = 0
+    places = []
     for segment in expected.segments:
         places.append(path.breaks[i])
         n = 1
@@ -107,8 +109,10 @@ class Author:
         self.r = random.Random(seed)
         self.unit = 1.0  # mm
         self.at = [0.0, 0.0, 0.0]  # mm
-        self.absolute, self.centers_absolute = True, False
-        self.plane, self.motion = 17, None
+        self.absolute = True
+        self.centers_absolute = False
+        self.plane = 17
+        self.motion = None
         self.flat = self.r.random() < 0.3
         self.lines = []
 
@@ -231,7 +235,8 @@ class Author:
         self.write(words)
 
     def mode(self):
-        words, kind = [self.r.choice(["G61", "G64"])], self.r.randrange(6)
+        words = [self.r.choice(["G61", "G64"])]
+        kind = self.r.randrange(6)
         if kind == 0:
             self.absolute = not self.absolute
             words = ["G90" if self.absolute else "G91"]

@@ -21,7 +21,9 @@ def shortest_time(step, velocity, limit):
 
 def slow_laps(q, dq_ds, speed, limit):
     """Lap after lap as docs/method.md words it, with lists."""
-    times, speeds, used = [], [speed], []
+    times = []
+    speeds = [speed]
+    used = []
     for k in range(len(q) - 1):
         velocity = [speeds[-1] * x for x in dq_ds[k]]
         step = [b - a for a, b in zip(q[k], q[k + 1], strict=True)]
@@ -44,7 +46,8 @@ def test_laps_satisfy_equations_18_to_20(arm, seed):
     path = ac.Path.polyline([start, end])
     traced = ac.trace(path, arm, tolerance=1e-11)
     s = np.linspace(0, path.length, 41)
-    q, dq_ds = traced(s), traced(s, 1)
+    q = traced(s)
+    dq_ds = traced(s, 1)
     limit = rng.uniform(0.5, 1.0, 2)
     speed = rng.choice([0.0, 0.02])
     h, speeds, dq, ddq, laps_done, joint, _ = run_laps(q, dq_ds, speed, limit)
@@ -80,7 +83,8 @@ def phase_plane(traced, limit, s, speed):
     """Speed at places `s` under the largest path acceleration: d(v²)/ds = 2 min_j(...)."""
 
     def slope(x, y):
-        dq, ddq = traced(np.clip(x, 0, traced.length), 1), traced(np.clip(x, 0, traced.length), 2)
+        dq = traced(np.clip(x, 0, traced.length), 1)
+        ddq = traced(np.clip(x, 0, traced.length), 2)
         return [2 * np.min((limit - np.sign(dq) * ddq * y[0]) / np.abs(dq))]
 
     # Small steps: the slope has kinks where another joint begins to bind.

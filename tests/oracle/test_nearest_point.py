@@ -24,7 +24,9 @@ def distance_to_arc(p, start, center, normal, angle):
     e1 = e1 / radius
     e2 = np.cross(n, e1)
     to = np.asarray(p) - center
-    x, y, z = float(to @ e1), float(to @ e2), float(to @ n)
+    x = float(to @ e1)
+    y = float(to @ e2)
+    z = float(to @ n)
     if math.atan2(y, x) % (2 * math.pi) <= abs(angle) or math.hypot(x, y) == 0.0:
         return math.hypot(math.hypot(x, y) - radius, z)
     ends = [(radius * math.cos(a), radius * math.sin(a)) for a in (0.0, abs(angle))]
@@ -49,7 +51,8 @@ def brute_force(segments, p):
 
 def random_chain(rng, dimension, count, lengths):
     """A chain of lines and arcs with corners of any kind between them."""
-    end, segments = rng.normal(size=dimension), []
+    end = rng.normal(size=dimension)
+    segments = []
     for _ in range(count):
         size = rng.choice(lengths)
         direction = rng.normal(size=dimension)
@@ -125,7 +128,8 @@ def test_nearest_points_on_a_long_winding_path_equal_those_of_the_oracle():
     points = np.cumsum(rng.normal(size=(3000, 2)), axis=0)
     path = ac.Path.polyline(points)
     queries = points.mean(axis=0) + 30 * rng.normal(size=(300, 2))
-    a, way = points[:-1], np.diff(points, axis=0)
+    a = points[:-1]
+    way = np.diff(points, axis=0)
     share = np.einsum("qsd,sd->qs", queries[:, None] - a, way) / (way**2).sum(axis=1)
     nearest = a + np.clip(share, 0, 1)[..., None] * way
     expected = np.linalg.norm(queries[:, None] - nearest, axis=2).min(axis=1)

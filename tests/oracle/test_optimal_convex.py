@@ -27,7 +27,10 @@ class Cones:
     """Collects `b - A v` in K, cone by cone."""
 
     def __init__(self, variables):
-        self.variables, self.rows, self.right, self.cones = variables, [], [], []
+        self.variables = variables
+        self.rows = []
+        self.right = []
+        self.cones = []
 
     def add(self, matrix, right, cone):
         self.rows.append(sparse.csc_matrix(matrix))
@@ -61,7 +64,8 @@ def convex_duration(joint_path, s, low, high, velocity, tool=None):
     length = s[-1] - s[0]
     width = np.diff(s) / length  # all over a path of length 1
     points = sparse.identity(n + 1, format="csr")
-    start, end = points[:-1], points[1:]
+    start = points[:-1]
+    end = points[1:]
     mean = sparse.diags(1 / (2 * width)) @ (end - start)  # u of x
     # v = x (n + 1), z <= sqrt(x) (n + 1), t >= 1 / (z_i + z_i+1) (n)
     variables = 3 * n + 2
@@ -83,7 +87,8 @@ def convex_duration(joint_path, s, low, high, velocity, tool=None):
                 bound = np.where(first[:, j] < 0, velocity[0][j], velocity[1][j])
                 cones.add(square, bound**2, clarabel.NonnegativeConeT(n))
         if tool is not None:
-            curvature, bound = tool[0] * length, tool[1] / length
+            curvature = tool[0] * length
+            bound = tool[1] / length
             for i in range(n):
                 # |(curvature x, u)| <= bound
                 both = sparse.vstack([0 * pick[i], curvature * pick[i], mean[i]])
@@ -99,7 +104,8 @@ def convex_duration(joint_path, s, low, high, velocity, tool=None):
         # t (z_i + z_i+1) >= 1: |(2, t - z_i - z_i+1)| <= t + z_i + z_i+1
         rows = sparse.lil_matrix((3, variables))
         for k in (n + 1 + i, n + 2 + i):
-            rows[0, k], rows[2, k] = -1.0, 1.0
+            rows[0, k] = -1.0
+            rows[2, k] = 1.0
         rows[0, 2 * n + 2 + i] = rows[2, 2 * n + 2 + i] = -1.0
         cones.add(rows, np.array([0.0, 2.0, 0.0]), clarabel.SecondOrderConeT(3))
     cost = np.zeros(variables)

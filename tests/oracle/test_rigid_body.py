@@ -15,7 +15,8 @@ from armcontour.robot.serial import SerialArm
 pytest.importorskip("mujoco")
 pin = pinocchio()
 
-KP, KV = np.array([20.0, 30.0, 40.0]), np.array([120.0, 150.0, 90.0])
+KP = np.array([20.0, 30.0, 40.0])
+KV = np.array([120.0, 150.0, 90.0])
 
 
 def skew_arm():
@@ -42,16 +43,19 @@ def skew_arm():
 def by_pinocchio(chain, inertia, q, step, cycle, limit):
     """States at the steps, integrated by DOP853 with constant torques during each step."""
     model = pinocchio_model(chain)
-    data, n = model.createData(), len(chain)
+    data = model.createData()
+    n = len(chain)
 
     def rate(t, x):
-        q, moving = x[:n], x[n:]
+        q = x[:n]
+        moving = x[n:]
         mass = np.triu(pin.crba(model, data, q))
         mass = mass + np.triu(mass, 1).T + np.diag(chain.armature)
         net_torque = torque - chain.viscous * moving - pin.nonLinearEffects(model, data, q, moving)
         return np.concatenate([moving, np.linalg.solve(mass, net_torque)])
 
-    x, states = np.concatenate([q[0], np.zeros(n)]), []
+    x = np.concatenate([q[0], np.zeros(n)])
+    states = []
     steps = round(cycle / step)
     for k in range(len(q) - 1):
         for i in range(steps):
@@ -65,10 +69,12 @@ def by_pinocchio(chain, inertia, q, step, cycle, limit):
 
 
 def error(step, limit):
-    arm, cycle = skew_arm(), 0.008
+    arm = skew_arm()
+    cycle = 0.008
     t = np.arange(0, 0.4, cycle)[:, None]
     q = np.array([0.3, -0.4, 0.6]) + np.array([0.8, -1.1, 1.3]) * (1 - np.cos(5 * t))
-    servo, limits = ac.ServoModel(kp=KP, kv=KV), ac.Limits.only(joint_torque=limit)
+    servo = ac.ServoModel(kp=KP, kv=KV)
+    limits = ac.Limits.only(joint_torque=limit)
     plant = ac.RigidBodyPlant(arm, servo, limits, step=step)
     execution = ac.simulate(make_set_points(q, cycle), plant, resolution=step)
     expected = by_pinocchio(arm.chain, plant.nominal_inertia, q, step, cycle, limit)

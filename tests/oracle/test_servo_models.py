@@ -75,7 +75,8 @@ def test_unsaturated_servos_match_scipy_lsim(arm, interpolation, cycle):
         plant = ac.ServoPlant(arm, servo, ac.Limits.only())
         execution = ac.simulate(make_set_points(q, cycle), plant, resolution=cycle)
         matrices = [[0, 1], [-kp * kv, -kv]], [[0], [kp * kv]], [[1, 0], [0, 1]], [[0], [0]]
-        system, t = signal.StateSpace(*matrices), np.arange(40) * cycle
+        system = signal.StateSpace(*matrices)
+        t = np.arange(40) * cycle
         for j in range(2):
             # Between set-points as the plant is: exact, not a discretisation.
             moved = q[:, j] - q[0, j]
@@ -88,7 +89,8 @@ def test_unsaturated_servos_match_scipy_lsim(arm, interpolation, cycle):
 @pytest.mark.parametrize("interpolation", ["cubic", "linear", "step"])
 def test_saturated_servos_match_a_numerical_integration(arm, gains, interpolation):
     # With and without dead time, in turn.
-    (kp, kv), dead = gains, 0.0137 if (gains == GAINS[1]) == (interpolation == "step") else 0.0
+    kp, kv = gains
+    dead = 0.0137 if (gains == GAINS[1]) == (interpolation == "step") else 0.0
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation, dead_time=dead).for_joints(2)
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 0.72], [-1.0, 3.0]])
     q = np.cumsum(np.random.default_rng(4).normal(size=(12, 2)), axis=0) * (3e-3, 1e-2)

@@ -24,7 +24,9 @@ from toppra.constraint import JointTorqueConstraint, JointVelocityConstraint  # 
 
 setup_logging("CRITICAL")
 
-TEN_TIMES_FINER, FINE = 40_000, 10_000  # toppra's intervals; ours are 4000
+# toppra's intervals; ours are 4000
+TEN_TIMES_FINER = 40_000
+FINE = 10_000
 REFERENCES = [(FINE, seed) for seed in range(12)]
 REFERENCES += [(TEN_TIMES_FINER, seed) for seed in (58, 81)]
 ALLOWED = 1e-3
@@ -42,7 +44,8 @@ def problem(seed):
     rng = np.random.default_rng(seed)
     arm = ac.load_arm("ur5e")
     size = np.array([1.0, 1, 1, 0.2, 0.2, 0.2])
-    mass, center = rng.uniform(0, 2), rng.uniform(-0.05, 0.05, 3)
+    mass = rng.uniform(0, 2)
+    center = rng.uniform(-0.05, 0.05, 3)
     inertia = np.diag([0.01, 0.012, 0.015])
     chain = arm.chain.replace(
         payload=Payload(mass=mass, center=center, inertia=inertia),
@@ -96,7 +99,9 @@ def inverse_dynamics(chain):
     data = mujoco.MjData(model)
 
     def torque(q, dq, ddq):
-        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+        data.qpos[:] = q
+        data.qvel[:] = dq
+        data.qacc[:] = ddq
         mujoco.mj_inverse(model, data)
         return data.qfrc_inverse.copy()
 
@@ -131,7 +136,8 @@ def peer(case, intervals):
     chords = np.linalg.norm(np.diff(case.points, axis=0), axis=1)
     parameter = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
     path = SplineInterpolator(parameter, case.points, bc_type="natural")
-    torque, velocity = case.limits.joint_torque, case.limits.joint_velocity
+    torque = case.limits.joint_torque
+    velocity = case.limits.joint_velocity
     constraints = [
         JointVelocityConstraint(np.column_stack([-velocity, velocity])),
         JointTorqueConstraint(

@@ -86,7 +86,8 @@ def test_derivatives_are_those_of_the_closed_form():
             continue
         q = np.array([closed(s + k * h, traced(s)) for k in range(-3, 4)])
         np.testing.assert_allclose(traced(s), q[3], atol=1e-11)
-        first, second = weights @ q / h, bends @ q / h**2
+        first = weights @ q / h
+        second = bends @ q / h**2
         np.testing.assert_allclose(traced(s, 1), first, atol=1e-8 * np.abs(first).max())
         np.testing.assert_allclose(traced(s, 2), second, atol=1e-5 * np.abs(second).max())
         checked += 1

@@ -19,8 +19,12 @@ ALPHA = [np.pi / 2, 0, 0, np.pi / 2, -np.pi / 2, 0]
 def link(name, k, angle):
     """The transform of one link."""
     a, d = (x[k] for x in PARAMETERS[name])
-    c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(ALPHA[k]), np.sin(ALPHA[k])
-    first, second = [c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s]
+    c = np.cos(angle)
+    s = np.sin(angle)
+    ca = np.cos(ALPHA[k])
+    sa = np.sin(ALPHA[k])
+    first = [c, -s * ca, s * sa, a * c]
+    second = [s, c * ca, -c * sa, a * s]
     return np.array([first, second, [0, sa, ca, d], [0, 0, 0, 1]])
 
 
@@ -31,9 +35,11 @@ def solutions(name, point, rotation):
     """
     (_, a2, a3, *_), (_, _, _, d4, _, d6) = PARAMETERS[name]
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation, point
+    pose[:3, :3] = rotation
+    pose[:3, 3] = point
     x, y = (point - d6 * rotation[:, 2])[:2]
-    joint_angles, apart = [], []
+    joint_angles = []
+    apart = []
     lean = d4 / np.hypot(x, y)
     if abs(lean) > 1:
         return np.zeros((0, 6)), np.zeros(0)

@@ -25,8 +25,10 @@ def bent_path(low, high, lead, width):
     breaks = np.concatenate([[0.0], np.cumsum(lengths)])
     coefficients = np.zeros((4, 6, 2))
     coefficients[1:, 0, 0] = np.cumsum((first + last) / 2 * lengths)[:-1]
-    coefficients[:, 1, 0], coefficients[:, 2, 0] = first * lengths, (last - first) * lengths / 2
-    coefficients[:, 0, 1], coefficients[:, 1, 1] = 0.1 * breaks[:-1], 0.1 * lengths
+    coefficients[:, 1, 0] = first * lengths
+    coefficients[:, 2, 0] = (last - first) * lengths / 2
+    coefficients[:, 0, 1] = 0.1 * breaks[:-1]
+    coefficients[:, 1, 1] = 0.1 * lengths
     return ac.JointPath(breaks=breaks, coefficients=coefficients)
 
 
@@ -139,7 +141,8 @@ def test_a_limit_is_satisfied_if_its_terms_cancel_at_the_mean(steps, share, sign
         return -2 * w * share * sign * before, sign * before, 0 * before
 
     bounds = ([-1e3], [1.0]) if sign > 0 else ([-1.0], [1e3])
-    limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
+    limits = ac.Limits.only(joint_acceleration=[10.0])
+    grid = np.arange(0, 4 + WIDTH / 2, WIDTH)
     constraint = SecondOrder("own", coefficients, *bounds)
     u, x = near_the_middle(planned_on(limits, constraint, grid))
     assert (-2 * w * share * u + x).max() <= 1 + 1e-9
@@ -149,7 +152,8 @@ def test_a_limit_is_satisfied_if_its_terms_cancel_at_the_mean(steps, share, sign
 @pytest.mark.parametrize("constant", [0.0, 1e-16, 1e-12, 1e-8, 1e-5])
 @pytest.mark.parametrize("share", [1.0, 1 - 1e-12, 1 + 1e-8, 0.5])
 def test_a_vector_limit_is_satisfied_if_its_terms_cancel_at_the_mean(share, constant):
-    limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
+    limits = ac.Limits.only(joint_acceleration=[10.0])
+    grid = np.arange(0, 4 + WIDTH / 2, WIDTH)
     constraint = Vectors(share, constant)
     u, x = near_the_middle(planned_on(limits, constraint, grid))
     size = np.linalg.norm(constraint.a * u[:, None] + constraint.b * x[:, None], axis=1)
@@ -158,10 +162,8 @@ def test_a_vector_limit_is_satisfied_if_its_terms_cancel_at_the_mean(share, cons
 
 
 def test_wrong_planning_options_are_refused(refuses):
-    path, limits = (
-        ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)]),
-        ac.Limits.only(joint_acceleration=1.0),
-    )
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)])
+    limits = ac.Limits.only(joint_acceleration=1.0)
     for options in (
         *({"intervals": x} for x in (1, 0, 2.5, np.nan)),
         {"start_speed": -0.05},

@@ -60,7 +60,8 @@ def test_conventional_timing_uses_the_speed_of_each_segment(arm, limits):
     np.testing.assert_allclose(speed, [0.02, 0.04, 0.04], rtol=1e-6)
 
 
-DOWN, ASLANT = (0.0, 0.0, -1.0), (0.4, 0.3, -1.0)
+DOWN = (0.0, 0.0, -1.0)
+ASLANT = (0.4, 0.3, -1.0)
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +92,8 @@ def test_angular_limits_are_satisfied_between_the_points(way, robot):
 
 def test_a_uniform_turn_takes_the_time_of_its_closed_form(robot):
     """Rest to rest by 2 sqrt(angle / limit); the polygon costs 0.06 % of it at most."""
-    angle, down = 0.6, Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
+    angle = 0.6
+    down = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
     turned = Rotation.from_rotvec([0.0, angle * 0.6, angle * 0.8]) * down
     line = ac.Path.polyline([(0.4, -0.1, 0.4), (0.4, 0.1, 0.4)]).oriented(
         Rotation.concatenate([down, turned])
@@ -137,7 +139,8 @@ def test_a_path_takes_the_specified_duration_within_its_limits(
         assert projection.distance.max() < 1e-7
         np.testing.assert_allclose(projection.s[[0, -1]], [0, rounded.length], atol=1e-7)
     # Velocities and accelerations agree with differences of the positions.
-    planned, step = ac.plan(rounded, arm, limits, ac.Optimal(duration=9.0)), 1e-6
+    planned = ac.plan(rounded, arm, limits, ac.Optimal(duration=9.0))
+    step = 1e-6
     middle = (planned.breaks[:-1] + planned.breaks[1:]) / 2
     for order in (0, 1):
         rise = (planned(middle + step, order) - planned(middle - step, order)) / (2 * step)
@@ -204,7 +207,9 @@ def test_stretched_durations_respect_gravity_and_friction():
 
 
 REACH = 0.250 + 0.215  # m, the PMK-3s stretched out
-DQ, DDQ = np.array([2.0, -1.5, 0.0]), np.array([0.3, -4.0, 5.0])  # rad/s, rad/s²
+# rad/s, rad/s²
+DQ = np.array([2.0, -1.5, 0.0])
+DDQ = np.array([0.3, -4.0, 5.0])
 DDDQ = np.array([7.0, 0.0, -3.0])  # rad/s³
 
 
@@ -253,8 +258,10 @@ def test_each_direction_uses_its_own_acceleration_limit(arm):
 
 def test_dry_friction_at_rest_has_the_most_favourable_value(arm):
     rough = arm.with_dynamics(coulomb=[3.0, 0.5])
-    still, slow = np.zeros((1, 2)), np.full((1, 2), 1.01 * STILL)
-    q, ddq = np.zeros((1, 2)), np.array([[10.0, -10.0]])
+    still = np.zeros((1, 2))
+    slow = np.full((1, 2), 1.01 * STILL)
+    q = np.zeros((1, 2))
+    ddq = np.array([[10.0, -10.0]])
     without = np.abs(arm.torque(q, still, ddq))
     helped = np.maximum(without - [3.0, 0.5], 0.0)
     for dq in (still, STILL * np.ones((1, 2)), -STILL * np.ones((1, 2))):

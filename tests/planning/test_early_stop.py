@@ -68,7 +68,8 @@ def test_a_stop_with_jerk_limits_takes_at_most_twice_the_fastest_time() -> None:
     limits = ac.Limits(joint_velocity=0.5, joint_acceleration=0.5, joint_jerk=1.0)
     motion = ac.plan(line, arm, limits, ac.Optimal(reserve=0.02))
     for t in np.linspace(0.01, 0.99, 40) * motion.duration:
-        (v, _), (a, _) = motion(float(t), 1), motion(float(t), 2)
+        v, _ = motion(float(t), 1)
+        a, _ = motion(float(t), 2)
         fastest = _fastest_duration(v, a, 0.5, 1.0)
         stopped = stop(motion, float(t))
         duration = stopped.duration - t

@@ -10,7 +10,9 @@ from armcontour.motion import Method, PathLaw, Rates
 from armcontour.planning import PlanOptions, explain
 from armcontour.planning.constraints import SecondOrder
 
-SPEED, ACCELERATION = 0.1, 0.2  # m/s, m/s²
+# m/s, m/s²
+SPEED = 0.1
+ACCELERATION = 0.2
 
 
 def explained(path, arm, limits, *, tiled=True, **options):
@@ -78,12 +80,15 @@ def test_the_slowest_joint_and_a_further_constraint_are_named():
         return one, 0 * one, 0 * one
 
     weak = SecondOrder("torque", coefficients, [-0.5], [0.5], joints=True)
-    path, limits = ac.JointPath.spline([(0.0,), (2.0,)]), ac.Limits.only(joint_acceleration=[5.0])
+    path = ac.JointPath.spline([(0.0,), (2.0,)])
+    limits = ac.Limits.only(joint_acceleration=[5.0])
     explanation = explained(path, robot(1), limits, constraints=[weak])[1]
     assert set(names(explanation)) == {"joint 1 torque"}
 
 
-RAMP, JERK = 0.2, 5.0  # s, m/s³
+# s, m/s³
+RAMP = 0.2
+JERK = 5.0
 SLOPE = 40.0  # 1/s²
 LENGTH = 2 * JERK * RAMP**3 / 6 + 2 * JERK * RAMP / SLOPE
 
@@ -95,8 +100,10 @@ def smooth_law(points):
     """
     path = ac.JointPath.spline(points)
     path = ac.JointPath(breaks=[0.0, LENGTH], coefficients=path.coefficients)
-    speed, peak = JERK * RAMP**2 / 2, JERK * RAMP
-    ramp, wave = JERK * RAMP**3 / 6, 2 * peak / SLOPE
+    speed = JERK * RAMP**2 / 2
+    peak = JERK * RAMP
+    ramp = JERK * RAMP**3 / 6
+    wave = 2 * peak / SLOPE
     s = np.cumsum([0.0, ramp, wave, speed * RAMP - peak * RAMP**2 / 2 + JERK * RAMP**3 / 6])
     time = 2 * np.arctan(peak / (speed * np.sqrt(SLOPE))) / np.sqrt(SLOPE)
     rates = [[0, 0, 0, JERK], [speed, peak, -SLOPE, 0], [speed, -peak, 0, JERK]]
@@ -109,7 +116,8 @@ def test_an_active_jerk_limit_is_named():
     # In the middle of the wave, ds² = ds1² + dds1² / slope; both joints move evenly along s.
     middle = SLOPE * np.sqrt((JERK * RAMP**2 / 2) ** 2 + (JERK * RAMP) ** 2 / SLOPE)
     slope = 2.0 / LENGTH
-    t, s = planned.breaks, planned.laws[0].s
+    t = planned.breaks
+    s = planned.laws[0].s
     np.testing.assert_allclose(np.abs(planned(t[1:3].mean(), 3)[1]), slope * middle, rtol=1e-12)
     explanation = explain(planned, robot(2), ac.Limits.only(joint_jerk=[np.inf, slope * middle]))
     assert names(explanation) == ["joint 2 jerk"]
@@ -249,7 +257,8 @@ def test_wrong_options_of_methods_are_refused(arm, rounded, traced, objective, l
         jerk = limits.replace(joint_jerk=10.0)
         rows.append((traced, jerk, options, ac.NotRealizable, {"limit": "joint_jerk"}))
     # Along a shaped path accelerations jump.
-    jerk, shaped = limits.replace(joint_jerk=10.0), ac.Shaped(tolerance=1e-3)
+    jerk = limits.replace(joint_jerk=10.0)
+    shaped = ac.Shaped(tolerance=1e-3)
     data = {"limit": "joint_jerk"}
     rows.append((objective, jerk, shaped, ac.NotRealizable, data))
     refuses(lambda: ac.shape(objective, arm, jerk, shaped), ac.NotRealizable, **data)

@@ -31,7 +31,8 @@ def roughly(joint_path, arm, limits):
 @pytest.fixture(scope="module", params=SEAMS)
 def traced(request):
     """A path, its joint paths on a UR5e, and the limits."""
-    arm, path = ac.load_arm("ur5e"), SEAMS[request.param]
+    arm = ac.load_arm("ur5e")
+    path = SEAMS[request.param]
     limits = arm.limits.replace(speed=0.5, centripetal_acceleration=2.0)
     return arm, path, limits, trace_all(path, arm, limits=limits)
 
@@ -53,7 +54,8 @@ def test_plans_are_not_shorter_than_their_bound_and_sorted_by_duration(traced):
 
 def test_rounding_errors_do_not_select_among_equally_fast_configurations(monkeypatch):
     # The speed of the tool bounds all of the path, whichever way the arm reaches it.
-    arm, path = ac.load_arm("ur5e"), ac.Path.polyline(CORNERS[:2]).oriented(DOWN)
+    arm = ac.load_arm("ur5e")
+    path = ac.Path.polyline(CORNERS[:2]).oriented(DOWN)
     slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=np.inf)
     usual = next(trace_by_duration(path, arm, slow))
     assert len(usual) > 1
@@ -84,7 +86,8 @@ def test_lower_bounds_of_the_duration_have_the_closed_form():
 
 
 def test_a_long_path_out_of_reach_is_refused_like_a_short_one(monkeypatch):
-    arm, messages = ac.load_arm("ur5e"), []
+    arm = ac.load_arm("ur5e")
+    messages = []
     path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)
     for long in (here.LONG_PATH, 1):
         monkeypatch.setattr(here, "LONG_PATH", long)

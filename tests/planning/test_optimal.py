@@ -69,7 +69,8 @@ def test_the_paper_job_satisfies_several_sets_of_limits(
 
 
 def test_the_tool_stays_on_the_path_and_never_reverses(planned, rounded, arm):
-    t, ends = np.linspace(0, planned.duration, 20001), [0.0, planned.duration]
+    t = np.linspace(0, planned.duration, 20001)
+    ends = [0.0, planned.duration]
     projection = rounded.project(arm.tool_position(planned(t)))
     assert projection.distance.max() < 1e-7 and np.diff(projection.s).min() > -1e-9
     np.testing.assert_allclose(
@@ -130,12 +131,14 @@ WAYS = {
 def test_the_duration_of_a_straight_joint_path_has_the_closed_form(top, assert_within_limits):
     for way, (direction, acceleration, deceleration) in WAYS.items():
         limits = {"joint_acceleration": np.stack([-np.array(deceleration), acceleration], axis=1)}
-        length, speed = np.linalg.norm(direction), np.inf
+        length = np.linalg.norm(direction)
+        speed = np.inf
         if top is not None:
             forth = np.array(direction)[:, None] > 0
             limits["joint_velocity"] = np.where(forth, (-9.0, top), (-top, 9.0))
             speed = (top * length / np.abs(direction)).min()
-        e, both = np.array(direction) / length, np.array([acceleration, deceleration])
+        e = np.array(direction) / length
+        both = np.array([acceleration, deceleration])
         up, down = (np.min(np.where(e > 0, *x) / np.abs(e)) for x in (both, both[::-1]))
         planned = assert_within_limits(straight(direction, limits), ac.Limits.only(**limits))
         # The interval in which the profile turns loses less than its own share.
@@ -167,7 +170,8 @@ def test_start_and_end_speeds_are_respected(assert_within_limits, refuses):
 
 
 def circle():
-    start, center = (0.35 + RADIUS, 0.2), (0.35, 0.2)
+    start = (0.35 + RADIUS, 0.2)
+    center = (0.35, 0.2)
     return ac.Path(segments=[ac.Arc(start=start, center=center, angle=2 * np.pi)])
 
 
@@ -177,7 +181,8 @@ LEMNISCATE = gamma(0.25) ** 2 / (2 * np.sqrt(2 * np.pi))
 
 
 def test_tool_acceleration_is_reached_on_a_line_and_a_circle(arm, assert_within_limits):
-    only, line = ac.Limits.only(tool_acceleration=ACCELERATION), [(0.3, 0.2), (0.4, 0.25)]
+    only = ac.Limits.only(tool_acceleration=ACCELERATION)
+    line = [(0.3, 0.2), (0.4, 0.25)]
     path = ac.Path.polyline(line)
     trajectory = assert_within_limits(ac.plan(path, arm, only), only, arm).duration
     # Tracing leaves the tool's derivatives a few millionths of play.
@@ -254,7 +259,8 @@ def test_optimal_timing_uses_segment_speeds(arm, objective, limits, assert_withi
     ]
     path = ac.round_corners(ac.Path(segments=lines), tolerance=5e-3)
     planned = assert_within_limits(ac.plan(path, arm, limits), limits, arm)
-    s, speed = planned.s(planned.breaks), planned.s(planned.breaks, 1)
+    s = planned.s(planned.breaks)
+    speed = planned.s(planned.breaks, 1)
     segment = path.locate((s[:-1] + s[1:]) / 2)
     top = np.array([speed[:-1][segment == k].max() for k in range(5)])
     np.testing.assert_allclose(top[[0, 2]], [0.03, 0.06], rtol=1e-5)
@@ -265,7 +271,8 @@ def test_a_general_constraint_equal_to_joint_acceleration_gives_the_same_plan(
     traced, arm, limits, planned, assert_within_limits
 ):
     def coefficients(s, side):
-        first, second = traced(s, 1, side=side), traced(s, 2, side=side)
+        first = traced(s, 1, side=side)
+        second = traced(s, 2, side=side)
         return first, second, np.zeros_like(first)
 
     constraint = SecondOrder("made-up torque", coefficients, [-0.72] * 2, [0.72] * 2, joints=True)
@@ -361,7 +368,9 @@ def one_joint(seed):
     """A path of one joint whose dq_ds varies by a factor of ten and more, and a rest."""
     rng = np.random.default_rng(seed)
     breaks = np.concatenate([[0.0], np.cumsum(10 ** rng.uniform(-1, 0, 4))])
-    q, slopes, none = rng.uniform(-1, 1, (5, 1)), rng.normal(0, 4, (5, 1)), np.zeros((4, 1))
+    q = rng.uniform(-1, 1, (5, 1))
+    slopes = rng.normal(0, 4, (5, 1))
+    none = np.zeros((4, 1))
     ends = (q[:-1], slopes[:-1], none), (q[1:], slopes[1:], none)
     path = ac.JointPath.hermite(breaks, *ends)
     return ac.JointPath(breaks=path.breaks, coefficients=path.coefficients, stops=breaks[2:3])
@@ -381,7 +390,8 @@ def turns_of(path):
 
 @pytest.mark.parametrize("seed", range(25))
 def test_one_joint_moves_as_fast_along_an_uneven_as_along_an_even_path(seed):
-    path, acceleration = one_joint(seed), 2.0
+    path = one_joint(seed)
+    acceleration = 2.0
     best = (2 * np.sqrt(abs(np.diff(turns_of(path))) / acceleration)).sum()
     planned = ac.plan(path, limits=ac.Limits.only(joint_acceleration=acceleration))
     assert best * (1 - 1e-9) <= planned.duration <= best * (1 + 1e-3)
@@ -394,7 +404,8 @@ def test_a_limit_that_no_grid_resolves_is_refused_in_bounded_memory(refuses):
         places.append(len(s))
         return (1 + 0.5 * np.sin(1e9 * s))[:, None], np.zeros((len(s), 1)), np.zeros((len(s), 1))
 
-    path, limits = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)]), ac.Limits(joint_acceleration=1.0)
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
+    limits = ac.Limits(joint_acceleration=1.0)
     constraints = [SecondOrder("rough", rough, [-1.0], [1.0])]
     refuses(
         lambda: ac.plan(path, limits=limits, options=ac.Optimal(constraints=constraints)),

@@ -6,8 +6,12 @@ from scipy.optimize import brentq
 
 import armcontour as ac
 
-LINK, LIMIT = 0.25, 0.72  # m, rad/s²
-NEAR, FAR = 0.2, 0.4  # m
+# m, rad/s²
+LINK = 0.25
+LIMIT = 0.72
+# m
+NEAR = 0.2
+FAR = 0.4
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +54,8 @@ def test_a_short_line_has_the_triangle_in_closed_form(scissors, outward):
 
 @pytest.mark.parametrize("speed", [0.03, 0.06, 0.1])
 def test_a_long_line_has_the_trapezoid_in_closed_form(scissors, speed):
-    path, knots = ac.Path.polyline([(0, NEAR), (0, FAR)]), 2000
+    path = ac.Path.polyline([(0, NEAR), (0, FAR)])
+    knots = 2000
     limits = scissors.limits.replace(speed=speed)
     planned = ac.plan(path, scissors, limits, ac.Paper(knots=knots))
 
@@ -58,7 +63,8 @@ def test_a_long_line_has_the_trapezoid_in_closed_form(scissors, speed):
         q2 = elbow(start) - sign * LIMIT * t**2 / 2
         return LINK * np.sin(q2 / 2) * LIMIT * t - speed
 
-    up, down = brentq(too_fast, 0, 1, (NEAR, 1)), brentq(too_fast, 0, 1, (FAR, -1))
+    up = brentq(too_fast, 0, 1, (NEAR, 1))
+    down = brentq(too_fast, 0, 1, (FAR, -1))
     reached = 2 * LINK * np.cos((elbow(NEAR) - LIMIT * up**2 / 2) / 2)
     remaining_way = 2 * LINK * np.cos((elbow(FAR) + LIMIT * down**2 / 2) / 2)
     middle = (remaining_way - reached) / speed
@@ -67,7 +73,8 @@ def test_a_long_line_has_the_trapezoid_in_closed_form(scissors, speed):
     below = np.sqrt(speed**2 - 2 * LINK * LIMIT * (FAR - NEAR) / knots)
     assert expected * (1 - 1e-5) < planned.duration < expected + middle * (speed / below - 1)
     assert kinds(planned) == ["MAC", "AVC", "MDC"]
-    times, near = np.diff(planned.switching_points), speed / below - 1 + 1e-3
+    times = np.diff(planned.switching_points)
+    near = speed / below - 1 + 1e-3
     np.testing.assert_allclose(times, [up, middle, down], rtol=near)
     assert below <= tool_speed(planned, scissors, planned.duration / 2) <= speed * (1 + 1e-6)
 
@@ -118,7 +125,8 @@ def test_corners_are_passed_at_their_own_speed(arm, rounded, limits, mac):
     corners = [x for x in mac.stretches if x.kind == "corner"]
     for number, stretch in enumerate(corners):
         t = np.linspace(*stretch.t, 102)[1:-1]
-        speed, ends = rounded.corners.speed[number], (rounded.corners.start, rounded.corners.end)
+        speed = rounded.corners.speed[number]
+        ends = (rounded.corners.start, rounded.corners.end)
         np.testing.assert_allclose(tool_speed(mac, arm, t), speed, rtol=1e-6)
         np.testing.assert_allclose(stretch.s, [x[number] for x in ends], atol=1e-12)
     # A wide one is not run faster than assigned. docs/method.md: (16) also needs v_t <= v_a.

@@ -54,7 +54,8 @@ def judged(program, arm, limits, trajectory):
     rng = np.random.default_rng(7)
     t = np.concatenate([[0.0], np.sort(rng.uniform(0, trajectory.duration, 400))])
     # Continuous, and at rest, wherever a law follows another one.
-    seams, spans = trajectory.starts[1:-1], trajectory.spans
+    seams = trajectory.starts[1:-1]
+    spans = trajectory.spans
     before, after = (trajectory(seams, side=x) for x in ("left", "right"))
     np.testing.assert_allclose(before, after, atol=1e-9)
     for side, positions in (("right", [x.t[0] for x in spans]), ("left", [x.t[1] for x in spans])):
@@ -106,7 +107,8 @@ def judged(program, arm, limits, trajectory):
 
 
 def test_programs_in_the_plane_are_planned_with_events_and_dwells():
-    start, stop = Event(name="spindle", value="forward"), Event(name="spindle", value=False)
+    start = Event(name="spindle", value="forward")
+    stop = Event(name="spindle", value=False)
     over = Rapid(path=Path.polyline([[0.3, 0.1], [0.32, 0.17], [0.3, 0.2]]))
     moves = start, Dwell(duration=0.5), Contour(path=SQUARE, name="square"), Event(name="coolant")
     moves += over, Dwell(duration=0.1), Contour(path=BEND, events=GLUE), Rapid(), LINE, stop
@@ -117,7 +119,8 @@ def test_programs_in_the_plane_are_planned_with_events_and_dwells():
     # Bridges too: after the lead-out, which the hand-made rapid does not begin at.
     assert kinds[:2] == ["dwell", "contour"] and kinds[-2:] == ["rapid", "contour"]
     assert kinds.count("contour") == 3 and kinds.count("dwell") == 2
-    first, last = trajectory.events[0], trajectory.events[-1]
+    first = trajectory.events[0]
+    last = trajectory.events[-1]
     assert (first.name, first.t) == ("spindle", 0.0)
     # The dwell after it is for the spindle to run up.
     assert trajectory.spans[0].t == (0.0, 0.5)
@@ -163,7 +166,8 @@ def test_the_other_methods_also_plan_programs(method):
 
 
 def test_events_are_advanced_by_exactly_their_lead_time():
-    s, early = (0.03, 0.02, 0.03, 0.03, 0.02), (0, 0, 0.25, -0.25, 0.1)
+    s = (0.03, 0.02, 0.03, 0.03, 0.02)
+    early = (0, 0, 0.25, -0.25, 0.1)
     events = tuple(
         Event(name=name, s=s, lead_time=t) for name, s, t in zip("abcde", s, early, strict=True)
     )
@@ -210,7 +214,8 @@ def test_events_off_the_contour_before_the_motion_or_out_of_order_are_refused(re
 def test_free_rapids_alternate_between_the_limits_of_the_joints(arm):
     paths = (SQUARE, BEND) if arm is PMK3S else (in_space(SQUARE), in_space(BEND))
     # Only joint acceleration and velocity bind, and rapids have no limits of the tool.
-    acceleration, fast = np.linspace(2.0, 3.0, arm.dof), np.linspace(0.3, 0.4, arm.dof)
+    acceleration = np.linspace(2.0, 3.0, arm.dof)
+    fast = np.linspace(0.3, 0.4, arm.dof)
     limits = arm.limits.replace(
         speed=0.05,
         centripetal_acceleration=0.05,
@@ -270,7 +275,8 @@ def test_the_reserve_applies_to_rapids():
         ac.plan(x, PMK3S, IN_PLANE, ac.Optimal(configuration=configuration)).duration
         for x in (BEND, SQUARE)
     ]
-    ratios, progress_log = [], []
+    ratios = []
+    progress_log = []
     for reserve in (0.0, 0.4):
         trajectory = ac.plan(
             TWO, PMK3S, IN_PLANE, ac.Optimal(reserve=reserve), progress=progress_log.append
@@ -314,7 +320,8 @@ def test_errors_name_the_contour_or_the_rapid(refuses):
 between = st.sampled_from(
     [(), (Rapid(),), (Dwell(duration=0.05),), (Event(name="m"),), (Event(name="m"), Rapid())]
 )
-shapes, sides = st.sampled_from(["line", "arc"]), st.sampled_from(["left", "right"])
+shapes = st.sampled_from(["line", "arc"])
+sides = st.sampled_from(["left", "right"])
 leads = st.none() | st.builds(Lead, length=st.floats(1e-3, 0.02), shape=shapes, side=sides)
 
 
@@ -357,7 +364,8 @@ def test_an_approach_does_not_choose_another_configuration_than_the_contour():
 
 
 def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_then_on():
-    lead, height = Lead(length=8e-3, shape="arc", active=True), 3e-3
+    lead = Lead(length=8e-3, shape="arc", active=True)
+    height = 3e-3
     process = Process(
         lead_in=lead,
         lead_out=lead,
@@ -372,7 +380,8 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
     judged(program, UR5E, IN_SPACE, plan)
     first = ["rapid", "dwell", "contour", "rapid"]
     assert [x.kind for x in plan.spans] == [*first, "rapid", *first]
-    on, switch_off = plan.events[::2], plan.events[1::2]
+    on = plan.events[::2]
+    switch_off = plan.events[1::2]
     assert all(x.value is True for x in on) and all(x.value is False for x in switch_off)
     moves = zip(program.contours, plan.contour_spans, on, switch_off, strict=True)
     for contour, span, begin, end in moves:
@@ -413,7 +422,8 @@ def test_a_path_and_its_program_and_its_joint_path_have_the_same_plan(method):
 
 
 def test_a_traced_program_is_timed_again_without_tracing(monkeypatch, refuses):
-    program, progress_log = ac.prepare(program_of(SQUARE, BEND), AROUND), []
+    program = ac.prepare(program_of(SQUARE, BEND), AROUND)
+    progress_log = []
     traced = trace_program(program, PMK3S, IN_PLANE, progress=progress_log.append)
     assert progress_log == [Step(("tracing",), x) for x in (0.5, 1.0)]
     whole = ac.plan(program, PMK3S, IN_PLANE, ac.Optimal(reserve=0.2))

@@ -52,7 +52,8 @@ def test_torque_is_respected_at_stops_and_end_speeds():
     steps = np.diff(POINTS, axis=0)
     breaks = np.concatenate([[0], np.cumsum(np.linalg.norm(steps, axis=1))])
     coefficients = np.zeros((len(steps), 6, 6))
-    coefficients[:, 0], coefficients[:, 1] = POINTS[:-1], steps
+    coefficients[:, 0] = POINTS[:-1]
+    coefficients[:, 1] = steps
     path = ac.JointPath(breaks=breaks, coefficients=coefficients)
     planned = ac.plan(path, arm, torque_only(arm), ac.Optimal(start_speed=0.1, end_speed=0.05))
     judged(planned, arm, torque_only(arm))
@@ -71,7 +72,8 @@ def test_a_torque_limit_just_above_gravity_and_friction_is_satisfied():
 
 
 def test_torque_limits_exceeded_at_rest_are_refused(refuses):
-    loaded, stiff = ur5e(payload=Payload(mass=15.0)), ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
+    loaded = ur5e(payload=Payload(mass=15.0))
+    stiff = ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
     path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])
     for arm, words, data in (
         (loaded, "even at rest", {"joint": 1, "limit": "torque", "allowed": -150.0}),
@@ -88,7 +90,8 @@ def test_torque_limits_exceeded_at_rest_are_refused(refuses):
 
 
 def test_a_payload_slows_the_arm():
-    path, arms = ac.JointPath.spline(POINTS), [ur5e()]
+    path = ac.JointPath.spline(POINTS)
+    arms = [ur5e()]
     arms += [ur5e(payload=Payload(mass=x)) for x in (2.0, 4.0)]
     durations = [ac.plan(path, arm, torque_only(arm)).duration for arm in arms]
     assert durations[0] < durations[1] < durations[2]

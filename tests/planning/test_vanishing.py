@@ -75,9 +75,12 @@ def test_a_joint_path_that_rests_at_a_point_is_refused(refuses):
 def test_joint_paths_with_a_part_without_motion_are_refused(refuses):
     limits = ac.Limits.only(joint_acceleration=2.0)
     still = np.zeros((3, 6, 1))
-    still[0, 1], still[1:, 0], still[2, 1] = 1.0, 1.0, 1.0
+    still[0, 1] = 1.0
+    still[1:, 0] = 1.0
+    still[2, 1] = 1.0
     path = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
-    still[:, 1], still[:, 0] = 0.0, 1.0
+    still[:, 1] = 0.0
+    still[:, 0] = 1.0
     nothing = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
     bent, flat = (
         make_path([(0.0, 0.0), (1.0, 2.0)]) for make_path in (ac.JointPath.spline, ac.Path.polyline)
@@ -102,13 +105,15 @@ def hermite(breaks, q, dq_ds, d2q_ds2):
 
 def test_a_reversal_at_a_break_is_planned_with_a_jerk_limit(recwarn, worst_ratios):
     s = np.linspace(0, 1, 8)
-    v, jerk = s[3], 50.0
+    v = s[3]
+    jerk = 50.0
     path = hermite(s, -0.4 * (s - v) ** 2, -0.8 * (s - v), np.full(8, -0.8))
     limits = ac.Limits(joint_velocity=1.0, joint_acceleration=5.0, joint_jerk=jerk)
     planned = ac.plan(path, limits=limits)
     # There and back, each from rest to rest: with four times the jerk, and with a constant phase.
     # The joint turns back at full acceleration, so the plan is faster.
-    short, long = 0.4 * v**2, 0.4 * (1 - v) ** 2
+    short = 0.4 * v**2
+    long = 0.4 * (1 - v) ** 2
     stopped = 4 * (short / 2 / jerk) ** (1 / 3) + 0.1 + np.sqrt(0.01 + 4 * long / 5.0)
     assert planned.duration < 0.9 * stopped
     assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9

@@ -68,7 +68,8 @@ def test_a_contour_that_the_kerf_divides_becomes_several_named_contours():
     cut_program = cut(*drawn, kerf=0.005)
     assert names(cut_program) == ["slot/1", "slot/2", "outline"]
     # A square, and what the tool reaches into the mouth, between circles around its vertices.
-    d, half = 2.5e-3, 2e-3
+    d = 2.5e-3
+    half = 2e-3
     mouth = 2 * d * half - half * np.sqrt(d**2 - half**2) - d**2 * np.arcsin(half / d)
     areas = [area(x.path) for x in cut_program.contours[:2]]
     assert areas == pytest.approx([0.035**2 + mouth] * 2, abs=1e-10)
@@ -91,7 +92,8 @@ def test_a_kerf_too_wide_for_a_hole_is_refused_on_every_layer():
 
 
 def test_a_layer_can_have_its_own_kerf():
-    outline, hole = circle(0, 0, 0.05, layer="A"), circle(0, 0, 0.02, layer="B")
+    outline = circle(0, 0, 0.05, layer="A")
+    hole = circle(0, 0, 0.02, layer="B")
     by_layer = {"B": {"kerf": 4e-3}}
     cut_program = cut(outline, hole, kerf=1e-3, by_layer=by_layer)
     assert radii(cut_program) == pytest.approx([0.018, 0.0505], abs=1e-15)
@@ -107,8 +109,10 @@ def test_a_layer_can_have_its_own_kerf():
 
 def test_contours_that_cross_themselves_or_are_too_near_are_refused():
     eight = Path.polyline([[0, 0], [0.1, 0.1], [0.1, 0], [0, 0.1], [0, 0]])
-    a, b = circle(0, 0, 0.05, name="a"), circle(0.1001, 0, 0.05, name="b")
-    across, led = circle(0.05, 0, 0.05, name="c"), Contour(path=SQUARE, work=(0.01, 0.1))
+    a = circle(0, 0, 0.05, name="a")
+    b = circle(0.1001, 0, 0.05, name="b")
+    across = circle(0.05, 0, 0.05, name="c")
+    led = Contour(path=SQUARE, work=(0.01, 0.1))
     # An island that the cut of its hole goes around.
     rings = [circle(0, 0, r, name=str(r)) for r in (0.05, 0.02, 0.0199)]
     ramp = Path.polyline([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0.01], [0, 0, 0]])
@@ -153,7 +157,8 @@ def test_random_cuts_keep_their_distance_to_open_contours_or_are_refused():
             refusals += 1
             continue
         samples = offset_path(np.linspace(0, offset_path.length, 500))
-        a, b = points[:-1], points[1:]
+        a = points[:-1]
+        b = points[1:]
         share = ((samples[:, None] - a) * (b - a)).sum(2) / ((b - a) ** 2).sum(1)
         foot = a + np.clip(share, 0, 1)[:, :, None] * (b - a)
         assert np.linalg.norm(samples[:, None] - foot, axis=2).min() >= kerf / 2 - 1e-9

@@ -110,7 +110,8 @@ def test_projected_programs_keep_their_events_work_and_switches():
     # Half of the ramp of 0.05 m runs 0.015 m; 0.02 m on the flat after it run themselves.
     assert [x.s for x in flat.events] == pytest.approx([0.015, 0.05], abs=1e-15)
     on = Event(name="laser", s=0.05, lead_time=0.1)
-    down, level = contour(ac.Path.polyline(DOWN), events=(on,)), [*DOWN, [0.1, 0.0, 0.0]]
+    down = contour(ac.Path.polyline(DOWN), events=(on,))
+    level = [*DOWN, [0.1, 0.0, 0.0]]
     moves = (down, Dwell(duration=1), contour(ac.Path.polyline(level), work=(0.11, 0.2)))
     event, dwell, flat = program(*moves).without_z().moves
     assert event == Event(name="laser", lead_time=0.1) and dwell == Dwell(duration=1)
@@ -120,8 +121,9 @@ def test_projected_programs_keep_their_events_work_and_switches():
 
 
 def test_contours_are_selected_and_labelled_by_layer_and_name():
-    first, second = contours = contour(name="1", layer="a"), contour(name="CUT", layer="b")
-    drawn = program(*contours)
+    first = contour(name="1", layer="a")
+    second = contour(name="CUT", layer="b")
+    drawn = program(first, second)
     assert drawn.selected(layers=["b"]).contours == (second,)
     assert drawn.selected(names="CUT").contours == (second,)
     assert drawn.selected(names=["1"]).path is LINE and drawn.selected() is drawn
@@ -173,7 +175,8 @@ def test_a_program_from_a_path_adds_nothing_to_the_path():
     for alone in (contour(name="c", layer="cut"), contour(work=(0.0, LINE.length))):
         assert program(alone, notes=("a note",)).single_path is LINE
         assert alone.at_work == (0.0, LINE.length)
-    event, led = Event(name="tool"), contour(work=(0.01, 0.1))
+    event = Event(name="tool")
+    led = contour(work=(0.01, 0.1))
     assert led.at_work == (0.01, 0.1)
     for moves in (
         (contour(), contour()),

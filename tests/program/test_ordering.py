@@ -58,7 +58,8 @@ def test_inner_contours_come_first_part_by_part():
         assert names(arranged) == ["island", "window", "mark", "outline", "hole", "second"]
         assert not arranged.notes
     # Only a cutting process changes the order of itself.
-    straight, arc_lead = Lead(length=1e-3), Lead(length=1e-3, shape="arc", side="left")
+    straight = Lead(length=1e-3)
+    arc_lead = Lead(length=1e-3, shape="arc", side="left")
     for process in ({}, {"lead_in": straight}, {"lead_in": arc_lead}):
         arranged = ordered(PARTS, **process)
         assert names(arranged) == [x.name for x in PARTS] and not arranged.notes
@@ -80,9 +81,11 @@ def test_a_warning_names_contours_that_are_cut_too_early():
 @settings(max_examples=12)
 def test_inner_contours_are_cut_first_in_any_order(order, seed):
     rng = np.random.default_rng(seed)
-    contours, inner = [], {}
+    contours = []
+    inner = {}
     for i, center in enumerate(rng.permutation(16)[:6]):
-        x, y = 0.1 * (center % 4), 0.1 * (center // 4)
+        x = 0.1 * (center % 4)
+        y = 0.1 * (center // 4)
         for k, radius in enumerate((0.04, 0.02, 0.01)[: rng.integers(1, 4)]):
             contours.append(circle(x, y, radius, f"{i}{k}"))
             inner[f"{i}{k}"] = f"{i}{k - 1}"
@@ -123,14 +126,17 @@ def held_karp(places, upper):
     """The lower bound of Held and Karp (1970) for an open tour: 1-trees with weights."""
     n = len(places)
     links = np.linalg.norm(places[:, None] - places, axis=2)
-    weight, best, step = np.zeros(n), 0.0, 2.0
+    weight = np.zeros(n)
+    best = 0.0
+    step = 2.0
     for _ in range(150):
         # Zeros are no links of a sparse graph.
         tree = minimum_spanning_tree(links + weight[:, None] + weight + 10.0).tocoo()
         ends = np.argsort(weight)[:2]
         degree = np.bincount([*tree.row, *tree.col, *ends], minlength=n) - 2
         bound = tree.data.sum() - 10.0 * (n - 1) + weight[ends].sum() - 2 * weight.sum()
-        best, step = max(best, bound), 0.97 * step
+        best = max(best, bound)
+        step = 0.97 * step
         weight = weight + step * max(upper - bound, 0.0) / max((degree**2).sum(), 1) * degree
     return best
 

@@ -79,7 +79,8 @@ def test_leads_in_a_tilted_plane_are_tangent_and_stay_in_that_plane(yaw, tilt, s
     turn = ac.Frame.rpy((0, 0, 0), (tilt, 0, yaw)).rotation
     flat = np.array([[0.0, 0, 0], [0.05, 0.01, 0], [0.05, 0.06, 0]])
     path = Path.polyline(flat @ turn.T + [0.4, 0, 0.3])
-    up, lead = turn[:, 2], Lead(length=length, shape=shape, side=side)
+    up = turn[:, 2]
+    lead = Lead(length=length, shape=shape, side=side)
     path_made = only(path, Process(lead_in=lead, lead_out=lead, up=7 * up)).path
     assert path_made.length == pytest.approx(path.length + 2 * length, abs=1e-12)
     np.testing.assert_allclose(path_made.turns[[0, -1]], 0, atol=1e-9)
@@ -176,7 +177,8 @@ def test_an_overlap_continues_along_the_contour_by_its_length(overlap):
 def test_the_start_of_a_contour_after_a_rapid_of_the_program_does_not_move():
     corner = [0.3, 0.1]
     to = Rapid(path=Path.polyline([[0.35, 0.25], corner]))
-    on, rest = Event(name="spindle"), Dwell(duration=0.1)
+    on = Event(name="spindle")
+    rest = Dwell(duration=0.1)
     for between in ((to,), (to, on), (to, on, rest), (on,), (rest,), (Rapid(),)):
         prepared = prepare(program(BEND, *between, SQUARE), Process())
         np.testing.assert_allclose(prepared.contours[1].path(0.0), corner, atol=1e-15)
@@ -191,7 +193,8 @@ def test_the_start_of_a_contour_after_a_rapid_of_the_program_does_not_move():
 def test_a_closed_contour_with_different_end_orientations_stays_as_drawn():
     square = in_space(SQUARE)
     tilts = np.column_stack([np.linspace(0, 0.2, 5), np.zeros(5), -np.ones(5)])
-    tilting, alike = square.pointing(tilts), square.pointing([*tilts[:4], tilts[0]])
+    tilting = square.pointing(tilts)
+    alike = square.pointing([*tilts[:4], tilts[0]])
     np.testing.assert_array_equal(only(tilting, Process()).path(0.0), square(0.0))
     assert not np.allclose(only(alike, Process()).path(0.0), square(0.0))
     for process in (Process(begin=0.03), Process(overlap=0.01)):
@@ -220,7 +223,8 @@ SWITCHED = [
 @each("switched, is_unchanged", SWITCHED)
 def test_a_moved_start_does_not_change_switching(switched, is_unchanged):
     events = tuple(Event(name="laser", value=value, s=s) for value, s in switched)
-    square, process = Contour(path=SQUARE, name="E7", events=events), Process(begin=0.05)
+    square = Contour(path=SQUARE, name="E7", events=events)
+    process = Process(begin=0.05)
     if is_unchanged:
         only(square, process)
     else:
@@ -366,7 +370,8 @@ def test_a_program_resumes_at_an_end_within_a_contour_and_at_an_event():
 
 
 def test_rapids_of_the_program_end_at_the_leads_and_overlaps():
-    up, over = [0.35, 0.25, 0.05], [0.3, 0.1, 0.05]
+    up = [0.35, 0.25, 0.05]
+    over = [0.3, 0.1, 0.05]
     rapid = Rapid(path=Path.polyline([[0.35, 0.25, 0], up, over, [0.3, 0.1, 0]]))
     spindle_off = Event(name="spindle", value=False)
     moves = in_space(BEND), spindle_off, rapid, Event(name="spindle"), in_space(SQUARE)
@@ -442,7 +447,8 @@ def test_values_of_a_layer_apply_to_segments_without_their_own():
 
 
 def test_invalid_values_of_a_process_are_refused():
-    nan, inf = float("nan"), float("inf")
+    nan = float("nan")
+    inf = float("inf")
     processes = [
         ({"overlap": -1.0}, "overlap"),
         ({"resume_at": nan}, "resume_at"),
@@ -534,7 +540,8 @@ def test_contours_of_a_layer_have_the_process_values_of_the_layer():
 
 
 def test_the_contours_of_a_layer_are_woven_between_their_leads():
-    seam, lead = path_of(line([0.3, 0.1], [0.4, 0.1], speed=0.01)), Lead(length=2e-3)
+    seam = path_of(line([0.3, 0.1], [0.4, 0.1], speed=0.01))
+    lead = Lead(length=2e-3)
     around = {"lead_in": lead, "lead_out": lead, "switch": Switch(name="arc")}
     by_layer = {"WELD": {"weave": Weave(width=4e-3, pitch=5e-3)}}
     process = Process(**around, events=(Event(name="pulse", s=0.05),), by_layer=by_layer)

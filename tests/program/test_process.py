@@ -15,7 +15,8 @@ LASER = Switch(name="laser")
 
 
 def test_a_pierce_needs_a_switch_and_an_active_lead():
-    pierce, idle = Pierce(time=0.3), Lead(length=5e-3)
+    pierce = Pierce(time=0.3)
+    idle = Lead(length=5e-3)
     high = Process(pierce=Pierce(time=0.1, height=1e-3), switch=LASER)
     refused(
         # Letters of a text would be names of outputs that do not exist, and the laser on in rapids.
@@ -51,7 +52,8 @@ def test_parents_and_areas_of_contours_are_exact_for_arcs():
     hole = circle(0, 0, 0.02)
     turned = ac.Contour(path=hole.path.reversed())
     half = arc((0.02, 0), (0.02, 0.01), np.pi)
-    top, side = line((0.02, 0.02), (0, 0.02)), line((0, 0.02), (0, 0))
+    top = line((0.02, 0.02), (0, 0.02))
+    side = line((0, 0.02), (0, 0))
     d_shape = ac.Contour(path=path_of(line((0, 0), (0.02, 0)), half, top, side))
     areas = find_nesting([hole, turned, d_shape], UP).areas
     expected = [np.pi * 4e-4, -np.pi * 4e-4, 4e-4 + np.pi * 1e-4 / 2]

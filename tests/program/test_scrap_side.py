@@ -19,7 +19,8 @@ def circle(radius, center=CENTER):
     return ac.Path(segments=[ac.Arc.circle(start, center)])
 
 
-HOLE, ISLAND = circle(0.01), circle(0.004)
+HOLE = circle(0.01)
+ISLAND = circle(0.004)
 OPEN = ac.Path.polyline([(0.05, 0.01), (0.09, 0.05)])
 
 
@@ -93,7 +94,8 @@ def longest(*moves, **values):
 
 
 def test_a_lead_that_leaves_its_hole_is_refused_with_the_longest_valid_one():
-    (plate,), small = contours(OUTLINE), circle(3e-3)
+    (plate,) = contours(OUTLINE)
+    small = circle(3e-3)
     for layer in ("CUT", "HOLES"):
         (hole,) = contours(small, layer=layer)
         fits = longest(plate, hole, lead_in=lead(0.02))
@@ -145,7 +147,8 @@ def test_random_leads_lie_in_the_waste_or_are_refused():
             assert error.allowed < length
             refusals += 1
             continue
-        path, (on, work_end) = prepared_program.contours[1].path, prepared_program.contours[1].work
+        path = prepared_program.contours[1].path
+        on, work_end = prepared_program.contours[1].work
         share = np.linspace(0, 0.98, 30)
         for p in (*path(share * on), *path(path.length - share * (path.length - work_end))):
             # The winding number of the hole around the point.

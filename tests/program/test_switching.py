@@ -39,7 +39,8 @@ def contours(path, *events, **process):
 
 
 def test_outputs_that_are_on_during_rapids_are_switched_off():
-    drawn, separated = laser(), laser(off_between=("spindle",))
+    drawn = laser()
+    separated = laser(off_between=("spindle",))
     assert [states(x) for x in drawn.contours] == [[], [(False, 0.03)], []]
     first, second, third = map(states, separated.contours)
     assert first == [("reverse", 0.0), (False, 0.02)]
@@ -88,7 +89,8 @@ def test_passes_and_tabs_keep_the_outputs_of_the_program():
         return states(contour, "laser")
 
     start, (_, switch_off), (_, on), end = cut()
-    later, sooner = round(on + 1e-2, 9), round(switch_off - 4e-3, 9)
+    later = round(on + 1e-2, 9)
+    sooner = round(switch_off - 4e-3, 9)
     assert cut(switch_off + 4e-3, on + 1e-2) == [start, (False, switch_off), (True, later), end]
     assert cut(switch_off - 4e-3, on - 4e-3) == [start, (False, sooner), (True, on), end]
 

@@ -23,7 +23,8 @@ def cut(path, tabs, **more):
 
 def gaps(contour):
     """Arc lengths between which the laser is off, by the events alone."""
-    intervals, gap_start = [], None
+    intervals = []
+    gap_start = None
     for x in contour.events:
         if x.value is False:
             gap_start = x.s

@@ -33,7 +33,9 @@ def test_every_public_name_is_called(files):
 
 @needs_dynamics
 def test_wrong_arguments_give_a_result_or_a_message_of_one_sentence(files):
-    values, wrong, refused = calls.bad_values(), [], 0
+    values = calls.bad_values()
+    wrong = []
+    refused = 0
     for k, (call, name) in enumerate(calls.slots()):
         # One value for each argument, another one for the next: all kinds of arguments get all.
         result, problem = calls.judge(call, {name: values[7 * k % len(values)]})
@@ -44,7 +46,8 @@ def test_wrong_arguments_give_a_result_or_a_message_of_one_sentence(files):
 
 
 def test_arrays_of_wrong_shapes_never_reach_compiled_code(refuses):
-    rows, wide = np.zeros((3, 2, 2)), np.zeros((3, 2, 3))
+    rows = np.zeros((3, 2, 2))
+    wide = np.zeros((3, 2, 3))
     for begin, end in ((rows, wide), (rows[:, :1], rows), (rows[:2], rows), (rows[0], rows)):
         ends = tuple(begin), tuple(end)
         refuses(lambda e=ends: ac.JointPath.hermite([0, 1, 2], *e), ac.InvalidInput, "shape")

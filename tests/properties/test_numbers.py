@@ -92,7 +92,8 @@ def test_every_number_is_read_or_refused_with_one_sentence(tmp_path):
         warnings.warn("overflow", RuntimeWarning, stacklevel=1)
     # One of the hostile numbers for each field, in turn.
     write_files(tmp_path)
-    words, faults = itertools.cycle(HOSTILE), list[str]()
+    words = itertools.cycle(HOSTILE)
+    faults = list[str]()
     for place in FIELDS:
         faults += check_field(place, itertools.islice(words, 1), tmp_path)
     assert faults == []

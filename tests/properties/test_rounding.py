@@ -74,9 +74,11 @@ def test_position_and_orientation_stay_within_their_tolerances_together(seed, ax
     rng = np.random.default_rng(seed)
     path, rotations, scale = random_path(rng)
     path = path.oriented(rotations, axis_only=axis_only)
-    tolerance, angular = scale * 10.0 ** rng.uniform(-4, 0), 10.0 ** rng.uniform(-4, 0)
+    tolerance = scale * 10.0 ** rng.uniform(-4, 0)
+    angular = 10.0 ** rng.uniform(-4, 0)
     made = rounded(path, tolerance, angular)
-    corners, orientation = made.corners, made.orientation
+    corners = made.corners
+    orientation = made.orientation
     assert not corners.stopped.any()
     # In the middle of a corner, both the point and the rotation are near those of the corner.
     middle = (corners.start + corners.end) / 2

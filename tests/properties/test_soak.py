@@ -5,7 +5,9 @@ from collections import Counter
 import pytest
 from soak import check, corners, timing
 
-BATCH, CHECKS, CORNERS = 200, 25, 150
+BATCH = 200
+CHECKS = 25
+CORNERS = 150
 # Random times per interval of a law, in addition to its ends; `make soak` uses 8.
 PLACES = 3
 
@@ -19,7 +21,8 @@ def test_random_problems_of_the_soak_are_planned_within_their_limits(first, monk
 
 
 def test_random_corners_next_to_arcs_are_tangent_and_within_their_tolerance():
-    wrong, kinds = [], Counter()
+    wrong = []
+    kinds = Counter()
     for seed in range(CORNERS):
         case = corners.draw(seed)
         problem, stopped = corners.judge(case)

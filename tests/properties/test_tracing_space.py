@@ -12,7 +12,8 @@ DOWN = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
 REACH = {"ur5e": 0.35, "panda": 0.3, "ur10e": 0.5}
 KINDS = ["held", "per waypoint", "axis per waypoint", "pointing", "following", "axis following"]
 TORCH = Frame.rpy([0.05, 0, 0.15], [0, 0.7, 0])
-BATCHES, PATHS = 2, 7
+BATCHES = 2
+PATHS = 7
 
 
 def random_path(rng, reach):
@@ -20,7 +21,8 @@ def random_path(rng, reach):
     center = rng.uniform([-1, -1, 0], [1, 1, 1])
     center *= rng.uniform(0.8, 1.4) * reach / np.linalg.norm(center[:2])
     center[2] = rng.uniform(0, 0.5)
-    size, n = 10.0 ** rng.uniform(-2.5, -0.5), int(rng.integers(2, 8))
+    size = 10.0 ** rng.uniform(-2.5, -0.5)
+    n = int(rng.integers(2, 8))
     points = center + size * rng.uniform(-1, 1, (n, 3))
     for i in range(1, n):
         kind = rng.random()
@@ -43,7 +45,8 @@ def random_path(rng, reach):
 
 def with_orientation(rng, path):
     held = Rotation.from_rotvec(0.5 * rng.normal(size=3)) * DOWN
-    count, kind = len(path.waypoints), rng.choice(KINDS)
+    count = len(path.waypoints)
+    kind = rng.choice(KINDS)
     turns = Rotation.from_rotvec(10.0 ** rng.uniform(-3, -0.3) * rng.normal(size=(count, 3)))
     if kind == "held":
         return path.oriented(held)

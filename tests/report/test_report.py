@@ -65,7 +65,8 @@ def test_the_first_screen_states_the_verdict_before_any_figure(study, page):
     for name in study.runs:
         assert f'<th scope="row">{name}</th>' in front
     alone = dataclasses.replace(study.job, runs=study.job.runs[3:4])
-    front, (result,) = first_screen(render_report(run(alone))), [study.runs["optimal"]]
+    front = first_screen(render_report(run(alone)))
+    (result,) = [study.runs["optimal"]]
     assert front.count('class="tile">') == 3
     assert f"<b>{number(result.trajectory.duration, 's')}</b>" in front
 
@@ -88,7 +89,8 @@ def test_the_report_is_written_completely_or_not_at_all(study, tmp_path):
 def test_thinned_curves_keep_every_peak_and_the_ends_of_every_part():
     t = np.linspace(0, 1, 100_000)
     y = np.zeros_like(t)
-    y[54_321], y[12_345] = 7.0, -3.0
+    y[54_321] = 7.0
+    y[12_345] = -3.0
     t2, y2 = thin(t, y)
     assert len(t2) < 4000 and np.all(np.diff(t2) > 0)
     assert (y2.max(), y2.min()) == (7.0, -3.0) and (t2[0], t2[-1]) == (0, 1)
@@ -144,7 +146,8 @@ def test_the_animated_arm_moves_as_planned_along_the_path(page, study):
 def test_errors_are_shown_in_percent_of_the_allowed_error(study):
     for name in ("optimal", "shaped"):
         alone = dataclasses.replace(study, runs={name: study.runs[name]})
-        plot, e = sections.motion.error(alone), study.runs[name].evaluation.contour_error
+        plot = sections.motion.error(alone)
+        e = study.runs[name].evaluation.contour_error
         allowed = study.runs[name].tolerance / 10
         largest = np.nanmax(plot.curves[0].y)
         assert largest == pytest.approx(100 * e.max / allowed, rel=1e-6)
@@ -200,7 +203,8 @@ def real():
 
 
 def test_learning_shows_errors_over_runs_joints_and_time(real):
-    (over_runs,), (over_time, _) = learned(real).parts, learning(real).parts
+    (over_runs,) = learned(real).parts
+    over_time, _ = learning(real).parts
     figure = {x.name: x for x in over_runs.plots[0].curves}
     first, _ = real.lesson.runs
     np.testing.assert_allclose(figure["RMS"].y, [1e3 * first.contour_rms, 2e-3])
@@ -213,7 +217,8 @@ def test_learning_shows_errors_over_runs_joints_and_time(real):
 
 
 def test_a_placement_map_shows_the_best_position_and_the_kind_of_refusals():
-    job, yaws = parse_job(JERKY), (0.0, 0.2)
+    job = parse_job(JERKY)
+    yaws = (0.0, 0.2)
     known = {
         (0.0, 0.0): (2.0, 3.0), (0.0, 0.1): (None, 2.5),
         (0.1, 0.0): (None, None), (0.1, 0.1): (4.0, 5.0),

@@ -94,9 +94,11 @@ def marked(svg, name):
 
 def distances(points, curve):
     """Least distances of points from a curve with gaps [px]."""
-    a, b = curve[:-1], curve[1:]
+    a = curve[:-1]
+    b = curve[1:]
     defined = ~np.isnan(a + b).any(axis=1)
-    a, along = a[defined], (b - a)[defined]
+    along = (b - a)[defined]
+    a = a[defined]
     square = np.maximum((along**2).sum(axis=1), 1e-12)
     share = np.clip(((points[:, None] - a) * along).sum(axis=2) / square, 0.0, 1.0)
     return np.linalg.norm(points[:, None] - a - share[..., None] * along, axis=2).min(axis=1)
@@ -122,8 +124,10 @@ def test_the_drawing_shows_the_active_limit_at_each_point(fixture, request):
     study = request.getfixturevalue(fixture)
     (result,) = study.runs.values()
     drawing = draw_plan(result, study.job)
-    paths, (place, size) = drawn_paths(drawing.svg), fitted(drawing.svg, result)
-    rapids, bindings = paths.pop("limit"), result.explanation.bindings
+    paths = drawn_paths(drawing.svg)
+    place, size = fitted(drawing.svg, result)
+    rapids = paths.pop("limit")
+    bindings = result.explanation.bindings
     paths.pop("as drawn", None)
     limits = {x.limit: x.limit for x in bindings} | {"nothing": "between two limits"}
     words = {x: LIMITS[y].get("word", y) for x, y in limits.items()}
@@ -155,7 +159,8 @@ def test_the_drawing_shows_kerf_leads_and_the_drawn_contours():
     changed = dataclasses.replace(job, process=process)
     (result,) = run(replace_runs(changed, compensation=ac.NoCompensation())).runs.values()
     svg = draw_plan(result, changed).svg
-    paths, (_, size) = drawn_paths(svg), fitted(svg, result)
+    paths = drawn_paths(svg)
+    _, size = fitted(svg, result)
     assert {"kerf 1 mm", "lead", "as drawn"} <= set(paths)
     (width,) = re.findall(r'class="kerf" stroke-width="([\d.]+)"', svg)
     assert float(width) == pytest.approx(1e-3 * size, rel=0.02)
@@ -210,13 +215,15 @@ def test_links_of_values_point_to_where_they_occur(study, result):
 def test_a_drawing_of_many_contours_is_small_and_exact(tmp_path):
     lines = ["G21 G90"]
     for k in range(100):
-        x, y = 6 * (k % 10), 6 * (k // 10)
+        x = 6 * (k % 10)
+        y = 6 * (k // 10)
         lines += [f"G0 X{x} Y{y}", f"G1 X{x + 4} F6000", f"Y{y + 4}", f"X{x}", f"Y{y}"]
     study = study_of(tmp_path, "\n".join(lines))
     (result,) = study.runs.values()
     svg = draw_plan(result, study.job).svg
     assert len(svg) < 140_000
-    paths, (place, _) = drawn_paths(svg), fitted(svg, result)
+    paths = drawn_paths(svg)
+    place, _ = fitted(svg, result)
     rapids = paths.pop("limit")
     # Every contour has all of its corners, and every rapid its ends, to half a pixel.
     every = np.concatenate(list(paths.values()))

@@ -54,7 +54,8 @@ def test_two_planar_links_have_the_torques_of_the_textbook():
     m1, m2 = m = 2700 * np.pi * (outer**2 - inner**2) * lengths
     i1, i2 = m * (3 * (outer**2 + inner**2) + lengths**2) / 12
     q, dq, ddq = np.random.default_rng(2).normal(size=(3, 40, 2))
-    cos, sin = np.cos(q[:, 1]), np.sin(q[:, 1])
+    cos = np.cos(q[:, 1])
+    sin = np.sin(q[:, 1])
     one = i1 + m1 * 0.15**2 + (m2 + 2) * 0.3**2
     two = i2 + m2 * 0.1**2 + 2 * 0.2**2
     both = 0.3 * (m2 * 0.1 + 2 * 0.2)
@@ -67,7 +68,9 @@ def test_two_planar_links_have_the_torques_of_the_textbook():
 
 def test_arms_without_masses_have_no_torques(monkeypatch, states):
     arm = PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
-    dynamics, p, q = Dynamics(chain()), np.zeros((4, 2)), np.zeros((4, 3))
+    dynamics = Dynamics(chain())
+    p = np.zeros((4, 2))
+    q = np.zeros((4, 3))
     monkeypatch.setitem(sys.modules, "pinocchio", None)
     assert np.isfinite(dynamics.torque(*states)).all()
     refused(
@@ -108,7 +111,8 @@ def random_chain(seed, dof):
 
 def by_pinocchio(bodies):
     """Torques with and without gravity, and mass matrices, of single states, without armature."""
-    pin, model = pinocchio(), pinocchio_model(bodies)
+    pin = pinocchio()
+    model = pinocchio_model(bodies)
     still = model.copy()
     still.gravity.linear = np.zeros(3)
     data = model.createData()
@@ -133,7 +137,9 @@ def test_torques_and_their_parts_equal_those_of_pinocchio(seed, dof, n):
     bodies = random_chain(10 * dof + seed, dof)
     rng = np.random.default_rng(seed)
     q, dq, ddq = rng.uniform(-7, 7, (3, n, dof))
-    still, armature, dynamics = np.zeros_like(q), bodies.armature, Dynamics(bodies)
+    still = np.zeros_like(q)
+    armature = bodies.armature
+    dynamics = Dynamics(bodies)
     torque, weightless, mass = by_pinocchio(bodies)
 
     def same(actual, expected):

@@ -30,10 +30,8 @@ def arms(tmp_path_factory):
     """Arms with a tool, somewhere before their work."""
     file = tmp_path_factory.mktemp("arms") / "wrist.urdf"
     file.write_text(urdf(0.0))
-    tool, work = (
-        ac.Frame.rpy((0.01, 0.02, 0.1), (0.1, 0.2, 0.3)),
-        ac.Frame.rpy((0.1, 0.2, 0.3), (1, 2, 3)),
-    )
+    tool = ac.Frame.rpy((0.01, 0.02, 0.1), (0.1, 0.2, 0.3))
+    work = ac.Frame.rpy((0.1, 0.2, 0.3), (1, 2, 3))
     names = {"ur5e": "ur5e", "ur10e": "ur10e", "wrist": file}
     return {k: ac.load_arm(x).with_tool(tool).with_work(work) for k, x in names.items()}
 

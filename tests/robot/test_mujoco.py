@@ -46,7 +46,8 @@ def model_of(name, armature):
     data = yaml.safe_load(file.read_text("utf-8"))
     bodies = planar(data) if data["kind"] == "planar_two_link" else serial(data)
     tip = words(data["tip"]["value"]) if "tip" in data else bodies.pop("tip", "0 0 0")
-    gravity, text = bodies.pop("gravity", "0 0 -9.81"), ""
+    gravity = bodies.pop("gravity", "0 0 -9.81")
+    text = ""
     for k, mass in enumerate(bodies["mass"]):
         pos, quat, axis, com, inertia = (
             words(bodies[x][k]) for x in ("pos", "quat", "axis", "com", "inertia")
@@ -65,11 +66,13 @@ def model_of(name, armature):
 
 def seen_by_mujoco(model, q, dq, ddq):
     """Torques and the tool's position, rotation and Jacobian, by MuJoCo, one state at a time."""
-    data, states = mujoco.MjData(model), []
+    data = mujoco.MjData(model)
+    states = []
     for state in zip(q, dq, ddq, strict=True):
         data.qpos[:], data.qvel[:], data.qacc[:] = state
         mujoco.mj_inverse(model, data)
-        linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        linear = np.zeros((3, model.nv))
+        angular = np.zeros((3, model.nv))
         mujoco.mj_jacSite(model, data, linear, angular, 0)
         place = data.site_xpos[0].copy(), data.site_xmat[0].reshape(3, 3).copy()
         states.append((data.qfrc_inverse.copy(), *place, np.vstack([linear, angular])))

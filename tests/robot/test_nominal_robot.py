@@ -78,7 +78,8 @@ def test_the_computed_command_moves_the_plant_along_the_plan(arm, gravity, servo
     drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity)
     q = drives.command(*(swing(T, order) for order in range(3)), CYCLE)
     plant = ac.RigidBodyPlant(arm, servo, STRONG, gravity_feedforward=gravity, step=5e-5)
-    done, plain = simulate(q, plant, arm), simulate(swing(T, 0), plant, arm)
+    done = simulate(q, plant, arm)
+    plain = simulate(swing(T, 0), plant, arm)
     # Integrators are not empty after the last set-point.
     error, reference_error = (np.abs(x.q - swing(x.t, 0))[x.t < T[-1]].max() for x in (done, plain))
     assert error < 3e-5 and error < 1e-3 * reference_error
@@ -128,7 +129,8 @@ def test_command_and_response_include_a_payload_unknown_to_the_controller(arm):
     ],
 )
 def test_the_response_without_masses_is_that_of_the_servo(options):
-    arm, servo = rods(), ac.ServoModel(**options)
+    arm = rods()
+    servo = ac.ServoModel(**options)
     change = 0.1 * np.sin(np.outer(T, [6.0, 9.0])) * np.sin(np.pi * T)[:, None]
     plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.6)]), arm)
     data = SetPoints(cycle=CYCLE, q=change, trajectory=plan, method="none")
@@ -167,7 +169,8 @@ def test_drives_need_a_velocity_loop_and_masses(arm):
 def test_rounding_errors_at_rest_cause_no_friction_torque(arm):
     """A joint at rest has velocities of 1e-16 rad/s of either sign; a moving one has friction."""
     rubbing = arm.with_dynamics(coulomb=np.full(6, 5.0), viscous=np.full(6, 2.0))
-    speed, still = np.array([[0.5, -0.5, 1e-16, -1e-16, 0.0, 5e-4]]), np.zeros((1, 6))
+    speed = np.array([[0.5, -0.5, 1e-16, -1e-16, 0.0, 5e-4]])
+    still = np.zeros((1, 6))
     torque, plain = (
         Drives(arm=x, servo=SERVO).moving_torque(swing(np.zeros(1), 0), speed, still)
         for x in (rubbing, arm)

@@ -3,6 +3,7 @@
 import copy
 import pickle
 from dataclasses import FrozenInstanceError
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,8 +12,12 @@ from tests.geometry.tables import each, refused
 import armcontour as ac
 from armcontour.robot import SerialArm
 
-L0, L1, L2 = 0.135, 0.250, 0.215  # m, paper Sec. IV-A
-NEAR, FAR = L1 - L2, L1 + L2
+# m, paper Sec. IV-A
+L0 = 0.135
+L1 = 0.250
+L2 = 0.215
+NEAR = L1 - L2
+FAR = L1 + L2
 BRANCHES = {"positive": 1, "negative": -1}
 
 
@@ -35,8 +40,10 @@ def random_joints(n=200, seed=1):
 
 def test_forward_kinematics_equal_equations_1_and_2(arm):
     q = random_joints(20)
-    t1, t12 = q[:, 0], q.sum(axis=1)
-    x, y = L0 + L1 * np.sin(t1) + L2 * np.sin(t12), L1 * np.cos(t1) + L2 * np.cos(t12)
+    t1 = q[:, 0]
+    t12 = q.sum(axis=1)
+    x = L0 + L1 * np.sin(t1) + L2 * np.sin(t12)
+    y = L1 * np.cos(t1) + L2 * np.cos(t12)
     np.testing.assert_allclose(arm.tool_position(q), np.stack([x, y], axis=1), atol=1e-15)
     # Angles are measured from y, clockwise.
     np.testing.assert_allclose(arm.tool_position([0, 0]), (L0, L1 + L2), atol=1e-15)
@@ -45,7 +52,8 @@ def test_forward_kinematics_equal_equations_1_and_2(arm):
 
 @each("configuration", BRANCHES)
 def test_forward_and_inverse_kinematics_are_inverse_to_each_other(arm, configuration):
-    points, sign = random_points(), BRANCHES[configuration]
+    points = random_points()
+    sign = BRANCHES[configuration]
     q = arm.joint_position(points, configuration)
     np.testing.assert_allclose(arm.tool_position(q), points, atol=2e-15)
     assert (np.sign(q[:, 1]) == sign).all()
@@ -63,7 +71,8 @@ def test_forward_and_inverse_kinematics_are_inverse_to_each_other(arm, configura
 
 
 def test_the_jacobian_its_rate_and_tool_motion_agree_with_differences(arm):
-    q, step = random_joints(), 1e-6
+    q = random_joints()
+    step = 1e-6
     for j, dq in enumerate(step * np.eye(2)):
         difference = (arm.tool_position(q + dq) - arm.tool_position(q - dq)) / (2 * step)
         np.testing.assert_allclose(arm.tool_jacobian(q)[..., j], difference, atol=1e-9)
@@ -74,12 +83,15 @@ def test_the_jacobian_its_rate_and_tool_motion_agree_with_differences(arm):
     def q(t):
         return np.stack([np.sin(t), 1 + 0.5 * np.cos(2 * t)], axis=-1)
 
-    t, h = np.linspace(0, 3, 40), 1e-4
+    t = np.linspace(0, 3, 40)
+    h = 1e-4
     dq = np.stack([np.cos(t), -np.sin(2 * t)], axis=-1)
     ddq = np.stack([-np.sin(t), -2 * np.cos(2 * t)], axis=-1)
     before, now, after = (arm.tool_position(q(t + k * h)) for k in (-1, 0, 1))
-    velocity, acceleration = (after - before) / (2 * h), (after - 2 * now + before) / h**2
-    v, a = arm.tool_velocity(q(t), dq), arm.tool_acceleration(q(t), dq, ddq)
+    velocity = (after - before) / (2 * h)
+    acceleration = (after - 2 * now + before) / h**2
+    v = arm.tool_velocity(q(t), dq)
+    a = arm.tool_acceleration(q(t), dq, ddq)
     np.testing.assert_allclose(v, velocity, atol=1e-8)
     np.testing.assert_allclose(a, acceleration, atol=1e-6)
     np.testing.assert_allclose(arm.joint_velocity(q(t), v), dq, atol=1e-12)
@@ -101,8 +113,9 @@ def test_points_out_of_reach_are_refused_with_their_data(arm, point, words, need
     points = [(0.35, 0.1), (0.41, 0.15), point, (9.0, 9.0)]
     data = {"point": point, "index": 2, "needed": needed, "allowed": allowed}
     for configuration in BRANCHES:
-        call, data["limit"] = lambda x=configuration: arm.joint_position(points, x), "reach"
-        refused((call, "PMK-3s", *words, data), kind=ac.Unreachable)
+        data["limit"] = "reach"
+        solve = partial(arm.joint_position, points, configuration)
+        refused((solve, "PMK-3s", *words, data), kind=ac.Unreachable)
 
 
 def test_invalid_points_singular_arms_and_unknown_branches_are_refused(arm):

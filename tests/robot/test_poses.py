@@ -21,10 +21,12 @@ def inside(arm, seed=0, count=4):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_poses_and_jacobians_equal_those_of_pinocchio(name):
-    pin, arm = pinocchio(), ac.load_arm(name)
+    pin = pinocchio()
+    arm = ac.load_arm(name)
     model = pinocchio_model(arm.chain)
     model.armature = np.array(arm.chain.armature)
-    data, tool = model.createData(), model.getFrameId("tool")
+    data = model.createData()
+    tool = model.getFrameId("tool")
     for q in inside(arm):
         pin.framesForwardKinematics(model, data, q)
         pose = arm.forward(q)
@@ -73,7 +75,8 @@ def test_all_forms_of_a_pose_give_the_same_joint_positions(refuses):
     arm = ac.load_arm("ur5e")
     q = inside(arm, 4, 1)[0]
     pose = arm.forward(q)
-    turned, point = Rotation.from_matrix(pose[:3, :3]), pose[:3, 3]
+    turned = Rotation.from_matrix(pose[:3, :3])
+    point = pose[:3, 3]
     forms = [pose, pose.tolist(), SimpleNamespace(homogeneous=pose), ac.Frame(pose)]
     forms += [ac.Frame(point, turned), ac.Frame(point, turned.as_quat())]
     for form in forms:
@@ -86,7 +89,8 @@ def test_all_forms_of_a_pose_give_the_same_joint_positions(refuses):
     np.testing.assert_array_equal(
         ac.load_arm("ur5e", tool=(0, 0, 0.1)).chain.tool.rotation, np.eye(3)
     )
-    scaled, sheared = 2 * np.eye(4), np.eye(4)
+    scaled = 2 * np.eye(4)
+    sheared = np.eye(4)
     sheared[0, 1] = 0.5
     for wrong in (scaled, sheared, [1.0, 2.0], "pose", None, np.full(3, np.nan)):
         refuses(lambda x=wrong: arm.inverse(x), ac.InvalidInput)
@@ -97,7 +101,8 @@ def test_all_forms_of_a_pose_give_the_same_joint_positions(refuses):
 
 
 def test_poses_out_of_reach_or_range_are_refused(refuses):
-    arm, planar = ac.load_arm("ur5e"), ac.load_arm("pmk3s")
+    arm = ac.load_arm("ur5e")
+    planar = ac.load_arm("pmk3s")
     q = inside(arm, 5, 1)[0]
     near, far = arm.forward(q), arm.forward(q)
     far[:3, 3] += 2.0

@@ -39,7 +39,8 @@ def skew(part=None, **changes):
 
 def motion(along, origin, angle):
     """Transform of a rotation about a line."""
-    found, origin = np.eye(4), np.array(origin)
+    found = np.eye(4)
+    origin = np.array(origin)
     found[:3, :3] = exp(np.array(along) / np.linalg.norm(along) * angle)
     found[:3, 3] = origin - found[:3, :3] @ origin
     return found
@@ -68,11 +69,14 @@ def test_torques_equal_those_of_a_kinematic_tree_in_pinocchio(on_floor):
     pin = pinocchio()
     part = Payload(mass=7.0, center=(0.1, 0.2, 0.3), inertia=0.2 * np.eye(3))
     arm = on_floor.with_work(WORK).with_positioner(skew(part))
-    model, before, carried = pin.Model(), np.zeros(3), 0
+    model = pin.Model()
+    before = np.zeros(3)
+    carried = 0
     for along, origin in AXES:
         joint = pin.JointModelRevoluteUnaligned(np.array(along) / np.linalg.norm(along))
         place = pin.SE3(np.eye(3), np.array(origin) - before)
-        carried, before = model.addJoint(carried, joint, place, f"{origin}"), np.array(origin)
+        carried = model.addJoint(carried, joint, place, f"{origin}")
+        before = np.array(origin)
         center = np.array([0.8, 0.2, 0.5]) - before
         model.appendBodyToJoint(
             carried, pin.Inertia(30.0, center, np.diag([0.5, 0.6, 0.7])), pin.SE3.Identity()
@@ -91,7 +95,8 @@ def test_torques_equal_those_of_a_kinematic_tree_in_pinocchio(on_floor):
 def saddle():
     """Seam of a branch on a pipe, with the tool axis in the bisector of the walls."""
     t = np.linspace(0, 2 * np.pi, 61)
-    small, large = 0.05, 0.1
+    small = 0.05
+    large = 0.1
     points = np.column_stack([small * np.cos(t), small * np.sin(t), np.zeros(61)])
     points[:, 2] = np.sqrt(large**2 - points[:, 1] ** 2)
     points[-1] = points[0]
@@ -115,7 +120,8 @@ def cell(tilt=TILT, holds=(None, None)):
 
 def angles_to_gravity(arm, q):
     """Angles between tool axis and gravity [rad], from the products of the axes' motions."""
-    axes, count = arm.chain.positioner.axes, len(arm.chain.positioner.axes)
+    axes = arm.chain.positioner.axes
+    count = len(arm.chain.positioner.axes)
     found = []
     for row, rotation in zip(q, arm.forward(q)[:, :3, :3], strict=True):
         part = np.eye(4)
@@ -127,7 +133,9 @@ def angles_to_gravity(arm, q):
 
 
 def test_a_weld_stays_within_its_angle_to_gravity():
-    path, arm, speed = saddle(), cell(), 6e-3
+    path = saddle()
+    arm = cell()
+    speed = 6e-3
     planned = ac.plan(path, arm, limits=ac.Limits(speed=speed))
     t = np.linspace(0, planned.duration, 3000)
     q, dq, ddq = (planned(t, k) for k in range(3))

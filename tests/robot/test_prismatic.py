@@ -75,7 +75,8 @@ def joint_series(axis, slides, q):
 def constant(rotation, position):
     series = np.zeros((ORDER, 4, 4))
     series[0] = np.eye(4)
-    series[0, :3, :3], series[0, :3, 3] = rotation, position
+    series[0, :3, :3] = rotation
+    series[0, :3, 3] = position
     return series
 
 
@@ -101,7 +102,9 @@ def test_mixed_chains_move_like_products_of_matrices(seed):
     arm = mixed(seed, dof=3 + seed % 5)
     states = np.random.default_rng(seed).normal(size=(4, 40, arm.dof))
     q, dq, ddq, _ = states
-    poses, twists, rates = arm.forward(q), arm.tool_twist(q, dq), arm.tool_twist_rate(q, dq, ddq)
+    poses = arm.forward(q)
+    twists = arm.tool_twist(q, dq)
+    rates = arm.tool_twist_rate(q, dq, ddq)
     motion = arm._motion(*states)
     for i in range(len(q)):
         series = tool_series(arm.chain, *states[:, i])
@@ -127,9 +130,11 @@ def test_mixed_chains_move_like_products_of_matrices(seed):
 def test_torques_and_forces_equal_those_of_pinocchio(seed):
     pin = pinocchio()
     arm = mixed(seed, dof=2 + seed)
-    chain, dynamics = arm.chain, arm.dynamics
+    chain = arm.chain
+    dynamics = arm.dynamics
     model = pinocchio_model(chain)
-    data, states = model.createData(), np.random.default_rng(seed).normal(size=(3, 60, arm.dof))
+    data = model.createData()
+    states = np.random.default_rng(seed).normal(size=(3, 60, arm.dof))
     armature = np.diag(chain.armature)
     position, rate, mass = dynamics.derivatives(*states)
     for i, (q, dq, ddq) in enumerate(np.swapaxes(states, 0, 1)):
@@ -197,7 +202,8 @@ def golden_paths():
 
 @pytest.mark.parametrize("kind", ["rounded", "spline", "line"])
 def test_the_joint_positions_of_a_gantry_equal_a_hand_calculation(kind):
-    arm, path = gantry(), golden_paths()[kind]
+    arm = gantry()
+    path = golden_paths()[kind]
     traced = ac.trace(path, arm)
     s = np.random.default_rng(0).uniform(0, path.length, 500)
     q = traced(s)
@@ -213,7 +219,8 @@ def test_the_joint_positions_of_a_gantry_equal_a_hand_calculation(kind):
 
 
 def test_exported_columns_have_the_units_of_their_joint_type(tmp_path):
-    arm, path = gantry(), golden_paths()["line"]
+    arm = gantry()
+    path = golden_paths()["line"]
     plan = ac.plan(path, arm)
     for name in ("plan.csv", "plan.yaml"):
         ac.export(plan, tmp_path / name, arm=arm, cycle=0.01)
@@ -267,10 +274,12 @@ def planned_nearby(seed):
 
 @pytest.mark.parametrize("part", range(4))
 def test_limits_are_satisfied_between_samples_by_independent_kinematics(part):
-    planned, seed = 0, 40 * part
+    planned = 0
+    seed = 40 * part
     while planned < 25:
         assert seed < 40 * (part + 1)
-        found, seed = planned_nearby(seed), seed + 1
+        found = planned_nearby(seed)
+        seed = seed + 1
         if found is None:
             continue
         planned += 1
@@ -308,7 +317,9 @@ def place_of(chain, q, link, point):
 @pytest.mark.parametrize("seed", range(30))
 def test_clearance_is_bounded_between_samples(seed):
     rng = np.random.default_rng(seed)
-    arm, link, point = mixed(seed, dof=5), 2 + seed % 4, 0.2 * rng.normal(size=3)
+    arm = mixed(seed, dof=5)
+    link = 2 + seed % 4
+    point = 0.2 * rng.normal(size=3)
     body = LinkShape(name="body", link=link, shape=Sphere(radius=0.05), place=Frame(position=point))
     first, last = rng.uniform(-1, 1, size=(2, arm.dof))
     law = LapLaw(
@@ -339,7 +350,8 @@ def ur10e():
 
 def test_a_rail_is_the_first_joint():
     bare = ur10e().with_work(Frame.rpy([0.1, 0.2, 0.3], [0.1, 0.4, 2.0]))
-    axis, origin = np.array([0.6, 0.0, 0.8]), np.array([0.2, -0.1, 0.3])
+    axis = np.array([0.6, 0.0, 0.8])
+    origin = np.array([0.2, -0.1, 0.3])
     rail = ac.Rail(
         axis=2 * axis, lower=-1.0, upper=2.0, velocity=0.7, acceleration=1.5, force=900.0,
         origin=origin, mass=120.0,
@@ -347,7 +359,8 @@ def test_a_rail_is_the_first_joint():
     arm = bare.with_rail(rail)
     q = np.random.default_rng(0).uniform(-1, 1, (50, 7))
     moved = bare.chain.base.rotation @ (origin + q[:, :1] * axis)[..., None]
-    poses, expected = arm.forward(q), bare.forward(q[:, 1:])
+    poses = arm.forward(q)
+    expected = bare.forward(q[:, 1:])
     np.testing.assert_allclose(poses[:, :3, :3], expected[:, :3, :3], atol=1e-12)
     np.testing.assert_allclose(poses[:, :3, 3], expected[:, :3, 3] + moved[..., 0], atol=1e-12)
     limits = {"lower": -1.0, "upper": 2.0, "velocity": 0.7, "acceleration": 1.5, "torque": 900.0}
@@ -395,7 +408,8 @@ def test_a_heavier_rail_moves_less_along_a_long_seam():
         travels.append(float(plan(plan.duration)[0] - plan(0.0)[0]))
     # By hand, the rail moves straight while the arm reaches as far as it can at both ends.
     near, far = 0.0, 2.0
-    down, bare = np.diag([1.0, -1.0, -1.0]), ur10e()
+    down = np.diag([1.0, -1.0, -1.0])
+    bare = ur10e()
     for _ in range(30):
         middle = (near + far) / 2
         try:

@@ -58,7 +58,8 @@ def test_the_jacobian_its_rate_and_the_drift_agree_with_differences(arm3, states
     q, dq, _ = states
     twist = arm3.tool_twist(q, dq)
     np.testing.assert_allclose(twist[:, :3], difference(arm3.tool_position, q, dq), atol=1e-8)
-    before, after = arm3.pose(q - STEP * dq)[1], arm3.pose(q + STEP * dq)[1]
+    before = arm3.pose(q - STEP * dq)[1]
+    after = arm3.pose(q + STEP * dq)[1]
     turn = log(after @ np.swapaxes(before, 1, 2)) / (2 * STEP)
     np.testing.assert_allclose(twist[:, 3:], turn, atol=1e-8)
     np.testing.assert_array_equal(arm3.tool_velocity(q, dq), twist[:, :3])
@@ -78,7 +79,8 @@ def test_the_jacobian_its_rate_and_the_drift_agree_with_differences(arm3, states
 
 def test_work_frame_and_tool_change_only_the_ends_of_the_chain(arm3, states):
     q, dq, ddq = states
-    work, tool = Frame.rpy([1, 2, 3], [0.3, 0.2, 0.1]), Frame.rpy([0.1, 0, 0.2], [0, 0.5, 0])
+    work = Frame.rpy([1, 2, 3], [0.3, 0.2, 0.1])
+    tool = Frame.rpy([0.1, 0, 0.2], [0, 0.5, 0])
     moved = arm3.with_work(work)
     bare = arm3.with_work(Frame())
     points, rotations = bare.pose(q)
@@ -190,7 +192,8 @@ def test_invalid_limits_chains_payloads_and_arms_are_refused():
         (LinkTube, TUBE, ODD_TUBES),
     ):
         refused(*((partial(kind, **good | x), *more) for x, *more in rows))
-    two, jerk = ac.Limits(joint_acceleration=[1.0, 1.0]), ac.Limits(joint_jerk=[np.inf, 5.0])
+    two = ac.Limits(joint_acceleration=[1.0, 1.0])
+    jerk = ac.Limits(joint_jerk=[np.inf, 5.0])
     refused(
         (lambda: two.replace(sped=0.2), "Unknown limit 'sped'", "centripetal_acceleration"),
         (lambda: two.replace(speed=-1), "speed"),
@@ -248,7 +251,8 @@ def test_chains_have_defaults_and_equal_their_denavit_hartenberg_frames():
     # As the page on arms makes it, against the product of the four elementary transforms.
     rng = np.random.default_rng(3)
     dh = rng.uniform(-1, 1, (6, 4))
-    frames, before = [], ac.Frame()
+    frames = []
+    before = ac.Frame()
     for a, alpha, d, offset in dh:
         frames.append(before @ ac.Frame.rpy((0, 0, d), (0, 0, offset)))
         before = ac.Frame.rpy((a, 0, 0), (alpha, 0, 0))
@@ -259,7 +263,8 @@ def test_chains_have_defaults_and_equal_their_denavit_hartenberg_frames():
         whole = np.eye(4)
         for (a, alpha, d, offset), angle in zip(dh, q, strict=True):
             (c, s), (k, m) = ((np.cos(x), np.sin(x)) for x in (angle + offset, alpha))
-            first, second = [c, -s * k, s * m, a * c], [s, c * k, -c * m, a * s]
+            first = [c, -s * k, s * m, a * c]
+            second = [s, c * k, -c * m, a * s]
             whole = whole @ [first, second, [0, m, k, d], [0, 0, 0, 1]]
         point, rotation = arm.pose(q)
         np.testing.assert_allclose(point, whole[:3, 3], rtol=0, atol=1e-14)
@@ -269,7 +274,8 @@ def test_chains_have_defaults_and_equal_their_denavit_hartenberg_frames():
 @each("n", [0, 1, 31, 33])
 def test_compiled_kinematics_agree_for_any_number_of_states(arm3, n):
     q, dq, ddq, dddq = states = np.random.default_rng(n).normal(size=(4, n, arm3.dof))
-    twist, bend = arm3.tool_twist(q, dq), arm3.tool_twist_rate(q, dq, ddq)
+    twist = arm3.tool_twist(q, dq)
+    bend = arm3.tool_twist_rate(q, dq, ddq)
     # The Jacobian and its rate are computed by other code.
     expected = np.einsum("nij,nj->ni", arm3.jacobian(q), dq)
     np.testing.assert_allclose(twist, expected, rtol=0, atol=1e-13 * arm3.dof)

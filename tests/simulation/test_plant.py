@@ -14,7 +14,8 @@ class Counting(Plant):
     """A plant of a user's own may keep what it likes."""
 
     def __init__(self, inner):
-        self.inner, self.runs = inner, 0
+        self.inner = inner
+        self.runs = 0
 
     def run(self, set_points, resolution):
         self.runs += 1

@@ -17,8 +17,13 @@ from armcontour.simulation import mujoco_model
 
 pytest.importorskip("mujoco")
 
-KP, KV, CYCLE = 25.0, 150.0, 4e-3
-MASS, LENGTH, ARMATURE, G = 2.0, 0.5, 0.1, 9.81
+KP = 25.0
+KV = 150.0
+CYCLE = 4e-3
+MASS = 2.0
+LENGTH = 0.5
+ARMATURE = 0.1
+G = 9.81
 INERTIA = MASS * LENGTH**2 + ARMATURE
 WEIGHT = MASS * G * LENGTH  # torque against gravity where the pendulum lies
 WEIGHTLESS = np.zeros(3)
@@ -248,7 +253,8 @@ def test_loop_gains_are_scaled_by_the_masses_that_the_controller_knows():
 
 
 def test_the_noise_of_an_execution_is_reproducible_by_its_seed():
-    arm, q = pendulum(), swing()
+    arm = pendulum()
+    q = swing()
     clean = run(arm, q)
     one, same, other = (run(arm, q, noise=2e-5, seed=s) for s in (1, 1, 2))
     np.testing.assert_array_equal(one.q, same.q)
@@ -292,7 +298,8 @@ def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
 
 
 def test_a_step_too_long_for_the_gains_is_an_error(fails):
-    q, free = swing(), pendulum(gravity=WEIGHTLESS)
+    q = swing()
+    free = pendulum(gravity=WEIGHTLESS)
     assert len(run(free, q, kv=490.0, step=4e-3).t) > len(q)
     fails(
         partial(run, free, q, kv=510.0, step=4e-3),
@@ -313,7 +320,8 @@ def test_joints_that_diverge_or_do_not_settle_are_errors(fails, monkeypatch):
     monkeypatch.setattr(mujoco_model, "MAX_CHECKS", 0)
     fails(partial(run, pendulum(), swing(), kv=1000.0, step=4e-3), "runs away")
     # If saturated, the joint oscillates within steps, and seems to rest at their ends.
-    free, weak = pendulum(gravity=WEIGHTLESS), ac.Limits.only(joint_torque=5.0)
+    free = pendulum(gravity=WEIGHTLESS)
+    weak = ac.Limits.only(joint_torque=5.0)
     fails(partial(run, free, swing(), weak, kv=1000.0, step=4e-3), "not at rest")
     slow = {"kp": 0.01, "cycle": 0.02, "step": 5e-3, "resolution": 0.02}
     for arm, words in (

@@ -98,13 +98,15 @@ def test_every_position_has_the_duration_of_its_own_plan(square):
     assert all("tool stays" in x.why_not for x in refused)
     assert 0 < progress_log[-1].done < 1
     # The printed summary has the units of people.
-    shown, gain = str(placement), 1 - placement.best.duration / placement.own.duration
+    shown = str(placement)
+    gain = 1 - placement.best.duration / placement.own.duration
     assert str(placement.best) in shown and number(placement.best.duration, "s") in shown
     assert placement.to_data()["gain"].value == gain > 0
 
 
 def test_workers_and_executors_return_the_same_results(square):
-    job, grid = parse_job(PLANE), {"x": np.linspace(-0.04, 0.04, 5), "yaw": [-0.5, 0.0, 0.5]}
+    job = parse_job(PLANE)
+    grid = {"x": np.linspace(-0.04, 0.04, 5), "yaw": [-0.5, 0.0, 0.5]}
     alone = ac.place(job, grid, processes=1)
     with ThreadPoolExecutor(3) as threads:
         placement = ac.place(job, grid, executor=threads)
@@ -137,7 +139,8 @@ def with_ball(job, *obstacles):
 
 def post(fixed_to, x):
     """A post next to the path, which starts and ends at (0.5, 0.0)."""
-    size, place = Box(size=[0.01, 0.01, 1.0]), ac.Frame(position=[x, -0.05, 0.0])
+    size = Box(size=[0.01, 0.01, 1.0])
+    place = ac.Frame(position=[x, -0.05, 0.0])
     return Obstacle(name="post", shape=size, place=place, fixed_to=fixed_to)
 
 

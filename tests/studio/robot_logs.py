@@ -24,7 +24,8 @@ class Robot:
     """
 
     def __init__(self, file, run="optimal"):
-        self.file, self.folder = file, file.parent
+        self.file = file
+        self.folder = file.parent
         self.job = ac.read_job(file)
         self.plan = plan_run(self.job, run)
         self.plant = ac.ServoPlant(self.job.arm, TRUE)

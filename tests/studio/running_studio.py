@@ -23,7 +23,8 @@ class Running:
     """
 
     def __init__(self, address, session_host):
-        self.address, self.session_host = address, session_host
+        self.address = address
+        self.session_host = session_host
         self.base, _, self.token = address.partition("/#")
         self.host = self.base.removeprefix("http://")
         self.port = int(self.host.partition(":")[2])
@@ -82,7 +83,8 @@ class Page:
     """A page, as a program."""
 
     def __init__(self, socket):
-        self.socket, self.seq = socket, 0
+        self.socket = socket
+        self.seq = 0
 
     def say(self, op, **more):
         """Send a message; returns its number."""
@@ -129,7 +131,8 @@ def running(file, *, make=module.open_session, **how):
 
     thread = Thread(target=work)
     thread.start()
-    address, session_host = addresses.get(), addresses.get()
+    address = addresses.get()
+    session_host = addresses.get()
     try:
         yield Running(address, session_host)
     finally:

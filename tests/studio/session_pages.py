@@ -32,7 +32,9 @@ class RecordingTaskWorker:
 
     def __init__(self, deliver):
         RecordingTaskWorker.last = self
-        self.deliver, self.given, self.cancelled = deliver, [], []
+        self.deliver = deliver
+        self.given = []
+        self.cancelled = []
 
     def submit(self, id, task, request):
         self.given.append((id, task, request))
@@ -64,7 +66,8 @@ class ManualWorker(ImmediateWorker):
 
     def __init__(self, deliver):
         super().__init__(deliver)
-        ManualWorker.last, self.works = self, []
+        ManualWorker.last = self
+        self.works = []
 
     def submit(self, work):
         self.works.append(work)
@@ -80,7 +83,9 @@ class SessionPage:
     """A page that keeps what it hears."""
 
     def __init__(self, session):
-        self.session, self.seq, self.frames = session, 0, []
+        self.session = session
+        self.seq = 0
+        self.frames = []
         session.join(self)
 
     def send(self, data, replaces=None):

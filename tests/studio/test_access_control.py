@@ -29,7 +29,9 @@ OTHER_ORIGINS = (b"http://attacker.test", b"null", b"https://127.0.0.1:4711",
 
 def ask(headers, *, path="/", method="GET", type="http", body=None):
     """What the guard answers, and how many bytes of the body came through to the app."""
-    parts, sent, read = list(body or [b""]), [], 0
+    parts = list(body or [b""])
+    sent = []
+    read = 0
 
     async def receive():
         return {"type": "http.request", "body": parts.pop(0), "more_body": bool(parts)}
@@ -143,7 +145,8 @@ runs: {one: {}}
 def test_obstacles_are_drawn_in_the_frame_of_the_base():
     frame = arm_frame(parse_job(SCENE))
     bodies = {x["name"]: x for x in frame.header["bodies"]}
-    vice, table = bodies["vice"], bodies["table"]
+    vice = bodies["vice"]
+    table = bodies["table"]
     assert (vice["link"], vice["colour"], table["colour"]) == (0, "part", "table")
     np.testing.assert_allclose(np.array(vice["at"])[:3, 3], [0.4, 0, 0.15], atol=1e-12)
     corners = frame.arrays[table["triangles"]].reshape(-1, 3) @ np.array(table["at"])[:3, :3].T

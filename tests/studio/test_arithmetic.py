@@ -55,7 +55,8 @@ def compute(script, arguments=None):
         "const tell = x => console.log(JSON.stringify(x));"
         f"globalThis.fetch = async () => ({{ json: () => ({PALETTE_FILE.read_text()}) }});"
     )
-    command, code = [NODE, "--input-type=module", "-"], start + script
+    command = [NODE, "--input-type=module", "-"]
+    code = start + script
     outcome = subprocess.run(
         command, input=code, cwd=page_folder(), capture_output=True, text=True, check=True
     )

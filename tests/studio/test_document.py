@@ -71,7 +71,9 @@ def test_undoing_many_edits_restores_the_file_exactly(eol, edits, file):
     file.write_bytes(content)
     document = Document.open(file)
     job = parse_job(document.text)
-    rng, made, texts = random.Random(eol), 0, [document.text]
+    rng = random.Random(eol)
+    made = 0
+    texts = [document.text]
     while made < edits:
         data = document.data
         if not 2 <= len(data["path"]["points"]) <= 6:
@@ -79,7 +81,8 @@ def test_undoing_many_edits_restores_the_file_exactly(eol, edits, file):
             texts.pop()
             continue
         # Of the job only the arm and the names of runs matter here.
-        run, handles = rng.choice(["only", "slow"]), handles_of(job, data)
+        run = rng.choice(["only", "slow"])
+        handles = handles_of(job, data)
         state = EditState(data=data, run=run, handles=handles)
         try:
             changes = changes_of(random_edit(rng, len(data["path"]["points"])), state)
@@ -215,7 +218,9 @@ def test_a_draft_survives_until_the_job_is_saved(file, home):
 def test_every_document_has_a_draft_of_its_own(tmp_path, home):
     drawing = tmp_path / "part.dxf"
     shutil.copy(DRAWINGS / "gasket.dxf", drawing)
-    uploads, job, dxf = Uploads(), TEXT.encode(), (DRAWINGS / "gasket.dxf").read_bytes()
+    uploads = Uploads()
+    job = TEXT.encode()
+    dxf = (DRAWINGS / "gasket.dxf").read_bytes()
     openings = [
         lambda: Document.of_drawing(drawing, "ur5e"),
         lambda: Document.of_drawing(drawing, "ur10e"),

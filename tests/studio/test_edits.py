@@ -167,7 +167,8 @@ def test_values_of_a_contour_are_set_and_removed(contour):
         {"do": "set", "key": [*key, "kerf"], "value": None},
         {"do": "set", "key": [*key, "speed"], "value": "30"},
     ]
-    text, state = PLANE, state_of(PLANE)
+    text = PLANE
+    state = state_of(PLANE)
     for edit in edits:
         text = change_text(text, changes_of(edit, replace(state, data=load(text, ""))))
     own = load(text, "")["path"]["contours"]
@@ -185,12 +186,14 @@ def test_obstacles_are_added_changed_and_removed():
     def with_boxes(*boxes):
         return f"{PLANE}scene: {{obstacles: [{', '.join(boxes)}]}}\n"
 
-    size, box = [0.1, "2 cm", 0.3], "{type: box, name: box, size: [1, 1, 1]}"
+    size = [0.1, "2 cm", 0.3]
+    box = "{type: box, name: box, size: [1, 1, 1]}"
     written = {"size": ["100 mm", "2 cm", "300 mm"], "at": ["0 mm", "0 mm", "500 mm"]}
     assert boxes(PLANE, "add", type="box", size=size, at=[0, 0, 0.5]) == [
         {"type": "box", "name": "box", **written}
     ]
-    text, one = with_boxes(box, "{type: box, name: b, size: [1 m, 2, 3]}"), with_boxes(box)
+    text = with_boxes(box, "{type: box, name: b, size: [1 m, 2, 3]}")
+    one = with_boxes(box)
     assert boxes(text, "add", type="box", size=size)[2]["name"] == "box 2"
     more = {"size": [1.5, 2, 3], "at": [0.1, 0, 0], "name": "c"}
     obstacles = boxes(text, "change", index=1, **more)
@@ -205,14 +208,16 @@ def test_obstacles_are_added_changed_and_removed():
 @pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])
 def test_the_pen_continues_a_path_at_its_end(text):
     before = state_of(text).handles
-    end, count = before.ends[-1].uv, len(before.ends)
+    end = before.ends[-1].uv
+    count = len(before.ends)
     a, b, c = (end + x for x in ([0.01, 0.02], [0.02, 0.0], [0.0, -0.01]))
     lines = [{"to": a.tolist()}, {"to": b.tolist()}]
     job, handles = again(text, do="draw", start=end.tolist(), segments=lines)
     assert handles.kind == before.kind and len(handles.ends) == count + 2
     np.testing.assert_allclose([x.uv for x in handles.ends[-2:]], [a, b], atol=1e-12)
     # A shape elsewhere is reached by a line.
-    arc, circle = {"via": b.tolist(), "to": c.tolist()}, {"center": b.tolist()}
+    arc = {"via": b.tolist(), "to": c.tolist()}
+    circle = {"center": b.tolist()}
     job, handles = again(text, do="draw", start=a.tolist(), segments=[arc])
     path = job.program.contours[0].path
     assert len(path) == len(state_of(text).handles.job.program.contours[0].path) + 2
@@ -343,7 +348,8 @@ MIXED = TEXT.replace(
     ("text", "run"), [(TEXT, "paper"), (TEXT, "own"), (ROBOT, "own"), (MIXED, "paper")]
 )
 def test_every_field_can_be_set_and_then_has_that_value(text, run):
-    data, job = load(text, ""), parse_job(text)
+    data = load(text, "")
+    job = parse_job(text)
     state = EditState(data=data, run=run, handles=handles_of(job, data))
     for key, x in slider_rows(data, job, run).items():
         target = 0.8 * x["max"]
@@ -385,7 +391,8 @@ def unit_in_si(key):
 def test_tilting_the_tool_works_for_every_form_of_orientation(orientation):
     text = ROBOT.replace("{axis: [0, 0, -1]}", orientation)
     for name, value, expected in (("angle", "10", (10, 0)), ("towards", "90 deg", (10, 90))):
-        data, job = load(text, ""), parse_job(text)
+        data = load(text, "")
+        job = parse_job(text)
         state = EditState(data=data, run="own", handles=handles_of(job, data))
         text = change_text(text, changes_of({"do": "tilt", name: value}, state))
         new = load(text, "")

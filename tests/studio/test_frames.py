@@ -56,8 +56,10 @@ def near(actual, expected, within):
 
 def test_points_are_on_the_path_with_their_times_and_speeds(shown, view):
     planned, frame = shown
-    s, a = frame.arrays["path_s"].astype(float), frame.arrays
-    path, trajectory = planned.path.path, planned.trajectory
+    s = frame.arrays["path_s"].astype(float)
+    a = frame.arrays
+    path = planned.path.path
+    trajectory = planned.trajectory
     inside = np.clip(s, 0, path.length)
     near(a["path"] + view.centre, uv(view, path(inside)), 1e-7)
     near(a["xyz"][:, :2], path(inside), 1e-7)
@@ -71,7 +73,8 @@ def test_points_are_on_the_path_with_their_times_and_speeds(shown, view):
 
 def test_colours_are_those_of_the_explanation(shown):
     planned, frame = shown
-    bindings, a = planned.explanation.bindings, frame.arrays
+    bindings = planned.explanation.bindings
+    a = frame.arrays
     random = np.random.default_rng(3).uniform(0, planned.path.length, 200)
     names = [x["name"] for x in frame.header["limits"]]
     drawn = a["path_s"].astype(float)
@@ -94,7 +97,8 @@ def test_colours_are_those_of_the_explanation(shown):
 
 def test_charts_show_the_use_of_the_limits(shown, gasket):
     planned, frame = shown
-    a, limits = frame.arrays, planned.run.limits
+    a = frame.arrays
+    limits = planned.run.limits
     assert (np.diff(a["t"]) >= 0).all() and a["t"][0] == 0
     assert a["q"].dtype == np.float64
     use = check(planned.trajectory, planned.job.arm, limits)["joint_acceleration"]
@@ -130,7 +134,8 @@ def test_the_cut_is_half_of_the_kerf_from_the_drawn_contours(previewer, square, 
     square["process"] = {"kerf": "1 mm", "by_layer": marks, **leads}
     planned = previewer.plan(square)
     frame = packed(picture_frame(planned, view))
-    a, cut = frame.arrays, [x for x in planned.path.contours if x.layer == "CUT"]
+    a = frame.arrays
+    cut = [x for x in planned.path.contours if x.layer == "CUT"]
     assert frame.header["kerfs"] == [1e-3] * len(cut)
     parts = np.split(a["cut"], a["cut_breaks"][1:-1])
     # Along the active lead-in, without the lead-out.
@@ -147,7 +152,8 @@ def test_the_cut_is_half_of_the_kerf_from_the_drawn_contours(previewer, square, 
 def test_the_process_of_each_contour_is_drawn(previewer, square, view):
     """Numbers, names, pierces and parts with the process off; one contour has other settings."""
     square["path"] = {"file": "gasket.dxf", "orientation": {"axis": [0, 0, -1]}}
-    lead, tabs = {"length": "2 mm"}, {"count": 2, "width": "1 mm"}
+    lead = {"length": "2 mm"}
+    tabs = {"count": 2, "width": "1 mm"}
     process = {"lead_in": lead, "lead_out": lead, "switch": {"name": "laser"}}
     square["process"] = process | {"order": "drawn"}
     others = [x["t"] for x in picture_frame(previewer.plan(square), view).header["contours"][:2]]
@@ -208,7 +214,8 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     figures = {x["name"]: x for x in render.frame(evaluation.to_data())}
     for x in (y for y in frame.header["rows"] if y["name"] not in ("kept", "off_drawing")):
         assert x == figures[x["name"]] | {"value": pytest.approx(figures[x["name"]]["value"])}
-    a, path = frame.arrays, executed.planned.path.path
+    a = frame.arrays
+    path = executed.planned.path.path
     execution = executed.execution
     tool = execution.tool[np.abs(execution.t - a["t"][:, None]).argmin(axis=1)]
     evaluation = a["base"] + view.centre + a["offset"]
@@ -232,7 +239,8 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
 def test_the_arm_is_also_animated_between_contours(previewer_of_plans, plans, gasket_plan, view):
     for planned in (plans["proposed"], gasket_plan):
         executed = previewer_of_plans.execute(planned)
-        a, execution = packed(execution_frame(executed, view)).arrays, executed.execution
+        a = packed(execution_frame(executed, view)).arrays
+        execution = executed.execution
         played = [np.interp(execution.t, a["pose_t"], q) for q in a["q"].T]
         np.testing.assert_allclose(np.transpose(played), execution.q, rtol=0, atol=1e-4)
         tool = execution.arm.tool_position(a["q"])
@@ -243,7 +251,8 @@ def test_refusals_state_the_position_of_the_cause(paper, plans, view):
     path = {"points": [[0.35, 0.1], [0.41, 0.15], [0.9, 0.3], [0.35, 0.35]]}
     with pytest.raises(Unreachable) as caught:
         CoarsePlanner().plan(paper | {"path": path}, "optimal")
-    error, waypoints = caught.value, uv(view, np.array(path["points"]))
+    error = caught.value
+    waypoints = uv(view, np.array(path["points"]))
     header = refusal_header(error, view, tier=1, run="optimal", waypoints=waypoints)
     assert header["sentence"] == str(error) and header["exit"] == 3
     assert (header["error"], header["tier"], header["run"]) == ("Unreachable", 1, "optimal")
@@ -256,7 +265,8 @@ def test_refusals_state_the_position_of_the_cause(paper, plans, view):
     assert (position["waypoint"], position["s"], position["joint"]) == (1, 0.3, 2)
     assert "waypoint" not in refusal_header(error, view, tier=1, waypoints=waypoints[:1])["at"]
     # A time has the place of the plan.
-    planned, error = plans["optimal"], ExecutionError("It did not rest.", t=2.0, joint=1)
+    planned = plans["optimal"]
+    error = ExecutionError("It did not rest.", t=2.0, joint=1)
     tool = planned.job.arm.tool_position(planned.trajectory(2.0))
     position = refusal_header(error, view, tier=2, planned=planned)["at"]
     np.testing.assert_allclose(position["uv"], uv(view, tool))
@@ -306,7 +316,8 @@ class TestResults:
         planned = exact(previewer, paper, name)
         executed = previewer.execute(planned)
         study_run = whole(paper, name, 4e-3)
-        evaluation, duration = study_run.evaluation, study_run.trajectory.duration
+        evaluation = study_run.evaluation
+        duration = study_run.trajectory.duration
         assert planned.trajectory.duration == pytest.approx(duration, abs=1e-12)
         assert executed.settled == evaluation.settled
         assert executed.errors.rms == pytest.approx(evaluation.contour_error.rms, rel=1e-12)

@@ -93,7 +93,8 @@ scene:
     corners = (parsed.job.arm.chain.base @ pose).position + (signs * box["size"]) @ (
         parsed.job.arm.chain.base @ pose
     ).rotation.T
-    projected, hull = parsed.plane.uv(corners), box["uv"] + box["outline"]
+    projected = parsed.plane.uv(corners)
+    hull = box["uv"] + box["outline"]
     # Every corner of the outline is one of the box, and no corner of the box is outside of it.
     assert np.linalg.norm(hull[:, None] - projected, axis=2).min(axis=1).max() < 1e-12
     sides = np.roll(hull, -1, axis=0) - hull

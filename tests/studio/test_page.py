@@ -81,7 +81,8 @@ def test_a_difference_has_the_digits_of_figures_whose_zeros_are_left_out():
 def test_the_part_under_the_pointer_is_the_nearest_of_all():
     random = np.random.default_rng(11)
     lines = [random.normal(size=(1, 2)) + 0.1 * random.normal(size=(9, 2)) for _ in range(40)]
-    points, starts = np.concatenate(lines), np.arange(0, 360, 9)
+    points = np.concatenate(lines)
+    starts = np.arange(0, 360, 9)
     at = random.normal(size=(200, 2)) * 1.5
     found = compute(
         """
@@ -91,7 +92,8 @@ def test_the_part_under_the_pointer_is_the_nearest_of_all():
         """,
         [points, starts, at],
     )
-    begin, way = points[:-1], np.diff(points, axis=0)
+    begin = points[:-1]
+    way = np.diff(points, axis=0)
     share = np.einsum("qij,ij->qi", at[:, None] - begin, way) / np.sum(way**2, axis=1)
     on = begin + np.clip(share, 0.0, 1.0)[..., None] * way
     distance = np.linalg.norm(at[:, None] - on, axis=2)
@@ -99,6 +101,7 @@ def test_the_part_under_the_pointer_is_the_nearest_of_all():
     near = distance.min(axis=1) < 0.05
     assert near.any() and not near.all()
     # Two pieces are equally near where they meet, except for rounding.
-    rows, (close, any_piece) = np.arange(len(at)), np.array(found).T
+    rows = np.arange(len(at))
+    close, any_piece = np.array(found).T
     np.testing.assert_allclose(distance[rows, any_piece], distance.min(axis=1), rtol=1e-12)
     np.testing.assert_array_equal(close, np.where(near, any_piece, -1))

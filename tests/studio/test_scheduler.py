@@ -146,13 +146,15 @@ class Nested(RestingWorker):
 
     def __init__(self, deliver):
         super().__init__(deliver)
-        self.newest, self.busy = None, False
+        self.newest = None
+        self.busy = False
 
     def submit(self, work):
         self.newest = work
         if self.busy:
             return
-        self.busy, done = True, None
+        self.busy = True
+        done = None
         while done is not self.newest:
             done = self.newest
             done(lambda within=0.0, done=done: self.newest is not done)
@@ -162,7 +164,8 @@ class Nested(RestingWorker):
 @pytest.fixture
 def during(monkeypatch):
     """Call a function during the next plan, which then reports its progress."""
-    acts, plan = [], CoarsePlanner.plan
+    acts = []
+    plan = CoarsePlanner.plan
 
     def planning(self, data, run=None, progress=None, **how):
         if acts:

@@ -33,7 +33,8 @@ class Heard(logging.Handler):
 
 @pytest.fixture(scope="module")
 def heard():
-    handler, root = Heard(), logging.getLogger()
+    handler = Heard()
+    root = logging.getLogger()
     before = root.level
     root.addHandler(handler)
     root.setLevel(logging.DEBUG)

@@ -59,7 +59,8 @@ def test_silent_and_incomplete_connections_do_not_block_a_page(file):
 
 
 def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(file, tmp_path):
-    target, link = tmp_path / "home" / "job.yaml", tmp_path / "link.yaml"
+    target = tmp_path / "home" / "job.yaml"
+    link = tmp_path / "link.yaml"
     target.parent.mkdir()
     target.write_text(file.read_text())
     link.symlink_to(target)
@@ -73,7 +74,8 @@ def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(file, tmp_p
 
 def test_slow_pages_receive_the_newest_state():
     async def talk():
-        tab, sent = OpenPage(), []
+        tab = OpenPage()
+        sent = []
         for k in range(100):
             tab.send(b"%d" % k, "picture")
         tab.send(b"notice")
@@ -93,7 +95,8 @@ def test_slow_pages_receive_the_newest_state():
 
 def test_pages_that_open_before_the_session_join_it(session):
     async def talk():
-        session_host, tab = SessionHost(lambda say: session), OpenPage()
+        session_host = SessionHost(lambda say: session)
+        tab = OpenPage()
         session_host.join(tab)
         session_host.receive(tab, {"op": "nonsense", "id": 0})
         session_host.start()

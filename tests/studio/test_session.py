@@ -28,7 +28,8 @@ pytestmark = pytest.mark.usefixtures("no_hurry")
 
 
 def test_two_pages_show_the_same_and_do_not_undo_each_other(session, tab):
-    other, whole = SessionPage(session), figure(tab.last("picture"), "duration")
+    other = SessionPage(session)
+    whole = figure(tab.last("picture"), "duration")
     tab.edit({**MOVE, "to": [0.4, 0.2]}, gesture=1, final=False)
     assert figure(other.last("picture"), "duration") == figure(tab.last("picture"), "duration")
     assert other.last("picture")["seq"] is None

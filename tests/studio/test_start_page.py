@@ -66,7 +66,8 @@ def test_each_example_of_the_start_page_can_be_run_with_each_arm(arm, tmp_path):
 
 def test_a_long_drawing_is_shown_before_its_job_is_read(tmp_path):
     shapes = "".join(f'<circle cx="{3 * k}" cy="{k % 7}" r="1"/>' for k in range(1, 121))
-    file, sent = tmp_path / "circles.svg", []
+    file = tmp_path / "circles.svg"
+    sent = []
     file.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 400 400">{shapes}</svg>')
     job = tmp_path / "job.yaml"
     job.write_text(
@@ -79,7 +80,8 @@ def test_a_long_drawing_is_shown_before_its_job_is_read(tmp_path):
         sent.append(MessageFrame.unpack(data))
 
     session = open_session(job, send=send, task_worker=RecordingTaskWorker)
-    tab, early = SessionPage(session), sent[-1]
+    tab = SessionPage(session)
+    early = sent[-1]
     session.begin()
     late = next(x for x in tab.frames if x.kind == "picture")
     session.close()
@@ -92,7 +94,8 @@ def test_a_long_drawing_is_shown_before_its_job_is_read(tmp_path):
 def test_an_empty_plane_is_drawn_on_and_undone(opened):
     session, tab = opened()
     tab.say("new", card="empty", arm="ur10e")
-    blank, text = tab.last("document"), session.editor.document.text
+    blank = tab.last("document")
+    text = session.editor.document.text
     assert blank["path"]["kind"] == "blank" and not blank["start"] and "ur10e" in text
     assert tab.last("picture")["tier"] == "outline"
     a, b = np.array(tab.last("picture")["centre"]) + [[0, 0], [0.05, 0.02]]
@@ -111,7 +114,8 @@ def test_an_empty_plane_is_drawn_on_and_undone(opened):
 def test_recent_files_are_offered_if_they_still_exist(opened, tmp_path):
     folder = tmp_path / "elsewhere"
     folder.mkdir()
-    job, drawing = folder / "job.yaml", folder / "gasket.dxf"
+    job = folder / "job.yaml"
+    drawing = folder / "gasket.dxf"
     job.write_text(JOB)
     shutil.copy(DRAWINGS / "gasket.dxf", drawing)
     opened(job)
@@ -131,7 +135,8 @@ def test_recent_files_are_offered_if_they_still_exist(opened, tmp_path):
 
 
 def test_opening_a_recent_file_does_not_allow_other_folders(opened, tmp_path):
-    inside, outside = tmp_path / "a" / "job.yaml", tmp_path / "b" / "secret.svg"
+    inside = tmp_path / "a" / "job.yaml"
+    outside = tmp_path / "b" / "secret.svg"
     for x in (inside, outside):
         x.parent.mkdir()
     shutil.copy(Path(ac.__file__).parent / "jobs" / "library" / "plate.svg", outside)

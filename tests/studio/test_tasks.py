@@ -66,7 +66,8 @@ def test_the_results_of_a_task_equal_a_run_of_the_saved_job(name_of_job, request
     text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
     study = run(parse_job(text, folder=DRAWINGS))
     for name, result in study.runs.items():
-        figures, e = ask("figures", text, name).header, result.evaluation
+        figures = ask("figures", text, name).header
+        e = result.evaluation
         rows = {"duration": e.duration, "settled": e.settled}
         rows |= {f"contour_error.{x}": getattr(e.contour_error, x) for x in ("rms", "max")}
         rows["off_drawing"] = e.contour_error.max + (result.rounding_error or 0.0)

@@ -56,7 +56,8 @@ def test_the_page_is_in_the_wheel_and_is_small():
     clone = next((x for x in server.STATIC.parents if (x / ".git").exists()), None)
     if shutil.which("git") is None or clone is None:
         pytest.skip("This is no clone: what git ignores, and the wheel leaves out, is not known.")
-    command, names = ["git", "check-ignore", "--stdin"], "\n".join(map(str, FILES))
+    command = ["git", "check-ignore", "--stdin"]
+    names = "\n".join(map(str, FILES))
     ignored = subprocess.run(command, input=names, cwd=clone, capture_output=True, text=True)
     assert ignored.returncode == 1 and ignored.stdout == "", ignored.stderr
 

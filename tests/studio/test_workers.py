@@ -16,7 +16,8 @@ class Heard:
     """Collects frames, and waits for one."""
 
     def __init__(self):
-        self.frames, self.news = [], Condition()
+        self.frames = []
+        self.news = Condition()
 
     def __call__(self, frame):
         with self.news:
@@ -33,7 +34,9 @@ class Heard:
 
 
 def test_only_the_newest_waiting_task_is_done():
-    begun, go, heard = Event(), Event(), Heard()
+    begun = Event()
+    go = Event()
+    heard = Heard()
 
     def first(stale):
         assert not stale() and not stale(within=1e-6)

@@ -21,7 +21,8 @@ def test_oscilloscope_traces_become_degrees():
 
 
 def test_velocities_are_integrated_until_a_lost_packet():
-    rate, times = "0\n1\n0\n3\n0\n5\n", "0\n0.5\n1\n"
+    rate = "0\n1\n0\n3\n0\n5\n"
+    times = "0\n0.5\n1\n"
     positions = "\n".join(map(str, range(8)))
     columns = fetch_logs.from_panda(rate, times, "10\n20\n", "0\n0.005\n0.01\n1\n", positions)
     slopes = 20 + 2 * np.array([0, 0.005, 0.01])

@@ -20,7 +20,8 @@ def test_renamed_names_are_replaced_only_as_whole_words():
 
 
 def test_rows_with_names_are_compared_by_their_names():
-    first, second = {"name": "speed", "ratio": 0.5}, {"name": "joint_jerk", "ratio": 0.9}
+    first = {"name": "speed", "ratio": 0.5}
+    second = {"name": "joint_jerk", "ratio": 0.9}
     assert list(differences([first, second], [second, first])) == []
     (changed,) = differences([first, second], [second, {**first, "ratio": 0.6}])
     assert changed.startswith("/speed/ratio")

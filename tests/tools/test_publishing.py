@@ -148,7 +148,8 @@ def requirements(entries):
 
 
 def test_the_recipe_has_the_requirements_of_the_project():
-    recipe, data = load(ROOT / release.RECIPE), project()
+    recipe = load(ROOT / release.RECIPE)
+    data = project()
     python = data["requires-python"].removeprefix(">=")
     assert recipe["context"]["python_min"] == python
     needed = recipe["requirements"]

@@ -18,7 +18,8 @@ from armcontour.verification.limit_verdict import LimitUseAccumulator
 def laps(durations, ddq, q):
     """Uniform joint accelerations one after the other, from rest at `q`."""
     t = np.concatenate([[0], np.cumsum(durations)])
-    positions, velocities = [np.array(q)], [np.zeros(2)]
+    positions = [np.array(q)]
+    velocities = [np.zeros(2)]
     for h, a in zip(durations, np.array(ddq), strict=True):
         positions.append(positions[-1] + velocities[-1] * h + a * h**2 / 2)
         velocities.append(velocities[-1] + a * h)
@@ -321,7 +322,8 @@ def test_invalid_trajectories_are_refused(arm, refuses):
 
 
 def test_checks_with_missing_or_contradictory_inputs_are_refused(arm, objective, refuses):
-    log, three = SimpleNamespace(**GOOD), ac.Limits.only(joint_acceleration=[1, 1, 1])
+    log = SimpleNamespace(**GOOD)
+    three = ac.Limits.only(joint_acceleration=[1, 1, 1])
     spline = LapLaw(
         breaks=np.array([0, 1.0]), q=np.zeros((2, 3)), dq=np.zeros((1, 3)), ddq=np.zeros((1, 3))
     )

@@ -27,12 +27,17 @@ class Phases:
     @classmethod
     def of(cls, durations, jerks, *, velocity=0.0, jumps=None):
         """From a velocity of joint 1 on, whose acceleration jumps before every phase."""
-        breaks, terms = np.concatenate([[0], np.cumsum(durations)]), []
-        q, v, a = START, np.array([velocity, 0.0]), np.zeros(2)
+        breaks = np.concatenate([[0], np.cumsum(durations)])
+        terms = []
+        q = START
+        v = np.array([velocity, 0.0])
+        a = np.zeros(2)
         for k, (h, j) in enumerate(zip(durations, np.asarray(jerks), strict=True)):
             a = a + [0.0 if jumps is None else jumps[k], 0.0]
             terms.append([j / 6, a / 2, v, q])
-            q, v, a = q + h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j
+            q = q + h * (v + h * (a / 2 + h * j / 6))
+            v = v + h * (a + h * j / 2)
+            a = a + h * j
         return cls(breaks, PPoly(np.swapaxes(np.array(terms), 0, 1), breaks))
 
     @property
@@ -96,7 +101,8 @@ def test_laws_that_start_in_motion_or_jump_are_checked_for_jerk():
     def part(t, order=0, *, side="right"):
         return SMOOTH(t, order, side=side)
 
-    part.breaks, part.duration = SMOOTH.breaks[1:-1], 0.0
+    part.breaks = SMOOTH.breaks[1:-1]
+    part.duration = 0.0
     assert np.abs(part(part.breaks, 2)).min() > 0.4
     assert ac.check(part, ARM, LIMITS).verdict == "kept"
     path = ac.JointPath.spline([START, START + [0.5, -0.2]])
@@ -134,7 +140,8 @@ def test_samples_of_a_motion_within_its_limits_are_never_violations():
 
 def test_rounded_samples_are_tolerated_and_few_samples_prove_no_violation():
     log = sampled(SMOOTH, times(1e-3), ["q"])
-    log.q, log.resolution = np.round(log.q, 6), {"q": 1e-6}
+    log.q = np.round(log.q, 6)
+    log.resolution = {"q": 1e-6}
     check = ac.check(log, ARM, LIMITS)
     # Six decimals at 1 ms are 4000 rad/s³, so the computed jerk is far above the limit.
     assert check.verdict == "cannot tell" and check["joint_jerk"].highest.ratio > 10
@@ -165,6 +172,7 @@ def test_no_jerk_violation_is_reported_for_valid_motions(durations, seed, digits
         setattr(log, name, np.round(getattr(log, name), digits))
     log.resolution = dict.fromkeys(names, 10.0**-digits)
     if clock is not None:
-        log.t, log.resolution["t"] = np.round(t, 5), clock
+        log.t = np.round(t, 5)
+        log.resolution["t"] = clock
     check = ac.check(log, ARM, LIMITS)
     assert not check.violated, check.worst

@@ -14,7 +14,8 @@ from armcontour.motion import LapLaw
 
 def by_hand(arm, t, tool, demand=None, planned=None):
     """An execution whose tool is at `tool` at times `t`; velocities by differences."""
-    t, tool = np.asarray(t, float), np.asarray(tool, float)
+    t = np.asarray(t, float)
+    tool = np.asarray(tool, float)
     q = arm.joint_position(tool)
     dq = np.gradient(q, t, axis=0)
     demand = np.zeros_like(q) if demand is None else np.asarray(demand, float)
@@ -154,7 +155,8 @@ def test_demands_are_compared_with_the_limit_of_their_direction(arm):
     by_arm = ac.evaluate(execution, LINE)
     np.testing.assert_allclose(by_arm.demand_ratio, (2.0, 0.5))
     demand = np.zeros((len(T), 2))
-    demand[100], demand[120] = (0.9, 0.3), (-0.6, -0.6)
+    demand[100] = (0.9, 0.3)
+    demand[120] = (-0.6, -0.6)
     executed = by_hand(arm, T, ALONG, demand=demand)
     both = ac.Limits.only(joint_acceleration=1.0)
     assert ac.evaluate(executed, LINE, limits=both).demand_ratio.tolist() == [0.9, 0.6]
@@ -192,7 +194,8 @@ def test_invalid_options_of_evaluate_are_refused(arm, refuses):
 
 
 def test_a_rotated_tool_has_that_orientation_error():
-    arm, down = ac.load_arm("ur5e"), np.diag([1.0, -1.0, -1.0])
+    arm = ac.load_arm("ur5e")
+    down = np.diag([1.0, -1.0, -1.0])
     bare = ac.Path.polyline([(0.45, -0.05, 0.25), (0.45, 0.05, 0.25)])
     line = bare.oriented(down)
     planned = ac.plan(line, arm, arm.limits.replace(speed=0.1))

@@ -48,10 +48,14 @@ def test_the_jerk_of_set_points_is_their_third_difference():
     cycle = 4e-3
     # Phases of whole cycles, from rest to rest: 7 rad/s³ up, down for twice as long, up.
     jerks = np.repeat([7.0, -7.0, -7.0, 7.0], 10)
-    q, v, a, rows = 0.3, 0.0, 0.0, [0.3]
+    q = 0.3
+    v = 0.0
+    a = 0.0
+    rows = [0.3]
     for j in jerks:
         q += cycle * (v + cycle * (a / 2 + cycle * j / 6))
-        v, a = v + cycle * (a + cycle * j / 2), a + cycle * j
+        v = v + cycle * (a + cycle * j / 2)
+        a = a + cycle * j
         rows.append(q)
     points = np.stack([rows, np.full(len(rows), 0.9)], axis=1)
     data = ac.SetPoints(cycle=cycle, q=points, trajectory=STILL, method="none")

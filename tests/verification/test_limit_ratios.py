@@ -56,10 +56,13 @@ def measured(plan, path, limits=LIMITS):
 @pytest.mark.parametrize(("method", "places"), [("optimal", 11), ("conventional", 200)])
 def test_the_ratios_of_a_plan_equal_those_of_dense_samples(method, places):
     # Limits of jerk are not planned for, but counted.
-    task, options = LIMITS.replace(joint_jerk=np.inf), ac.Optimal()
+    task = LIMITS.replace(joint_jerk=np.inf)
+    options = ac.Optimal()
     path = ac.round_corners(PATH, tolerance=5e-3)
     if method == "conventional":
-        task, path, options = ac.Limits.only(speed=0.04), PATH, ac.Conventional()
+        task = ac.Limits.only(speed=0.04)
+        path = PATH
+        options = ac.Conventional()
     plan = ac.plan(path, ARM, task, options)
     ratios = measured(plan, path)
     for name, ratio in dense(plan, places).items():

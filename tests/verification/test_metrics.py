@@ -125,7 +125,9 @@ def test_overshoot_is_measured_across_the_leaving_line():
         assert corners.overshoot == pytest.approx(0.01, rel=1e-9), turn
 
 
-FAST, SLOW, JOINT = 0.1, 0.02, 0.05
+FAST = 0.1
+SLOW = 0.02
+JOINT = 0.05
 
 
 def path(first=FAST, last=SLOW):

@@ -36,7 +36,8 @@ def moved(path, random, n=3000, cut=0.0):
         s = s[np.abs(s - stop) > random.uniform(0.2, 1) * cut]
     s[[0, -1]] = 0, path.length
     middle = path(s)
-    phase, wave = random.uniform(0, 6, 2), random.uniform(100, 300, 2)
+    phase = random.uniform(0, 6, 2)
+    wave = random.uniform(100, 300, 2)
     return middle + OFF / 2 * np.sin(wave * s[:, None] + phase), s
 
 
@@ -47,7 +48,9 @@ def near(path, tool, s, window):
         low = np.maximum(s - window, path.breaks[k])
         high = np.minimum(s + window, path.breaks[k + 1])
         inside = low <= high
-        low, high, points = low[inside], high[inside], tool[inside]
+        low = low[inside]
+        high = high[inside]
+        points = tool[inside]
         if not len(points):
             continue
         for _ in range(4):
@@ -55,9 +58,11 @@ def near(path, tool, s, window):
                 low[:, None] + np.linspace(0, 1, 25) * (high - low)[:, None], path.length
             )
             distances = np.linalg.norm(path(u.ravel()).reshape(-1, 25, 2) - points[:, None], axis=2)
-            i, rows = distances.argmin(axis=1), np.arange(len(u))
+            i = distances.argmin(axis=1)
+            rows = np.arange(len(u))
             best[inside] = np.minimum(best[inside], distances.min(axis=1))
-            low, high = u[rows, np.maximum(i - 1, 0)], u[rows, np.minimum(i + 1, 24)]
+            low = u[rows, np.maximum(i - 1, 0)]
+            high = u[rows, np.minimum(i + 1, 24)]
     return best
 
 
@@ -67,7 +72,8 @@ def left_out(path, tool, s, window):
     fine = np.linspace(0, len(tool) - 1, 40 * len(tool))
     tool = np.stack([np.interp(fine, np.arange(len(tool)), x) for x in tool.T], axis=1)
     s = np.interp(fine, np.arange(len(s)), s)
-    first, last = np.searchsorted(s, places - window), np.searchsorted(s, places + window)
+    first = np.searchsorted(s, places - window)
+    last = np.searchsorted(s, places + window)
     worst = 0.0
     for x, i, j in zip(path(places), first, last, strict=True):
         worst = max(worst, np.linalg.norm(tool[max(i - 1, 0) : j + 1] - x, axis=1).min())

@@ -14,7 +14,8 @@ import armcontour as ac
 from armcontour.control.compensation import METHODS
 
 # Relative difference AGREE to errors of FINER times as many samples; a sampled kink is smaller.
-FINER, AGREE = 50, 1e-6
+FINER = 50
+AGREE = 1e-6
 CORNERS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
 
 

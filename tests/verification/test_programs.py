@@ -63,7 +63,8 @@ def test_every_contour_is_evaluated_while_its_process_is_on(execution, program):
     evaluation = ac.evaluate(execution, program, limits=LIMITS)
     spans = [x for x in execution.set_points.trajectory.spans if x.kind == "contour"]
     assert len(evaluation.contours) == len(spans) == 2
-    squares, times = 0.0, 0.0
+    squares = 0.0
+    times = 0.0
     for profile, span, contour in zip(evaluation.contours, spans, program.contours, strict=True):
         assert span.work is not None
         inside = (execution.t >= span.work[0]) & (execution.t < span.work[1])
@@ -89,7 +90,8 @@ def test_every_contour_is_evaluated_while_its_process_is_on(execution, program):
 def test_a_program_of_one_contour_has_the_evaluation_of_its_path():
     path = ac.round_corners(BEND, tolerance=1e-3)
     one = round_corners(Program(moves=(Contour(path=BEND),)), tolerance=1e-3)
-    alone, as_program = executed(path), executed(one)
+    alone = executed(path)
+    as_program = executed(one)
     np.testing.assert_array_equal(alone.q, as_program.q)
     first = ac.evaluate(alone, path, objective=BEND, limits=LIMITS, limit_use=True)
     objective = Program(moves=(Contour(path=BEND),))
@@ -157,7 +159,8 @@ def test_a_program_that_was_not_planned_is_refused(execution, program, refuses):
         (partial(ac.check, plain.set_points.trajectory, ARM, LIMITS, "path"), "not 'path'"),
     ):
         refuses(call, InvalidInput, words)
-    planned, whole = plain.set_points.trajectory, Program(moves=(Contour(path=BEND),))
+    planned = plain.set_points.trajectory
+    whole = Program(moves=(Contour(path=BEND),))
     deviations = [ac.check(planned, ARM, LIMITS, x).path_deviation for x in (whole, BEND)]
     assert deviations[0] == deviations[1]
 

@@ -41,7 +41,8 @@ def smallest_factor(first, last, span, low, high):
     ]
     change = np.subtract(last, advance(first, span, 0.0))
     scale = span ** np.arange(order, 0, -1)
-    identity, ones = np.eye(CELLS), np.ones((CELLS, 1))
+    identity = np.eye(CELLS)
+    ones = np.ones((CELLS, 1))
     result = linprog(
         [*np.zeros(CELLS), 1.0],
         A_ub=np.block([[identity, -high * ones], [-identity, low * ones]]),
@@ -85,9 +86,11 @@ def test_the_certain_ratio_of_two_samples_equals_that_of_a_linear_program(order)
 
 def motion(random, order, low, high, need):
     """Samples of a motion that needs a multiple of the bounds in one interval only."""
-    count, span = 20, 10 ** random.uniform(-3, -1)
+    count = 20
+    span = 10 ** random.uniform(-3, -1)
     spans = span * random.choice([np.ones(count), random.uniform(0.5, 2, count)])
-    worst, states = random.integers(count), [list(random.normal(size=order) * span)]
+    worst = random.integers(count)
+    states = [list(random.normal(size=order) * span)]
     for k, whole in enumerate(spans):
         # In the interval, the highest derivative has no more switches than the smallest one has.
         ends = np.sort(np.concatenate([[0, 1], random.uniform(0.1, 0.9, order - 1)])) * whole
@@ -117,7 +120,8 @@ def test_only_motions_that_require_more_than_a_limit_are_violations(order):
 def test_positions_that_contradict_velocities_are_found():
     arm = ac.load_arm("ur5e")
     t = np.arange(101) / 100
-    start, size = np.array([0, -1, 1.2, -1, -1.5, 0]), np.linspace(0.06, 0.2, 6)
+    start = np.array([0, -1, 1.2, -1, -1.5, 0])
+    size = np.linspace(0.06, 0.2, 6)
     angle = 2 * np.pi * t[:, None]
     log = SimpleNamespace(
         t=t,

@@ -64,7 +64,8 @@ def check(options: Check, _: None, progress: Progress) -> Outcome:
     if scene is not None:
         # Times are as in the file.
         clearance = check_clearance(samples.straight, arm, scene).later(float(samples.t[0]))
-    name, rate = options.controller, read_option("--rate", options.rate, Frequency)
+    name = options.controller
+    rate = read_option("--rate", options.rate, Frequency)
     raise_if((name is None) != (rate is None), "--controller and --rate require each other.")
     if name is not None and rate is not None:
         commands = verification.check_interpolation(
@@ -106,10 +107,12 @@ def _limits_and_path(
     options: Check, job: Job | None, arm: Arm
 ) -> tuple[Limits, Program | None, dict[str, Any]]:
     """Limits, path, and allowed deviations of position [m] and orientation [rad] from the path."""
-    path, limits = None, arm.limits
+    path = None
+    limits = arm.limits
     if job is not None:
         run = _run(job, options)
-        path, limits = round_program(job, run, prepare_program(job, run)), run.limits
+        path = round_program(job, run, prepare_program(job, run))
+        limits = run.limits
     if options.limits is None:
         return limits, path, {}
     limits, deviation, angle = files.read_limits(options.limits, arm)

@@ -15,7 +15,8 @@ from armcontour.cli.console import ProgressDisplay, print_lines
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import listen_to_compilation
 
-REPORT, SUMMARY = "report.html", "summary.json"
+REPORT = "report.html"
+SUMMARY = "summary.json"
 
 
 @dataclass(frozen=True, kw_only=True)

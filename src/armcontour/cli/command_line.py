@@ -22,8 +22,11 @@ from armcontour.core.text import describe_fields
 
 T = TypeVar("T")
 # Topics under which the help lists the commands.
-RUN, PREPARE, JUDGE = "Plan and run", "Look, place, prepare", "Check and certify"
-ROBOT, INSTALLED = "With the robot", "About this installation"
+RUN = "Plan and run"
+PREPARE = "Look, place, prepare"
+JUDGE = "Check and certify"
+ROBOT = "With the robot"
+INSTALLED = "About this installation"
 # Options that set job keys, by name; `python -m tests.cli.test_options` writes the file.
 SHORT: dict[str, dict[str, Any]] = {
     x["option"].split("/")[0].strip("-").replace("-", "_"): x
@@ -186,7 +189,8 @@ def _parameters(options: Any) -> Iterator[Parameter]:
     The help of an option is its entry in a docstring. Its panel is the first sentence of the
     docstring of the base class that declares it.
     """
-    hints, texts = get_type_hints(options, include_extras=True), describe_fields(options)
+    hints = get_type_hints(options, include_extras=True)
+    texts = describe_fields(options)
     panels = {
         name: (base.__doc__ or "").partition(".")[0]
         for base in reversed(options.__mro__[1:])
@@ -208,8 +212,10 @@ def _parameters(options: Any) -> Iterator[Parameter]:
             continue
         option = typer.Option(f"--{x.name}")
         if get_origin(hint) is Annotated:
-            hint, option = hint.__origin__, copy(hint.__metadata__[0])
-        option.help, option.rich_help_panel = texts[x.name], panels.get(x.name)
+            option = copy(hint.__metadata__[0])
+            hint = hint.__origin__
+        option.help = texts[x.name]
+        option.rich_help_panel = panels.get(x.name)
         yield parameter(
             x.name, hint, option, Parameter.empty if x.default is MISSING else x.default
         )

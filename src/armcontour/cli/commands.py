@@ -20,8 +20,10 @@ from armcontour.cli.command_line import INSTALLED, JUDGE, PREPARE, ROBOT, RUN, c
 __all__ = ["program_for"]
 # Topics of options that set job keys, as in `job_options.json`.
 DRAWING = ("Drawing", "G-code")
-POSITION, SPEED = "Cell and position of the drawing", "Speed, corners and start"
-FILES, POINTS = "Files for robot controllers", "Points of these files"
+POSITION = "Cell and position of the drawing"
+SPEED = "Speed, corners and start"
+FILES = "Files for robot controllers"
+POINTS = "Points of these files"
 
 Keys: TypeAlias = dict[str, Any]
 Text: TypeAlias = str | None

@@ -90,7 +90,8 @@ class ProgressDisplay:
     """
 
     def __init__(self, title: str) -> None:
-        self._title, self._last = title, time.monotonic()
+        self._title = title
+        self._last = time.monotonic()
         self._bar: Any = None
         # Steps can come from the thread that compiles.
         self._lock = threading.Lock()
@@ -98,7 +99,8 @@ class ProgressDisplay:
 
     def __call__(self, step: Step) -> None:
         """Show a step."""
-        text, now = to_line(f"{self._title}: {step}"), time.monotonic()
+        text = to_line(f"{self._title}: {step}")
+        now = time.monotonic()
         if sys.stderr.isatty():
             with self._lock:
                 bar = self._bar = self._bar or _start_bar()

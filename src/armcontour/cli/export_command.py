@@ -29,7 +29,8 @@ from armcontour.robot.limit_use import use_of
 from armcontour.verification.evaluation import duration_row
 
 # Labels of exported set-points, and of the exported plan (without compensation).
-SET_POINTS, REFERENCE = "set_points", "reference"
+SET_POINTS = "set_points"
+REFERENCE = "reference"
 # Ratio of an exported acceleration to its limit above which a warning is given.
 MAX_ACCELERATION_RATIO = 3.0
 
@@ -58,9 +59,12 @@ def check_exports(job: Job, options: Mapping[str, object]) -> None:
 def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunResult) -> list[str]:
     """Export set-points and plan of a run; returns sentences about the files, and warnings."""
     analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
-    written, warnings, options = list[str](), dict[str, None](), job.export
+    written = list[str]()
+    warnings = dict[str, None]()
+    options = job.export
     for kind in options.formats:
-        format, label = formats.format_named(kind, options), f"export {kind}"
+        format = formats.format_named(kind, options)
+        label = f"export {kind}"
         # A URScript program needs the cycle of the run.
         cycle = None if isinstance(format, formats.URScriptFormat) else options.cycle
         motions: dict[str, tuple[SetPoints | Trajectory, float | None]] = {
@@ -122,7 +126,8 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
             f"The analog outputs {', '.join(run.analog)} are not exported, because a stored result "
             "does not contain their values. Export them with armcontour run."
         )
-    size, motion = count_noun(len(table.t), "point"), figure(duration_row(table.duration))
+    size = count_noun(len(table.t), "point")
+    motion = figure(duration_row(table.duration))
     line = f"Exported {SET_POINTS} of run {run.name}: {size}, {motion}: {file}"
     return Outcome(lines=[*lines, line])
 

@@ -32,7 +32,9 @@ from armcontour.report.identification import render_identification
 
 # Exit codes. DONE: every joint has a valid model and the compensation is trusted. PROVISIONAL:
 # trusted for one program only. DOUBTFUL: otherwise. No error has the exit code 9.
-DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
+DONE = 0
+DOUBTFUL = 1
+PROVISIONAL = 9
 
 
 def identify(options: Identify, folder: ResultFolder | None, progress: ProgressDisplay) -> Outcome:
@@ -84,7 +86,8 @@ def _identify_robot(
     motions = robot_identification.prepare_identification(
         job, controller, options.run_name, reserve, progress
     )
-    fitting, stop = replace(fitting, kinematics=job.arm), threading.Event()
+    fitting = replace(fitting, kinematics=job.arm)
+    stop = threading.Event()
     result = robot_identification.play_identification(
         motions, Player(controller, progress=progress), fitting
     )
@@ -93,7 +96,8 @@ def _identify_robot(
         with playing.confirmed(result.played["run"], stop, progress):
             result = robot_identification.play_identification(motions, player, fitting)
     if result.fit is None or result.prediction is None:
-        data, code = result.to_data(), playing.STOPPED if result.stopped else playing.DONE
+        data = result.to_data()
+        code = playing.STOPPED if result.stopped else playing.DONE
         end = "Stopped: nothing was identified." if result.stopped else playing.DRY
         return Outcome(lines=[*data_lines(data), end], page=plain(data), code=code)
     return _outcome(result.fit, folder, result.logs, [result.prediction.to_data(job.arm)])
@@ -118,7 +122,8 @@ def _outcome(
 
     `further`: further results to print; `rows`: further rows of the JSON output.
     """
-    data, servo = fit.to_data(), []
+    data = fit.to_data()
+    servo = []
     if folder is not None:
         if any(y.written for y in fit.joints):
             folder.write("servo.yaml", servo_yaml(fit))

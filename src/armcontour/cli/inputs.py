@@ -38,7 +38,8 @@ def read_patch(options: Any) -> tuple[Patch, dict[str, str]]:
     for name, value in getattr(options, "keys", {}).items():
         if value in (None, []):
             continue
-        row, option = SHORT[name], option_of(name)
+        row = SHORT[name]
+        option = option_of(name)
         try:
             value = READERS[row["read"]](value) if row["read"] else value
         except ValueError as error:
@@ -55,7 +56,8 @@ def read_patch(options: Any) -> tuple[Patch, dict[str, str]]:
             raise InvalidInput(
                 f"{names[key]} and --set {key} set the same key. Remove one of them."
             )
-        patch[keys], names[key] = value, "--set"
+        patch[keys] = value
+        names[key] = "--set"
     return patch, names
 
 
@@ -93,7 +95,8 @@ def open_job(file: FilePath, options: Any, progress: Progress) -> Job:
     """Read a job file, or combine a drawing with a cell, with the job keys of the options."""
     patch, names = read_patch(options)
     cell = getattr(options, "cell", None)
-    file, reading = find_file(file, cell), subprogress(progress, "reading")
+    file = find_file(file, cell)
+    reading = subprogress(progress, "reading")
     with name_options(names):
         return files.read_job(file, cell=cell, patch=patch, reading=reading)
 
@@ -168,7 +171,8 @@ def read_option(option: str, text: str | None, kind: Any) -> Any:
     """Read a quantity in SI units; values other than 0 require a unit; None without the option."""
     if text is None:
         return None
-    quantity, plain = get_args(kind)[1], text.strip()
+    quantity = get_args(kind)[1]
+    plain = text.strip()
     number = plain_number(plain)
     if number:
         # The message has only an example, because the intended unit is unknown.
@@ -184,5 +188,6 @@ def read_option(option: str, text: str | None, kind: Any) -> Any:
 
 def read_window(start: str | None, end: str | None) -> tuple[float, float]:
     """First and last used time of a log [s]; infinite if the option is not given."""
-    first, last = read_option("--from", start, Moment), read_option("--to", end, Moment)
+    first = read_option("--from", start, Moment)
+    last = read_option("--to", end, Moment)
     return -math.inf if first is None else first, math.inf if last is None else last

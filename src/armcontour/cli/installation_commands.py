@@ -68,7 +68,8 @@ def arms(options: Arms, _: None, progress: Progress) -> Outcome:
 
 def init(options: Init, _: None, progress: Progress) -> Outcome:
     """Write a built-in cell as a job file."""
-    cell, text = options.cell, files.cell_text(options.cell)
+    cell = options.cell
+    text = files.cell_text(options.cell)
     file = options.out or FilePath(f"{cell}.yaml")
     if file.suffix.lower() not in YAML:
         raise InvalidInput(f"The file of --out must have the extension {YAML[0]}, but is {file}.")

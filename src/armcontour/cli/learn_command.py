@@ -66,7 +66,8 @@ def learn(options: Learn, folder: ResultFolder | None, progress: ProgressDisplay
     log = read_run_log(options.log, names, window=window, columns=options.columns)
     print_lines(*(f"Note: {x}" for x in log.notes), err=True)
     lesson = learn_logs(job, plan, [log], set_points=set_points, progress=progress)
-    study, name = LearningStudy(job=job, plan=plan, lesson=lesson), plan.run.name
+    study = LearningStudy(job=job, plan=plan, lesson=lesson)
+    name = plan.run.name
     _write_study(study, folder)
     lines = [
         f"{job.title}, run {name}: error of the tool",
@@ -97,7 +98,8 @@ def _learn_robot(options: Learn, progress: ProgressDisplay) -> Outcome:
     player = Player(playing.controller_of(job, options), progress=progress)
     result = start_learning(job, player, options.run_name, reserve, logs)
     if result.continues(options.runs):
-        rehearsed, stop = learn_next(result, player, band), threading.Event()
+        rehearsed = learn_next(result, player, band)
+        stop = threading.Event()
         if out is None or not options.execute or rehearsed.played is None:
             result = rehearsed
         else:

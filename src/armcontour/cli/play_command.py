@@ -25,7 +25,8 @@ from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import Job
 
 # Exit codes. DONE: the motion was as simulated, or dry run. STOPPED: it was stopped or differs.
-DONE, STOPPED = 0, 1
+DONE = 0
+STOPPED = 1
 DRY = "Dry run: the robot has not moved. Add --execute to move the robot."
 
 
@@ -39,7 +40,8 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     band = read_option("--band", options.band, AngularDistance)
     job = open_job(options.job, options, progress)
     controller = controller_of(job, options)
-    learned, name = options.set_points, options.run_name
+    learned = options.set_points
+    name = options.run_name
     is_learned = learned is not None
     job, plan = player.plan_kept(job, name, speed_factor, learned=is_learned, progress=progress)
     ready = player.prepare_motion(
@@ -51,7 +53,8 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
         band=band,
     )
     played = player.Player(controller, progress=progress).play(ready)
-    end, stop = [DRY], threading.Event()
+    end = [DRY]
+    stop = threading.Event()
     if execute:
         with confirmed(played, stop, progress):
             played = player.Player(controller, True, stop.is_set, progress).play(ready)
@@ -68,7 +71,9 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
 def controller_of(job: Job, options: ControllerOptions) -> Controller:
     """Controller with the name of `--on`; joints of linuxcnc are simulated without `--hal`."""
     name = check_choice("--on", str(options.on), ("linuxcnc", "franka", "ur"))
-    hal, address, drives = options.hal, options.address, options.drives
+    hal = options.hal
+    address = options.address
+    drives = options.drives
     if name == "linuxcnc":
         raise_if(address is not None, "--address is only allowed with --on franka or ur.")
         raise_if(None not in (hal, drives), "--drives is only allowed without --hal.")
@@ -98,7 +103,8 @@ def refuse_without_terminal(options: ControllerOptions) -> None:
 def confirmed(dry: Played, stop: threading.Event, progress: ProgressDisplay) -> Iterator[None]:
     """Context of a motion, which a signal stops, after the user has typed the name of the arm."""
     arm = dry.job.arm
-    name, distance = arm.name, number(dry.distance, any_unit("rad", arm.chain.slides))
+    name = arm.name
+    distance = number(dry.distance, any_unit("rad", arm.chain.slides))
     progress.hide()
     answer = typer.prompt(
         f"{name} will move on {dry.controller}, first by up to {distance} to "

@@ -26,7 +26,8 @@ COMPARED = ("conventional", "proposed", "shaped")
 
 def run(options: Run, folder: files.ResultFolder, progress: Progress) -> Outcome:
     """Run a job; the exit code is 1 if no run is kept."""
-    job, simulate = open_job(options.job, options, progress), options.simulate
+    job = open_job(options.job, options, progress)
+    simulate = options.simulate
     # Exports are tested before the run, so that invalid options are rejected at once.
     check_exports(job, options.keys)
     with compile_for_run(job.arm.dimension, progress):
@@ -104,7 +105,8 @@ def write_motions(
 
 def _result_lines(study: jobs.JobResult) -> Sequence[str]:
     """Verdict, values, remarks and warnings of each run."""
-    job, runs = study.job, study.figures
+    job = study.job
+    runs = study.figures
     servo = job.plant_servo.describe(job.arm.chain.prismatic)
     title = f"{job.title}, simulated with {servo}" if study.simulated else job.title
     if len(runs) == 1:

@@ -25,7 +25,8 @@ def show(options: Show, _: None, progress: Progress) -> Outcome:
     low, high = np.array(page["extent"]) * 1e3
     # The size in z is omitted if it is rounded to zero.
     sides = [x for k, x in enumerate(high - low) if k < 2 or x >= 5e-3]
-    size, corner = " x ".join(f"{x:.2f}" for x in sides), ", ".join(f"{x:z.2f}" for x in low)
+    size = " x ".join(f"{x:.2f}" for x in sides)
+    corner = ", ".join(f"{x:z.2f}" for x in low)
     rows = [
         (layer or "-", str(x["contours"]), str(x["closed"]), f"{x['length'] * 1e3:.2f}")
         for layer, x in page["layers"].items()

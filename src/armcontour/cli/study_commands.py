@@ -46,7 +46,8 @@ def place(options: Place, folder: files.ResultFolder, progress: Progress) -> Out
         processes=1 if options.workers == 0 else options.workers,
         progress=progress,
     )
-    data, lines = placement.to_data(), str(placement).splitlines()
+    data = placement.to_data()
+    lines = str(placement).splitlines()
     folder.write(REPORT, report.render_placement(placement))
     folder.write("placement.csv", files.placement_csv(placement))
     lines += [f"Note: {x}" for x in (*data.notes, *job.arm.notes)]
@@ -61,7 +62,8 @@ def place(options: Place, folder: files.ResultFolder, progress: Progress) -> Out
 
 def read_axis(name: str, text: str) -> FloatArray:
     """Read an axis such as "-300 mm .. 300 mm, 25"; a whole turn omits the last value."""
-    option, kind = f"--{name}", Angle if name == "yaw" else Length
+    option = f"--{name}"
+    kind = Angle if name == "yaw" else Length
     match = re.fullmatch(r"(.+?)\.\.(.+),\s*([1-9]\d{0,5})", text.strip())
     if match is None:
         raise InvalidInput(
@@ -76,11 +78,14 @@ def read_axis(name: str, text: str) -> FloatArray:
 
 def _job_text(placement: places.Placement, options: Place) -> str:
     """Text of the job file with the part in its best place."""
-    file, out = options.job, options.out
+    file = options.job
+    out = options.out
     if is_job(file):
-        text, folder = job_text(file), file.parent
+        text = job_text(file)
+        folder = file.parent
     else:
-        text, folder = drawing_text(str(options.cell), file, out), out
+        text = drawing_text(str(options.cell), file, out)
+        folder = out
     patch, _ = read_patch(options)
     return files.placed_job_text(placement, text, folder=folder, to=out, patch=patch)
 
@@ -95,7 +100,8 @@ def batch(options: Batch, _: None, progress: Progress) -> Outcome:
             if not isinstance(values, list) or not values:
                 raise InvalidInput(f"{given} has no list. Write 'KEY=[VALUE, VALUE]'.")
         over[keys] = values
-    out, cell = options.out, options.cell
+    out = options.out
+    cell = options.cell
     with name_options(names):
         result = batches.batch(
             find_file(options.job, cell),
@@ -109,7 +115,8 @@ def batch(options: Batch, _: None, progress: Progress) -> Outcome:
     counts = ", ".join(f"{n} {status}" for status, n in result.counts.items())
     errors = [x.error for x in result.rows]
     if any(errors):
-        header, rows = (*header, ""), [(*x, y) for x, y in zip(rows, errors, strict=True)]
+        header = (*header, "")
+        rows = [(*x, y) for x, y in zip(rows, errors, strict=True)]
     page = report.render_table(f"Batch of {result.title}", counts, header, rows)
     file_access.write_atomically(out / REPORT, lambda x: x.write_text(page, encoding="utf-8"))
     lines = [

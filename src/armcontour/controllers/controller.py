@@ -30,7 +30,8 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.arm import unit_of
 
 # Timeouts of connecting, and of ending the feeder process, which may first stop the robot [s].
-CONNECTING, CLOSING = 20.0, 60.0
+CONNECTING = 20.0
+CLOSING = 60.0
 # Period of reading new samples [s].
 PAUSE = 5e-3
 # First estimate of the time for computing and sending a stop [s].
@@ -115,7 +116,8 @@ class _Channel:
 
     def __init__(self, command: FeederCommand, clean_up: Sequence[str], folder: FilePath) -> None:
         words, environment = command
-        self.folder, self.clean_up = folder, clean_up
+        self.folder = folder
+        self.clean_up = clean_up
         self.environment = os.environ | environment
         with open(folder / "stderr.txt", "w") as errors:
             self.process = subprocess.Popen(
@@ -128,7 +130,8 @@ class _Channel:
                 start_new_session=True,
             )
         assert self.process.stdin is not None and self.process.stdout is not None
-        self.stdin, self.stdout = self.process.stdin, self.process.stdout
+        self.stdin = self.process.stdin
+        self.stdout = self.process.stdout
         self.samples: list[tuple[float, ...]] = []
         # Words of the last event of each kind in this motion.
         self.events: dict[str, list[str]] = {}
@@ -192,7 +195,10 @@ class _StopSender(threading.Thread):
 
     def __init__(self, channel: _Channel, motion: Motion, ahead: int, cycle: float) -> None:
         super().__init__(daemon=True)
-        self.channel, self.motion, self.ahead, self.cycle = channel, motion, ahead, cycle
+        self.channel = channel
+        self.motion = motion
+        self.ahead = ahead
+        self.cycle = cycle
         self.played = 0
         self.sent: dict[int, FloatArray] = {}
         self.error = ""
@@ -222,7 +228,8 @@ class _StopSender(threading.Thread):
     def send_next(self) -> int:
         """Compute and send the next stop, and return its cycle."""
         assert self.motion.next_stop is not None
-        begin, played = time.monotonic(), self.played
+        begin = time.monotonic()
+        played = self.played
         if "X" not in self.channel.events:
             # Discard stops whose first cycle has passed, because a long motion has thousands of
             # stops.
@@ -359,7 +366,9 @@ class Controller:
             stops.start()
         channel.send(["G"])
         notes: list[str] = []
-        looked, stopping, deviation = begin, False, ""
+        looked = begin
+        stopping = False
+        deviation = ""
         try:
             while "D" not in channel.events:
                 if not channel.alive:
@@ -417,8 +426,11 @@ class Controller:
         excess = find_excess(q, self.cycle, bounds[:1]) or find_excess(q, self.cycle, bounds)
         if excess is None:
             return
-        joint, needed, allowed = excess.joint, excess.needed, excess.allowed
-        at, unit = number(excess.row * self.cycle, "s"), "rad/s" if excess.order else "rad"
+        joint = excess.joint
+        needed = excess.needed
+        allowed = excess.allowed
+        at = number(excess.row * self.cycle, "s")
+        unit = "rad/s" if excess.order else "rad"
         raise ControllerRefused(
             f"Joint {joint + 1} {'moves with' if excess.order else 'is at'} "
             f"{number(needed, unit)} at {at}, beyond the limit {number(allowed, unit)} of the "
@@ -447,13 +459,16 @@ class Controller:
         self, begin: int, motion: Motion, stops: Mapping[int, FloatArray], notes: list[str]
     ) -> PlayedMotion:
         """Make the record of a motion from the samples from index `begin` on."""
-        channel, dof = self._connected(), motion.q.shape[1]
+        channel = self._connected()
+        dof = motion.q.shape[1]
         table = np.array(channel.samples[begin:], dtype=float).reshape(-1, 2 + 2 * dof)
         # Before the first set-point, the controller may still hold the last set-point of another
         # motion.
         table = table[np.logical_or.accumulate(table[:, 1] == 0) & (table[:, 1] >= 0)]
-        clock, k = table[:, 0], table[:, 1].astype(int)
-        stopped, q = None, motion.q
+        clock = table[:, 0]
+        k = table[:, 1].astype(int)
+        stopped = None
+        q = motion.q
         if "X" in channel.events:
             stopped = int(channel.events["X"][0])
             q = np.concatenate([q[:stopped], stops[stopped]])

@@ -34,7 +34,8 @@ SEE = "The page LinuxCNC of the documentation has a complete HAL file."
 # Signal of a HAL file that enables the drives after the measured position has been commanded.
 ENABLE = "armcontour-enable"
 # Capacity of the FIFOs between the feeder and the servo thread [rows].
-STREAMER_DEPTH, SAMPLER_DEPTH = 4000, 8000
+STREAMER_DEPTH = 4000
+SAMPLER_DEPTH = 8000
 
 
 class LinuxCNC(Controller):
@@ -67,7 +68,8 @@ class LinuxCNC(Controller):
         if (hal_file is None) == (drives is None):
             raise InvalidInput("LinuxCNC needs either a HAL file or drives to simulate.")
         self.hal_file = None if hal_file is None else FilePath(hal_file)
-        self.drives, self.simulates = drives, drives is not None
+        self.drives = drives
+        self.simulates = drives is not None
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare joints with the HAL file, or report the limits of the simulated drives."""
@@ -119,7 +121,8 @@ def _check_file(file: FilePath, arm: Arm, period: int) -> None:
         ControllerRefused: They differ.
     """
     text = re.sub(r"[ \t]+", " ", re.sub(r"#.*", "", read_text(file, "HAL file")))
-    dof, joints = arm.dof, [signal_name(x) for x in arm.joint_names]
+    dof = arm.dof
+    joints = [signal_name(x) for x in arm.joint_names]
     lines = {
         rf"loadrt streamer .*cfg=f{{{dof + 1}}}": f"loadrt streamer cfg={'f' * (dof + 1)}",
         rf"loadrt sampler .*cfg=f{{{2 * dof + 1}}}": f"loadrt sampler cfg={'f' * (2 * dof + 1)}",
@@ -165,7 +168,9 @@ def _accelerations(servo: ServoModel, arm: Arm) -> FloatArray:
 
 def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: float) -> Iterator[str]:
     """Text of a HAL file with a servo and a double integrator per joint."""
-    dof, servo, limits = arm.dof, servo.for_joints(arm.dof), _accelerations(servo, arm)
+    dof = arm.dof
+    limits = _accelerations(servo, arm)
+    servo = servo.for_joints(dof)
     late = bool(np.isclose(servo.dead_time, cycle).all())
     servo = servo.replace(dead_time=0.0) if late else servo
     other = [x for x in UNSUPPORTED if np.any(getattr(servo, x))]

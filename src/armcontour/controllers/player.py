@@ -43,12 +43,15 @@ REST = 1.0
 SAME = 1e-7
 # Number of set-points by which the compensation looks ahead: the first guess is doubled up to the
 # maximum, until the set-points before the stop no longer change.
-FORESIGHT, LONGEST_FORESIGHT = 16, 256
+FORESIGHT = 16
+LONGEST_FORESIGHT = 256
 # Duration in which a stop reduces learned corrections to 0 [s].
 FADING = 0.2
 # Default band: a joint may differ from its prediction by LEAST [rad] and by the distance that it
 # moves in LAG [s] at its largest speed. UNKNOWN_LAG applies if the servo is unknown.
-LEAST, LAG, UNKNOWN_LAG = 2e-3, 0.05, 0.25
+LEAST = 2e-3
+LAG = 0.05
+UNKNOWN_LAG = 0.25
 SpeedFactor = Annotated[float, Quantity("1", "50 %", within=(1e-3, 1.0))]
 # Default speed factor, and largest speed factor of the motion to the start.
 SLOW = 0.1
@@ -102,8 +105,11 @@ class Stopper:
         arm: Arm,
         cycle: float,
     ) -> None:
-        self.set_points, self.servo, self.options = set_points, servo, options
-        self.arm, self.cycle = arm, cycle
+        self.set_points = set_points
+        self.servo = servo
+        self.options = options
+        self.arm = arm
+        self.cycle = cycle
         self.q = commands_at(set_points, cycle, servo.interpolation)
         # If the robot has more dead time than its model, learned set-points start whole cycles
         # earlier than the planned set-points. Row k of the learned set-points corresponds to row k
@@ -118,7 +124,8 @@ class Stopper:
         Raises:
             NotRealizable: The stop would also change set-points before k.
         """
-        plan, foresight = self.set_points.trajectory, FORESIGHT
+        plan = self.set_points.trajectory
+        foresight = FORESIGHT
         while foresight <= LONGEST_FORESIGHT:
             t = k * self.cycle + self._start_time
             t += float(np.max(self.servo.dead_time)) + foresight * self.set_points.cycle
@@ -398,7 +405,8 @@ class Player:
 
     def _play_once(self, ready: Played) -> Played:
         """Connect, move to the start, and play; a dry run only measures the distance."""
-        report, start = subprogress(self.progress, ready.plan.run.name), ready.motion.q[0]
+        report = subprogress(self.progress, ready.plan.run.name)
+        start = ready.motion.q[0]
         with self.controller as controller:
             report(Step(("connecting",)))
             controller.connect(ready.job.arm, start)
@@ -418,7 +426,9 @@ class Player:
 
     def _move_to_start(self, ready: Played) -> None:
         """Move in joint space to the first set-point, again if set-points were late."""
-        job, start, controller = ready.job, ready.motion.q[0], self.controller
+        job = ready.job
+        start = ready.motion.q[0]
+        controller = self.controller
         limits = _scaled(ready.plan.run.limits, min(SLOW / ready.speed_factor, 1.0))
         for _ in range(ATTEMPTS):
             position = controller.position()
@@ -508,14 +518,18 @@ def _clear_line(job: Job, position: FloatArray, start: FloatArray) -> JointPath:
 
 def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
     """Add the verdict on a recorded motion, and its differences from the simulation."""
-    record, motion, planned, arm = played.record, played.motion, played.plan, played.job.arm
+    record = played.record
+    motion = played.motion
+    planned = played.plan
+    arm = played.job.arm
     if record is None:
         return played
     assert motion.predicted is not None and planned.judged is not None
     k = np.rint(record.t / cycle).astype(int)
     if record.stopped is not None:
         k = k[k < max(record.stopped, 1)]
-    measured, predicted = record.measured[: len(k)], motion.predicted[k.clip(0, len(motion.q) - 1)]
+    measured = record.measured[: len(k)]
+    predicted = motion.predicted[k.clip(0, len(motion.q) - 1)]
     joints = np.abs(measured - predicted)
     tool = np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1)
     i, j = divmod(int(joints.argmax()), arm.dof)
@@ -571,7 +585,8 @@ def _scaled(limits: Limits, factor: float) -> Limits:
 
 def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
     """Refuse learned set-points whose plan differs from that of the job."""
-    before, now = set_points.trajectory, planned.trajectory
+    before = set_points.trajectory
+    now = planned.trajectory
     if (
         abs(before.duration - now.duration) > 1e-9
         or np.abs(before(before.duration / 2) - now(before.duration / 2)).max() > 1e-9
@@ -586,7 +601,8 @@ def _check_accelerations(run_name: str, points: SetPoints, limits: Limits, is_sa
     """Ratio of the acceleration of set-points to the limits of each joint at full speed."""
     use = use_of("joint_acceleration", limits, differences(points.q, 2) / points.cycle**2)
     i, j = divmod(int(use.ratio.argmax()), use.ratio.shape[1])
-    needed, ratio = float(use.value[i, j]), float(use.ratio[i, j])
+    needed = float(use.value[i, j])
+    ratio = float(use.ratio[i, j])
     if ratio > 1 + ROUNDING and not is_safe:
         unit = joint_units("rad/s^2", limits.prismatic or (False,) * (j + 1))[j]
         raise ControllerRefused(

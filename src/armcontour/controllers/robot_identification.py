@@ -36,15 +36,19 @@ from armcontour.robot.limits import JOINT_LIMITS, LIMITS
 # Default reserve of the run, so that commanded accelerations do not saturate.
 GENTLE = 0.2
 # Names of the motions and of their logs.
-RUN, EXCITATION = "run", "excitation"
+RUN = "run"
+EXCITATION = "excitation"
 
 # Duration of the motion, and of the fade-in at its start and the fade-out at its end [s].
-DURATION, FADING = 12.0, 2.0
+DURATION = 12.0
+FADING = 2.0
 # Frequencies of the first joint [Hz]. Those of joint j are higher by the fraction j * DETUNED, so
 # that motions of joints are not correlated.
-FREQUENCIES, DETUNED = (0.31, 0.83, 1.9, 3.7), 0.17
+FREQUENCIES = (0.31, 0.83, 1.9, 3.7)
+DETUNED = 0.17
 # Maximum amplitude [rad], and fraction of the limits that the motion uses.
-AMPLITUDE, SHARE = 0.1, 0.6
+AMPLITUDE = 0.1
+SHARE = 0.6
 # Interval between the states whose limits are checked [s].
 STEP = 2e-3
 # Maximum number of amplitudes that are tried near an obstacle or limit, each half of the previous
@@ -179,7 +183,8 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
     Raises:
         ControllerRefused: The begin is too near to a limit or to an obstacle.
     """
-    start, t = base(0.0), np.arange(0.0, DURATION + STEP / 2, STEP)
+    start = base(0.0)
+    t = np.arange(0.0, DURATION + STEP / 2, STEP)
     low, high = limits.joint_range(len(start))
     room = np.minimum(AMPLITUDE, SHARE * np.minimum(start - low, high - start))
     j = int(room.argmin())
@@ -196,7 +201,9 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
             columns = [x * np.minimum(SHARE / np.maximum(ratio, 1e-9), 1.0) for x in columns]
     for _ in range(HALVINGS):
         states = States(job.arm, [columns[0] + start, *columns[1:]])
-        q, dq, ddq = states.q, states.dq, states.ddq
+        q = states.q
+        dq = states.dq
+        ddq = states.ddq
         path = JointPath.hermite(t, (q[:-1], dq[:-1], ddq[:-1]), (q[1:], dq[1:], ddq[1:]))
         laws = (PathLaw.over_time(path),)
         trajectory = replace(base, laws=laws, path=None, stretches=(), spans=(), events=())
@@ -213,7 +220,8 @@ def _sines(dof: int, t: FloatArray) -> FloatArray:
     """Sums of sines for each joint, from rest to rest, (n, dof)."""
     x = np.clip(np.minimum(t, t[-1] - t) / FADING, 0.0, 1.0)[:, None]
     fade = x**4 * (35 - x * (84 - x * (70 - 20 * x)))
-    joint, k = np.arange(dof), np.arange(len(FREQUENCIES))[:, None, None]
+    joint = np.arange(dof)
+    k = np.arange(len(FREQUENCIES))[:, None, None]
     w = 2 * np.pi * np.reshape(FREQUENCIES, (-1, 1, 1)) * (1 + DETUNED * joint)
     # Amplitudes decrease with the power 1.5 of the frequency, so velocities decrease and
     # accelerations increase with its square root.

@@ -34,7 +34,8 @@ CORRECTIONS = 0.2
 RUNS = 4
 # A run is stopped if a joint deviates from the plan by more than RUNAWAY times the maximum
 # deviation of the best earlier run, and by more than LEAST [rad].
-RUNAWAY, LEAST = 3.0, 1e-3
+RUNAWAY = 3.0
+LEAST = 1e-3
 # Tolerance between the commands of a log and the set-points of its run [rad].
 SAME = 1e-6
 STOPPED = "stopped on request"
@@ -90,12 +91,14 @@ class RobotLearning(Result):
 
     def to_data(self) -> Data:
         """Rows on the runs, and the reason why they ended."""
-        count, first = len(self.logs), self.played
+        count = len(self.logs)
+        first = self.played
         rows = [Row("runs", count, "", "runs", self.ended, VERDICT)]
         if first is not None:
             rows += [x for x in first.to_data().rows if x.name not in ("executed", "completed")]
         if self.lesson is not None:
-            errors, best = [x.rms for x in self.lesson.runs], f"run {self.lesson.best + 1}"
+            errors = [x.rms for x in self.lesson.runs]
+            best = f"run {self.lesson.best + 1}"
             rows.append(Row("errors", errors, "m", "errors, RMS"))
             rows.append(Row("best", min(errors), "m", best, level=FIRST))
         rows.append(Row("ended", self.ended))
@@ -122,13 +125,15 @@ def learn_next(result: RobotLearning, player: Player, band: float | None = None)
     """Play the next run, and learn from it; `band` as of `learn_on`."""
     if player.stop_requested():
         return replace(result, ended=STOPPED)
-    lesson, run = result.lesson, f"run {len(result.logs) + 1}"
+    lesson = result.lesson
+    run = f"run {len(result.logs) + 1}"
     if lesson is not None:
         largest = float(np.abs(lesson.runs[lesson.best].error).max())
         band = min(np.inf if band is None else band, max(RUNAWAY * largest, LEAST))
     ready = prepare_motion(result.job, result.plan, player.controller, set_points=lesson, band=band)
     played = player.play(ready, lambda x: (x.stopped is None and x.faithful) or x.deviated)
-    result, record = replace(result, played=played), played.record
+    result = replace(result, played=played)
+    record = played.record
     if not player.execute:
         return replace(result, ended="dry run")
     if record is None or (record.stopped is not None and player.stop_requested()):

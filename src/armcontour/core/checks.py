@@ -325,7 +325,8 @@ def check_range(name: str, value: Any, low: float, high: float, unit: str = "") 
 
 def check_int(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
     """Return `value` as an int from `low` to `high`; None is no bound."""
-    minimum, maximum = (-LARGEST if low is None else low), (MAX_WHOLE if high is None else high)
+    minimum = -LARGEST if low is None else low
+    maximum = MAX_WHOLE if high is None else high
     if type(value) is int and minimum <= value <= maximum:
         return value
     checked = check_number(name, value)
@@ -440,12 +441,11 @@ def raise_call_error(
         called.bind(*args, **keywords)
     except TypeError as error:
         slots = {k: x for k, x in called.parameters.items() if k not in ("self", "cls")}
-        user, takes = (
-            function.__qualname__.removesuffix(".__init__"),
-            f"it takes {', '.join(slots)}",
-        )
+        user = function.__qualname__.removesuffix(".__init__")
+        takes = f"it takes {', '.join(slots)}"
         needed = ", ".join(f"{k}=..." for k, x in slots.items() if x.default is x.empty)
-        reason, hint = str(error), f"write {user}({needed}); {takes}"
+        reason = str(error)
+        hint = f"write {user}({needed}); {takes}"
         for name in (x for x in keywords if x not in slots):
             reason = f"there is no argument {show(name)}"
             given = {*[*called.parameters][: len(args)], *keywords}

@@ -53,7 +53,8 @@ class CompiledKernels(NamedTuple):
 
 def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> CompiledKernels:
     """Compile functions that are not compiled yet, in as many processes as the memory allows."""
-    listed, compiled = read_list(kind), 0
+    listed = read_list(kind)
+    compiled = 0
     folder = _find_compiled(kind)
     if folder is None and (folder := _folder()) is not None:
         schedule = CompilationSchedule(listed, progress)
@@ -227,7 +228,8 @@ def _dispatcher(key: Key) -> Any:
 
 def _callees(key: Key) -> set[Key]:
     """Compiled functions that a compiled function calls, directly or indirectly."""
-    reached, new = {key}, [key]
+    reached = {key}
+    new = [key]
     while new:
         function = KERNELS[new.pop()].py_func
         for name in function.__code__.co_names:

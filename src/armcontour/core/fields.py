@@ -194,7 +194,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 def _readers(kind: Any) -> tuple[list[tuple[str, str, Reader, Any]], list[tuple[str, Axes]]]:
     """Names, words, readers and defaults of a dataclass's fields; shapes that share an axis."""
     hints = get_type_hints(kind, include_extras=True)
-    readers, shapes = [], []
+    readers = []
+    shapes = []
     for name, default in ((x.name, x.default) for x in fields(kind) if x.init):
         if (read := reader_of(hints[name])) is not None:
             known = default if _fits(default, read) else MISSING
@@ -245,7 +246,8 @@ def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
 @cache
 def reader_of(hint: Any) -> Reader | None:
     """Reader of values with an annotation; None if all values are valid."""
-    origin, parts = get_origin(hint), get_args(hint)
+    origin = get_origin(hint)
+    parts = get_args(hint)
     # Type aliases, such as `npt.NDArray` in newer versions of NumPy, hide the class.
     assert not hasattr(origin, "__value__"), f"{hint} is an alias"
     if origin is Annotated:
@@ -274,7 +276,8 @@ def _read_kinds(kinds: tuple[type, ...]) -> Reader:
 
 def _read_annotated(base: Any, marks: tuple[Any, ...]) -> Reader | None:
     """Reader of values with metadata."""
-    quantity, axes = _find(Quantity, marks), _find(Axes, marks)
+    quantity = _find(Quantity, marks)
+    axes = _find(Axes, marks)
     if quantity is not None or (axes is not None and get_origin(base) is np.ndarray):
         shapes: tuple[Axes, ...] = BOUNDED if quantity and quantity.bounds else PER_JOINT
         shapes = SINGLE if base is float else (axes,) if axes is not None else shapes
@@ -339,7 +342,8 @@ def _read_list(parts: tuple[Any, ...]) -> Reader:
     """Reader that converts a list to a tuple."""
     count = None if parts[1:] in ((), (...,)) else len(parts)
     each = [reader_of(x) for x in (parts if count else parts[:1])]
-    item, kinds = parts[0], () if count else checks.kinds_of(parts[0])
+    item = parts[0]
+    kinds = () if count else checks.kinds_of(parts[0])
     names = [
         f"{x.__name__}{'es' if x.__name__.endswith('ch') else 's'}" for x in kinds if x is not str
     ]
@@ -449,7 +453,8 @@ def _refuse_outside(array: Any, quantity: Quantity, who: str) -> None:
     if sound.all():
         return
     index = tuple(int(x) for x in np.argwhere(~sound)[0])
-    value, unit = float(array[index]), checks.suffix(quantity.words)
+    value = float(array[index])
+    unit = checks.suffix(quantity.words)
     location = f" at index {', '.join(str(x) for x in index)}" if index else ""
     needed = quantity.needed(value) if np.isfinite(value) else "be finite"
     if quantity.bounds and array.ndim == 2:

@@ -148,7 +148,8 @@ Pose: TypeAlias = Frame | Transform | npt.ArrayLike
 def transforms(matrices: FloatArray) -> FloatArray:
     """Homogeneous transforms from rotations and positions, (..., 3, 4) to (..., 4, 4)."""
     homogeneous = np.zeros((*matrices.shape[:-2], 4, 4))
-    homogeneous[..., :3, :], homogeneous[..., 3, 3] = matrices, 1.0
+    homogeneous[..., :3, :] = matrices
+    homogeneous[..., 3, 3] = 1.0
     return homogeneous
 
 
@@ -258,14 +259,17 @@ def log(matrices: npt.ArrayLike) -> FloatArray:
 def cross_matrix(v: FloatArray) -> FloatArray:
     """Cross-product matrices K with `K w = v x w`, (..., 3) to (..., 3, 3)."""
     k = np.zeros((*v.shape, 3))
-    k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    k[..., 0, 1] = -v[..., 2]
+    k[..., 0, 2] = v[..., 1]
+    k[..., 1, 2] = -v[..., 0]
     return k - np.swapaxes(k, -1, -2)
 
 
 def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     """Rotation vectors [rad] of the shortest rotations between unit vectors, (..., 3)."""
     # For opposite vectors the axis is one of the axes normal to them.
-    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    a = np.asarray(first, dtype=np.float64)
+    b = np.asarray(second, dtype=np.float64)
     axis = np.cross(a, b)
     size = np.linalg.norm(axis, axis=-1, keepdims=True)
     angle = angle_between(a, b)[..., None]

@@ -269,7 +269,8 @@ def unpack(packed: Packed) -> Any:
 
 def _apply_packed(work: Packed, item: Packed) -> Packed:
     """Apply packed work to a packed item."""
-    before, _threads.busy = is_child(), True
+    before = is_child()
+    _threads.busy = True
     try:
         return pack(_unpack_work(work)(unpack(item)))
     finally:
@@ -311,7 +312,8 @@ def map_in_processes(
 def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, None, None]:
     """Yield the results of all items in order; in other processes if this saves time."""
     # If another process fails, this process repeats the item, so that its error is raised in order.
-    begin, count = time.thread_time(), 0
+    begin = time.thread_time()
+    count = 0
     for k, item in enumerate(items):
         count = _count_processes(time.thread_time() - begin, k / len(items)) if k else 0
         if count > 1:

@@ -442,7 +442,8 @@ def _unit_affixes(old: Any, kind: Quantity) -> tuple[str, str] | None:
     pattern = PERCENT if kind.unit == "1" else QUANTITY
     match = pattern.fullmatch(old) if isinstance(old, str) else None
     if match is None:
-        old, match = kind.example, pattern.fullmatch(kind.example)
+        old = kind.example
+        match = pattern.fullmatch(kind.example)
     assert match is not None
     return old[: match.start(1)], old[match.end(1) :]
 

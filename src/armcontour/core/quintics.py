@@ -50,23 +50,29 @@ def _fill_coefficients(
     width: FloatArray, begin: Derivatives, end: Derivatives, width_error: float
 ) -> FloatArray:
     """Compute the coefficients for `quintic`."""
-    (q0, d0, c0), (q1, d1, c1) = begin, end
+    q0, d0, c0 = begin
+    q1, d1, c1 = end
     n, dof = q0.shape
     coefficients = np.empty((n, 6, dof))
     for i in range(n):
         h = width[i]
         for j in range(dof):
-            a0, a1, a2 = q0[i, j], d0[i, j] * h, c0[i, j] * (h * h) / 2
+            a0 = q0[i, j]
+            a1 = d0[i, j] * h
+            a2 = c0[i, j] * (h * h) / 2
             value = q1[i, j] - a0 - a1 - a2
             slope = d1[i, j] * h - a1 - 2 * a2
             curvature = c1[i, j] * (h * h) - 2 * a2
             # On a very short interval `value` consists of rounding errors of positions, which would
             # be magnified in the derivatives of the quintic. The quartic with the given derivatives
             # then ends at the given value up to rounding errors, and is used instead.
-            cubic, quartic = slope - curvature / 3, (curvature - 2 * slope) / 4
+            cubic = slope - curvature / 3
+            quartic = (curvature - 2 * slope) / 4
             rounding = ROUNDING * (1 + abs(a0) + abs(q1[i, j])) + width_error * abs(d0[i, j])
             short = abs(value - cubic - quartic) <= rounding
-            coefficients[i, 0, j], coefficients[i, 1, j], coefficients[i, 2, j] = a0, a1, a2
+            coefficients[i, 0, j] = a0
+            coefficients[i, 1, j] = a1
+            coefficients[i, 2, j] = a2
             coefficients[i, 3, j] = cubic if short else 10 * value - 4 * slope + curvature / 2
             coefficients[i, 4, j] = quartic if short else -15 * value + 7 * slope - curvature
             coefficients[i, 5, j] = 0.0 if short else 6 * value - 3 * slope + curvature / 2

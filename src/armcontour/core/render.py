@@ -34,7 +34,8 @@ WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2
 # Times below this are shown in ms [s].
 SHORT = 0.1
 # Number of significant digits. Numbers below FINE are shown with six decimals.
-DIGITS, FINE = 3, 1e-3
+DIGITS = 3
+FINE = 1e-3
 # Widest value that counts for the column in which notes begin, and widest line of a table
 # [characters].
 WIDEST_FIGURE = 16
@@ -204,7 +205,8 @@ def frame(data: Data) -> list[dict[str, Any]]:
         mixed = ", " in row.unit
         digits_shown, unit = (figure(row), "") if mixed else split(row.figure, row.unit)
         if row.unit == "m" and 0.0 < row.figure < SMALLEST_LENGTH:
-            digits_shown, unit = "< 0.001", "mm"
+            digits_shown = "< 0.001"
+            unit = "mm"
         figures.append(
             {
                 "name": row.name,

@@ -16,7 +16,8 @@ def interpolate(times: FloatArray, t: FloatArray, values: FloatArray) -> FloatAr
         # Only the needed samples are copied, so that short parts of long motions are fast.
         first, last = np.searchsorted(t, (times.min(), times.max()))
         neighbours = slice(max(first - 1, 0), last + 1)
-        t, values = t[neighbours], values[neighbours]
+        t = t[neighbours]
+        values = values[neighbours]
     return np.stack([np.interp(times, t, x) for x in values.T], axis=1)
 
 

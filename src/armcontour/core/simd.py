@@ -72,7 +72,9 @@ def _size(builder: Any, a: Any) -> Any:
     return builder.bitcast(builder.and_(builder.bitcast(a, bits), mask), _KIND)
 
 
-lower, higher, size = _lanewise(_pick("<"), 2), _lanewise(_pick(">"), 2), _lanewise(_size, 1)
+lower = _lanewise(_pick("<"), 2)
+higher = _lanewise(_pick(">"), 2)
+size = _lanewise(_size, 1)
 # `c if a < b else d`.
 choose = _lanewise(
     lambda builder, a, b, c, d: builder.select(builder.fcmp_ordered("<", a, b), c, d), 4
@@ -111,7 +113,8 @@ def _across(sign: str) -> Any:
 
     def across(typing: Any, a: Any) -> Any:
         def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
-            (v,), n = values, LANES
+            (v,) = values
+            n = LANES
             while n > 1:
                 n //= 2
                 halves = [
@@ -128,7 +131,8 @@ def _across(sign: str) -> Any:
     return intrinsic(across)
 
 
-lowest, highest = _across("<"), _across(">")
+lowest = _across("<")
+highest = _across(">")
 
 
 def _define(symbol: Any, make: Callable[..., Any]) -> None:

@@ -32,7 +32,9 @@ CLOSE = 0.65
 # Names that users write for the names of arguments.
 SAME = {"delay": "dead_time", "link_lengths": "links", "lengths": "links"}
 # Widest line and widest name of a row [characters], and most lines.
-WIDTH, WIDEST_NAME, MAX_LINES = 98, 60, 60
+WIDTH = 98
+WIDEST_NAME = 60
+MAX_LINES = 60
 GAP = "  "
 # Largest number of values of an array, or members of a list, that `repr` shows.
 FEW = 6

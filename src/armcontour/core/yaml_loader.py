@@ -116,9 +116,12 @@ def _size(node: yaml.Node, sizes: dict[yaml.Node, int]) -> int:
     if sizes.get(node) == 0:
         raise _node_error(node, "an alias is inside its own anchor")
     if node not in sizes:
-        sizes[node], parts, size = 0, node.value, 1
+        sizes[node] = 0
+        parts = node.value
+        size = 1
         if isinstance(node, yaml.ScalarNode):
-            parts, size = [], 1 + len(node.value) // CHARACTERS_PER_VALUE
+            parts = []
+            size = 1 + len(node.value) // CHARACTERS_PER_VALUE
         elif isinstance(node, yaml.MappingNode):
             parts = [x for pair in node.value for x in pair]
             names = set()
@@ -138,7 +141,8 @@ def _node_error(node: yaml.Node, problem: str) -> yaml.constructor.ConstructorEr
 
 def _describe_error(error: Any) -> str:
     """Problem, line and column of an error."""
-    mark, begun = error.problem_mark, error.context_mark or error.problem_mark
+    mark = error.problem_mark
+    begun = error.context_mark or error.problem_mark
     problem = next((x for key, x in PLAIN.items() if key in error.problem), error.problem)
     problem = problem.replace("{begun}", str(begun.line + 1))
     return f"{problem} (line {mark.line + 1}, column {mark.column + 1})"

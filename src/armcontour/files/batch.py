@@ -29,10 +29,14 @@ from armcontour.files.job_patch import Patch, key_of
 from armcontour.jobs import Job, run
 
 # Results of the jobs as lines of JSON, in the order in which they are done; and the final table.
-LINES, TABLE = "results.jsonl", "results.csv"
+LINES = "results.jsonl"
+TABLE = "results.csv"
 # Statuses of a job. REFUSED: this library raised an error. INVALID: the job cannot be read. FAILED:
 # any other error.
-DONE, REFUSED, INVALID, FAILED = "done", "refused", "invalid", "failed"
+DONE = "done"
+REFUSED = "refused"
+INVALID = "invalid"
+FAILED = "failed"
 # Result of a job: status, and either runs or a sentence.
 Line = dict[str, Any]
 # Number of a job, from 1, and its values by key path.
@@ -151,14 +155,16 @@ def batch(
         InvalidInput: No job can be read, or the folder is not empty.
         Exception: An error of your own executor; finished results remain.
     """
-    file, report = FilePath(job), subprogress(progress)
+    file = FilePath(job)
+    report = subprogress(progress)
     for key, values in over.items():
         if not len(values):
             raise InvalidInput(f"over has no values for {show(key)}. Specify one, or remove it.")
     reader = _Reader(str(file.absolute()), None if cell is None else str(cell))
     keys = [key_of(x) for x in over]
     patches = [dict(zip(keys, x, strict=True)) for x in product(*over.values())]
-    tasks, first = list(enumerate(patches, start=1)), reader.read_first(patches)
+    tasks = list(enumerate(patches, start=1))
+    first = reader.read_first(patches)
     lines: dict[int, Line] = {}
     with (
         open_executor(workers, executor) as opened,

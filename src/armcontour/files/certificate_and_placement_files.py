@@ -20,7 +20,8 @@ from armcontour.studies.placement import AXES, Placement
 
 def certificate_page(certificate: Certificate) -> dict[str, Any]:
     """Data of a certificate for JSON: requirements, results and model."""
-    data, page = certificate.to_data(), plain(certificate.study.to_data())
+    data = certificate.to_data()
+    page = plain(certificate.study.to_data())
     return page | {"units": page["units"] | units([data]), "certificate": plain(data)}
 
 

@@ -83,7 +83,8 @@ class Digits:
             alike = set(joined.translate(_DIGIT_PATTERN).split("\n"))
         for match in filter(None, map(NUMBER.fullmatch, alike)):
             whole, part, power = match.group("whole", "part", "power")
-            part, exponent = part or "", int(power or 0)
+            part = part or ""
+            exponent = int(power or 0)
             number = (whole + part).lstrip("0")
             self.places = max(self.places, len(part) - exponent)
             if number.strip("0"):
@@ -96,7 +97,8 @@ def last_digit(columns: Sequence[Digits]) -> float:
     # A format that removes trailing zeros does not change the result, because the numbers of
     # decimals and of significant digits are the largest over all numbers.
     decimals = max(x.places for x in columns)
-    digits, highest = max(x.digits for x in columns), max(x.highest for x in columns)
+    digits = max(x.digits for x in columns)
+    highest = max(x.highest for x in columns)
     return float(
         max(10.0**-decimals, 10.0 ** (highest - digits + 1)) if digits else 10.0**-decimals
     )
@@ -178,7 +180,8 @@ class CsvTable(Generic[Key]):
 
     def cell_blocks(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
         """Yield blocks of rows: the index of the first row, and the cells of each given column."""
-        indices, count = [self.columns[x].index for x in keys], len(self.lines)
+        indices = [self.columns[x].index for x in keys]
+        count = len(self.lines)
         for first in range(0, count, BLOCK_ROWS):
             rows = [self.cells(i) for i in range(first, min(first + BLOCK_ROWS, count))]
             yield first, [[row[i] for row in rows] for i in indices]
@@ -250,8 +253,10 @@ def read_table(
     if separator == "," and _is_blank_separated([line for _, line in numbered[:2]]):
         # The recorder of UR's RTDE client writes blanks between cells.
         numbered = [(number, "\t".join(line.split())) for number, line in numbered]
-        first, separator = numbered[0][1], "\t"
-    titles, named = _split_any(first, separator), 1
+        first = numbered[0][1]
+        separator = "\t"
+    titles = _split_any(first, separator)
+    named = 1
     heading = f"{source}, line {header}"
     if names is not None:
         if len(names) != len(titles):
@@ -261,7 +266,8 @@ def read_table(
             )
         # The specified names replace the titles in the file.
         named = not any(map(NUMBER.fullmatch, titles))
-        titles, heading = [x.strip() for x in names], f"{source}, {option}"
+        titles = [x.strip() for x in names]
+        heading = f"{source}, {option}"
     if columns is not None and names is None:
         titles = list(rename(titles, columns, source))
     recognised, unknown = _read_titles(titles, title_of, heading, example, option)
@@ -373,7 +379,8 @@ def _read_titles(
         if unit is not None and content.unit is not None:
             raise InvalidInput(f"{location}: the column {show(title)} has two units. Remove one.")
         unit = content.unit if unit is None else unit
-        factor, linear = 1.0, False
+        factor = 1.0
+        linear = False
         if unit is not None:
             factor, linear = _unit_factor(unit, content.si, title, location)
         column = CsvColumn(index, title, unit, factor, content.rank, linear)

@@ -214,7 +214,8 @@ def _read_leaf(leaf: Any, data: Any, keys: Keys) -> Any:
     try:
         return data if read is None else read(data, f"{key_text(keys)}:")
     except InvalidInput as error:
-        error.key, error.value = keys, data
+        error.key = keys
+        error.value = data
         raise
 
 
@@ -236,7 +237,8 @@ def _read_fields(
     kind: Any, data: Any, keys: Keys, partial: PartialFields | None = None
 ) -> dict[str, Any]:
     """Values of the specified keys of a dataclass, by the names of its fields."""
-    known, values = key_fields(kind), {}
+    known = key_fields(kind)
+    values = {}
     for key in data:
         if key not in known or (partial and key in partial.omit):
             raise UnknownKey((*keys, str(key)), data[key])
@@ -265,7 +267,8 @@ def _make(kind: Any, values: Mapping[str, Any], keys: Keys) -> Any:
 
 def _read_method(mark: Methods, data: Any, keys: Keys) -> Any:
     """Value of the dataclass that the key `method` selects."""
-    known, names = method_fields(mark), tuple(str(x.method) for x in mark.kinds)
+    known = method_fields(mark)
+    names = tuple(str(x.method) for x in mark.kinds)
     for key in data:
         if key != "method" and key not in known:
             raise UnknownKey((*keys, str(key)), data[key])
@@ -300,11 +303,14 @@ def methods_with(mark: Methods, key: str) -> str:
 @cache
 def key_fields(kind: Any) -> dict[str, KeyField]:
     """Keys of a dataclass; its own keys come before those of its base classes."""
-    hints, own = get_type_hints(kind, include_extras=True), inspect.get_annotations(kind)
-    texts, parameters = describe_fields(kind), inspect.signature(kind).parameters
+    hints = get_type_hints(kind, include_extras=True)
+    own = inspect.get_annotations(kind)
+    texts = describe_fields(kind)
+    parameters = inspect.signature(kind).parameters
     keys = {}
     for field in sorted(dataclasses.fields(kind), key=lambda x: x.name not in own):
-        hint, factory = hints[field.name], field.default_factory
+        hint = hints[field.name]
+        factory = field.default_factory
         key = next((x for x in getattr(hint, "__metadata__", ()) if isinstance(x, Key)), Key())
         if not field.init or key.omit:
             continue

@@ -450,11 +450,9 @@ def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
     data = read_data(text, source)
     with file_context(text, source):
         specified = read_keys(PartialFields(CellModel), data)
-    model, path, scene = (
-        specified.get("arm"),
-        specified.get("path", PathModel()),
-        specified.get("scene"),
-    )
+    model = specified.get("arm")
+    path = specified.get("path", PathModel())
+    scene = specified.get("scene")
     with error_context(source):
         arm = None if model is None else arm_of(model, folder)
         return arm, Scene() if scene is None else scene_of(scene, folder, part_of(path))
@@ -465,7 +463,8 @@ def cell_data(
 ) -> tuple[dict[str, Any], str, FilePath]:
     """Job data of a cell with a drawing, the cell's name for messages, and the cell's folder."""
     text, source, folder = _read_cell_text(str(cell))
-    data, location = read_data(text, source), FilePath(drawing)
+    data = read_data(text, source)
+    location = FilePath(drawing)
     drawn = drawing_patch(location, str(location.absolute()))
     with error_context(source):
         return apply_patch(data, {**drawn, **(patch or {})}), source, folder

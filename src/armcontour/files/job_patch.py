@@ -161,7 +161,8 @@ def _set_corner_option(
             continue
         if keys[1] == "continuity" and corners.get("shape") == FREE:
             continue
-        refused, keys_of_run = False, ("runs", name, "corners")
+        refused = False
+        keys_of_run = ("runs", name, "corners")
         if inherited != keys_of_run:
             copy = Change(keys_of_run, dict(corners))
             yield copy
@@ -179,7 +180,8 @@ def _set_corner_option(
 def _set_value(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
     """Yield the changes that set a value at a key path and remove keys that it makes invalid."""
     for k in range(1, len(keys)):
-        outer_value, inner = value_at(data, keys[:k]), keys[k:]
+        outer_value = value_at(data, keys[:k])
+        inner = keys[k:]
         # A short form, such as `arm: ur5e`, is replaced by a mapping that has the new key.
         if keys[:k] == ("arm",) and isinstance(outer_value, str):
             yield Change(keys[:k], change_data(arm_keys(outer_value), [Change(inner, value)]))

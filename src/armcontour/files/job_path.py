@@ -96,14 +96,17 @@ def _set_contour_limits(program: Program, model: PathModel) -> Program:
 
 def find_contours(program: Program, model: PathModel) -> tuple[dict[int, int | str], list[str]]:
     """Key of `path.contours` by the number of a contour, and notes on contours that are not run."""
-    contours, notes, found = program.contours, list[str](), dict[int, int | str]()
+    contours = program.contours
+    notes = list[str]()
+    found = dict[int, int | str]()
     # A name has priority over a number, and can be the name of several contours.
     names = {x.name: list[int]() for x in contours if x.name}
     for contour in contours:
         names.get(contour.name, []).append(contour.number)
     named = {str(x.number): [x.number] for x in contours} | names
     for key in model.contours:
-        numbers, problem = named.get(str(key), []), ""
+        numbers = named.get(str(key), [])
+        problem = ""
         if twice := [found[x] for x in numbers if x in found]:
             problem = f"is the same contour as {twice[0]}. Combine their values."
         elif not numbers and (program.other_layers or model.names or model.colors):
@@ -198,7 +201,8 @@ def _repeat(program: Program, grid: RepeatModel, names: Sequence[str] | None) ->
 
 def _orient_contours(program: Program, orientation: OrientationModel) -> Program:
     """Give every contour of a program the same tool orientation."""
-    moves, number = list(program.moves), 0
+    moves = list(program.moves)
+    number = 0
     for i, move in enumerate(moves):
         if not isinstance(move, Contour):
             continue

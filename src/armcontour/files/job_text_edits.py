@@ -113,7 +113,8 @@ def change_data(data: Any, changes: Sequence[Change]) -> Any:
 
 def _change_value(data: Any, keys: Keys, change: Change) -> Any:
     """Copy of data with a change at `keys`; creates missing mappings and lists."""
-    key, inner = keys[0], keys[1:]
+    key = keys[0]
+    inner = keys[1:]
     copy: Any = dict(data) if isinstance(data, dict) else {}
     inserting = change.insert and not inner
     if inserting or (isinstance(data, list) and isinstance(key, int)):
@@ -164,12 +165,14 @@ def line_of(text: str, keys: Sequence[Key]) -> int | None:
 
     None if the text has no such key.
     """
-    node, line = yaml.compose(text, Loader=Loader), None
+    node = yaml.compose(text, Loader=Loader)
+    line = None
     for key in keys:
         part = next((x for x in _parts(text, node) if str(x.key) == str(key)), None)
         if part is None:
             break
-        node, line = part.node, text.count("\n", 0, part.head) + 1
+        node = part.node
+        line = text.count("\n", 0, part.head) + 1
     return line
 
 
@@ -216,7 +219,8 @@ def _align(old: Any, new: Any, parts: Sequence[Part]) -> tuple[dict[Any, Any], l
     if isinstance(new, list):
         start = _count_equal(old, new)
         end = _count_equal(old[start:][::-1], new[start:][::-1])
-        stop, new_stop = len(old) - end, len(new) - end
+        stop = len(old) - end
+        new_stop = len(new) - end
         values = dict(enumerate(new[: min(stop, new_stop)])) | dict(enumerate(new[new_stop:], stop))
         return values, [[x] for x in new[stop:new_stop]], stop
     written = {x.key for x in parts}
@@ -236,8 +240,10 @@ def _remove(text: str, parts: Sequence[Part], stays: Sequence[bool]) -> Splice:
     """Removal of the first part that does not stay, and of those that follow it directly."""
     first = stays.index(False)
     stop = next((k for k in range(first, len(parts)) if stays[k]), len(parts))
-    head, end = parts[first].head, parts[stop - 1].end
-    rest, line = REST.match(text, end), text.rfind("\n", 0, head) + 1
+    head = parts[first].head
+    end = parts[stop - 1].end
+    rest = REST.match(text, end)
+    line = text.rfind("\n", 0, head) + 1
     if rest is not None and not text[line:head].strip():
         return (line, rest.end(), "")
     if stop < len(parts):
@@ -302,17 +308,21 @@ def _parts(text: str, node: Any) -> list[Part]:
     parts = []
     end = 0 if node is None else node.start_mark.index
     for k, item in enumerate(node.value if isinstance(node, yaml.CollectionNode) else ()):
-        key, value, after = k, item, end
+        key = k
+        value = item
+        after = end
         if isinstance(node, yaml.MappingNode):
             name, value = item
             key = int(name.value) if name.tag == f"{TAG}int" else name.value
-            head, after = name.start_mark.index, text.find(":", name.end_mark.index) + 1
+            head = name.start_mark.index
+            after = text.find(":", name.end_mark.index) + 1
         elif not node.flow_style:
             dash = DASH.match(text, end)
             after = end if dash is None else dash.end()
             head = after - 1
         if value.start_mark.index < after:
-            alias, value = ALIAS.match(text, after), None
+            alias = ALIAS.match(text, after)
+            value = None
             begin, end = alias.span(1) if alias is not None else (after, after)
         else:
             begin, end = _span(text, value)

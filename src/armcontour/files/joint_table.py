@@ -179,22 +179,27 @@ def read_samples(
     table.require_columns(TIME)
     values, digits = table.read([TIME, *keys])
     rows = _filled_rows(table, values, [TIME, *keys])
-    values, notes = values[rows], list[str]()
+    values = values[rows]
+    notes = list[str]()
     if len(rows) < len(table.lines):
         count = len(table.lines) - len(rows)
         notes.append(f"Rows of {table.source} without positions were skipped: {count}.")
-    t, values = values[:, 0], values[:, 1:]
+    t = values[:, 0]
+    values = values[:, 1:]
     named = {x: [i for i, y in enumerate(keys) if y.kind == x] for x in QUANTITIES}
 
     def locate(name: str, i: int, j: int) -> str:
-        row, key = int(rows[i]), keys[named[name][j]] if name in named else TIME
+        row = int(rows[i])
+        key = keys[named[name][j]] if name in named else TIME
         return f"{table.place(row, key)}: {show(table.cell(row, key))}"
 
     check_time_range(t, locate, lambda new: table.rename(new, table.columns[TIME].title))
     _check_units(table, keys, t, values)
     last = last_digit(digits[:1]) * table.columns[TIME].factor
     new, time_notes = drop_repeated_rows(t, values, table.source)
-    t, values, rows = t[new], values[new], rows[new]
+    t = t[new]
+    values = values[new]
+    rows = rows[new]
     used = (t >= start) & (t <= end)
     rows = rows[used]
     check_samples(
@@ -227,7 +232,8 @@ def drop_repeated_rows(
     again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
     # If all rows are equal, all are used; `check_samples` rejects their times later.
     again &= not again[1:].all()
-    rows, notes = np.flatnonzero(~again), []
+    rows = np.flatnonzero(~again)
+    notes = []
     if again.any():
         notes.append(
             f"Rows of {source} that repeat the previous row were skipped: {int(again.sum())}."

@@ -136,7 +136,9 @@ def _read_log(
     joints = {role: joints_of(table, "q", role) for role in ROLES}
     roles: tuple[str, ...] = ROLES
     if not commanded and joints["measured"] and not joints["command"]:
-        roles, (names, notes) = ROLES[1:], (joints["measured"], list[str]())
+        roles = ROLES[1:]
+        names = joints["measured"]
+        notes = list[str]()
     else:
         names, notes = _pair_joints(table, joints)
     samples = read_samples(table, [Key("q", x, y) for x in roles for y in names], *window)

@@ -86,7 +86,8 @@ def _read(content: bytes, location: FilePath) -> tuple[FloatArray, IntArray]:
             "again."
         )
     mesh.merge_vertices()
-    points, triangles = np.array(mesh.vertices), np.array(mesh.faces)
+    points = np.array(mesh.vertices)
+    triangles = np.array(mesh.faces)
     count = len(triangles)
     if count > MAX_TRIANGLES:
         raise InvalidInput(

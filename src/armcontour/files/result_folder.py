@@ -58,7 +58,8 @@ class ResultFolder:
     def __init__(self, folder: FilePath, *, force: bool = False, replaces: str = "") -> None:
         self.folder = folder
         self.files: list[str] = []
-        self._force, self._kind = force, replaces
+        self._force = force
+        self._kind = replaces
         if os.path.lexists(folder) and not folder.is_dir():
             raise InvalidInput(f"{folder} is not a folder. Choose another --out.")
         try:

@@ -80,7 +80,8 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
     # The capsule ends before the tool point, because the tool point touches the work. A tool that
     # is too short for a capsule has no shape.
     chain = arm.chain
-    flange, point = chain.tip.position, (chain.tip @ chain.tool).position
+    flange = chain.tip.position
+    point = (chain.tip @ chain.tool).position
     reach = float(np.linalg.norm(point - flange))
     length = reach - 2 * ASSUMED_RADIUS - ASSUMED_GAP
     if length <= 0:
@@ -139,7 +140,8 @@ def _link_shape(
 ) -> LinkShape:
     """Shape of a link; with the frame `tip` of the tip in the last link, a shape of the tool."""
     with error_context(key):
-        shape, frame = _read_shape(model, folder), _body_frame(model)
+        shape = _read_shape(model, folder)
+        frame = _body_frame(model)
         if tip is not None:
             frame = tip @ frame
         body = LinkShape(name=model.name, link=link, shape=shape, place=frame, tool=tip is not None)
@@ -187,7 +189,8 @@ def upright(z: FloatArray) -> FloatArray:
 
 def _read_shape(model: BodyModel, folder: FilePath) -> Shape:
     """Shape of a body; reads the file of a mesh."""
-    required, optional = BODY_KEYS[model.type], OPTIONAL_KEYS.get(model.type, ())
+    required = BODY_KEYS[model.type]
+    optional = OPTIONAL_KEYS.get(model.type, ())
     for key in ("size", "radius", "length", "normal", "file", "unit"):
         value = getattr(model, key)
         if value is None and key in required:

@@ -26,7 +26,8 @@ def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
     # file has rounded numbers. The file must equal them within its printed digits. If a result
     # folder has the plan of the job but other set-points, for example because the servo of the job
     # has changed since, the set-points of the file are returned.
-    name, current = plan.run.name, plan.set_points
+    name = plan.run.name
+    current = plan.set_points
     file = verify_file(location, f"{name}/set_points.csv") if location.is_dir() else location
     history = file.parent / LESSON
     same_plan = location.is_dir() and _has_same_plan(location, job, plan)
@@ -64,7 +65,8 @@ def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
 def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
     """Return whether the planned motion in a result folder equals the plan of a run."""
     file = verify_file(folder, f"{plan.run.name}/planned.csv")
-    planned, duration = read_trajectory(file, job.arm.joint_names), plan.trajectory.duration
+    planned = read_trajectory(file, job.arm.joint_names)
+    duration = plan.trajectory.duration
     if abs(planned.t[-1] - duration) > plan.set_points.cycle or planned.q.shape[1] != job.arm.dof:
         return False
     deviation = np.abs(planned.q - plan.trajectory.with_rests(planned.t)).max()
@@ -73,7 +75,8 @@ def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:
 
 def _check_same_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:
     """Check that a lesson started with the set-points of the job."""
-    first, current = lesson.runs[0].q, plan.set_points.q
+    first = lesson.runs[0].q
+    current = plan.set_points.q
     same = first.shape == current.shape and lesson.cycle == plan.set_points.cycle
     if not same or np.abs(first - current).max() > TOLERANCE:
         raise InvalidInput(

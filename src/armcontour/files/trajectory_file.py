@@ -238,7 +238,8 @@ def parse_trajectory(
     table = read_table(text, source, title_of, example=EXAMPLE, columns=columns, option="--columns")
     keys, notes = _select_columns(table, joint_names)
     samples = read_samples(table, keys)
-    arrays, resolution = {}, {"t": samples.digit}
+    arrays = {}
+    resolution = {"t": samples.digit}
     for kind in QUANTITIES:
         indices = [i for i, key in enumerate(keys) if key.kind == kind]
         if indices:
@@ -358,7 +359,8 @@ class StoredRun:
         dq, ddq = plan.dq.copy(), plan.ddq.copy()
         if abs(plan.t[-1] - stored.t[-1]) > SAME_TIME * self.cycle:
             # The plan ends between the last two set-points, so that the last one is at rest.
-            dq[-1], ddq[-1] = 0.0, 0.0
+            dq[-1] = 0.0
+            ddq[-1] = 0.0
         return Samples(t=regular_times(len(dq), self.cycle), q=stored.q, dq=dq, ddq=ddq)
 
     def _read(self, name: str) -> TrajectoryFile:

@@ -109,7 +109,8 @@ def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Seg
 def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
     """The path with tangent arcs instead of its transitions, within a tolerance [m]."""
     # Returns the path, and corresponding arc lengths on both paths at the vertices [m], (n, 2).
-    rows, breaks = path.segments, path.breaks
+    rows = path.segments
+    breaks = path.breaks
     arcs, vertices = fit_through(path, breaks, tolerance)
     source = np.repeat(np.arange(len(rows)), np.diff(vertices))
     drawn = np.flatnonzero(rows.is_transition[source])
@@ -121,7 +122,8 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
     table = Segments.join([lines, arcs[drawn].replace(**columns)])[order]
     first = np.searchsorted(source[order], np.arange(len(rows) + 1))
     matched_s = np.stack([breaks, table.breaks[first]], axis=1)
-    waypoints, orientation = first[path.waypoints], path.orientation
+    waypoints = first[path.waypoints]
+    orientation = path.orientation
     return Path(
         segments=table,
         merged=path.merged,
@@ -223,17 +225,21 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
     (t0, slack0), (t1, slack1) = _tangents(curves, breaks, row, starts, size[starts])
     # `after`: index of the next interval. After the last interval of a curve, this is the first one
     # if the curve is closed, or else -1.
-    n, curve = len(starts), row[starts]
+    n = len(starts)
+    curve = row[starts]
     begin = np.flatnonzero(np.diff(curve, prepend=-1))
     end = np.append(begin[1:], n) - 1
     after = np.arange(1, n + 1)
     after[end] = np.where(closed, begin, -1)
     before = np.flatnonzero(after >= 0)
     # Where both tangents at a break differ by rounding errors only, their mean replaces them.
-    into, out = t1[before], t0[after[before]]
+    into = t1[before]
+    out = t0[after[before]]
     same = length(out - into) <= np.maximum(slack1[before], slack0[after[before]])
-    common, before = unit(out + into)[same], before[same]
-    t1[before], t0[after[before]] = common, common
+    common = unit(out + into)[same]
+    before = before[same]
+    t1[before] = common
+    t0[after[before]] = common
     return _Intervals(
         row=curve,
         begin=breaks[starts],
@@ -250,7 +256,9 @@ def _tangents(
     curves: Curves, breaks: FloatArray, row: IntArray, starts: IntArray, size: FloatArray
 ) -> list[tuple[FloatArray, FloatArray]]:
     """One-sided unit tangents and their uncertainties [rad], at the starts and at the ends."""
-    row, begin, end = row[starts], breaks[starts], breaks[starts + 1]
+    row = row[starts]
+    begin = breaks[starts]
+    end = breaks[starts + 1]
     span = end - begin
     parameters = begin[:, None] + span[:, None] * SAMPLES[1:-1]
     speed = length(_evaluate(curves, row, parameters, 1)).max(axis=1)
@@ -360,7 +368,8 @@ def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Inter
     parts = np.clip(parts, 2, MAX_PARTS).astype(np.intp)
     i, k = number_parts(parts)
     old = intervals.select(i)
-    first, last = k == 0, k == parts[i] - 1
+    first = k == 0
+    last = k == parts[i] - 1
     span = (old.end - old.begin) / parts[i]
     begin = old.begin + k * span
     end = np.where(last, old.end, old.begin + (k + 1) * span)
@@ -370,11 +379,18 @@ def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Inter
             f"A curve jumps near {point} m, or its derivative does not match its points."
         )
     inner = np.flatnonzero(~first)
-    row, t = old.row[inner], begin[inner]
-    points, tangents = curves(row, t, 0), unit(curves(row, t, 1))
-    p0, p1, t0, t1 = old.p0, old.p1, old.t0, old.t1
-    p0[inner], t0[inner] = points, tangents
-    p1[inner - 1], t1[inner - 1] = points, tangents
+    row = old.row[inner]
+    t = begin[inner]
+    points = curves(row, t, 0)
+    tangents = unit(curves(row, t, 1))
+    p0 = old.p0
+    p1 = old.p1
+    t0 = old.t0
+    t1 = old.t1
+    p0[inner] = points
+    t0[inner] = tangents
+    p1[inner - 1] = points
+    t1[inner - 1] = tangents
     return _Intervals(row=old.row, begin=begin, end=end, p0=p0, p1=p1, t0=t0, t1=t1, line=old.line)
 
 
@@ -384,7 +400,9 @@ def _drop_points(intervals: _Intervals) -> _Intervals:
     short = x.line & (length(x.p1 - x.p0) <= REPEATED_POINT)
     if not short.any():
         return x
-    p0, p1, mask = x.p0.copy(), x.p1.copy(), np.ones(len(short), dtype=bool)
+    p0 = x.p0.copy()
+    p1 = x.p1.copy()
+    mask = np.ones(len(short), dtype=bool)
     for row in np.unique(x.row[short]).tolist():
         a, b = np.searchsorted(x.row, [row, row + 1]).tolist()
         one = slice(a, b)
@@ -401,7 +419,8 @@ def _make_segments(intervals: _Intervals) -> tuple[Segments, IntArray]:
     """Lines and arcs of the intervals, and the row of the first segment of each interval, (n,)."""
     x = intervals
     first, second = make_biarcs(x.p0, x.t0, x.p1, x.t1)
-    chord, line = x.p1 - x.p0, x.line[:, None]
+    chord = x.p1 - x.p0
+    line = x.line[:, None]
     first = first.replace(
         tangents=np.where(line, unit(chord), first.tangents),
         normals=np.where(line, 0.0, first.normals),
@@ -436,7 +455,8 @@ def _merge_neighbours(
     curve = np.searchsorted(starts, rows, side="right") - 1
     has_merged = np.diff(starts, append=len(arcs)) > np.bincount(curve)
     replaced = ~moved[run[rows]] & has_merged[curve]
-    new_curvatures, new_lengths = arcs.curvatures[rows], arcs.lengths[rows]
+    new_curvatures = arcs.curvatures[rows]
+    new_lengths = arcs.lengths[rows]
     new_curvatures[replaced] = curvatures[run[rows[replaced]]]
     new_lengths[replaced] = lengths[run[rows[replaced]]]
     return arcs[rows].replace(curvatures=new_curvatures, lengths=new_lengths), rows
@@ -444,7 +464,8 @@ def _merge_neighbours(
 
 def _find_mergeable(arcs: Segments, vertices: IntArray) -> BoolArray:
     """Mask of the rows that lie on the line or circle of the next row, (n - 1,)."""
-    k, normals = arcs.curvatures, arcs.normals_at(EVERY, arcs.lengths)
+    k = arcs.curvatures
+    normals = arcs.normals_at(EVERY, arcs.lengths)
     mergeable = (
         (length(arcs.end_tangents[:-1] - arcs.tangents[1:]) <= SAME_LINE)
         & (np.abs(k[1:] - k[:-1]) <= SAME_CIRCLE * k[1:])

@@ -44,14 +44,17 @@ def make_biarcs(
 
     `share` is the tangent length of the first arc divided by that of the second, (n,) or a number.
     """
-    chord, w = p1 - p0, np.asarray(share)[..., None]
+    chord = p1 - p0
+    w = np.asarray(share)[..., None]
     # The tangent length d of the second arc solves |chord - d (w t0 + t1)| = (1 + w) d. The
     # positive solution is computed without cancellation.
-    c, b = dot(chord, chord), dot(chord, w * t0 + t1)
+    c = dot(chord, chord)
+    b = dot(chord, w * t0 + t1)
     a = 2 * share * (1 - dot(t0, t1))
     root = np.sqrt(b * b + a * c)
     d = np.where(b > 0, c / (b + root), (root - b) / a)
-    q0, q1 = p0 + (share * d)[:, None] * t0, p1 - d[:, None] * t1
+    q0 = p0 + (share * d)[:, None] * t0
+    q1 = p1 - d[:, None] * t1
     along = unit(q1 - q0)
     return _arc(p0, t0, along, share * d), _arc((q0 + w * q1) / (1 + w), along, t1, d)
 
@@ -174,7 +177,8 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     bent = segments.is_transition
     if not bent.any():
         return segments, segments.breaks[:-1]
-    quintics, lengths = segments.quintics[bent], segments.lengths[bent]
+    quintics = segments.quintics[bent]
+    lengths = segments.lengths[bent]
     need = lengths * np.cbrt(
         BIARC_SAFETY * BIARC_ERROR * bound_third_derivatives(quintics, lengths) / DRAWN
     )
@@ -192,7 +196,8 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     source = np.flatnonzero(bent)[row]
     columns = segments[source].limit_columns
     share = step / (halves[0].lengths + halves[1].lengths)
-    breaks, others = segments.breaks, np.flatnonzero(~bent)
+    breaks = segments.breaks
+    others = np.flatnonzero(~bent)
     first = breaks[source] + number * step
     middle = first + share * halves[0].lengths
     drawn = [
@@ -225,6 +230,8 @@ def tangent_and_curvature(first: FloatArray, second: FloatArray) -> tuple[FloatA
 
 def bound_third_derivatives(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
     """Upper bounds of the third derivatives of quintics with respect to arc length [1/m²], (n,)."""
-    c3, c4, c5 = quintics[:, 3], quintics[:, 4], quintics[:, 5]
+    c3 = quintics[:, 3]
+    c4 = quintics[:, 4]
+    c5 = quintics[:, 5]
     control = np.stack([6 * c3, 6 * c3 + 12 * c4, 6 * c3 + 24 * c4 + 60 * c5], axis=1)
     return np.asarray(np.linalg.norm(control, axis=2).max(axis=1) / lengths**3)

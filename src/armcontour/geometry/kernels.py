@@ -42,13 +42,19 @@ class Foot(NamedTuple):
 @compiled(inner=True, fastmath=FUSED, forceinline=True)
 def find_foot(p: Point, g: FloatArray) -> Foot:
     """Position of a point relative to the line or full circle of segment `g`."""
-    x, y, z = p[0] - g[0], p[1] - g[1], p[2] - g[2]
-    along, k = x * g[3] + y * g[4] + z * g[5], g[9]
+    x = p[0] - g[0]
+    y = p[1] - g[1]
+    z = p[2] - g[2]
+    along = x * g[3] + y * g[4] + z * g[5]
+    k = g[9]
     if k == 0.0:
-        x, y, z = x - along * g[3], y - along * g[4], z - along * g[5]
+        x = x - along * g[3]
+        y = y - along * g[4]
+        z = z - along * g[5]
         return Foot(x * x + y * y + z * z, along, 0.0)
     across = x * g[6] + y * g[7] + z * g[8]
-    a, b = k * along, 1 - k * across
+    a = k * along
+    b = 1 - k * across
     # Difference of the radii of point and circle, without cancellation.
     radial = (2 * across - k * (along * along + across * across)) / (1 + math.sqrt(a * a + b * b))
     x -= along * g[3] + across * g[6]
@@ -80,7 +86,8 @@ def nearest_within(
     `low`, `high`: ends of the part along the segment [m]. A squared distance that is at least
     `limit` [m²] is only a lower bound.
     """
-    foot, k = find_foot(p, g), g[9]
+    foot = find_foot(p, g)
+    k = g[9]
     if foot.off2 >= limit:
         return foot.off2, low
     u = foot.along
@@ -90,17 +97,21 @@ def nearest_within(
             u += 2 * math.pi / k
     if low <= u <= high:
         return foot.off2, u
-    at_low, at_high = distance2(foot, k, u - low), distance2(foot, k, u - high)
+    at_low = distance2(foot, k, u - low)
+    at_high = distance2(foot, k, u - high)
     return (at_high, high) if at_high < at_low else (at_low, low)
 
 
 @compiled(inner=True)
 def point_at(g: FloatArray, u: float) -> Point:
     """The point at distance u along segment `g` [m]."""
-    along, across, k = u, 0.0, g[9]
+    along = u
+    across = 0.0
+    k = g[9]
     if k != 0.0:
         half = math.sin(k * u / 2)
-        along, across = math.sin(k * u) / k, 2 * half * half / k
+        along = math.sin(k * u) / k
+        across = 2 * half * half / k
     return (
         g[0] + along * g[3] + across * g[6],
         g[1] + along * g[4] + across * g[7],
@@ -129,38 +140,50 @@ def search_tree(
     - `boxes`: lower and upper corners of the nodes' boxes in heap order [m], (2 m - 1, 6) for m
       leaves.
     """
-    n, leaves = len(queries), (len(boxes) + 1) // 2
-    distance, s = np.empty(n), np.empty(n)
-    stack, bound = np.empty(STACK, np.intp), np.empty(STACK)
+    n = len(queries)
+    leaves = (len(boxes) + 1) // 2
+    distance = np.empty(n)
+    s = np.empty(n)
+    stack = np.empty(STACK, np.intp)
+    bound = np.empty(STACK)
     segment = pieces[0]
     for i in range(n):
         p = queries[i, 0], queries[i, 1], queries[i, 2]
         # The segment of the last query is a good first guess, because queries are sorted.
         best, u = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
-        depth, stack[0], bound[0] = 0, 0, 0.0
+        depth = 0
+        stack[0] = 0
+        bound[0] = 0.0
         while depth >= 0:
-            node, gap2 = stack[depth], bound[depth]
+            node = stack[depth]
+            gap2 = bound[depth]
             depth -= 1
             # Descend to the nearest leaf; push the other child of each node on the stack.
             while node < leaves - 1 and gap2 < best:
                 node, other = 2 * node + 1, 2 * node + 2
-                gap2, far2 = box_gap2(p, boxes, node), box_gap2(p, boxes, other)
+                gap2 = box_gap2(p, boxes, node)
+                far2 = box_gap2(p, boxes, other)
                 if far2 < gap2:
                     node, gap2, other, far2 = other, far2, node, gap2
                 if far2 < best:
                     depth += 1
-                    stack[depth], bound[depth] = other, far2
+                    stack[depth] = other
+                    bound[depth] = far2
             if gap2 >= best:
                 continue
-            leaf, previous = node - (leaves - 1), -1
+            leaf = node - (leaves - 1)
+            previous = -1
             for j in range(leaf * len(pieces) // leaves, (leaf + 1) * len(pieces) // leaves):
                 if pieces[j] != previous:
                     previous = pieces[j]
                     g = rows[previous]
                     d2, along = nearest_within(p, g, 0.0, g[10], best)
                     if d2 < best:
-                        best, u, segment = d2, along, previous
-        distance[i], s[i] = math.sqrt(best), rows[segment, 11] + u
+                        best = d2
+                        u = along
+                        segment = previous
+        distance[i] = math.sqrt(best)
+        s[i] = rows[segment, 11] + u
     return distance, s
 
 
@@ -196,7 +219,8 @@ def find_excess(
     - `ranges`: arc lengths of start and end of each point's range [m], (n, 2).
     - `windows`: indices of the first and last piece of each range, (n, 2).
     """
-    excess, s = np.full(len(points), np.inf), np.zeros(len(points))
+    excess = np.full(len(points), np.inf)
+    s = np.zeros(len(points))
     for i in range(len(points)):
         p = points[i, 0], points[i, 1], points[i, 2]
         for j in range(windows[i, 0], windows[i, 1] + 1):
@@ -205,7 +229,8 @@ def find_excess(
             high = min(max(ranges[i, 1] - g[11], low), g[10])
             candidate, u = _excess(p, pieces, j, low, high)
             if candidate < excess[i]:
-                excess[i], s[i] = candidate, g[11] + u
+                excess[i] = candidate
+                s[i] = g[11] + u
     return excess, s
 
 
@@ -214,20 +239,21 @@ def bound_bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v
     """Bound of the distance between matched parts, minus the larger distance at their ends [m]."""
     # One part runs evenly from u0 to u1 along g, and the other from v0 to v1 along h. The bound is
     # an eighth of the largest second derivative of their difference; see tube.py.
-    turn_g, turn_h = g[9] * (u1 - u0), h[9] * (v1 - v0)
-    bend_g, bend_h = turn_g * (u1 - u0), turn_h * (v1 - v0)
+    turn_g = g[9] * (u1 - u0)
+    turn_h = h[9] * (v1 - v0)
+    bend_g = turn_g * (u1 - u0)
+    bend_h = turn_h * (v1 - v0)
     if bend_g == 0.0 or bend_h == 0.0 or abs(turn_g) + abs(turn_h) > 1.0:
         return (bend_g + bend_h) / 8
     # Squared differences of the unit normals at both ends, and of the axes about which the tangents
     # turn.
-    apart2, plane2 = 0.0, 0.0
+    apart2 = 0.0
+    plane2 = 0.0
     for u, v in ((u0, v0), (u1, v1)):
-        cg, sg, ch, sh = (
-            math.cos(g[9] * u),
-            math.sin(g[9] * u),
-            math.cos(h[9] * v),
-            math.sin(h[9] * v),
-        )
+        cg = math.cos(g[9] * u)
+        sg = math.sin(g[9] * u)
+        ch = math.cos(h[9] * v)
+        sh = math.sin(h[9] * v)
         total = 0.0
         for a in range(3):
             total += (cg * g[6 + a] - sg * g[3 + a] - ch * h[6 + a] + sh * h[3 + a]) ** 2
@@ -259,35 +285,45 @@ def bound_excess(
     """
     n = len(parts)
     bounds = np.full(n, -np.inf)
-    stack, depths = np.empty((DEPTH + 2, 6)), np.empty(DEPTH + 2, np.intp)
-    enough, remaining = slack, FINE * (n + 1000)
+    stack = np.empty((DEPTH + 2, 6))
+    depths = np.empty(DEPTH + 2, np.intp)
+    enough = slack
+    remaining = FINE * (n + 1000)
     for i in range(n):
         g = rows[segment[i]]
         # Numba compiles an assigned row for seconds.
         for c in range(6):
             stack[0, c] = parts[i, c]
         depths[0] = 0
-        top, count = 0, 0
+        top = 0
+        count = 0
         while top >= 0:
             part = stack[top]
             depth = depths[top]
             top -= 1
             count += 1
             # The excess at both ends, a bound over the whole part and the tolerance of its piece.
-            u0, u1 = part[0], part[3]
-            p, q = point_at(g, u0), point_at(g, u1)
-            at_start, at_end, bound, tolerance = np.inf, np.inf, np.inf, 0.0
+            u0 = part[0]
+            u1 = part[3]
+            p = point_at(g, u0)
+            q = point_at(g, u1)
+            at_start = np.inf
+            at_end = np.inf
+            bound = np.inf
+            tolerance = 0.0
             for j in range(windows[i, 0], windows[i, 1] + 1):
                 h = pieces.rows[j]
                 low = max(part[1] - part[2] - h[11], 0.0), max(part[4] - part[5] - h[11], 0.0)
                 high = min(part[1] + part[2] - h[11], h[10]), min(part[4] + part[5] - h[11], h[10])
                 d0, v0 = _excess(p, pieces, j, low[0], high[0])
                 d1, v1 = _excess(q, pieces, j, low[1], high[1])
-                at_start, at_end = min(at_start, d0), min(at_end, d1)
+                at_start = min(at_start, d0)
+                at_end = min(at_end, d1)
                 if max(d0, d1) < bound:
                     candidate = max(d0, d1) + bound_bulge(g, u0, u1, h, v0, v1)
                     if candidate < bound:
-                        bound, tolerance = candidate, pieces.tolerance[j]
+                        bound = candidate
+                        tolerance = pieces.tolerance[j]
             at_ends = max(at_start, at_end)
             enough = max(enough, at_ends)
             remaining -= 1
@@ -299,7 +335,8 @@ def bound_excess(
             # The second half replaces the whole part on the stack; the first half is pushed.
             for c in range(3):
                 middle = (part[c] + part[3 + c]) / 2
-                stack[top + 2, c], stack[top + 2, 3 + c] = part[c], middle
+                stack[top + 2, c] = part[c]
+                stack[top + 2, 3 + c] = middle
                 stack[top + 1, c] = middle
             depths[top + 1] = depths[top + 2] = depth + 1
             top += 2

@@ -30,7 +30,8 @@ RATE_FLOOR = 1e-9
 ROUNDING = 1e-15
 # Coefficients of f(u) = u.
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
-ROTATIONS, POLYNOMIALS = ("starts", "first", "second"), ("f", "g")
+ROTATIONS = ("starts", "first", "second")
+POLYNOMIALS = ("f", "g")
 
 
 # Coefficients of fast rotations are large, so any finite value is accepted.
@@ -334,9 +335,11 @@ def fit_cubics(
     - `begin`: value and slope at the start of each interval, (n,) each.
     - `end`: value and slope at its end, (n,) each.
     """
-    (a, into), (b, out) = begin, end
+    a, into = begin
+    b, out = end
     mean = (b - a) / width
-    second, third = (3 * mean - 2 * into - out) / width, (into + out - 2 * mean) / width**2
+    second = (3 * mean - 2 * into - out) / width
+    third = (into + out - 2 * mean) / width**2
     return np.stack([a, into, second, third], axis=1)
 
 

@@ -311,9 +311,11 @@ class Path(Checked):
         Raises:
             InvalidInput: `frame` is no frame, or the scale is not above zero.
         """
-        frame, factor = Frame.from_pose(frame), scale
+        frame = Frame.from_pose(frame)
+        factor = scale
         path = self if frame.is_planar_transform else self.lifted()
-        d, orientation = path.dimension, path.orientation
+        d = path.dimension
+        orientation = path.orientation
         if orientation is not None:
             orientation = orientation.place(frame.rotation, factor)
         segments = path.segments.place(frame.rotation[:d, :d], frame.position[:d], factor)
@@ -557,11 +559,13 @@ class Path(Checked):
                 f"{self.length:.9g} m long."
             )
         nearest = np.clip(np.searchsorted(self.breaks, orientation.breaks), 1, len(self))
-        low, high = self.breaks[nearest - 1], self.breaks[nearest]
+        low = self.breaks[nearest - 1]
+        high = self.breaks[nearest]
         targets = np.where(orientation.breaks - low < high - orientation.breaks, low, high)
         distances = np.abs(targets - orientation.breaks)
         # If two breaks are near one vertex, only the nearer break is moved.
-        first, again = np.append(np.inf, distances[:-1]), np.append(distances[1:], np.inf)
+        first = np.append(np.inf, distances[:-1])
+        again = np.append(distances[1:], np.inf)
         first[1:][targets[1:] != targets[:-1]] = np.inf
         again[:-1][targets[1:] != targets[:-1]] = np.inf
         nearer = (distances < first) & (distances <= again)
@@ -613,7 +617,8 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
                 s=value,
                 allowed=path.length,
             )
-    begin, end = max(begin, 0.0), min(end, path.length)
+    begin = max(begin, 0.0)
+    end = min(end, path.length)
     # Remainders of segments shorter than the resolution of a point are discarded.
     first = int(path.locate(begin + REPEATED_POINT))
     last = int(path.locate(end - REPEATED_POINT, side="left"))
@@ -626,7 +631,8 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
     begin = max(begin, float(path.breaks[first]))
     end = min(end, float(path.breaks[last + 1]))
     i = np.arange(first, last + 1)
-    u0, u1 = np.zeros(len(i)), path.lengths[i].copy()
+    u0 = np.zeros(len(i))
+    u1 = path.lengths[i].copy()
     u0[0] = begin - path.breaks[first]
     u1[-1] = min(end - path.breaks[last], u1[-1])
     orientation = path.orientation
@@ -659,7 +665,8 @@ def drop_z(path: Path) -> Path:
         raise InvalidInput(
             "The path is vertical, so its projection onto the x-y plane has no length."
         )
-    rows, shortening = path.segments[mask], run[mask]
+    rows = path.segments[mask]
+    shortening = run[mask]
     return Path(
         segments=rows.replace(
             starts=rows.starts[:, :2],

@@ -113,11 +113,13 @@ def follow_tangent(
             "A tool that follows the tangent has one rotation for the whole path, so `tool` must "
             "be one rotation."
         )
-    upward, tangent = checks.check_numbers("up", up), segments.tangents[0]
+    upward = checks.check_numbers("up", up)
+    tangent = segments.tangents[0]
     if upward.shape != (3,):
         raise InvalidInput(f"The direction up must be 3 numbers, but has the shape {upward.shape}.")
     z = upward - (upward @ tangent) * tangent
-    size, smallest = np.linalg.norm(z), 1e-6 * np.linalg.norm(upward)
+    size = np.linalg.norm(z)
+    smallest = 1e-6 * np.linalg.norm(upward)
     if size < smallest or not smallest > 0:
         raise InvalidInput(
             "up lies along the first tangent of the path or is zero. Specify a direction that is "
@@ -188,8 +190,10 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
     # `first` is the axis of the tilt out of this plane. Both angles are quintics that match the
     # tangent, the curvature and, in a plane, the shared derivative of the angular rate at both
     # ends.
-    first, f = tangent_rates(segments), np.tile(LINEAR, (len(segments), 1))
-    second, g = np.zeros_like(first), np.zeros_like(f)
+    first = tangent_rates(segments)
+    f = np.tile(LINEAR, (len(segments), 1))
+    second = np.zeros_like(first)
+    g = np.zeros_like(f)
     bent = np.flatnonzero(segments.is_transition)
     if len(bent):
         ends = np.zeros(len(bent)), segments.lengths[bent]
@@ -218,14 +222,16 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
         )
         f, g = (np.pad(x, ((0, 0), (0, 2))) for x in (f, g))
         f[bent], g[bent] = np.moveaxis(turned, 2, 0) / ends[1][:, None] ** np.arange(6)
-        first[bent], second[bent] = tilt, axis
+        first[bent] = tilt
+        second[bent] = axis
     return {"first": first, "second": second, "f": f, "g": g}
 
 
 def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
     """Unit axes about which the tangents turn along transitions; zero for straight ones."""
     lengths = segments.lengths[bent]
-    into, out = segments.evaluate(bent, 0 * lengths, 1), segments.evaluate(bent, lengths, 1)
+    into = segments.evaluate(bent, 0 * lengths, 1)
+    out = segments.evaluate(bent, lengths, 1)
     axes = np.cross(into, out)
     # The first and last tangents of an S-shaped transition can be parallel, see `NO_AXIS`.
     for share in (0.0, 0.5, 1.0):
@@ -269,7 +275,8 @@ def _turn_evenly(
     segments: Segments, waypoints: IntArray, starts: FloatArray, turn: FloatArray, axis_only: bool
 ) -> Orientation:
     """An orientation with a constant angular rate from waypoint to waypoint."""
-    first, breaks = waypoints[:-1], segments.breaks
+    first = waypoints[:-1]
+    breaks = segments.breaks
     section = np.repeat(np.arange(len(turn)), np.diff(waypoints))
     rates = (turn / np.add.reduceat(segments.lengths, first)[:, None])[section]
     after = breaks[:-1] - breaks[first[section]]

@@ -173,7 +173,9 @@ def _circle_through(
 ) -> tuple[list[float], float, list[float] | None]:
     """Centre, swept angle and, in space, normal of the arc from a through b to c."""
     u, v = b - a, c - a
-    uu, vv, uv = u @ u, v @ v, u @ v
+    uu = u @ u
+    vv = v @ v
+    uv = u @ v
     # Squared area of the parallelogram of u and v. The formula uu vv - uv² would lose its digits to
     # cancellation if the parallelogram is flat.
     across = np.cross(u, v) if len(a) == 3 else np.array([u[0] * v[1] - u[1] * v[0]])
@@ -186,7 +188,8 @@ def _circle_through(
         )
     center = (a + (vv * (uu - uv) * u + uu * (vv - uv) * v) / (2 * area)).tolist()
     # The swept angle is twice the angle between the chords to and from the via point.
-    to_via, from_via = b - a, c - b
+    to_via = b - a
+    from_via = c - b
     size = np.linalg.norm(to_via) * np.linalg.norm(from_via)
     angle = 2 * np.arctan2(np.sqrt(area) / size, to_via @ from_via / size)
     if len(a) == 3:

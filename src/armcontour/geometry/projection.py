@@ -78,7 +78,8 @@ def find_nearest(
         return Projection(*search_tree(pad_to_space(queries), *tree))
     # In spatial order each search starts from a good guess, and its data are in the cache.
     order = _sort_spatially(queries)
-    distance, s = np.empty(len(queries)), np.empty(len(queries))
+    distance = np.empty(len(queries))
+    s = np.empty(len(queries))
     distance[order], s[order] = search_tree(pad_to_space(queries[order]), *tree)
     return Projection(distance, s)
 
@@ -126,7 +127,9 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     """Divide segments into pieces of up to a quarter circle; returns segment indices and boxes."""
     # The box of a piece of length l has an area of approximately l² / pi. If a path of length L in
     # an area A has N pieces, a point lies in approximately L² / (pi A N) boxes.
-    n, lengths, curvatures = len(segments), segments.lengths, segments.curvatures
+    n = len(segments)
+    lengths = segments.lengths
+    curvatures = segments.curvatures
     extent = np.sort(np.ptp(np.concatenate([segments.starts, segments[-1:].ends]), axis=0))[-2:]
     area = max(extent[0], 1e-3 * extent[1]) * extent[1]
     pieces = lengths.sum() ** 2 / (np.pi * max(area, 1e-300) * OVERLAP)
@@ -213,12 +216,14 @@ def group_points(points: FloatArray, near: float) -> IntArray:
         from scipy.sparse.csgraph import connected_components
         from scipy.spatial import cKDTree
 
-        n, pairs = len(points), cKDTree(points).query_pairs(near, output_type="ndarray")
+        n = len(points)
+        pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
         links = coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n))
         return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
     a, b = pairs_within(points, points, near)
     # The label of every point becomes the smallest label of its neighbours, until no label changes.
-    first, before = np.arange(len(points)), np.empty(0, dtype=np.intp)
+    first = np.arange(len(points))
+    before = np.empty(0, dtype=np.intp)
     while not np.array_equal(first, before):
         before = first.copy()
         np.minimum.at(first, a, before[b])

@@ -181,7 +181,8 @@ class Segments:
     @property
     def end_tangents(self) -> FloatArray:
         """Unit tangents at the segments' ends, (n, dimension)."""
-        tangents, bent = self.evaluate(EVERY, self.lengths, 1), self.is_transition
+        tangents = self.evaluate(EVERY, self.lengths, 1)
+        bent = self.is_transition
         if bent.any():
             # At the end of a cut transition, the parameter is not exactly the arc length, so the
             # derivative is not exactly a unit vector.
@@ -201,7 +202,8 @@ class Segments:
         sweeps = self.curvatures[bent] * self.lengths[bent]
         for axis in range(self.dimension):
             # A coordinate is extreme where the arc's tangent has no component along this axis.
-            along, across = self.tangents[bent, axis], self.normals[bent, axis]
+            along = self.tangents[bent, axis]
+            across = self.normals[bent, axis]
             for turn in (0.0, np.pi):
                 angle = (np.arctan2(-along, across) + turn) % (2 * np.pi)
                 on = angle < sweeps
@@ -216,16 +218,16 @@ class Segments:
             return []
         points = []
         for axis in range(self.dimension):
-            start_slopes, end_slopes = self.tangents[:, axis], self.end_tangents[:, axis]
+            start_slopes = self.tangents[:, axis]
+            end_slopes = self.end_tangents[:, axis]
             i = np.flatnonzero(self.is_transition & (start_slopes * end_slopes < 0))
-            low, high = np.zeros(len(i)), self.lengths[i]
+            low = np.zeros(len(i))
+            high = self.lengths[i]
             for _ in range(BISECTIONS):
                 middle = (low + high) / 2
                 before_extreme = self.evaluate(i, middle, 1)[:, axis] * start_slopes[i] > 0
-                low, high = (
-                    np.where(before_extreme, middle, low),
-                    np.where(before_extreme, high, middle),
-                )
+                low = np.where(before_extreme, middle, low)
+                high = np.where(before_extreme, high, middle)
             points.append(self.evaluate(i, low))
         return points
 
@@ -253,10 +255,12 @@ class Segments:
         if order == 0:
             half = angle / 2
             # Chord length divided by arc length: sin(half) / half, or 1 if half is 0.
-            sine, bent = np.sin(half), half != 0
+            sine = np.sin(half)
+            bent = half != 0
             share = np.divide(sine, half, out=np.ones_like(half), where=bent)
             chord = u * share
-            along, across = chord * np.cos(half), chord * sine
+            along = chord * np.cos(half)
+            across = chord * sine
             return np.asarray(
                 self.starts[i]
                 + along[..., None] * self.tangents[i]
@@ -286,12 +290,11 @@ class Segments:
     def _move_starts(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
         """Segments `i`, of which those in the mask `moved` start at distance `u`; same lengths."""
         # With sign -1, the moved segments run backwards from their new start.
-        rows, location = self[i], (i[moved], u[moved])
+        rows = self[i]
+        location = (i[moved], u[moved])
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
-        starts[moved], tangents[moved] = (
-            self.evaluate(*location),
-            sign * self.evaluate(*location, 1),
-        )
+        starts[moved] = self.evaluate(*location)
+        tangents[moved] = sign * self.evaluate(*location, 1)
         normals[moved] = self.normals_at(*location)
         return rows.replace(starts=starts, tangents=tangents, normals=normals)
 
@@ -454,7 +457,8 @@ def close_gaps(
     mask = stay | (np.linalg.norm(ends - starts, axis=1) > nearest)
     if mask.all():
         return starts, mask
-    starts, tip = starts.copy(), starts[0]
+    starts = starts.copy()
+    tip = starts[0].copy()
     for i in range(len(mask)):
         starts[i] = tip
         mask[i] = stay[i] or np.linalg.norm(ends[i] - tip) > nearest

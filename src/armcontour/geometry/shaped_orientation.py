@@ -39,12 +39,16 @@ if TYPE_CHECKING:
 # Fractions of the angular tolerance that the smooth arc lengths and the blends may use. Their
 # errors do not add up, because the smooth arc lengths are exact at the vertices, where blends have
 # their largest error.
-PLACES, BLENDS = 0.5, 0.95
+PLACES = 0.5
+BLENDS = 0.95
 # Smallest and largest permitted angular error of the smooth arc lengths, and permitted error if no
 # tolerance is specified [rad].
-LEAST_ANGLE, MAX_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
+LEAST_ANGLE = 1e-5
+MAX_ANGLE = 1e-2
+SMALL_ANGLE = 1e-3
 # Factor by which blends outside the tolerance are shortened, and number of trials.
-SHORTENING, TRIES = 0.8, 8
+SHORTENING = 0.8
+TRIES = 8
 # Largest number of halvings between two knots of the smooth arc lengths.
 HALVINGS = 12
 # Parts of each interval between two known arc lengths at whose ends angles are compared.
@@ -117,7 +121,8 @@ class _Runs:
         first = np.append(0, np.flatnonzero(changes | (orientation.jumps > SAME_ORIENTATION)) + 1)
         objective_s = np.append(orientation.breaks[first], objective.length)
         s = np.interp(objective_s, pairs[:, 0], pairs[:, 1])
-        s[0], s[-1] = 0.0, path.length
+        s[0] = 0.0
+        s[-1] = path.length
         used = np.diff(s) > REPEATED_POINT
         first = first[used]
         turns = orientation.first[first]
@@ -169,7 +174,8 @@ def _smooth_arc_lengths(runs: _Runs, pairs: FloatArray, near: float) -> PchipInt
     """
     from scipy.interpolate import PchipInterpolator
 
-    knots, values = runs.s, runs.objective_s
+    knots = runs.s
+    values = runs.objective_s
     for _ in range(HALVINGS):
         smooth = PchipInterpolator(knots, values)
         s = subdivide(np.union1d(knots, pairs[:, 1]), REFINEMENT)
@@ -197,7 +203,8 @@ def _blend_lengths(
         gap = np.linalg.norm(path(runs.s[1:-1]) - objective.starts[vertex + 1], axis=1)
         half = objective.turns[vertex] / 2
         requested = np.where(requested > 0, 2 * gap / np.sin(half), 0.0)
-    objective_s, s = runs.objective_s[1:-1], runs.s[1:-1]
+    objective_s = runs.objective_s[1:-1]
+    s = runs.s[1:-1]
     ends = [
         np.interp(x, pairs[:, 0], pairs[:, 1])
         for x in (objective_s - requested, objective_s + requested)
@@ -216,7 +223,8 @@ def _insert_blends(
 ) -> Orientation:
     """Orientation at the smooth arc lengths `mapping`, with blends of half length `cut`."""
     blended = np.flatnonzero(cut > 0)
-    low, high = runs.s[1:-1][blended] - cut[blended], runs.s[1:-1][blended] + cut[blended]
+    low = runs.s[1:-1][blended] - cut[blended]
+    high = runs.s[1:-1][blended] + cut[blended]
     knots = mapping.x
     window = np.searchsorted(low, knots, side="right") - 1
     inside = (window >= 0) & (knots < np.append(high, -np.inf)[window])
@@ -225,20 +233,27 @@ def _insert_blends(
     # Neighbouring blends can share an end, except for rounding errors.
     breaks = breaks[np.append(True, np.diff(breaks) > SLIVER)]
     breaks[-1] = knots[-1]
-    begin, end = breaks[:-1], breaks[1:]
+    begin = breaks[:-1]
+    end = breaks[1:]
     middle = (begin + end) / 2
     run = np.clip(np.searchsorted(runs.s, middle, side="right") - 1, 0, len(runs.rates) - 1)
     j = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
-    f, g = shift_polynomials(mapping.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
+    f = shift_polynomials(mapping.c[::-1, j].T, begin - knots[j])
+    g = np.zeros((len(begin), 4))
     f[:, 0] -= runs.objective_s[run]
-    first, second, starts = runs.rates[run], np.zeros((len(begin), 3)), runs.starts[run]
+    first = runs.rates[run]
+    second = np.zeros((len(begin), 3))
+    starts = runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
     # Along a blend, the rate before the vertex decreases to zero, and the rate after the vertex
     # rises from zero.
-    vertex_s, none, width = runs.objective_s[1:-1][blended], np.zeros(len(i)), end[i] - begin[i]
+    vertex_s = runs.objective_s[1:-1][blended]
+    none = np.zeros(len(i))
+    width = end[i] - begin[i]
     f[i] = fit_cubics(width, (mapping(begin[i]) - vertex_s, mapping(begin[i], 1)), (none, none))
     g[i] = fit_cubics(width, (none, none), (mapping(end[i]) - vertex_s, mapping(end[i], 1)))
-    first[i], second[i] = runs.rates[blended], runs.rates[blended + 1]
+    first[i] = runs.rates[blended]
+    second[i] = runs.rates[blended + 1]
     starts[i] = runs.starts[blended + 1]
     return Orientation(
         breaks=breaks, starts=starts, first=first, second=second, f=f, g=g, axis_only=axis_only

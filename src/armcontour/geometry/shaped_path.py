@@ -22,7 +22,9 @@ SHAPED = "shaped"
 # Number of evenly spaced points at which the distance from the objective is evaluated.
 PLACES = 15_000
 # Names of the shapes from which a search starts.
-ARCS, PARABOLAS, STOPS = "arcs", "parabolas", "stops"
+ARCS = "arcs"
+PARABOLAS = "parabolas"
+STOPS = "stops"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -70,7 +70,8 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
     """Halve cubics until a transition approximates each part within the tolerance."""
     # Returns the coefficients and arc lengths [m] of the parts, and the start of each part as index
     # of the cubic plus fraction.
-    begin, size = np.arange(len(cubics), dtype=np.float64), 1.0
+    begin = np.arange(len(cubics), dtype=np.float64)
+    size = 1.0
     done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     count = 0
     while len(cubics):
@@ -89,7 +90,9 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
                 f"{tolerance:g} m. Specify a larger tolerance."
             )
         done.append((cubics[good], lengths[good], begin[good]))
-        halved, begin, size = np.repeat(cubics[~good], 2, axis=0), begin[~good], size / 2
+        halved = np.repeat(cubics[~good], 2, axis=0)
+        begin = begin[~good]
+        size = size / 2
         half = np.tile([0.0, 0.5], len(begin))
         cubics = rescale(halved, half, np.full(len(halved), 0.5))
         begin = (begin[:, None] + [0.0, size]).ravel()

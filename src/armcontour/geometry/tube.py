@@ -197,7 +197,8 @@ class Tube(Frozen):
         # still belongs to the piece.
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
         segment, parts = self._divide(path, pairs, reaches)
-        centre, around = parts[:, 1::3], parts[:, 2::3]
+        centre = parts[:, 1::3]
+        around = parts[:, 2::3]
         windows = self.windows_between((centre - around).min(axis=1), (centre + around).max(axis=1))
         bounds = bound_excess(
             pack_segments(path.segments), segment, parts, windows, TubePieces(*self._pieces), slack
@@ -222,10 +223,12 @@ class Tube(Frozen):
         Returns the segment of each part, (m,), and at its start and its end: the arc length on this
         segment, the arc length on the objective, and the reach [m], (m, 6).
         """
-        objective_s, along = pairs[:, 0], pairs[:, 1]
+        objective_s = pairs[:, 0]
+        along = pairs[:, 1]
         crossed = np.interp(self.breaks, objective_s, along)
         cuts = np.unique(np.clip(np.concatenate([path.breaks, along, crossed]), 0, path.length))
-        low, high = cuts[:-1], cuts[1:]
+        low = cuts[:-1]
+        high = cuts[1:]
         middle = (low + high) / 2
         segment = path.locate(middle)
         # Where the arc length on the objective jumps, each part has the value of its own side.
@@ -245,7 +248,8 @@ class Tube(Frozen):
     ) -> tuple[FloatArray, FloatArray]:
         """Distance of each corner from its part of a path, and the nearest arc length [m]."""
         corner_s = self.objective.breaks[self.vertex]
-        objective_s, along = places[:, 0], places[:, 1]
+        objective_s = places[:, 0]
+        along = places[:, 1]
         around = np.interp(corner_s, objective_s, reach)
         ends = [np.interp(x, objective_s, along) for x in (corner_s - around, corner_s + around)]
         windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)

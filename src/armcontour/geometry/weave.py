@@ -21,7 +21,9 @@ from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 # Initial number of points of a sine per pitch, largest number of doublings, and largest number of
 # points.
-SAMPLES, MAX_DOUBLINGS, MAX_POINTS = 64, 6, 2_000_000
+SAMPLES = 64
+MAX_DOUBLINGS = 6
+MAX_POINTS = 2_000_000
 # Smallest sine of the angle between the tool axis and the tangent. Below it, the direction of the
 # weave is undefined.
 PARALLEL = 1e-6
@@ -30,10 +32,13 @@ TEST_FRACTIONS = np.array([0.25, 0.5, 0.75])
 # A vertex is a corner of the seam if its turn exceeds CORNER [rad], or exceeds both SMALL_CORNER
 # [rad] and CORNER_RATIO times the turns of its neighbours. Other vertices are waypoints of a smooth
 # seam.
-CORNER, SMALL_CORNER, CORNER_RATIO = np.radians(30.0), np.radians(5.0), 3.0
+CORNER = np.radians(30.0)
+SMALL_CORNER = np.radians(5.0)
+CORNER_RATIO = 3.0
 # Waypoints closer than CLOSE_WAYPOINTS times the pitch are removed if the smooth seam deviates from
 # them by at most SEAM_DEVIATION times the width.
-CLOSE_WAYPOINTS, SEAM_DEVIATION = 0.25, 0.005
+CLOSE_WAYPOINTS = 0.25
+SEAM_DEVIATION = 0.005
 # Largest turn of an arc between two waypoints [rad].
 MAX_TURN = np.radians(10.0)
 # Relative rounding error of lengths.
@@ -102,7 +107,11 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
             "Specify a longer pitch."
         )
     ends = [0.0, *path.breaks[1:-1][_corners(path)].tolist(), path.length]
-    parts, seams, crests, left_out, done = [], [], [], 0.0, 0.0
+    parts = []
+    seams = []
+    crests = []
+    left_out = 0.0
+    done = 0.0
     for begin, end in zip(ends[:-1], ends[1:], strict=True):
         part = path if len(ends) == 2 else cut_path(path, begin, end)
         seam, matched_s = _smooth_seam(part, pitch, weave.width)
@@ -140,7 +149,9 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
 
 def _pitch_and_dwell_length(path: Path, weave: Weave) -> tuple[float, float]:
     """Lengths of the seam per wave and per dwell at an edge [m]."""
-    pitch, frequency, dwell = weave.pitch, weave.frequency, weave.dwell
+    pitch = weave.pitch
+    frequency = weave.frequency
+    dwell = weave.dwell
     speed = float(path.speeds[0])
     if (frequency is not None or dwell) and not (path.speeds == speed).all():
         raise InvalidInput(
@@ -182,7 +193,8 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
     parts = np.maximum(1, np.ceil(path.curvatures * path.lengths / MAX_TURN)).astype(int)
     steps = np.repeat(path.lengths / parts, parts)
     s = np.append(np.concatenate([[0.0], np.cumsum(steps)])[:-1], path.length)
-    points, closed = path(s), path.segments.closed
+    points = path(s)
+    closed = path.segments.closed
     chosen = _select_waypoints(s, CLOSE_WAYPOINTS * pitch)
     while True:
         table, vertices = fit_spline(
@@ -234,7 +246,8 @@ class _Wave:
         if self.seam.dimension == 2:
             side = np.column_stack([-tangents[:, 1], tangents[:, 0]])
         else:
-            up, orientation = UP, self.part.orientation
+            up = UP
+            orientation = self.part.orientation
             if orientation is not None:
                 # The tool axis points from the tool to the work.
                 up = -orientation(self.on_part(s))[:, :, 2]
@@ -277,7 +290,8 @@ def _weave_part(wave: _Wave, tolerance: float) -> Path:
     """The woven path of a part, with its speeds, tolerances, tags and orientation."""
     from armcontour.geometry.prescribed_orientation import carry_frame
 
-    part, seam = wave.part, wave.seam
+    part = wave.part
+    seam = wave.seam
     turning = wave.turning_points()
     pieces = np.unique([0.0, *turning.ravel(), seam.length])
     segments, vertices = _fit_sine(wave, pieces, tolerance)
@@ -298,7 +312,8 @@ def _weave_part(wave: _Wave, tolerance: float) -> Path:
         )
     else:
         seam_s = wave.on_part(seam_s)
-    starts, ends = orientation(seam_s[:-1]), orientation(seam_s[1:], side="left")
+    starts = orientation(seam_s[:-1])
+    ends = orientation(seam_s[1:], side="left")
     rates = np.zeros((len(segments), 3))
     if not orientation.fixed:
         rates = log(ends @ starts.transpose(0, 2, 1)) / segments.lengths[:, None]

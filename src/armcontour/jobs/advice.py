@@ -26,22 +26,27 @@ from armcontour.robot.limits import LIMITS
 from armcontour.verification import evaluate
 
 # Maximum number of listed changes, and of groups of changes that are tried to save time.
-MAX_LISTED, MAX_PLANNED = 3, 6
+MAX_LISTED = 3
+MAX_PLANNED = 6
 # Factors by which limits and corner tolerances are increased.
-LIMIT_FACTOR, TOLERANCE_FACTOR = 1.2, 2.0
+LIMIT_FACTOR = 1.2
+TOLERANCE_FACTOR = 2.0
 # Minimum fraction of the duration that a listed change saves.
 MIN_SAVING = 2e-3
 # Speed factors and reserves that are tried to repair a run, the smallest change first.
-SPEED_FACTORS, RESERVES = (0.8, 0.6, 0.4, 0.2), (0.1, 0.2, 0.4)
+SPEED_FACTORS = (0.8, 0.6, 0.4, 0.2)
+RESERVES = (0.1, 0.2, 0.4)
 # Minimum reserve for the servo, as a fraction of acceleration.
 LEAST_RESERVE = 0.02
 # Fraction of the accuracy that a repair uses, so that rounding errors do not determine the verdict.
 ACCURACY_SHARE = 0.98
 # Maximum number of segments in all runs of a job for which all changes are planned by default, and
 # number of segments in all planned changes of a larger job. A change takes a third of a run's time.
-SMALL, SEGMENTS = 50, 200
+SMALL = 50
+SEGMENTS = 200
 # Conditions of changes: for limits of drives, for limits that the user has set, and for tolerances.
-IF_DRIVE, IF_PROCESS = "the drive allows it", "the process allows it"
+IF_DRIVE = "the drive allows it"
+IF_PROCESS = "the process allows it"
 IF_PART = "the part allows it"
 # Name of the step in progress messages.
 STEP = "changes"
@@ -144,7 +149,8 @@ def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None
 
 def _contour_errors(job: Job, planned: RunResult) -> Errors:
     """Largest contour error of each contour [m] in each execution that judges the run."""
-    run, errors = planned.run, dict[str, Sequence[float]]()
+    run = planned.run
+    errors = dict[str, Sequence[float]]()
     set_points = compute_set_points(job, run, planned.trajectory)
     for name, experiment in judging_executions(run).items():
         executed = simulate_experiment(job, run, set_points, experiment)
@@ -165,10 +171,12 @@ def _rounded(value: float) -> float:
 
 def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     """Yield groups of changes that may save time; of each, the first successful one counts."""
-    run, why = result.run, result.explanation
+    run = result.run
+    why = result.explanation
     if why is None or run.duration is not None:
         return
-    kinds, joints = why.kinds, {x.name: x.joint for x in why.bindings}
+    kinds = why.kinds
+    joints = {x.name: x.joint for x in why.bindings}
     for part in why.shares:
         yield from (
             [y] for y in _raised_limit(job, run, part.kind, joints.get(part.name), part.of_time)
@@ -222,14 +230,16 @@ def _raised_limit(
         return
     # Estimated saving: time is proportional to 1 / speed, or to 1 / sqrt(acceleration).
     expected_saving = share * (1 - LIMIT_FACTOR ** (-1 / record.order))
-    words, condition = f"the {kind}", IF_PROCESS
+    words = f"the {kind}"
+    condition = IF_PROCESS
     raised = np.array(value, dtype=np.float64)
     bounds = raised.reshape(raised.size if joint is None else len(raised), -1)
     limit = bounds[joint or 0]
     old = float(np.abs(limit).min())
     limit[:] = [np.sign(x) * _rounded(abs(x) * LIMIT_FACTOR) for x in limit]
     if joint is not None:
-        words, condition = f"joint {joint + 1} {kind}", IF_DRIVE
+        words = f"joint {joint + 1} {kind}"
+        condition = IF_DRIVE
     yield _Candidate(
         label=f"Raise {words} {_describe_change(old, float(np.abs(limit).min()), record.unit)}",
         edits=((f"limits.{record.name}", raised.tolist()),),
@@ -244,13 +254,15 @@ def _raised_limit(
 
 def _describe_change(old: float, new: float, unit: str) -> str:
     """Text with both values of a change, such as "from 0.25 to 0.5 mm"."""
-    (before, its), (after, unit) = split(old, unit), split(new, unit)
+    before, its = split(old, unit)
+    after, unit = split(new, unit)
     return f"from {before if its == unit else f'{before} {its}'} to {after} {unit}"
 
 
 def _wider_corners(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
     """Yield a larger corner tolerance that the required accuracy allows."""
-    old, accuracy = result.tolerance, result.run.accuracy
+    old = result.tolerance
+    accuracy = result.run.accuracy
     if old is None or result.rounding_error is None:
         return
     new = old * TOLERANCE_FACTOR
@@ -290,7 +302,8 @@ def _reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _C
 
 def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     """Yield groups of changes that may repair a run; of each, the first successful one counts."""
-    run, e = result.run, result.judged
+    run = result.run
+    e = result.judged
     if run.accuracy is not None and result.tolerance is not None and e is not None:
         room = ACCURACY_SHARE * run.accuracy - 2 * e.contour_error.max
         if 0 < room < result.tolerance:

@@ -163,7 +163,9 @@ def _other_start(
     """
     if job.seed is not None or not isinstance(job.arm, SerialArm):
         return None
-    program, farthest, cell = traced.program, None, job.cell
+    program = traced.program
+    farthest = None
+    cell = job.cell
     first = next(x.path for x in program.moves if isinstance(x, Contour))
     bounds = run.limits.for_joints(job.arm.dof)
     # Contours that cannot be traced from a start have the same joint path for all starts.
@@ -185,7 +187,8 @@ def _other_start(
             if reach == np.inf:
                 best = bound, tracing
             elif reach > reached:
-                farthest, reached = tracing, reach
+                farthest = tracing
+                reached = reach
         if best[1] is not None:
             return best[1]
     return farthest
@@ -218,7 +221,8 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
         return
     from armcontour.robot.inverse_kinematics import configurations
 
-    point, rotation = path([0.0])[0], path.orientation([0.0])[0]
+    point = path([0.0])[0]
+    rotation = path.orientation([0.0])[0]
     turned: list[FloatArray] = []
     for angle in np.arange(TURNS) * 2 * np.pi / TURNS:
         pose = np.column_stack([rotation @ exp(np.array([0.0, 0.0, angle])), point])

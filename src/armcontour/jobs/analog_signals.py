@@ -101,8 +101,10 @@ def _values(
         first, last = np.searchsorted(times, [begin - lead, end - lead])
         inside = np.clip(times[first:last] + lead, begin, end)
         if len(inside):
-            s, path = trajectory.s(inside) - span.s[0], contour.path
-            speeds, full = trajectory.s(inside, 1), output.speed
+            s = trajectory.s(inside) - span.s[0]
+            path = contour.path
+            speeds = trajectory.s(inside, 1)
+            full = output.speed
             if isinstance(path, ShapedPath) and path.curve is not None:
                 # For a smooth curve, s is the arc length of arcs that approximate the curve.
                 # Therefore the norm of the derivative of the position by s differs from 1 by a few
@@ -162,7 +164,8 @@ class _States:
 
     def on(self, process: Process, output: Analog, t: FloatArray) -> BoolArray:
         """Mask of increasing times [s] at which the process of a contour is on."""
-        switch, names = process.switch, self.drawn
+        switch = process.switch
+        names = self.drawn
         if output.follows:
             names = {output.follows}
         elif switch is not None:

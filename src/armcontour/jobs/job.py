@@ -61,11 +61,13 @@ ENDINGS = {
 TEMPLATE = ".j2"
 PointTolerance = Annotated[float, Quantity("rad", "0.1 mrad", "positive")]
 # Sections of the help for options that set these keys.
-FILES, POINTS = "Files for robot controllers", "Points of these files"
+FILES = "Files for robot controllers"
+POINTS = "Points of these files"
 # Maximum length of a title, which is a line in reports [characters].
 LONGEST_TITLE = 200
 # Shapes of corners: arcs, or the fastest shape within the tolerance.
-ARC, FREE = "arc", "free"
+ARC = "arc"
+FREE = "free"
 SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
 # Proposed tolerance of corners that become rounded.

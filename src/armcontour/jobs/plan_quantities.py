@@ -107,7 +107,8 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
     for i, (contour, span) in enumerate(
         zip(program.contours, trajectory.contour_spans, strict=True)
     ):
-        woven, plan = contour.woven, span.trajectory
+        woven = contour.woven
+        plan = span.trajectory
         if woven is None or plan is None or len(woven.crests) < 3:
             continue
         begin, end = (0.0, plan.duration) if span.work is None else span.work
@@ -122,10 +123,12 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
             [near.distance[a:b].max(initial=0.0) for a, b in zip(first, last, strict=True)]
         )
         crossed = np.interp(woven.crests, s, t)
-        widths, times = heights[:-1] + heights[1:], crossed[2:] - crossed[:-2]
+        widths = heights[:-1] + heights[1:]
+        times = crossed[2:] - crossed[:-2]
         # Pairs of crests that belong to different parts of the seam are ignored.
         same = np.diff(woven.crests) < 0.75 * woven.pitch
-        widths, times = widths[same], times[same[:-1] & same[1:]]
+        widths = widths[same]
+        times = times[same[:-1] & same[1:]]
         if len(times):
             yield Weaving(
                 contour=contour_called(contour, i),

@@ -41,7 +41,8 @@ class _PathPoints(NamedTuple):
     @classmethod
     def along(cls, paths: list[tuple[str, Path]]) -> _PathPoints:
         """Sample paths at ends of segments and evenly spaced points, or at a subset of these."""
-        maximum, rows = int(np.clip(MAX_PLACES // len(paths), 2, MAX_ALONG)), []
+        maximum = int(np.clip(MAX_PLACES // len(paths), 2, MAX_ALONG))
+        rows = []
         for k, (_, path) in enumerate(paths):
             s = np.union1d(np.linspace(0, path.length, maximum), path.breaks)
             if len(s) > 2 * maximum:
@@ -82,7 +83,8 @@ def explain(error: Unreachable, job: Job) -> Unreachable:
 
 def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
     """Yield names and paths of all contours, or if `rapid`, of all rapids that have a path."""
-    contours, done = program.contours, 0
+    contours = program.contours
+    done = 0
     for move in program.moves:
         if isinstance(move, Contour):
             if not rapid:
@@ -90,7 +92,8 @@ def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
                 yield "the path" if alone else contour_called(move, done), move.path
             done += 1
         elif rapid and isinstance(move, Rapid) and move.path is not None:
-            before, after = contours[max(done - 1, 0) : done], contours[done : done + 1]
+            before = contours[max(done - 1, 0) : done]
+            after = contours[done : done + 1]
             to, (other,) = ("to", after) if after else ("away from", before)
             called = contour_called(other, done if after else done - 1)
             yield f"rapid {to} {called}", turn_along(move.path, before, after)
@@ -119,7 +122,8 @@ def _reached(arm: Arm, points: _PathPoints) -> FloatArray:
     assert isinstance(arm, SerialArm)
     from armcontour.robot.inverse_kinematics import REACH_SEEDS, nearest_reached, seeds
 
-    task, many = task_dimension(points.paths[0][1], arm), seeds(arm)
+    task = task_dimension(points.paths[0][1], arm)
+    many = seeds(arm)
     poses = np.concatenate([points.rotations, goals[:, :, None]], axis=2)
     positions = np.empty((len(poses), arm.dof))
     for i in range(len(poses)):
@@ -136,7 +140,9 @@ def _reached(arm: Arm, points: _PathPoints) -> FloatArray:
 def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: bool) -> Unreachable:
     """Error about point `k`, which is farthest out of reach; `away`: distances from the reach."""
     called, path = points.paths[points.owner[k]]
-    point, s, gap = points.points[k], float(points.s[k]), float(away[k])
+    point = points.points[k]
+    s = float(points.s[k])
+    gap = float(away[k])
     far = gap >= FAR_OUT
     drawn = (np.resize([*point, 0.0], 3) - job.part.position) @ job.part.rotation
     drawn = drawn[: len(point)]

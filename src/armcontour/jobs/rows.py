@@ -140,7 +140,8 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
     if result.expected is not None and e is not None:
         worst, model = (number(x, "m") for x in (result.expected.worst, e.contour_error.max))
         note = f"with the largest errors of the logs {worst}; servo model alone {model}"
-        value, label = max(result.expected.contours), "contour error expected, largest"
+        value = max(result.expected.contours)
+        label = "contour error expected, largest"
         yield Row("expected.max", value, "m", label, note, VERDICT)
     yield duration_row(result.trajectory.duration, VERDICT)
     if (why := result.explanation) is not None and why.longest is not None:
@@ -212,7 +213,8 @@ def off_drawing(
 
 def weave_speed(result: RunRecord) -> float | None:
     """Travel speed of the weaves [m/s]; None without weaves, or if the run limits the speed."""
-    contours, fastest = result.path.contours, result.run.limits.speed
+    contours = result.path.contours
+    fastest = result.run.limits.speed
     if fastest is not None and any((x.path.speeds > fastest).any() for x in contours):
         return None
     speeds = [x.woven.frequency * x.woven.pitch for x in contours if x.woven is not None]
@@ -338,7 +340,8 @@ def _set_points(result: RunRecord) -> Iterator[Row]:
     yield Row("truncated", set_points.truncated, unit_of(result.arm, "rad"))
     if set_points.command_limits is None:
         return
-    cost, use = set_points.limit_cost, set_points.command_use
+    cost = set_points.limit_cost
+    use = set_points.command_use
     name = max(use, key=lambda x: use[x].max())
     joint = joint_label(int(use[name].argmax()) + 1, result.arm.joint_names)
     note = f"joint {joint}, {name.replace('_', ' ')}; " + (
@@ -354,7 +357,9 @@ def _set_points(result: RunRecord) -> Iterator[Row]:
 
 def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     """Yield rows of path, methods, stops and shaping of a plan."""
-    run, trajectory, path = result.run, result.trajectory, result.path
+    run = result.run
+    trajectory = result.trajectory
+    path = result.path
     yield Row("length", path.length, "m", "path")
     if path.single_path is None:
         yield from _program_rows(result)
@@ -384,12 +389,15 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
 
 def _program_rows(result: RunRecord) -> Iterator[Row]:
     """Yield rows of lengths and times of a program, with the process on and off."""
-    spans, path, objective = result.trajectory.spans, result.path, result.objective
+    spans = result.trajectory.spans
+    path = result.path
+    objective = result.objective
     works = [x.work for x in result.trajectory.contour_spans if x.work is not None]
     rapids, dwells = (
         sum(x.t[1] - x.t[0] for x in spans if x.kind == kind) for kind in ("rapid", "dwell")
     )
-    length, time = sum(map(work_length, path.contours)), sum(end - start for start, end in works)
+    length = sum(map(work_length, path.contours))
+    time = sum(end - start for start, end in works)
     pierces = sum(map(pierce_length, path.contours))
     leads = path.length - length - pierces
     closed = sum(x.closed for x in objective.contours)
@@ -432,7 +440,8 @@ def shaping_rows(program: Program) -> Iterator[Row]:
     shaped = sums[SHAPED]
     starts = sorted((name, t) for name, t in sums.items() if name != SHAPED)
     others = ", ".join(f"{name} {number(t, 's')}" for name, t in starts)
-    gain, note = 1 - shaped / min(t for _, t in starts), f"{number(shaped, 's')} ({others})"
+    gain = 1 - shaped / min(t for _, t in starts)
+    note = f"{number(shaped, 's')} ({others})"
     yield Row("shaping.gain", gain, "1", "saved by shaping", f"shaped: {note}")
     yield Row("shaping.iterations", max(max(len(x.history) - 1, 0) for x in outcomes))
 
@@ -445,7 +454,8 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
     kind: Any = type(value)
     units_by_name = quantities(kind)
     for attribute in fields(value):
-        inner, key = getattr(value, attribute.name), f"{name}.{attribute.name}"
+        inner = getattr(value, attribute.name)
+        key = f"{name}.{attribute.name}"
         if is_dataclass(inner):
             yield from field_rows(key, inner)
             continue
@@ -458,7 +468,8 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
 
 def _tables(result: RunRecord, job: Job | None) -> Iterator[Table]:
     """Yield the tables of a run, which are in files only."""
-    trajectory, single = result.trajectory, result.path.single_path
+    trajectory = result.trajectory
+    single = result.path.single_path
     yield Table(
         "stretches",
         _columns(name="", kind="", t="s", s="m", demand="", speed="m/s"),
@@ -504,11 +515,13 @@ def _move_table(result: RunRecord, begin: float) -> Table:
     # Start and end of a contour as values of `resume_at` are cumulated working lengths.
     ends = begin + np.cumsum([0.0, *map(work_length, result.objective.contours)])
     errors = () if result.judged is None else result.judged.contours
-    contours, rows = enumerate(result.path.contours), list[tuple[Any, ...]]()
+    contours = enumerate(result.path.contours)
+    rows = list[tuple[Any, ...]]()
     for span in result.trajectory.spans:
         profile: tuple[Any, ...] = (None,) * 7
         if span.kind == "contour":
-            (k, contour), outcome = next(contours), None
+            k, contour = next(contours)
+            outcome = None
             if isinstance(contour.path, ShapedPath):
                 shaped = contour.path.outcome
                 outcome = {x: getattr(shaped, x) for x in ("start", "durations", "gain")}

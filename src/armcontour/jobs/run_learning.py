@@ -39,7 +39,8 @@ class LearningStudy:
     @property
     def result(self) -> Data:
         """Data of learning: errors of the runs, next step and notes."""
-        name, data = self.plan.run.name, self.lesson.to_data()
+        name = self.plan.run.name
+        data = self.lesson.to_data()
         rows = (Row("run", name), *data.rows, Row("notes", self.notes))
         return replace(data, title=f"Run {name}", rows=rows, notes=tuple(self.notes))
 
@@ -80,7 +81,8 @@ class LearningStudy:
     @property
     def _verdict(self) -> str:
         """Sentence about the next step: learning is finished, or another run is useful."""
-        lesson, best = self.lesson, f"run {self.lesson.best + 1}"
+        lesson = self.lesson
+        best = f"run {self.lesson.best + 1}"
         error = f"{number(lesson.remaining, 'm')} RMS"
         if lesson.noise is not None:
             error += f", and runs of equal set-points differ by {number(lesson.noise, 'm')} RMS"

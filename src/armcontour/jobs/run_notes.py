@@ -47,7 +47,9 @@ SAME_SPEED = 1e-3
 
 def warnings(result: RunRecord) -> Iterator[str | None]:
     """Yield warnings about deviations of the result from the request; None has no warning."""
-    run, trajectory, executed = result.run, result.trajectory, result.execution
+    run = result.run
+    trajectory = result.trajectory
+    executed = result.execution
     yield from _capped(result.objective, run)
     yield compare_limits(run.limits, result.arm)
     yield _stops(result.jerk_stops)
@@ -175,10 +177,13 @@ def _at_corners(path: Path) -> FloatArray:
 
 def _slow(result: RunRecord) -> str:
     """Warning for the end of a lead that is slowest relative to its assigned velocity."""
-    run, slow = result.run, list[tuple[float, str]]()
+    run = result.run
+    slow = list[tuple[float, str]]()
     spans = result.trajectory.contour_spans
     for i, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True)):
-        path, motion, name = contour.path, span.trajectory, contour_called(contour, i)
+        path = contour.path
+        motion = span.trajectory
+        name = contour_called(contour, i)
         if motion is None:
             continue
         begin, end = contour.work or (0.0, path.length)
@@ -211,7 +216,8 @@ def _stops(stops: tuple[JerkStop, ...]) -> str:
 
 def _collisions(result: RunRecord) -> Iterator[str | None]:
     """Yield warnings for collisions executed or not checked, and for links below the base."""
-    planned, executed = result.clearance, result.executed_clearance
+    planned = result.clearance
+    executed = result.executed_clearance
     if planned is None:
         yield from result.avoided
         return
@@ -278,7 +284,8 @@ def _not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> str:
 
 def _worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> str:
     """Warning if compensation increases the contour error of the rigid-body simulation."""
-    compensated, without = judged.contour_error, uncompensated.contour_error
+    compensated = judged.contour_error
+    without = uncompensated.contour_error
     if compensated.rms <= without.rms and compensated.max <= without.max:
         return ""
     why = (

@@ -53,7 +53,8 @@ PLACES = 401
 # Keys of the process that are ignored while automatic leads are determined.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 # Names of the first step of a run: rounding of corners, or shaping for corners of shape free.
-ROUNDING, SHAPING = "rounding", "shaping"
+ROUNDING = "rounding"
+SHAPING = "shaping"
 
 
 def plan_one(
@@ -154,9 +155,11 @@ def find_leads(job: Job, run: Run) -> list[Leads]:
 def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory | None) -> Leads:
     """Lengths of the automatic leads of a contour, from its motion without leads."""
     assert motion is not None
-    process, leads = job.process.of_contour(contour), Leads()
+    process = job.process.of_contour(contour)
+    leads = Leads()
     contour = dataclasses.replace(contour, work=None)
-    path, length_of_motion = contour.path, float(motion.s(motion.duration))
+    path = contour.path
+    length_of_motion = float(motion.s(motion.duration))
     distances = np.linspace(0.0, length_of_motion, PLACES)[1:]
     for key, name, s, side in (
         ("lead_in", "before", 0.0, "right"),

@@ -108,7 +108,9 @@ def _simulate(
     progress: Progress,
 ) -> dict[str, Any]:
     """Fields of a `RunResult`: simulation with the servo model and, if given, with `plant`."""
-    run, path, objective = planned.run, planned.path, planned.objective
+    run = planned.run
+    path = planned.path
+    objective = planned.objective
     progress(Step(("execution",)))
     executed = simulate_run(job, set_points)
     progress(Step(("evaluation",)))
@@ -167,8 +169,11 @@ def expect_errors(
 
     `executed`, `evaluation`: simulation with the servo model, and its evaluation.
     """
-    servo, plan, unexplained = job.servo, executed.set_points.trajectory, evaluation.model_error
-    ratio, similar = servo.contour_ratio, servo.is_similar(*sample_rates(plan))
+    servo = job.servo
+    plan = executed.set_points.trajectory
+    unexplained = evaluation.model_error
+    ratio = servo.contour_ratio
+    similar = servo.is_similar(*sample_rates(plan))
     plain = isinstance(run.compensation, NoCompensation)
     if ratio is None or ratio > TRUSTED or unexplained is None or plain or not similar:
         return None

@@ -134,7 +134,9 @@ class _Points(NamedTuple):
 
 def _jtc(points: _Points) -> Mapping[str, Any]:
     """Quintics if the points have accelerations, cubics if they have velocities, else lines."""
-    q, dq, ddq = points.q, points.dq, points.ddq
+    q = points.q
+    dq = points.dq
+    ddq = points.ddq
     if dq is None and ddq is not None:
         raise InvalidInput(
             "joint_trajectory_controller takes no accelerations without velocities. Add velocities "
@@ -180,7 +182,8 @@ def _linuxcnc(points: _Points) -> Mapping[str, Any]:
             "cycle."
         )
     x = np.concatenate([points.q[:1], points.q[:1], points.q, points.q[-1:], points.q[-1:]])
-    way, step = (x[:-2] + 4 * x[1:-1] + x[2:]) / 6, (x[2:] - x[:-2]) / (2 * points.interval)
+    way = (x[:-2] + 4 * x[1:-1] + x[2:]) / 6
+    step = (x[2:] - x[:-2]) / (2 * points.interval)
     t = np.arange(len(way), dtype=np.float64) * points.interval
     law = _fields("uniform B-spline", t, _cubics(t, way, step))
     return {**law, "origin": points.interval, "lag": 2 * points.interval}
@@ -268,13 +271,16 @@ def _powers(*powers: FloatArray) -> FloatArray:
 def _cubics(t: FloatArray, q: FloatArray, dq: FloatArray) -> FloatArray:
     """Coefficients of cubics with positions and velocities at both ends, (n, 6, dof)."""
     width = np.diff(t)[:, None]
-    step, begin, end = np.diff(q, axis=0), dq[:-1] * width, dq[1:] * width
+    step = np.diff(q, axis=0)
+    begin = dq[:-1] * width
+    end = dq[1:] * width
     return _powers(q[:-1], begin, 3 * step - 2 * begin - end, begin + end - 2 * step)
 
 
 def _spline_velocities(t: FloatArray, q: FloatArray) -> FloatArray:
     """Velocities at the points of the cubic spline that is at rest at both ends, (n, dof)."""
-    v, inverse = np.zeros_like(q), 1 / np.diff(t)
+    v = np.zeros_like(q)
+    inverse = 1 / np.diff(t)
     if len(t) > 2:
         slopes = 3 * np.diff(q, axis=0) * inverse[:, None] ** 2
         right = np.ascontiguousarray(slopes[:-1] + slopes[1:])

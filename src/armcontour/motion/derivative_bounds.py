@@ -41,18 +41,23 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
     """
     parts: Iterable[FloatArray]
     if isinstance(motion, Execution):
-        t, dof, rate = motion.t, motion.q.shape[1], np.abs(motion.dq)
+        t = motion.t
+        dof = motion.q.shape[1]
+        rate = np.abs(motion.dq)
         gained = largest_accelerations(motion) * (np.diff(t)[:, None] / 2)
         parts = [np.maximum(rate[:-1], rate[1:]) + gained]
     elif isinstance(motion, JointPath):
-        t, dof = motion.breaks, motion.dof
+        t = motion.breaks
+        dof = motion.dof
         parts = [_bound_along(motion, t, np.ones(len(t) - 1))]
     else:
         inner = [a + x.breaks[:-1] for a, x in zip(motion.starts, motion.laws, strict=False)]
         t = np.append(np.concatenate(inner), motion.starts[-1])
-        dof, parts = motion.dof, map(bound_joint_velocities, motion.laws)
+        dof = motion.dof
+        parts = map(bound_joint_velocities, motion.laws)
     # A single array saves memory, because a long motion has millions of intervals.
-    travel, done = np.zeros((len(t), dof)), 1
+    travel = np.zeros((len(t), dof))
+    done = 1
     for fastest in parts:
         travel[done : done + len(fastest)] = fastest
         done += len(fastest)
@@ -63,7 +68,8 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
 
 def largest_accelerations(motion: Execution) -> FloatArray:
     """Bounds of the joint accelerations of an executed motion [rad/s²], (dof,)."""
-    demanded, had = np.abs(motion.demand_range).max(axis=0), np.abs(motion.ddq).max(axis=0)
+    demanded = np.abs(motion.demand_range).max(axis=0)
+    had = np.abs(motion.ddq).max(axis=0)
     return np.asarray(np.maximum(demanded, had))
 
 
@@ -91,7 +97,8 @@ def _(law: PathLaw) -> FloatArray:
 
 def _bound_path_speeds(law: PathLaw) -> FloatArray:
     """Bounds of the path speed within every interval [m/s], (n,)."""
-    (ds, dds, slope, jerk), speeds = law.rates, law.speeds
+    ds, dds, slope, jerk = law.rates
+    speeds = law.speeds
     # ds² is a parabola over s, or, with jerk, ds is a parabola over time. The peak is where the
     # path acceleration is 0.
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -123,12 +130,14 @@ def largest_shares(
     - `speeds`: two highest path speeds on every interval of the joint path [m/s], (m, 2).
     """
     i = np.arange(len(law.breaks) - 1)
-    begin, end = law.breaks[:-1], law.breaks[1:]
+    begin = law.breaks[:-1]
+    end = law.breaks[1:]
     largest = np.zeros(6)
     for _ in range(HALVINGS):
         middle = (begin + end) / 2
         shares = _ratios(law, i, (begin, middle, end), limits, speeds)
-        values, bound = shares[:, :6], shares[:, 6:]
+        values = shares[:, :6]
+        bound = shares[:, 6:]
         largest = np.maximum(largest, values.max(axis=0))
         unknown = ((bound > allowed) & (values <= allowed)).any(axis=1)
         if not unknown.any():
@@ -156,7 +165,8 @@ def _ratios(
 
     `t` are the start, middle and end of each part [s].
     """
-    path, (begin, middle, end) = law.joint_path, t
+    path = law.joint_path
+    begin, middle, end = t
     half = np.maximum(middle - begin, end - middle)
     v = [*law.path_motion(i, middle)[:3], *path_rates(law, i, middle, half)]
     path_bounds = _bound_derivatives(v, half)
@@ -164,21 +174,24 @@ def _ratios(
     first = path.locate(law.s[i], side="right")
     piece = np.clip(path.locate(v[0]), first, path.locate(law.s[i + 1], side="left"))
     width = np.diff(path.breaks)[piece]
-    x, coefficients = (v[0] - path.breaks[piece]) / width, path.coefficients[piece]
+    x = (v[0] - path.breaks[piece]) / width
+    coefficients = path.coefficients[piece]
     # Arrays of shape (dof, n) for all joints, because long rows are fast.
-    c, q = np.ascontiguousarray(np.moveaxis(coefficients, 0, -1)), []
+    c = np.ascontiguousarray(np.moveaxis(coefficients, 0, -1))
+    q = []
     for _ in range(6):
         q.append(polyval(x, c, tensor=False))
         c = np.arange(1, len(c))[:, None, None] * c[1:] / width
-    joint_bounds, cube = _bound_derivatives(q, half * path_bounds[1]), half**3 / 6
-    ds, dds = q[1] * v[1], q[2] * v[1] ** 2 + q[1] * v[2]
+    joint_bounds = _bound_derivatives(q, half * path_bounds[1])
+    cube = half**3 / 6
+    ds = q[1] * v[1]
+    dds = q[2] * v[1] ** 2 + q[1] * v[2]
     ddds = q[3] * v[1] ** 3 + 3 * q[2] * v[1] * v[2] + q[1] * v[3]
-    fourth, acceleration_margin, velocity_margin = (
-        _fourth_derivative(q, v),
-        _fifth_derivative(joint_bounds, path_bounds) * cube,
-        _fourth_derivative(joint_bounds, path_bounds) * cube,
-    )
-    values, ends = [], []
+    fourth = _fourth_derivative(q, v)
+    acceleration_margin = _fifth_derivative(joint_bounds, path_bounds) * cube
+    velocity_margin = _fourth_derivative(joint_bounds, path_bounds) * cube
+    values = []
+    ends = []
     for f, margin in (
         ([dds, ddds, fourth], acceleration_margin),
         ([ds, dds, ddds], velocity_margin),
@@ -190,7 +203,8 @@ def _ratios(
         x / y for x, y in zip(values + ends, np.tile(limits, (2, 1))[:, :, None], strict=True)
     ]
     at_middle, bounds = np.maximum([x.max(axis=0) for x in joints], 0.0).reshape(2, 4, -1)
-    along, highest = _bound_quadratics(v[1:4], half) + path_bounds[4] * cube, speeds[piece].T
+    along = _bound_quadratics(v[1:4], half) + path_bounds[4] * cube
+    highest = speeds[piece].T
     return np.concatenate([at_middle, v[1] / highest, bounds, along / highest]).T
 
 
@@ -215,7 +229,8 @@ def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> De
 def _bound_derivatives(values: Derivatives, reach: FloatArray) -> Derivatives:
     """The function, and bounds of its derivatives within `reach`, by Taylor polynomials."""
     n = len(values)
-    magnitudes, powers = [np.abs(x) for x in values], [np.ones_like(reach)]
+    magnitudes = [np.abs(x) for x in values]
+    powers = [np.ones_like(reach)]
     for k in range(1, n):
         powers.append(powers[-1] * reach / k)
     bounds = [sum(magnitudes[m] * powers[m - k] for m in range(k, n)) for k in range(1, n)]

@@ -31,7 +31,8 @@ WHOLE_CYCLES = 1e-9
 # not determine the motion between set-points.
 INTERVALS = (1e-6, 1.0)
 # Time between samples of an execution made from a plan [s], and their largest number.
-PLANNED_STEP, MAX_PLANNED = 1e-3, 20_000
+PLANNED_STEP = 1e-3
+MAX_PLANNED = 20_000
 # Longest cycle of a controller [s]; industrial controllers have cycles of 1 to 40 ms.
 LONGEST_CLOCK = 0.1
 
@@ -167,9 +168,11 @@ class Execution(Checked):
     @property
     def saturated(self) -> BoolArray:
         """Mask of the times at which a joint is saturated, (n, dof)."""
-        demanded, achieved = self.demand, self.ddq
+        demanded = self.demand
+        achieved = self.ddq
         if self.torque is not None and self.torque_demand is not None:
-            demanded, achieved = self.torque_demand, self.torque
+            demanded = self.torque_demand
+            achieved = self.torque
         return np.asarray(np.abs(demanded - achieved) > 1e-9 * np.abs(demanded))
 
 
@@ -207,7 +210,8 @@ class FineMotion:
         width = widths[i, None]
         x = (t[:, None] - nodes[:-1][i, None]) / width
         rise = (self.q[1:] - self.q[:-1])[i]
-        first, last = width * self.after[:-1][i], width * self.before[1:][i]
+        first = width * self.after[:-1][i]
+        last = width * self.before[1:][i]
         second = first + last - 2 * rise
         remainder = x * (rise - first - second + x * second)
         return np.asarray(self.q[:-1][i] + x * (first + remainder))
@@ -371,7 +375,8 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
     )
     if found is None:
         return
-    joint, t = found.joint + 1, float(set_points.t[found.row])
+    joint = found.joint + 1
+    t = float(set_points.t[found.row])
     more = found.needed - found.allowed
     unit = unit_of(set_points.trajectory.arm, "rad/s" if found.order else "rad", found.joint)
     if found.order:

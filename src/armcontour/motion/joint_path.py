@@ -203,7 +203,8 @@ class JointPath(Checked):
         Raises:
             InvalidInput: An arc length is no number or outside the path, or the order is invalid.
         """
-        low, high = float(self.breaks[0]), float(self.breaks[-1])
+        low = float(self.breaks[0])
+        high = float(self.breaks[-1])
         arc_lengths = checks.clip_within("arc length", s, low, high, "m", "the joint path")
         return self.on_interval(
             self.locate(arc_lengths, side=side), arc_lengths, checks.derivative(order)
@@ -255,8 +256,10 @@ class JointPath(Checked):
             )
         q, first, second = np.empty((3, len(arc_lengths), self.dof))
         # The chain rule is applied with s as the time, and with each piece as a separate path.
-        along, end = np.zeros((4, len(arc_lengths))), self.breaks[pieces + 1]
-        along[0], along[1] = arc_lengths, 1.0
+        along = np.zeros((4, len(arc_lengths)))
+        end = self.breaks[pieces + 1]
+        along[0] = arc_lengths
+        along[1] = 1.0
         end.setflags(write=False)
         out = JointDerivatives(q, first, second, np.empty((0, self.dof)))
         rows = np.arange(last + 2)

@@ -56,12 +56,16 @@ def write_law(
     dds: FloatArray,  # Output: path accelerations at the starts [m/s²], (n,)
 ) -> int:
     """Write the time law from squared path speeds; return the first interval at rest, or -1."""
-    stuck, begin, breaks[0] = -1, math.sqrt(x[0]), 0.0
+    stuck = -1
+    begin = math.sqrt(x[0])
+    breaks[0] = 0.0
     for i in range(len(slope)):
-        width, end = s[i + 1] - s[i], math.sqrt(x[i + 1])
+        width = s[i + 1] - s[i]
+        end = math.sqrt(x[i + 1])
         if begin + end == 0.0 and stuck < 0:
             stuck = i
-        ds[i], dds[i] = begin, (x[i + 1] - x[i]) / (2 * width) - slope[i] * width / 2
+        ds[i] = begin
+        dds[i] = (x[i + 1] - x[i]) / (2 * width) - slope[i] * width / 2
         breaks[i + 1] = breaks[i] + interval_time(width, begin, end, slope[i])
         begin = end
     return stuck
@@ -78,8 +82,11 @@ def examine_pieces(
     """Check the pieces of a joint path, and mark the breaks at which dq_ds jumps."""
     # Returns whether all numbers are finite and the breaks increase, and the largest jump of a
     # joint position at a break [rad].
-    n, dof = coefficients.shape[0], coefficients.shape[2]
-    sound, largest, terms_before = True, 0.0, 0.0
+    n = coefficients.shape[0]
+    dof = coefficients.shape[2]
+    sound = True
+    largest = 0.0
+    terms_before = 0.0
     for i in range(n):
         width = breaks[i + 1] - breaks[i]
         jump = size = terms = 0.0
@@ -123,8 +130,10 @@ def spline_pieces(
       zero.
     - `coefficients`: output, initially zero.
     """
-    n, dof = len(knots) - 1, points.shape[1]
-    second, diagonal = np.zeros((n + 1, dof)), np.empty(n + 1)
+    n = len(knots) - 1
+    dof = points.shape[1]
+    second = np.zeros((n + 1, dof))
+    diagonal = np.empty(n + 1)
     # First and last point with an unknown second derivative.
     first, last = (0, n) if clamped else (1, n - 1)
     for i in range(first, last + 1):
@@ -145,7 +154,8 @@ def spline_pieces(
         width = knots[i + 1] - knots[i]
         for j in range(dof):
             slope = (points[i + 1, j] - points[i, j]) / width
-            start, end = second[i, j], second[i + 1, j]
+            start = second[i, j]
+            end = second[i + 1, j]
             coefficients[i, 0, j] = points[i, j]
             coefficients[i, 1, j] = (slope - width * (2 * start + end) / 6) * width
             coefficients[i, 2, j] = start / 2 * width**2
@@ -191,12 +201,15 @@ def path_motions(
             h = 1 + z / 6 * (1 + z / 20 * (1 + z / 42))
             p = 0.5 * (1 + z / 12 * (1 + z / 30 * (1 + z / 56)))
         elif z > 0.0:
-            c, h = math.cosh(size), math.sinh(size) / size
+            c = math.cosh(size)
+            h = math.sinh(size) / size
             p = 2 * (math.sinh(size / 2) / size) ** 2
         else:
-            c, h = math.cos(size), math.sin(size) / size
+            c = math.cos(size)
+            h = math.sin(size) / size
             p = 2 * (math.sin(size / 2) / size) ** 2
-        h, p = u * h, u * u * p
+        h = u * h
+        p = u * u * p
         distance = s[j] + ds[j] * h + dds[j] * p + jerk[j] * u**3 / 6
         # Rounding errors must not move s past a break, at which derivatives may jump.
         motions[0, k] = min(max(distance, s[j]), s[j + 1])
@@ -213,11 +226,21 @@ def value_and_slopes(
 ) -> tuple[float, float, float]:
     """Value, first and second derivative at x of the polynomial with coefficients a0 to a5."""
     # Horner's rule computes all three together.
-    slope, value, second = a5, a5 * x + a4, 0.0
-    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a3
-    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a2
-    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a1
-    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a0
+    slope = a5
+    value = a5 * x + a4
+    second = 0.0
+    second = second * x + 2 * slope
+    slope = slope * x + value
+    value = value * x + a3
+    second = second * x + 2 * slope
+    slope = slope * x + value
+    value = value * x + a2
+    second = second * x + 2 * slope
+    slope = slope * x + value
+    value = value * x + a1
+    second = second * x + 2 * slope
+    slope = slope * x + value
+    value = value * x + a0
     return value, slope, second
 
 
@@ -244,8 +267,12 @@ def joint_motions(
     orders = len(out.q) > 0, len(out.dq) > 0, len(out.ddq) > 0, len(out.dddq) > 0
     piece = 0
     for k in range(along.shape[1]):
-        s, ds, dds, ddds = along[0, k], along[1, k], along[2, k], along[3, k]
-        low, high = rows[law[k]], rows[law[k] + 1] - 2
+        s = along[0, k]
+        ds = along[1, k]
+        dds = along[2, k]
+        ddds = along[3, k]
+        low = rows[law[k]]
+        high = rows[law[k] + 1] - 2
         # Find the last piece that begins before s. It is usually the piece of the previous point.
         if low <= piece <= high and breaks[piece] <= s and breaks[piece] < end[k]:
             low = piece
@@ -261,18 +288,15 @@ def joint_motions(
         width = breaks[piece + 1] - breaks[piece]
         x = (s - breaks[piece]) / width
         for j in range(coefficients.shape[2]):
-            c0, c1, c2 = (
-                coefficients[piece, 0, j],
-                coefficients[piece, 1, j],
-                coefficients[piece, 2, j],
-            )
-            c3, c4, c5 = (
-                coefficients[piece, 3, j],
-                coefficients[piece, 4, j],
-                coefficients[piece, 5, j],
-            )
+            c0 = coefficients[piece, 0, j]
+            c1 = coefficients[piece, 1, j]
+            c2 = coefficients[piece, 2, j]
+            c3 = coefficients[piece, 3, j]
+            c4 = coefficients[piece, 4, j]
+            c5 = coefficients[piece, 5, j]
             value, slope, second = value_and_slopes(c0, c1, c2, c3, c4, c5, x)
-            slope, second = slope / width, second / (width * width)
+            slope = slope / width
+            second = second / (width * width)
             if orders[0]:
                 out.q[k, j] = value
             if orders[1]:
@@ -295,14 +319,17 @@ def bound_joint_velocities(
 
     `speeds` are the bounds of the path speed on each interval [m/s], (n,).
     """
-    c, last = coefficients, len(breaks) - 2
-    n, dof = len(s) - 1, c.shape[2]
+    c = coefficients
+    last = len(breaks) - 2
+    n = len(s) - 1
+    dof = c.shape[2]
     bounds = np.empty((n, dof))
     piece = 0
     for i in range(n):
         for j in range(dof):
             bounds[i, j] = 0.0
-        begin, end = s[i], s[i + 1]
+        begin = s[i]
+        end = s[i + 1]
         while piece < last and breaks[piece + 1] <= begin:
             piece += 1
         k = piece
@@ -310,10 +337,14 @@ def bound_joint_velocities(
             # An interval of a law of uniform speed can contain breaks of the joint path.
             until = end if k == last else min(end, breaks[k + 1])
             width = breaks[k + 1] - breaks[k]
-            x, h = (begin - breaks[k]) / width, (until - begin) / width
+            x = (begin - breaks[k]) / width
+            h = (until - begin) / width
             for j in range(dof):
-                a, b, d = c[k, 1, j], 2 * c[k, 2, j], 3 * c[k, 3, j]
-                e, f = 4 * c[k, 4, j], 5 * c[k, 5, j]
+                a = c[k, 1, j]
+                b = 2 * c[k, 2, j]
+                d = 3 * c[k, 3, j]
+                e = 4 * c[k, 4, j]
+                f = 5 * c[k, 5, j]
                 # Coefficients about the start of the interval, by repeated division by z - x.
                 e += x * f
                 d += x * e
@@ -326,13 +357,17 @@ def bound_joint_velocities(
                 d += x * e
                 e += x * f
                 # Coefficients for a parameter from 0 to 1 over the interval.
-                b, d, e, f = h * b, h * h * d, h * h * h * e, h * h * h * h * f
+                b = h * b
+                d = h * h * d
+                e = h * h * h * e
+                f = h * h * h * h * f
                 largest = max(abs(a), abs(a + b / 4), abs(a + b / 2 + d / 6))
                 largest = max(largest, abs(a + 3 * b / 4 + d / 2 + e / 4), abs(a + b + d + e + f))
                 bounds[i, j] = max(bounds[i, j], largest / width)
             if until >= end:
                 break
-            k, begin = k + 1, until
+            k = k + 1
+            begin = until
         for j in range(dof):
             bounds[i, j] *= speeds[i]
     return bounds

@@ -184,11 +184,13 @@ class LineLaw(LapLaw, LawAlongPath):
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them, by bisection [s], (n,)."""
-        low, high = self.breaks[i], self.breaks[i + 1]
+        low = self.breaks[i]
+        high = self.breaks[i + 1]
         for _ in range(HALVINGS):
             middle = (low + high) / 2
             short = self._along(self.on_interval(i, middle, 0)) < s
-            low, high = np.where(short, middle, low), np.where(short, high, middle)
+            low = np.where(short, middle, low)
+            high = np.where(short, high, middle)
         return high
 
     def _along(self, q: FloatArray) -> FloatArray:
@@ -263,7 +265,9 @@ class PathLaw(LawAlongPath):
                 of the interval.
         """
         n = len(slope)
-        breaks, ds, dds = np.empty(n + 1), np.empty(n), np.empty(n)
+        breaks = np.empty(n + 1)
+        ds = np.empty(n)
+        dds = np.empty(n)
         stuck = write_law(s, x, checks.kernel_array(slope), breaks, ds, dds)
         if stuck >= 0:
             raise InvalidInput(
@@ -284,7 +288,8 @@ class PathLaw(LawAlongPath):
     def over_time(cls, joint_path: JointPath) -> PathLaw:
         """The law of a joint path whose parameter is the time [s], from 0."""
         breaks = joint_path.breaks
-        ones, zeros = np.ones(len(breaks) - 1), np.zeros(len(breaks) - 1)
+        ones = np.ones(len(breaks) - 1)
+        zeros = np.zeros(len(breaks) - 1)
         rates = Rates(ds=ones, dds=zeros, slope=zeros, jerk=zeros)
         return cls(joint_path=joint_path, breaks=breaks, s=breaks, rates=rates)
 
@@ -349,7 +354,8 @@ def chain_rule_motion(
     - `along`: s and its derivatives over time up to the third, (4, n).
     - `orders`: the requested orders, 0 for the positions.
     """
-    shape, dof = np.shape(along)[1:], joint_path.dof
+    shape = np.shape(along)[1:]
+    dof = joint_path.dof
     count = along[0].size
     motion = JointDerivatives(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
     only = np.zeros(count, dtype=np.intp)

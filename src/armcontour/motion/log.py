@@ -34,7 +34,8 @@ LEAST_REPEATED = 0.1
 # A joint that repeats positions because of a coarse encoder or of sticking friction is slow: the
 # next position differs by less than RESOLUTIONS times the smallest difference of the log, or by
 # less than SLOW times the difference of two positions without repeats (medians).
-RESOLUTIONS, SLOW = 4.0, 0.5
+RESOLUTIONS = 4.0
+SLOW = 0.5
 # Differences of positions up to this fraction of their range are rounding errors.
 ROUNDING = 1e-9
 
@@ -176,7 +177,8 @@ def cut_log(
     """Make a log from a part of arrays; the complete arrays need not be a valid log."""
     # `fields`: other fields of `Log`.
     used = _time_mask(t, *window, source)
-    command, measured = np.asarray(command)[used], np.asarray(measured)[used]
+    command = np.asarray(command)[used]
+    measured = np.asarray(measured)[used]
     return Log(t=np.asarray(t)[used], command=command, measured=measured, source=source, **fields)
 
 
@@ -231,22 +233,26 @@ def renew_positions(log: Log) -> tuple[Log, tuple[str, ...]]:
 
 def _find_repeats(q: FloatArray) -> BoolArray:
     """Mask of the positions of a moving joint that were not renewed, (n,)."""
-    repeated, steps = np.full(len(q), False), np.abs(np.diff(q))
+    repeated = np.full(len(q), False)
+    steps = np.abs(np.diff(q))
     changes = np.flatnonzero(steps > ROUNDING * np.ptp(q))
     lengths = np.diff(changes)
     jumps = steps[changes[1:]]
     moving = lengths <= LONGEST_REPEAT
-    held, single = moving & (lengths > 1), lengths == 1
+    held = moving & (lengths > 1)
+    single = lengths == 1
     if held.sum() <= LEAST_REPEATED * moving.sum():
         return repeated
     jump = float(np.median(jumps[held]))
     ordinary = float(np.median(jumps[single])) if single.any() else 0.0
     if jump < RESOLUTIONS * jumps.min() or jump < SLOW * ordinary:
         return repeated
-    starts, ends = changes[:-1][held] + 1, changes[1:][held] + 1
+    starts = changes[:-1][held] + 1
+    ends = changes[1:][held] + 1
     # The log may end before the next new position.
     if held[-1] and len(q) - 1 - changes[-1] <= lengths[-1]:
-        starts, ends = np.append(starts, changes[-1] + 1), np.append(ends, len(q))
+        starts = np.append(starts, changes[-1] + 1)
+        ends = np.append(ends, len(q))
     for start, end in zip(starts, ends, strict=True):
         repeated[start + 1 : end] = True
     return repeated
@@ -303,7 +309,8 @@ def raise_other_joints(
 def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
     """Sort the joints of a log in the order of an arm, by equal names or names with a prefix."""
     # If the names do not match but the number of joints does, the order remains unchanged.
-    names, source = log.joint_names, log.source
+    names = log.joint_names
+    source = log.source
     numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
     order = match_joints(names, joint_names, source)
     if order is None or (numbered and len(names) != len(joint_names)):

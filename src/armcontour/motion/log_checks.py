@@ -36,7 +36,8 @@ MAX_GAPS = 0.05
 MAX_ANGLE = 4 * math.pi
 # Times require a unit in the column title if they increase by LONG_STEP [s] or more per sample and
 # all joints are slower than MIN_SPEED [rad/s], because the times may be milliseconds.
-LONG_STEP, MIN_SPEED = 1.0, 0.01
+LONG_STEP = 1.0
+MIN_SPEED = 0.01
 # A jump that differs from a whole turn by less than this angle [rad] indicates a wrapped angle.
 NEAR_A_TURN = 0.6
 # Shortest and longest sample interval for identification [s]. No robot controller samples faster
@@ -224,7 +225,8 @@ def check_range_of_log(
         )
         if beyond[i, j] <= margin or (degrees_only and not degrees):
             continue
-        hint, unit = "Correct the number, or specify the arm of the file", arm.chain.unit("rad", j)
+        hint = "Correct the number, or specify the arm of the file"
+        unit = arm.chain.unit("rad", j)
         if degrees:
             hint = (
                 "All joints are within their ranges if the positions are in degrees. If they are, "
@@ -243,7 +245,8 @@ def check_speeds(
     source: str, t: FloatArray, q: FloatArray, joint_names: Sequence[str], prismatic: Sequence[bool]
 ) -> None:
     """Raise InvalidInput if a joint is faster than any robot."""
-    noise, interval = white_noise(q), float(np.median(np.diff(t)))
+    noise = white_noise(q)
+    interval = float(np.median(np.diff(t)))
     for j, y in enumerate(q.T):
         window = math.ceil(2 * float(noise[j]) / (NOISE_SHARE * FASTEST * interval))
         k = min(max(window, MIN_INTERVALS), len(y) - 1)

@@ -26,7 +26,9 @@ DECIMALS = 12
 MAX_STEPS = 80
 # Tolerances of a solution: violation relative to the bounds, and duality gap relative to the
 # objective; a gap of ROUNDED is accepted if rounding errors end the search.
-EXACT, OPTIMAL, ROUNDED = 1e-10, 1e-9, 1e-5
+EXACT = 1e-10
+OPTIMAL = 1e-9
+ROUNDED = 1e-5
 # Initial product of slack and multiplier if a bound is exceeded by at least half the distance
 # between the bounds.
 FIRST_PRODUCT = 1.0
@@ -87,7 +89,8 @@ def find_excess(
     - `bounds`: as from `command_bounds`, or its first orders.
     - `share`: allowed excess of derivatives, as a fraction of their bounds.
     """
-    worst, excess = COMMAND_SLACK, None
+    worst = COMMAND_SLACK
+    excess = None
     for order, (low, high) in enumerate(bounds):
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
             continue
@@ -96,9 +99,11 @@ def find_excess(
         beyond = np.maximum((values - high) / upper, (low - values) / lower) - share * (order > 0)
         k, j = (int(i) for i in np.unravel_index(int(np.argmax(beyond)), beyond.shape))
         if beyond[k, j] > worst:
-            worst, value = float(beyond[k, j]), float(values[k, j])
+            worst = float(beyond[k, j])
+            value = float(values[k, j])
             end = int(value > high[j])
-            limit, row = float(bounds[order, end, j]), min(k, len(q) - 1)
+            limit = float(bounds[order, end, j])
+            row = min(k, len(q) - 1)
             sign = -1.0 if order and value < 0 else 1.0
             name = BY_ORDER[order] or JOINT_RANGE[end]
             excess = Excess(name, order, row, j, sign * value, sign * limit)
@@ -129,10 +134,12 @@ def nearest_commands(
     """
     commands = q.copy()
     for j in range(q.shape[1]):
-        joint_bounds, one = bounds[:, :, j], q[:, j : j + 1]
+        joint_bounds = bounds[:, :, j]
+        one = q[:, j : j + 1]
         if find_excess(one, cycle, joint_bounds[:, :, None]) is None:
             continue
-        steps, digit = cycle ** np.arange(len(joint_bounds))[:, None], 10.0**-DECIMALS
+        steps = cycle ** np.arange(len(joint_bounds))[:, None]
+        digit = 10.0**-DECIMALS
         margin = digit * 2.0 ** np.arange(len(joint_bounds))[:, None] + COMMAND_SLACK * np.abs(
             joint_bounds * steps
         )
@@ -166,21 +173,25 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
     orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]
     if not orders or len(values) < 3:
         return values
-    rooms, scales = [], []
+    rooms = []
+    scales = []
     for k in orders:
         values_of_order = differences(values, k) if k else values[1:-1]
         # A missing bound is replaced by a bound that the nearest values do not reach.
         distant = FAR * max(
             float(np.abs(values_of_order).max()), *(abs(x) for x in bounds[k] if isfinite(x))
         )
-        low, high = max(bounds[k][0], -distant), min(bounds[k][1], distant)
+        low = max(bounds[k][0], -distant)
+        high = min(bounds[k][1], distant)
         scales.append(2 / (high - low))
         rooms.append(scales[-1] * np.stack([high - values_of_order, values_of_order - low]))
-    room, cuts = np.concatenate(rooms, axis=1), np.cumsum([x.shape[1] for x in rooms])[:-1]
+    room = np.concatenate(rooms, axis=1)
+    cuts = np.cumsum([x.shape[1] for x in rooms])[:-1]
     excess = -float(room.min())
     if excess <= 0:
         return values
-    change, side = np.zeros(len(values) - 2), np.array([[1.0], [-1.0]])
+    change = np.zeros(len(values) - 2)
+    side = np.array([[1.0], [-1.0]])
 
     def forward(x: FloatArray) -> FloatArray:
         """Scaled differences of x, the changes of the inner values; other changes are zero."""
@@ -212,7 +223,8 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
         outside = side * forward(change) + slacks - room
         gradient = change + adjoint(multipliers)
         products = slacks * multipliers
-        gap, size = float(products.sum()), float(change @ change)
+        gap = float(products.sum())
+        size = float(change @ change)
         satisfied = float(np.abs(outside).max()) < EXACT
         if satisfied and gap < OPTIMAL * size:
             break
@@ -229,14 +241,13 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
 
         state = matrix, gradient, outside, slacks, multipliers
         _, wider, stronger = direction(*state, -products)
-        primal, dual = _step_fraction(slacks, wider), _step_fraction(multipliers, stronger)
+        primal = _step_fraction(slacks, wider)
+        dual = _step_fraction(multipliers, stronger)
         after = float(np.sum((slacks + primal * wider) * (multipliers + dual * stronger)))
         mean = (after / gap) ** 3 * gap / slacks.size
         step, wider, stronger = direction(*state, mean - products - wider * stronger)
-        primal, dual = (
-            INSIDE * _step_fraction(slacks, wider),
-            INSIDE * _step_fraction(multipliers, stronger),
-        )
+        primal = INSIDE * _step_fraction(slacks, wider)
+        dual = INSIDE * _step_fraction(multipliers, stronger)
         change += primal * step
         slacks += primal * wider
         multipliers += dual * stronger

@@ -274,7 +274,8 @@ class Trajectory(Checked):
     def contour_spans(self) -> tuple[Span, ...]:
         """Spans of the contours in order; a trajectory without spans is one contour."""
         if not self.spans:
-            t, s = (0.0, self.duration), (float(self._ends[0, 0]), float(self._ends[-1, 1]))
+            t = (0.0, self.duration)
+            s = (float(self._ends[0, 0]), float(self._ends[-1, 1]))
             return (Span(move=0, kind="contour", t=t, s=s, work=t, trajectory=self),)
         return tuple(x for x in self.spans if x.kind == "contour")
 
@@ -495,7 +496,8 @@ class Trajectory(Checked):
         """
         law_index = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
         for k, indices in _group_by_law(np.clip(law_index, 0, len(self.laws) - 1)):
-            start, breaks = self.starts[k], self.laws[k].breaks
+            start = self.starts[k]
+            breaks = self.laws[k].breaks
             # `t - start` can be rounded to either side of a break of the law. Therefore t is
             # compared with `start + breaks`, the sums that the property `breaks` also returns.
             i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
@@ -511,7 +513,8 @@ class Trajectory(Checked):
     def _clip_arc_lengths(self, s: npt.ArrayLike) -> FloatArray:
         """Arc lengths clipped to the motion [m]; raise InvalidInput for arc lengths outside."""
         self._check_arc_length()
-        low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
+        low = float(self._ends[0, 0])
+        high = float(self._ends[-1, 1])
         return checks.clip_within("arc length", s, low, high, "m", "the motion")
 
     def _by_length(

@@ -85,11 +85,14 @@ class IntervalEnds:
     @cached_property
     def states(self) -> States:
         """Joint states at the start and the end of each interval, alternating, (2 n, dof)."""
-        piece, s = np.repeat(self.grid.piece, 2), np.repeat(self.grid.s, 2)[1:-1]
+        piece = np.repeat(self.grid.piece, 2)
+        s = np.repeat(self.grid.s, 2)[1:-1]
         q = self.grid.joint_path.on_interval(piece, s)
-        x, u = self.x[..., None], self.u[..., None]
+        x = self.x[..., None]
+        u = self.u[..., None]
         first, second = self.path.derivatives[0]
-        dq, ddq = first * np.sqrt(x), first * u + second * x
+        dq = first * np.sqrt(x)
+        ddq = first * u + second * x
         return States(self.arm, (q, dq.reshape(q.shape), ddq.reshape(q.shape)))
 
     @cached_property
@@ -213,12 +216,14 @@ class SecondOrder(Constraint):
         return [(self.name, k) for k in range(len(self.low))] if self.joints else super().names
 
     def _at(self, s: FloatArray, side: str) -> FloatArray:
-        name, shape = f"coefficients of {self.name}", (3, len(s), len(self.low))
+        name = f"coefficients of {self.name}"
+        shape = (3, len(s), len(self.low))
         return checks.shaped(name, checks.check_numbers(name, self.coefficients(s, side)), shape)
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Linear rows of the constraint on a grid."""
-        path, last = SampledJointPath(path.grid, jumps=True), 2 * len(path)
+        last = 2 * len(path)
+        path = SampledJointPath(path.grid, jumps=True)
         _, s = path.places
         a, b, c = np.concatenate([self._at(s[:last], "right"), self._at(s[last:], "left")], axis=1)
         check_rest(path.grid, self, path.at_ends(c), (self.low, self.high))
@@ -240,7 +245,8 @@ def check_rest(
         return
     over = np.maximum(value - high, low - value)
     i, end, row = np.unravel_index(int(np.argmax(over)), over.shape)
-    needed, s = float(value[i, end, row]), float(grid.s[i + end])
+    needed = float(value[i, end, row])
+    s = float(grid.s[i + end])
     allowed = float(high[row] if needed > high[row] else low[row])
     joint = int(row) if constraint.joints else None
     who = limit_label(constraint.name, joint)
@@ -269,7 +275,8 @@ class JointTorque(Constraint):
         self.dynamics = arm.dynamics
         self.limit = np.array(limit)
         chain = self.dynamics.chain
-        self.viscous, self.coulomb = np.array(chain.viscous), np.array(chain.coulomb)
+        self.viscous = np.array(chain.viscous)
+        self.coulomb = np.array(chain.coulomb)
         self.curved = bool(self.viscous.any())
 
     @classmethod
@@ -279,7 +286,8 @@ class JointTorque(Constraint):
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Rows of the torques, with limits less dry friction, and any form of viscous friction."""
-        terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
+        terms = self.dynamics.path_terms(*path.motion)
+        bounds = (-self.limit, self.limit)
         rows = path.rows(terms, *bounds)
         weight = path.at_ends(terms[2])
         check_rest(path.grid, self, weight, bounds)
@@ -293,7 +301,8 @@ class JointTorque(Constraint):
         sign = np.where(one_way, np.sign(first[:, 0]), 0.0)
         dry = np.where(largest > 0, self.coulomb, 0.0)
         # If a joint may reverse, dry friction counts against both limits.
-        above, below = np.where(one_way, sign, 1.0) * dry, np.where(one_way, sign, -1.0) * dry
+        above = np.where(one_way, sign, 1.0) * dry
+        below = np.where(one_way, sign, -1.0) * dry
         creeping = weight + np.where(weight > 0, above[:, None], below[:, None])
         when = "in the slowest motion, with friction"
         check_rest(path.grid, self, creeping, bounds, when=when, cannot="move")
@@ -325,7 +334,9 @@ class JointMotion(Constraint):
     @classmethod
     def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> JointMotion | None:
         """Make the constraint of velocities and accelerations; None if neither is limited."""
-        dof, velocity, acceleration = joint_path.dof, None, None
+        dof = joint_path.dof
+        velocity = None
+        acceleration = None
         if limits.joint_velocity is not None:
             velocity = limits.velocity_bounds(dof)
         if limits.joint_acceleration is not None:
@@ -348,15 +359,19 @@ class JointMotion(Constraint):
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Bounds of velocities and accelerations; the planner converts them to rows."""
-        dof, inverses = path.grid.joint_path.dof, 1 / self.velocity**2
+        dof = path.grid.joint_path.dof
+        inverses = 1 / self.velocity**2
         return (JointBounds.from_limits(dof, self.low, self.high, *inverses),)
 
     def rows(self, path: SampledJointPath) -> LinearRows:
         """Rows of g = q' u + q'' x, with g'' = 5 q''' u + q'''' x + 4 q'' k, where k = u'."""
         (first, second), (third, fourth) = path.derivatives
-        w, n = path.grid.width[:, None], len(path)
-        ends, rise = np.empty((n, 2, len(self.low), 4)), np.zeros((n, len(self.low), 4))
-        ends[..., A], ends[..., B] = first, second
+        w = path.grid.width[:, None]
+        n = len(path)
+        ends = np.empty((n, 2, len(self.low), 4))
+        rise = np.zeros((n, len(self.low), 4))
+        ends[..., A] = first
+        ends[..., B] = second
         ends[..., LOW], ends[..., HIGH] = (x[:, None] for x in self.bounds(path.grid))
         q1 = np.abs(first).max(axis=1) + w**2 / 8 * third
         q2 = np.abs(second).max(axis=1) + w * third
@@ -381,7 +396,8 @@ class ToolMetric:
     def measure(cls, joint_path: JointPath, arm: Arm) -> ToolMetric:
         """Measure the tool motion along a joint path by forward kinematics."""
         # A bound is the largest sample of a piece plus the spread of its samples.
-        breaks, pieces = joint_path.breaks, np.arange(len(joint_path.breaks) - 1)
+        breaks = joint_path.breaks
+        pieces = np.arange(len(joint_path.breaks) - 1)
         s = breaks[:-1] + PIECE_SAMPLES * (breaks[1:] - breaks[:-1])
         samples = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
         largest, smallest = samples.max(axis=1), samples.min(axis=1)
@@ -411,7 +427,8 @@ class ToolMetric:
             s = grid.s[i] + INTERVAL_SAMPLES * grid.width[i]
             pieces = np.broadcast_to(grid.piece[i], s.shape)
             values = _measure(self.joint_path, self.arm, pieces, s)[1]
-            begin, end = np.maximum(values[0], STRAIGHT), np.maximum(values[-1], STRAIGHT)
+            begin = np.maximum(values[0], STRAIGHT)
+            end = np.maximum(values[-1], STRAIGHT)
             even = begin + INTERVAL_SAMPLES[1:-1] * (end - begin)
             bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
             chords[:, i] = np.stack([begin, end]) * bent
@@ -450,7 +467,8 @@ def _refuse_tool_limits(limits: Limits) -> None:
 
 def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
     """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,)."""
-    path, breaks = joint_path.tool_path, joint_path.breaks
+    path = joint_path.tool_path
+    breaks = joint_path.breaks
     if path is None:
         _refuse_tool_limits(limits)
         return np.full(len(breaks) - 1, np.inf)
@@ -472,7 +490,8 @@ class ToolPace(Constraint):
     ) -> None:
         # `metric`: tool motion at ds = 1; `speed`: assigned velocity on each piece of the joint
         # path [m/s], (pieces,); `centripetal`: largest centripetal acceleration [m/s²].
-        self._metric, self._centripetal = metric, centripetal
+        self._metric = metric
+        self._centripetal = centripetal
         self._ceiling = None if speed is None else (speed / metric.speed) ** 2
 
     @classmethod
@@ -481,7 +500,8 @@ class ToolPace(Constraint):
         if joint_path.tool_path is None:
             _refuse_tool_limits(limits)
             return None
-        speed, centripetal = assigned_speeds(joint_path, limits), limits.centripetal_acceleration
+        speed = assigned_speeds(joint_path, limits)
+        centripetal = limits.centripetal_acceleration
         assigned = speed if np.isfinite(speed).any() else None
         if assigned is None and centripetal is None:
             return None
@@ -506,7 +526,8 @@ class ToolConstraint(Constraint):
     limit: float
 
     def __init__(self, limit: float, arm: Arm) -> None:
-        self.limit, self.arm = limit, arm
+        self.limit = limit
+        self.arm = arm
 
     @classmethod
     def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> Constraint | None:
@@ -542,7 +563,8 @@ class ToolAcceleration(ToolConstraint):
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Vectors in a frame that turns with the motion, in which they are constant on circles."""
         speed, along, across = _speed_and_acceleration(*self.arm.tool_motion(*path.motion))
-        first, second = np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1)
+        first = np.stack([speed, 0 * speed], axis=1)
+        second = np.stack([along, across], axis=1)
         return (path.round(first, second, self.limit),)
 
 
@@ -568,7 +590,8 @@ class AngularAcceleration(ToolConstraint):
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Angular velocity at ds = 1 and its derivative in s, as vectors."""
-        (q, first, second), tool = path.motion, require_orientation(self.arm)
+        q, first, second = path.motion
+        tool = require_orientation(self.arm)
         w = tool.tool_twist(q, first)[:, 3:]
         rate = tool.tool_twist_rate(q, first, second)[:, 3:]
         return (path.round(w, rate, self.limit),)

@@ -20,14 +20,18 @@ TURN = 0.1
 @compiled(inner=True, allocates=True)
 def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
     """Number of equal parts of each piece, at whose ends the limits are evaluated, (n,)."""
-    n, dof = len(coefficients), coefficients.shape[2]
+    n = len(coefficients)
+    dof = coefficients.shape[2]
     parts = np.empty(n, dtype=np.intp)
-    previous, direction = np.empty(dof), np.empty(dof)
+    previous = np.empty(dof)
+    direction = np.empty(dof)
     length = breaks[n] - breaks[0]
     for i in range(n):
         turn = 0.0
         for sample in range(3):
-            share, square, change = 0.5 * sample, 0.0, 0.0
+            share = 0.5 * sample
+            square = 0.0
+            change = 0.0
             for j in range(dof):
                 direction[j] = 0.0
                 for k in range(5, 0, -1):
@@ -48,7 +52,8 @@ def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatA
     """Largest x = ds² for which some u = dds gives `low <= b u + c x <= high` for all joints."""
     ceiling = math.inf
     for j in range(len(low)):
-        p, q = b[i, j], c[i, j]
+        p = b[i, j]
+        q = c[i, j]
         if p == 0.0:
             if q != 0.0:
                 ceiling = min(ceiling, (high[j] if q > 0.0 else low[j]) / q)
@@ -119,16 +124,23 @@ def least_duration(
     `bounds` are lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
     joints, (4, dof).
     """
-    n, dof = len(coefficients), coefficients.shape[2]
-    slow, fast, low, high = bounds[0], bounds[1], bounds[2], bounds[3]
+    n = len(coefficients)
+    dof = coefficients.shape[2]
+    slow = bounds[0]
+    fast = bounds[1]
+    low = bounds[2]
+    high = bounds[3]
     parts = _count_parts(breaks, coefficients)
     size = 0
     for i in range(n):
         size += parts[i]
     # Rows 2 i and 2 i + 1 are the start and the end of part i, because derivatives jump at breaks.
-    b, c = np.empty((2 * size, dof)), np.empty((2 * size, dof))
-    widths, tops = np.empty(size), np.empty(size)
-    x, part = np.empty(size + 1), 0
+    b = np.empty((2 * size, dof))
+    c = np.empty((2 * size, dof))
+    widths = np.empty(size)
+    tops = np.empty(size)
+    x = np.empty(size + 1)
+    part = 0
     for i in range(size + 1):
         x[i] = math.inf
     for i in range(n):
@@ -136,15 +148,19 @@ def least_duration(
         if rests[i]:
             x[part] = 0.0
         for p in range(parts[i]):
-            widths[part], tops[part] = width / parts[i], 0.0
+            widths[part] = width / parts[i]
+            tops[part] = 0.0
             for end in range(2):
-                share, row, ceiling = (p + end) / parts[i], 2 * part + end, ceilings[i]
+                share = (p + end) / parts[i]
+                row = 2 * part + end
+                ceiling = ceilings[i]
                 for j in range(dof):
                     first = second = 0.0
                     for k in range(5, 0, -1):
                         second = second * share + first
                         first = first * share + k * coefficients[i, k, j]
-                    b[row, j], c[row, j] = first / width, second / (width * width)
+                    b[row, j] = first / width
+                    c[row, j] = second / (width * width)
                     if first != 0.0:
                         velocity = fast[j] if first > 0.0 else slow[j]
                         ceiling = min(ceiling, (velocity / b[row, j]) ** 2)
@@ -159,8 +175,10 @@ def least_duration(
         sign = 1.0 - 2.0 * backward
         for step in range(size):
             i = size - 1 - step if backward else step
-            begin, finish = i + backward, i + 1 - backward
-            near_row, far_row = 2 * i + backward, 2 * i + 1 - backward
+            begin = i + backward
+            finish = i + 1 - backward
+            near_row = 2 * i + backward
+            far_row = 2 * i + 1 - backward
             u = max(
                 _largest_u(b, c, near_row, low, high, x[begin], sign),
                 _largest_u(b, c, far_row, low, high, x[begin], sign),
@@ -181,7 +199,8 @@ def bound_duration(joint_path: JointPath, limits: Limits) -> float:
     """Lower bound of the duration of any motion from rest to rest along a joint path [s]."""
     # The bound includes joint velocities and accelerations, tool speed, and the centripetal
     # acceleration on arcs. Torques and all other limits are ignored.
-    breaks, dof = joint_path.breaks, joint_path.dof
+    breaks = joint_path.breaks
+    dof = joint_path.dof
     rests = np.isin(breaks, joint_path.stops)
     rests[[0, -1]] = True
     ceilings = np.full(len(breaks) - 1, np.inf)

@@ -70,7 +70,8 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     Raises:
         InvalidInput: The trajectory has no arm.
     """
-    arm, limits = arm_of(trajectory), trajectory.limits_for(None)
+    arm = arm_of(trajectory)
+    limits = trajectory.limits_for(None)
     rest = _next_rest(trajectory, t)
     if np.abs(trajectory(min(t, rest), 1)).max() < REST_SPEED:
         return _cut_at(trajectory, min(t, rest))
@@ -166,7 +167,9 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> tuple[floa
     braking = (x.from_limits(joint_path, arm, limits) for x in FROM_LIMITS if x.brakes)
     constraints = (_PlanSpeed(), *(x for x in braking if x is not None))
     options = Optimal(constraints=constraints, start_speed=1.0, intervals=INTERVALS)
-    law, low, high = None, 0, len(joint_path.breaks) - 1
+    law = None
+    low = 0
+    high = len(joint_path.breaks) - 1
     while high - low > 1:
         middle = (low + high) // 2
         part = JointPath(
@@ -203,7 +206,9 @@ def _smooth_stop(
                 return None
         return stopped
 
-    low, high, stopped = 0.0, FIRST_DURATION, None
+    low = 0.0
+    high = FIRST_DURATION
+    stopped = None
     while stopped is None:
         for share in DELAYS:
             stopped = stop_in(high, share)
@@ -212,14 +217,16 @@ def _smooth_stop(
         else:
             if high / 2 > joint_path.length:
                 return None
-            low, high = high, 1.5 * high
+            low = high
+            high = 1.5 * high
     while high - low > PRECISION * high:
         middle = (low + high) / 2
         shorter = stop_in(middle, share)
         if shorter is None:
             low = middle
         else:
-            high, stopped = middle, shorter
+            high = middle
+            stopped = shorter
     return share * high, PathLaw.over_time(stopped)
 
 
@@ -304,7 +311,8 @@ def _integrate_speed(joint_path: JointPath, begin: FloatArray, end: FloatArray) 
 def _time_at(joint_path: JointPath, lengths: FloatArray, length: FloatArray) -> FloatArray:
     """Parameter of a path over time at lengths in joint space [s], (n,), by Newton's method."""
     k = np.clip(np.searchsorted(lengths, length, side="right") - 1, 0, len(lengths) - 2)
-    begin, end = joint_path.breaks[k], joint_path.breaks[k + 1]
+    begin = joint_path.breaks[k]
+    end = joint_path.breaks[k + 1]
     tau = begin + (end - begin) * (length - lengths[k]) / (lengths[k + 1] - lengths[k])
     for _ in range(NEWTON):
         excess = lengths[k] + _integrate_speed(joint_path, begin, tau) - length
@@ -319,7 +327,8 @@ def _slow_down(
     """Make the joint path of the stop over time; None if it would be faster than the plan."""
     tau = _time_at(joint_path, lengths, speed.length(t))
     tau[0] = speed.delay
-    v, a = speed.speed(t), speed.acceleration(t)
+    v = speed.speed(t)
+    a = speed.acceleration(t)
     ends = []
     for part, side in ((slice(None, -1), "right"), (slice(1, None), "left")):
         q, first, second = (joint_path(tau[part], k, side=side) for k in range(3))
@@ -329,7 +338,8 @@ def _slow_down(
         if rate.max() > 1 + ROUNDING:
             return None
         slope = (a[part] - rate**2 * np.einsum("nj,nj->n", first, second) / planned) / planned
-        rate, slope = rate[:, None], slope[:, None]
+        rate = rate[:, None]
+        slope = slope[:, None]
         ends.append((q, first * rate, second * rate**2 + first * slope))
     before, after = (tuple(x) for x in ends)
     return JointPath.hermite(t, before, after)

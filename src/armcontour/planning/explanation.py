@@ -28,7 +28,8 @@ ACTIVE = 0.99
 # Margins are larger on wide intervals. Next to an interval with an active limit, the same limit is
 # active from the fraction ACTIVE_ADJACENT on, if it is the most used limit on more than
 # MAX_TRANSITION intervals in a row. A transition takes at most MAX_TRANSITION intervals.
-ACTIVE_ADJACENT, MAX_TRANSITION = 0.9, 2
+ACTIVE_ADJACENT = 0.9
+MAX_TRANSITION = 2
 # Value of ACTIVE for plans with limits of jerk. Their intervals are longer, so the used fraction of
 # a limit changes more along an interval.
 ACTIVE_WITH_JERK = 0.9
@@ -39,7 +40,8 @@ FLAT = 0.01
 # Label of the parts with the limit "nothing".
 BETWEEN = "between two limits"
 # Labels of the time outside contours, by kind of move
-RAPIDS, DWELLS = "rapids between contours", "dwells"
+RAPIDS = "rapids between contours"
+DWELLS = "dwells"
 IDLE = {"rapid": RAPIDS, "dwell": DWELLS}
 # Limits that an explanation considers, those of the default constraints first. If used fractions
 # of two limits are equal, the first one is active.
@@ -261,7 +263,8 @@ def explain(
     Raises:
         InvalidInput: The trajectory is not a plan of the method "optimal" or "shaped".
     """
-    arm, reduced = arm_of(trajectory, arm), trajectory.limits
+    arm = arm_of(trajectory, arm)
+    reduced = trajectory.limits
     if reduced is not None:
         reduced = reduce_limits(reduced, trajectory.reserve)
     bounds = resolve_limits("explain", arm, limits, reduced)
@@ -356,7 +359,8 @@ def _find_active(shares: FloatArray, threshold: float) -> IntArray:
 
     A limit is active from the fraction `threshold` on, regardless of neighbouring intervals.
     """
-    share, most_used = shares.max(axis=1), shares.argmax(axis=1)
+    share = shares.max(axis=1)
+    most_used = shares.argmax(axis=1)
     certain = share >= threshold
     candidates = np.where(share >= min(threshold, ACTIVE_ADJACENT), most_used, -1)
     starts, count = _runs(candidates)
@@ -459,17 +463,20 @@ def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tu
     for i in points:
         if rising is None:
             if abs(speed[i] - speed[extreme]) > FLAT * max(speed[i], speed[extreme]):
-                rising, extreme = bool(speed[i] > speed[extreme]), i
+                rising = bool(speed[i] > speed[extreme])
+                extreme = i
             continue
         if (speed[i] > speed[extreme]) == rising:
             extreme = i
         elif abs(speed[i] - speed[extreme]) > FLAT * max(speed[i], speed[extreme]):
             outside = np.abs(speed[first : i + 1] - speed[extreme]) > FLAT * speed[extreme]
-            before, after = outside[: extreme - first][::-1], outside[extreme - first + 1 :]
+            before = outside[: extreme - first][::-1]
+            after = outside[extreme - first + 1 :]
             first_index = int(np.argmax(before)) if before.any() else len(before)
             last_index = int(np.argmax(after)) if after.any() else len(after)
             extremes.append(
                 (extreme - first_index, extreme + last_index, "fastest" if rising else "slowest")
             )
-            rising, extreme = not rising, i
+            rising = not rising
+            extreme = i
     return extremes

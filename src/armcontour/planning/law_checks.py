@@ -111,7 +111,8 @@ def check_limits(
                 continue
             index = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
             joint = int(index[1]) if len(index) == 2 else None
-            needed, limit = use.value[index], np.broadcast_to(use.limit, ratio.shape)[index]
+            needed = use.value[index]
+            limit = np.broadcast_to(use.limit, ratio.shape)[index]
             subject = "the tool" if joint is None else f"joint {joint + 1}"
             unit = f"{LIMITS[name].unit}"
             turning = " of turning" if LIMITS[name].kind == "rotation" else ""

@@ -54,12 +54,14 @@ AT_BOUND = 0.02  # u is at its bound within this fraction of its range
 # Lost share of the time of an interval per unused share of the range of u, inside the motion and at
 # rest. The factors were measured against finer grids; they are too large where the range is small
 # compared with u.
-BY_GAP, BY_GAP_AT_REST = 0.25, 1.5
+BY_GAP = 0.25
+BY_GAP_AT_REST = 1.5
 # If u is at its lower bound at one end of an interval and at its upper bound at the other end,
 # because of different limits, at least the share CROSSED of the range is unused, and x times
 # LARGER_X allows a range of u at both ends, then x is too low by an unknown factor, and the time to
 # reach a higher x may be lost.
-CROSSED, LARGER_X = 0.4, 1.02
+CROSSED = 0.4
+LARGER_X = 1.02
 REACH = 0.05  # this loss extends over this share of the length in which x changes by its own value
 INSIDE = 0.02  # a new grid point closer to an interval end than this share saves no time
 # The grid is refined while the margin for maxima inside intervals exceeds the share LARGEST_MARGIN
@@ -67,7 +69,8 @@ INSIDE = 0.02  # a new grid point closer to an interval end than this share save
 # refinement, up to LAST_MARGIN, because a finer grid is expensive with thousands of
 # corners. With fewer intervals than COARSE, the first share is FIRST_MARGIN, to save time.
 LARGEST_MARGIN = 3e-3
-FIRST_MARGIN, COARSE = 1e-2, 500
+FIRST_MARGIN = 1e-2
+COARSE = 500
 MARGIN_GROWTH = 2.0
 LAST_MARGIN = 0.2
 MAX_REFINEMENTS = 12
@@ -79,17 +82,20 @@ MAX_PARTS_AT_ONCE = 8
 # Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
 # grid is larger. Close to this number, a refinement for loss must increase the number of intervals
 # at least by the factor LEAST_GROWTH.
-MAX_REFINED, LEAST_GROWTH = 300_000, 1.1
+MAX_REFINED = 300_000
+LEAST_GROWTH = 1.1
 
 
 @compiled(inner=True, fastmath=FUSED)
 def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
-    steepest, joint = 0.0, 0
+    steepest = 0.0
+    joint = 0
     for group in range(len(limits.joints) // ROWS):
         a, _ = path_slopes(grid, i, joint, end)
         joint = next_joint(grid, joint)
         offset = ROWS * group
-        back, forth = load(limits.joints, offset + BACKWARD), load(limits.joints, offset + FORWARD)
+        back = load(limits.joints, offset + BACKWARD)
+        forth = load(limits.joints, offset + FORWARD)
         steepest = max(steepest, highest(a * a * choose(a, 0.0, back, forth)))
     for r in range(limits.squares.largest.shape[1]):
         steepest = max(steepest, limits.squares.ends[i, end, r])
@@ -113,7 +119,8 @@ def _shortest_time(
     last_switch = first
     if top > ceiling:
         top = max(ceiling, x[0], x[1])
-        first, last_switch = min((top - x[0]) / up, w), w - min((top - x[1]) / down, w)
+        first = min((top - x[0]) / up, w)
+        last_switch = w - min((top - x[1]) / down, w)
     speeds = math.sqrt(x[0]), math.sqrt(top), math.sqrt(x[1])
     time = interval_time(first, speeds[0], speeds[1], 0.0) if first > 0.0 else 0.0
     if last_switch < w:
@@ -133,34 +140,51 @@ def estimate_losses(
     Returns the duration of the plan [s]; the time lost on each interval [s], (n,); and the point in
     each interval at which a new grid point saves most [m], (n,), or the start of the interval.
     """
-    s, x, k, lost, n, duration = grid.s, plan.x, plan.k, plan.lost, len(plan.k), 0.0
-    loss, point, valley = np.empty(n), np.empty(n), np.zeros(n)
+    s = grid.s
+    x = plan.x
+    k = plan.k
+    lost = plan.lost
+    n = len(plan.k)
+    duration = 0.0
+    loss = np.empty(n)
+    point = np.empty(n)
+    valley = np.zeros(n)
     for i in range(n):
-        w, x0, x1 = s[i + 1] - s[i], x[i], x[i + 1]
+        w = s[i + 1] - s[i]
+        x0 = x[i]
+        x1 = x[i + 1]
         time = interval_time(w, math.sqrt(x0), math.sqrt(x1), k[i])
         duration += time
-        loss[i], point[i] = time * lost[i] / 2, s[i]
-        near, by_gap = AT_BOUND + lost[i], BY_GAP if x0 > 0.0 and x1 > 0.0 else BY_GAP_AT_REST
-        top0, top1 = _ceiling(grid, limits, i, 0), _ceiling(grid, limits, i, 1)
+        loss[i] = time * lost[i] / 2
+        point[i] = s[i]
+        near = AT_BOUND + lost[i]
+        by_gap = BY_GAP if x0 > 0.0 and x1 > 0.0 else BY_GAP_AT_REST
+        top0 = _ceiling(grid, limits, i, 0)
+        top1 = _ceiling(grid, limits, i, 1)
         if x0 > 0.0 and x1 > 0.0 and x0 >= (1 - near) * top0 and x1 >= (1 - near) * top1:
             use = (math.sqrt(x0 / top0) + math.sqrt(x1 / top1)) / 2
             loss[i] = time * max(1 - use, 0.0)
             continue
-        mean, turn = (x1 - x0) / (2 * w), k[i] * w / 2
+        mean = (x1 - x0) / (2 * w)
+        turn = k[i] * w / 2
         low0, high0, wide0, below0, above0 = acceleration_range(grid, limits, i, 0, x0)
         low1, high1, wide1, below1, above1 = acceleration_range(grid, limits, i, 1, x1)
         if not (wide0 < math.inf or wide1 < math.inf):
             continue
         # Unused share of the range up to each bound. An end that does not limit u gets the shares
         # of the other end.
-        up0, up1 = (high0 - mean + turn) / wide0, (high1 - mean - turn) / wide1
-        down0, down1 = (mean - turn - low0) / wide0, (mean + turn - low1) / wide1
+        up0 = (high0 - mean + turn) / wide0
+        up1 = (high1 - mean - turn) / wide1
+        down0 = (mean - turn - low0) / wide0
+        down1 = (mean + turn - low1) / wide1
         if not wide0 < math.inf:
             up0, down0 = up1, down1
         if not wide1 < math.inf:
             up1, down1 = up0, down0
-        rising, falling = min(up0, up1) < near, min(down0, down1) < near
-        up, down = (up0 + up1) / 2, (down0 + down1) / 2
+        rising = min(up0, up1) < near
+        falling = min(down0, down1) < near
+        up = (up0 + up1) / 2
+        down = (down0 + down1) / 2
         if rising and falling:
             gap = min(up, down)
             if gap > CROSSED and above0 != below1 and below0 != above1:
@@ -238,9 +262,11 @@ def time_optimal(
     start = np.inf if start_speed == 0 and rests[0] else start_speed**2
     end = np.inf if end_speed == 0 and rests[-1] else end_speed**2
     max_margin = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
-    rules, s = Rules(float(start), float(end), max_margin), 0.0
+    rules = Rules(float(start), float(end), max_margin)
+    s = 0.0
     best: tuple[Grid, GridPlan] | None = None
-    shortest, max_intervals = math.inf, max(MAX_REFINED, 2 * len(grid))
+    shortest = math.inf
+    max_intervals = max(MAX_REFINED, 2 * len(grid))
     for k in range(MAX_REFINEMENTS):
         path = SampledJointPath(grid)
         limits = _add_stops(limits_on(path, active), grid)
@@ -251,7 +277,8 @@ def time_optimal(
             duration, loss, points = estimate_losses(path.intervals, limits, grid_plan)
             gained = shortest - duration
             if duration < shortest:
-                best, shortest = (grid, grid_plan), duration
+                best = (grid, grid_plan)
+                shortest = duration
             if loss.sum() <= largest_loss * duration or gained < largest_loss / 4 * duration:
                 break
             parts = _parts_by_loss(loss, largest_loss * duration)
@@ -299,7 +326,8 @@ def _add_stops(limits: GridLimits, grid: Grid) -> GridLimits:
     stops = grid.joint_path.stops
     if not len(stops):
         return limits
-    indices, ceiling = np.searchsorted(grid.s, stops), limits.ceiling.copy()
+    indices = np.searchsorted(grid.s, stops)
+    ceiling = limits.ceiling.copy()
     ceiling[indices, 0] = ceiling[indices - 1, 1] = 0.0
     return limits._replace(ceiling=ceiling)
 

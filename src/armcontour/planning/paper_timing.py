@@ -195,13 +195,19 @@ class PaperLine:
         s: FloatArray,  # Arc lengths of the knots [m], (n + 1,)
         assigned: float,  # Assigned velocity on the line [m/s]
     ) -> None:
-        self.name, self.joint_path, self.arm, self.limit = name, joint_path, arm, limit
-        self.s, self.assigned = s, assigned
+        self.name = name
+        self.joint_path = joint_path
+        self.arm = arm
+        self.limit = limit
+        self.s = s
+        self.assigned = assigned
         path = tool_path_of(joint_path, "paper")
-        self.point, self.direction = path(s[0]), path(s[0], 1)
+        self.point = path(s[0])
+        self.direction = path(s[0], 1)
         self.q = joint_path(s)
         # The derivatives at both ends are one-sided, because the path may turn there.
-        before, after = joint_path(s[-1:], 1, side="left"), joint_path(s[:-1], 1)
+        before = joint_path(s[-1:], 1, side="left")
+        after = joint_path(s[:-1], 1)
         self.dq_ds = np.concatenate([after, before])
 
     def forward(self, speed: float) -> Pass:
@@ -219,7 +225,8 @@ class PaperLine:
 
     def plan(self, start: float, end: float) -> list[LinePhase]:
         """Plan the line from the tool speed `start` to the tool speed `end` [m/s]."""
-        forward, reverse = self.forward(start), self.reverse(end)
+        forward = self.forward(start)
+        reverse = self.reverse(end)
         n = len(self.s) - 1
         backward = reverse.speed[::-1]  # Speed of the reverse pass in the order of the path
         last = forward.last_within(self.assigned)
@@ -244,7 +251,8 @@ class PaperLine:
         if last > 0:
             run = forward.h[:last], forward.dq[:last], forward.ddq[:last]
             pieces.append(self._make_phase("MAC", 0, last, *run))
-        low, high = max(last, 0), first
+        low = max(last, 0)
+        high = first
         if low < high <= n:
             pieces.append(self._make_middle(low, high, forward.speed, backward, meeting))
         if first < n:
@@ -255,7 +263,9 @@ class PaperLine:
         """Phase of the reverse pass from the knot `first` to the end, in the order of time."""
         count = len(self.s) - 1 - first
         ends = run.dq[:count] + run.ddq[:count] * run.h[:count, None]
-        h, dq, ddq = run.h[:count][::-1], -ends[::-1], run.ddq[:count][::-1]
+        h = run.h[:count][::-1]
+        dq = -ends[::-1]
+        ddq = run.ddq[:count][::-1]
         return self._make_phase("MDC", first, len(self.s) - 1, h, dq, ddq)
 
     def _make_phase(
@@ -294,12 +304,14 @@ class PaperLine:
     ) -> LinePhase:
         """Phase with uniform tool acceleration between both passes, see `_find_meeting`."""
         s = self.s[[low, high]]
-        start, end = forward[low], backward[high]
+        start = forward[low]
+        end = backward[high]
         law = path_law(self.joint_path, s, np.array([start]), np.array([end]))
         ends = (float(s[0]), float(s[1]))
         if not meeting or np.isnan([forward[high], backward[low]]).any():
             return LinePhase(law, "AVC", ends)
-        ahead, after = backward[low] ** 2 - start**2, forward[high] ** 2 - end**2
+        ahead = backward[low] ** 2 - start**2
+        after = forward[high] ** 2 - end**2
         length = float(s[1] - s[0]) * (ahead / (ahead + after) if ahead + after > 0 else 0.5)
         acceleration = law.rates.dds[0]
         time = 2 * length / (start + np.sqrt(max(start**2 + 2 * acceleration * length, 0.0)))
@@ -318,7 +330,8 @@ class PaperLine:
         if not incomplete:
             return
         run, knot = incomplete[0]
-        s, point = float(self.s[knot]), self.arm.tool_position(self.q[knot]).tolist()
+        s = float(self.s[knot])
+        point = self.arm.tool_position(self.q[knot]).tolist()
         allowed = float(self.limit[run.joint])
         raise NotRealizable(
             f"On {self.name} at {s:.4g} m along the path, joint {run.joint + 1} would need "

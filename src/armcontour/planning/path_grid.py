@@ -60,7 +60,8 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     if not len(turning):
         raise InvalidInput("No joint moves along the joint path, so there is nothing to plan.")
     turn = width * turning
-    share, turns = EVEN_SHARE * width / width.sum(), turn.sum()
+    share = EVEN_SHARE * width / width.sum()
+    turns = turn.sum()
     if turns > 0:
         share += (1 - EVEN_SHARE) * turn / turns
     per_piece = np.maximum(FEWEST_PER_PIECE, np.round(share / share.sum() * count))
@@ -101,29 +102,40 @@ def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) 
     - `coefficients`: coefficients of its pieces [rad], (pieces, 6, dof).
     - `at_rest`: fraction of the largest dq_ds below which the path has no direction.
     """
-    n, dof = len(breaks) - 1, coefficients.shape[2]
-    size, curvature = np.empty((n, 3)), np.empty((n, 3))
+    n = len(breaks) - 1
+    dof = coefficients.shape[2]
+    size = np.empty((n, 3))
+    curvature = np.empty((n, 3))
     fastest = 0.0
     for i in range(n):
-        width, c = breaks[i + 1] - breaks[i], coefficients[i]
+        width = breaks[i + 1] - breaks[i]
+        c = coefficients[i]
         for k in range(3):
             middle = (breaks[i] + breaks[i + 1]) / 2
             s = breaks[i] if k == 0 else middle if k == 1 else breaks[i + 1]
             x = (s - breaks[i]) / width
             first = second = 0.0
             for j in range(dof):
-                c0, c1, c2, c3, c4, c5 = c[0, j], c[1, j], c[2, j], c[3, j], c[4, j], c[5, j]
+                c0 = c[0, j]
+                c1 = c[1, j]
+                c2 = c[2, j]
+                c3 = c[3, j]
+                c4 = c[4, j]
+                c5 = c[5, j]
                 _, slope, curve = value_and_slopes(c0, c1, c2, c3, c4, c5, x)
-                slope, curve = slope / width, curve / (width * width)
+                slope = slope / width
+                curve = curve / (width * width)
                 first += slope * slope
                 second += curve * curve
-            size[i, k], curvature[i, k] = math.sqrt(first), math.sqrt(second)
+            size[i, k] = math.sqrt(first)
+            curvature[i, k] = math.sqrt(second)
             fastest = max(fastest, size[i, k])
     if fastest == 0.0:
         return np.empty(0)
     rates = np.empty(n)
     for i in range(n):
-        total, count = 0.0, 0
+        total = 0.0
+        count = 0
         for k in range(3):
             if size[i, k] > at_rest * fastest:
                 total += curvature[i, k] / size[i, k]
@@ -144,12 +156,14 @@ def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArr
     total = 0
     for i in range(len(count)):
         total += count[i]
-    points, interval = np.empty(total + 1), np.empty(total, np.intp)
+    points = np.empty(total + 1)
+    interval = np.empty(total, np.intp)
     part = 0
     for i in range(len(count)):
         width = s[i + 1] - s[i]
         for k in range(count[i]):
-            points[part], interval[part] = s[i] + width * k / count[i], i
+            points[part] = s[i] + width * k / count[i]
+            interval[part] = i
             part += 1
     points[total] = s[len(count)]
     return points, interval
@@ -162,7 +176,8 @@ def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
     - `coefficients`: coefficients of the joint path, (n, 6, dof).
     - `vanished`: dq_ds counts as zero below this fraction of the sum of its terms.
     """
-    n, dof = coefficients.shape[0], coefficients.shape[2]
+    n = coefficients.shape[0]
+    dof = coefficients.shape[2]
     resting = np.empty(n + 1, np.bool_)
     for i in range(n + 1):
         resting[i] = True

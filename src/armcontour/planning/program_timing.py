@@ -59,7 +59,8 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
     - `traced`: the program with its joint paths.
     - `progress`: called after every contour with the step "timing" and the fraction done.
     """
-    number, count = 0, len(traced.program.contours)
+    number = 0
+    count = len(traced.program.contours)
     rapid_speed = traced.program.rapid_speed
     joined = JoinedMoves(traced, timing.arm)
     moves = [(x.joint_path, traced.is_contour(x)) for x in traced.steps if x.joint_path is not None]
@@ -94,7 +95,8 @@ def _time_move(
 
 def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
     """Plan the motion along a contour."""
-    problem, options = (joint_path, timing.arm, timing.limits), timing.options
+    problem = (joint_path, timing.arm, timing.limits)
+    options = timing.options
     if isinstance(options, Conventional):
         from armcontour.planning.paper_timing import plan_conventional
 
@@ -167,7 +169,8 @@ class JoinedMoves:
             self._add_event(move, self.t - move.lead_time, self.t, self.length, point)
             return
         assert trajectory is not None and step.joint_path is not None
-        t, s = (self.t, self.t + trajectory.duration), self.length
+        t = (self.t, self.t + trajectory.duration)
+        s = self.length
         fields: dict[str, Any] = {"kind": "rapid"}
         if isinstance(move, Contour):
             work = t
@@ -180,12 +183,14 @@ class JoinedMoves:
                 due = t[0] + float(trajectory.time_at(s_event))
                 point = tuple(move.path(s_event).tolist())
                 self._add_event(event, due - event.lead_time, due, s + event.s, point)
-            self.last, self.length = trajectory, s + move.path.length
+            self.last = trajectory
+            self.length = s + move.path.length
         self.laws += trajectory.laws
         self.spans.append(
             Span(move=step.move, t=t, s=(s, self.length), trajectory=trajectory, **fields)
         )
-        self.t, self.done = t[1], step.joint_path
+        self.t = t[1]
+        self.done = step.joint_path
 
     def add_dwell(self, duration: float, move: int | None = None) -> None:
         """Append a dwell.
@@ -193,7 +198,8 @@ class JoinedMoves:
         - `duration`: duration [s].
         - `move`: index of the dwell; None for a pause that is not in the program.
         """
-        t, s = (self.t, self.t + duration), self.length
+        t = (self.t, self.t + duration)
+        s = self.length
         self.laws.append(dwell_law(self._q, duration))
         self.spans.append(Span(move=move, kind="dwell", t=t, s=(s, s)))
         self.t = t[1]

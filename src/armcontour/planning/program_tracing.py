@@ -36,7 +36,9 @@ MAX_PLANNED = 8_000
 # thousandths only. Therefore all configurations that are slower than the fastest one on the parts
 # by at most MAX_SLOWER are traced along the whole path.
 LONG_PATH = 20_000
-PART_SEGMENTS, PART_EVERY, MAX_PARTS = 200, 2500, 40
+PART_SEGMENTS = 200
+PART_EVERY = 2500
+MAX_PARTS = 40
 MAX_SLOWER = 0.01
 # Configurations whose durations on the parts differ by less than this fraction differ by a turn of
 # the wrist only, and are equally fast on the whole path.
@@ -140,7 +142,8 @@ def trace_program(
     if seed is None:
         shaped = [x.path for x in program.contours if isinstance(x.path, ShapedPath)]
         seed = shaped[0].outcome.joints if shaped else None
-    limited, contours = arm.with_limits(bounds), program.contours
+    limited = arm.with_limits(bounds)
+    contours = program.contours
     cached = {} if fastest is None else fastest
     tracer = _Tracer(program, contours, limited, configuration, seed, accept, cached)
     for i, move in enumerate(program.moves):
@@ -200,7 +203,8 @@ class _Tracer:
     def _append(self, i: int, joint_path: JointPath, called: str) -> None:
         """Append a joint path, with a straight line in joint space to its start if needed."""
         if self.last is not None:
-            end, q = ends_of(self.last)[1], ends_of(joint_path)[0]
+            end = ends_of(self.last)[1]
+            q = ends_of(joint_path)[0]
             if np.abs(q - end).max() > SAME_POSITION:
                 self.steps.append(
                     TracedMove(move=None, joint_path=_straight_line(end, q), called=called)
@@ -222,7 +226,8 @@ class _Tracer:
             return self.fastest[i]
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
-        arm, moves = self.arm, self.program.moves
+        arm = self.arm
+        moves = self.program.moves
         try:
             index = next(k for k in range(i, len(moves)) if moves[k] is contour)
             fastest = self._fastest(contour.path, index)
@@ -273,13 +278,15 @@ class _Tracer:
 def _straight_line(begin: FloatArray, end: FloatArray) -> JointPath:
     length = float(np.linalg.norm(end - begin))
     coefficients = np.zeros((1, 6, len(begin)))
-    coefficients[0, 0], coefficients[0, 1] = begin, (end - begin) / length * length
+    coefficients[0, 0] = begin
+    coefficients[0, 1] = (end - begin) / length * length
     return JointPath(breaks=np.array([0.0, length]), coefficients=coefficients)
 
 
 def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
     """Joint positions at the start and at the end of a joint path [rad], (dof,) each."""
-    start, end = joint_path.coefficients[0, 0], joint_path.coefficients[-1, 5]
+    start = joint_path.coefficients[0, 0]
+    end = joint_path.coefficients[-1, 5]
     # Evaluate the polynomial of the last interval at its end by Horner's rule.
     for k in range(4, -1, -1):
         end = end + joint_path.coefficients[-1, k]
@@ -311,7 +318,8 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
     if not orientations:
         return path
     free = all(x.axis_only for x, _ in orientations)
-    first, last = orientations[0][0](orientations[0][1]), orientations[-1][0](orientations[-1][1])
+    first = orientations[0][0](orientations[0][1])
+    last = orientations[-1][0](orientations[-1][1])
     # If only tool axes are given, the tool does not turn about its axis. Between opposite
     # orientations, both directions of rotation are valid.
     turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
@@ -403,7 +411,9 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = durations / bounds
     slow = np.flatnonzero(~fast)
-    best, shortest, done = None, np.inf, list[float]()
+    best = None
+    shortest = np.inf
+    done = list[float]()
     # The shortest joint paths come first; slow ones are traced only if all others fail.
     for k in [*np.flatnonzero(fast), *slow[np.argsort(durations[slow], kind="stable")]]:
         if done and not fast[k]:
@@ -417,7 +427,8 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
         done.append(float(durations[k]))
         duration = bound_duration(joint_path, rough) * ratio[k]
         if best is None or duration < shortest:
-            best, shortest = joint_path, duration
+            best = joint_path
+            shortest = duration
     return best
 
 
@@ -437,7 +448,8 @@ def _compare_on_parts(
     first = np.searchsorted(s, np.linspace(0, path.length - length, parts), side="right") - 1
     last = np.append(s[first[:-1]] + length, path.length)
     cuts = [cut_path(path, s[i], end) for i, end in zip(first, last, strict=True)]
-    bounds, traced = np.full(len(solutions), np.inf), list[list[JointPath]]()
+    bounds = np.full(len(solutions), np.inf)
+    traced = list[list[JointPath]]()
     for k, q in enumerate(solutions):
         try:
             joint_paths = [
@@ -448,7 +460,8 @@ def _compare_on_parts(
         except ArmContourError:
             joint_paths = []
         traced.append(joint_paths)
-    durations, shortest = bounds.copy(), np.inf
+    durations = bounds.copy()
+    shortest = np.inf
     for k in np.argsort(bounds, kind="stable"):
         if BOUND_SHARE * bounds[k] > (1 + MAX_SLOWER) * shortest:
             break

@@ -36,11 +36,13 @@ PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
 # Smallest and largest number of intervals per line of the paper's method. With fewer, a short line
 # from rest to rest has none left for its motion. More intervals need several GB for an arm with six
 # joints.
-FEWEST_LAPS, MAX_LAPS = 8, 5_000_000
+FEWEST_LAPS = 8
+MAX_LAPS = 5_000_000
 # Largest number of iterations of each pass with limits of jerk.
 MAX_ITERATIONS = 150
 # Default and largest number of iterations of shaping.
-DEFAULT_ITERATIONS, MAX_SHAPES = 60, 10_000
+DEFAULT_ITERATIONS = 60
+MAX_SHAPES = 10_000
 
 
 @declared(eq=False)

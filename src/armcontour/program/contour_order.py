@@ -24,7 +24,9 @@ Option = tuple[Callable[[], Contour], FloatArray]
 
 # Number of possible start points of a closed contour. It is reduced, to at least FEWEST_PLACES, if
 # all contours together would have more than MAX_PLACES.
-PLACES, FEWEST_PLACES, MAX_PLACES = 24, 4, 20_000
+PLACES = 24
+FEWEST_PLACES = 4
+MAX_PLACES = 20_000
 # Largest product of the number of first contours that the search for a short tour tries and the
 # square of the number of contours, which limits the time to about 0.5 s.
 MAX_WORK = 20_000
@@ -46,7 +48,8 @@ def direct_contours(program: Program, process: Process) -> Program:
     from armcontour.program.kerf import waste_sides
     from armcontour.program.nesting import find_nesting
 
-    areas, sides = find_nesting(contours, process.up).areas, waste_sides(contours, process)
+    areas = find_nesting(contours, process.up).areas
+    sides = waste_sides(contours, process)
     turned: dict[Contour, Contour] = {}
     for i, (contour, direction) in enumerate(zip(contours, directions, strict=True)):
         if direction in TOOL_SIDES:
@@ -73,7 +76,8 @@ def order_contours(program: Program, process: Process) -> Program:
     """Sort the contours of a program by the order of the process."""
     # For a shorter tour, a contour can start at another point or run backwards; later steps do not
     # change this start. A note reports a contour that is cut before a contour inside it.
-    order, contours = process.order, program.contours
+    order = process.order
+    contours = program.contours
     if order == "auto":
         drawing = all(isinstance(x, Contour) for x in program.moves)
         order = "inside_first" if process.cuts and drawing else "drawn"
@@ -162,7 +166,8 @@ class _Choices:
         count = int(np.clip(MAX_PLACES // len(contours), FEWEST_PLACES, PLACES))
         made: list[Callable[[], Contour]] = []
         ends: list[FloatArray] = []
-        first, swapped = [0], list[int]()
+        first = [0]
+        swapped = list[int]()
         for contour in contours:
             options = _options(contour, process, count if free else 1)
             made += [option[0] for option in options]
@@ -186,12 +191,15 @@ class _Choices:
         """
         from scipy.spatial.distance import cdist
 
-        n, first, (entries, exits) = len(self.first) - 1, self.first, self.ends.swapaxes(0, 1)
+        n = len(self.first) - 1
+        first = self.first
+        entries, exits = self.ends.swapaxes(0, 1)
         owners = np.repeat(np.arange(n), np.diff(first))
         waits = np.bincount(parents[parents >= 0], minlength=n)
         # Entries of the contours that may be next; infinite for other contours.
         near = np.where((waits == 0)[owners, None], entries, np.inf)
-        tour, option = np.empty(n, dtype=np.intp), first[:-1].copy()
+        tour = np.empty(n, dtype=np.intp)
+        option = first[:-1].copy()
         for k in range(n):
             if k:
                 last = option[tour[k - 1]]
@@ -209,7 +217,8 @@ class _Choices:
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
         """Order and options of a short tour: the nearest contours, improved by 2-opt."""
-        best, shortest = (np.array([]), np.array([])), np.inf
+        best = (np.array([]), np.array([]))
+        shortest = np.inf
         n = len(self.first) - 1
         for start in range(max(1, min(n, MAX_WORK // n**2))):
             tour, option = self.nearest(parents, start)
@@ -219,12 +228,15 @@ class _Choices:
                 self._reverse_parts(tour, option, parents)
                 option = self._best_options(tour)
             if length < shortest - NO_GAIN:
-                best, shortest = (tour, option), length
+                best = (tour, option)
+                shortest = length
         return best
 
     def _reverse_parts(self, tour: IntArray, option: IntArray, parents: IntArray) -> None:
         """Reverse parts of a tour in place until it is no shorter (2-opt)."""
-        n, i, failures = len(tour), 0, 0
+        n = len(tour)
+        i = 0
+        failures = 0
         place = np.empty(n, np.intp)
         while failures < n:
             if not failures:
@@ -263,9 +275,11 @@ class _Choices:
         """Option of every contour with which a tour is shortest, by dynamic programming, (n,)."""
         from scipy.spatial.distance import cdist
 
-        first, (entries, exits) = self.first, self.ends.swapaxes(0, 1)
+        first = self.first
+        entries, exits = self.ends.swapaxes(0, 1)
         slices = [slice(first[c], first[c + 1]) for c in tour]
-        length, before = np.zeros(slices[0].stop - slices[0].start), []
+        length = np.zeros(slices[0].stop - slices[0].start)
+        before = []
         for last, now in itertools.pairwise(slices):
             lengths = length[:, None] + cdist(exits[last], entries[now])
             before.append(np.argmin(lengths, axis=0))
@@ -350,7 +364,8 @@ def close_contour(
     longer = _add_overlap(contour.path, extra_length)
     # Events at the drawn end move to the end of the overlap. Events between both ends are repeated
     # in every lap.
-    slack, last = REPEATED_POINT, longer.length
+    slack = REPEATED_POINT
+    last = longer.length
     moved = [replace(x, s=last) if x.s >= lap - slack else x for x in contour.events]
     along = [x for x in contour.events if slack < x.s < lap - slack]
     repeated = [replace(x, s=x.s + k * lap) for k in range(1, process.passes) for x in along]
@@ -370,7 +385,8 @@ def keeps_drawn_start(contour: Contour, *, led: bool) -> bool:
 
 def find_start(contour: Contour, process: Process, *, led: bool) -> float:
     """Arc length at which a closed contour starts [m]; see `close_contour`."""
-    path, begin = contour.path, process.begin
+    path = contour.path
+    begin = process.begin
     if begin == DRAWN or (begin == AUTO and keeps_drawn_start(contour, led=led)):
         return 0.0
     if isinstance(begin, tuple):
@@ -421,7 +437,8 @@ def _has_equal_end_orientations(path: Path) -> bool:
         return True
     if orientation.fixed and len(orientation) == 1 and not orientation.follows:
         return True
-    end, start = orientation(path.length, side="left"), orientation(0.0)
+    end = orientation(path.length, side="left")
+    start = orientation(0.0)
     if orientation.follows:
         # At a corner the tool turns with the tangent.
         corner = shortest(path(path.length, 1, side="left"), path(0.0, 1))
@@ -440,7 +457,8 @@ def _add_overlap(path: Path, overlap: float) -> Path:
             f"{path.length:.4g} m and need more than {MAX_SEGMENTS} segments. Specify a shorter "
             "overlap or fewer passes."
         )
-    parts, remaining = list[Path](), overlap
+    parts = list[Path]()
+    remaining = overlap
     while remaining > REPEATED_POINT:
         step = min(remaining, path.length)
         parts.append(path if step == path.length else cut_path(path, 0.0, step))

@@ -50,7 +50,8 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
     """
     parts = []
     for contour in program.contours:
-        layer, (begin, end) = process.of_contour(contour), contour.at_work
+        layer = process.of_contour(contour)
+        begin, end = contour.at_work
         if not layer.kerf:
             continue
         if layer.begins_on:
@@ -71,8 +72,10 @@ def idle_parts(program: Program, process: Process) -> list[tuple[int, float, flo
         return []
     parts = []
     for k, contour in enumerate(program.contours):
-        own, (begin, end) = process.of_contour(contour), contour.at_work
-        length, switch = contour.path.length, own.switch and own.switch.name
+        own = process.of_contour(contour)
+        begin, end = contour.at_work
+        length = contour.path.length
+        switch = own.switch and own.switch.name
         leads = (0.0 if own.begins_on else begin, True), (length if own.ends_on else end, False)
         changes = [(x.s, bool(x.value)) for x in contour.events if x.name == switch] or leads
         for (a, is_on), (b, _) in pairwise(((0.0, False), *changes, (length, True))):
@@ -133,7 +136,9 @@ def _notes_on_open(names: Sequence[str]) -> list[str]:
 
 def _flatten(contour: Contour, number: int, process: Process) -> Segments:
     """Segments of a contour projected along `up`; raise InvalidInput if the kerf has no side."""
-    called, up, rows = contour_called(contour, number), process.up, contour.path.segments
+    called = contour_called(contour, number)
+    up = process.up
+    rows = contour.path.segments
     if contour.work is not None:
         raise InvalidInput(
             f"{called} already has leads, but a kerf can only offset contours without leads."
@@ -164,7 +169,8 @@ def _offset(
     rows: Segments, contour: Contour, number: int, kerf: float, side: str
 ) -> list[OffsetPart]:
     """The parts of a contour's offset by half the kerf; raise InvalidInput if it does not fit."""
-    called, sign = contour_called(contour, number), 1 if side == "left" else -1
+    called = contour_called(contour, number)
+    sign = 1 if side == "left" else -1
 
     def parts_of(width: float) -> list[OffsetPart]:
         parts = offset_segments(rows, sign * width / 2, closed=contour.closed)
@@ -174,7 +180,8 @@ def _offset(
 
     offset_parts = parts_of(kerf)
     if not offset_parts:
-        fits, too_wide = 0.0, kerf
+        fits = 0.0
+        too_wide = kerf
         for _ in range(KERF_BISECTIONS):
             middle = (fits + too_wide) / 2
             fits, too_wide = (middle, too_wide) if parts_of(middle) else (fits, middle)
@@ -231,7 +238,8 @@ def _check_distances(
 
 def _name_with_layer(contours: Sequence[Contour], number: int) -> str:
     """Name of a contour for messages, with its layer if there are several layers."""
-    called, layer = contour_called(contours[number], number), contours[number].layer
+    called = contour_called(contours[number], number)
+    layer = contours[number].layer
     return f"{called} (layer {layer})" if len({x.layer for x in contours}) > 1 else called
 
 
@@ -291,14 +299,16 @@ def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
 
 def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) -> Orientation:
     """Tool orientation along an offset, constant or at the same angle to the tangent."""
-    rows, start = path.segments, orientation(0.0)
+    rows = path.segments
+    start = orientation(0.0)
     same = orientation.fixed and all(
         np.abs(x - start).max() <= REPEATED_POINT for x in orientation.starts
     )
     rates = np.zeros((len(rows), 3))
     turned = np.repeat(start[None], len(rows), axis=0)
     if orientation.follows:
-        a, b = project_along_up(source.tangents[:1], up), project_along_up(rows.tangents, up)
+        a = project_along_up(source.tangents[:1], up)
+        b = project_along_up(rows.tangents, up)
         turned = exp(turns_between(a, b)[:, None] * up) @ start
         rates = tangent_rates(rows)
     elif not same:
@@ -313,7 +323,8 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
 
 def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[Move]:
     """Replace the contours among moves; rapids away from a contour start at its new end."""
-    away, number = find_departing_rapids(moves), 0
+    away = find_departing_rapids(moves)
+    number = 0
     result: list[Move] = []
     for move in moves:
         if isinstance(move, Contour):

@@ -39,7 +39,8 @@ class LeadPlacement:
 
     def __init__(self, contours: Sequence[Contour], process: Process) -> None:
         # `contours`: the contours before they get overlaps and leads.
-        self._contours, self._process = contours, process
+        self._contours = contours
+        self._process = process
         needed = any(x.side == WASTE for x in process.leads)
         self._sides = waste_sides(contours, process) if needed else ["left"] * len(contours)
         self._cut = cut_contours(contours, process)
@@ -72,12 +73,14 @@ class LeadPlacement:
             return full_lead
         if self._fits_in_waste(full_lead, after):
             return full_lead
-        fits, too_long = 0.0, length
+        fits = 0.0
+        too_long = length
         for _ in range(LEAD_BISECTIONS):
             middle = (fits + too_long) / 2
             in_scrap = self._fits_in_waste(lead_of(middle), after)
             fits, too_long = (middle, too_long) if in_scrap else (fits, middle)
-        called, kind = contour_called(contour, number), "lead-out" if after else "lead-in"
+        called = contour_called(contour, number)
+        kind = "lead-out" if after else "lead-in"
         location = f"{called} (layer {contour.layer})" if contour.layer else called
         if not fits:
             raise InvalidInput(
@@ -127,7 +130,8 @@ class LeadPlacement:
 
     def _fits_in_waste(self, lead: Path, after: bool) -> bool:
         """Return whether a lead crosses no cut contour and its free end lies in the waste."""
-        lead, up = lead.reversed() if after else lead, self._process.up
+        lead = lead.reversed() if after else lead
+        up = self._process.up
         cut = [x for x, kept in zip(self._contours, self._cut, strict=True) if kept]
         if self._around is None:
             tables = [_tabulate_pieces(x.path, up) for x in cut]
@@ -155,14 +159,17 @@ class LeadPlacement:
 
 def _bounding_box(pieces: FloatArray) -> FloatArray:
     """Lower and upper corner of a box around pieces [m], (2, 2)."""
-    starts, lengths = pieces[:, :2], pieces[:, LENGTH:]
+    starts = pieces[:, :2]
+    lengths = pieces[:, LENGTH:]
     return np.stack([(starts - lengths).min(axis=0), (starts + lengths).max(axis=0)])
 
 
 def _tabulate_pieces(path: Path, up: FloatArray) -> FloatArray:
     """The table of pieces (offset_curves.py) of a path seen from above, (n, 6)."""
     chords = find_chords(path, up)
-    a, chord, bent = chords[:, :2], chords[:, 2:4] - chords[:, :2], chords[:, 7] != 0
+    a = chords[:, :2]
+    chord = chords[:, 2:4] - chords[:, :2]
+    bent = chords[:, 7] != 0
     curvatures = np.where(bent, chords[:, 7] / np.where(bent, chords[:, 6], 1.0), 0.0)
     out = (a - chords[:, 4:6]) * curvatures[:, None]
     lengths = np.linalg.norm(chord, axis=1)
@@ -192,24 +199,30 @@ def lead_path(
     """
     s = path.length if after else 0.0
     direction = "left" if after else "right"
-    point, tangent = path(s), path(s, 1, side=direction)
+    point = path(s)
+    tangent = path(s, 1, side=direction)
     row = -1 if after else 0
     if shape == "arc" and beyond is not None:
         entering, leaving = (tangent, beyond) if after else (beyond, tangent)
         if _side_vector(entering, side, up) @ leaving > MAX_INWARD_TURN:
             inwards = (leaving - entering) / np.linalg.norm(leaving - entering)
-            shape, tangent = "line", inwards if after else -inwards
+            shape = "line"
+            tangent = inwards if after else -inwards
     if shape == "line":
         start = point if after else point - length * tangent
-        normal, curvature, start_tangent = np.zeros_like(tangent), 0.0, tangent
+        normal = np.zeros_like(tangent)
+        curvature = 0.0
+        start_tangent = tangent
     else:
         curvature = QUARTER / length
         normal = _side_vector(tangent, side, up)
-        start, start_tangent = point, tangent
+        start = point
+        start_tangent = tangent
         if not after:
             # A lead-in is on the same circle: the quarter circle that ends at the point.
             start = point - (tangent - normal) / curvature
-            start_tangent, normal = -normal, tangent
+            start_tangent = -normal
+            normal = tangent
     lead = Path(
         segments=Segments(
             starts=start[None],

@@ -479,7 +479,8 @@ class Program(Checked):
         number = 0
         for move in self.moves:
             if isinstance(move, Contour):
-                called, number = contour_called(move, number), number + 1
+                called = contour_called(move, number)
+                number = number + 1
                 try:
                     moves += move.without_z()
                 except InvalidInput as error:
@@ -510,7 +511,8 @@ class Program(Checked):
             return self
         by_layer = self._selection_mask("layer", layers, [x.layer for x in self.contours])
         by_name = self._selection_mask("contour", names, [x.name for x in self.contours])
-        contours, others = list[Contour](), list[Contour]()
+        contours = list[Contour]()
+        others = list[Contour]()
         for contour, *chosen in zip(self.contours, by_layer, by_name, strict=True):
             (contours if all(chosen) else others).append(contour)
         if not contours:

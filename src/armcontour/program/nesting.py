@@ -82,10 +82,12 @@ def find_chords(path: Path, up: FloatArray) -> FloatArray:
     # Columns: start x, y, end x, y, centre x, y, radius [m], and turn: 1 for arcs to the left, -1
     # for arcs to the right, 0 for lines. An arc is at most half a circle.
     rows = _split_arcs(draw_arcs(path.segments)[0], up)
-    a, b = project_along_up(rows.starts, up), project_along_up(rows.ends, up)
+    a = project_along_up(rows.starts, up)
+    b = project_along_up(rows.ends, up)
     bent = rows.curvatures > 0
     radius = np.where(bent, 1 / np.where(bent, rows.curvatures, 1.0), 0.0)
-    tangents, normals = project_along_up(rows.tangents, up), project_along_up(rows.normals, up)
+    tangents = project_along_up(rows.tangents, up)
+    normals = project_along_up(rows.normals, up)
     turn = np.sign(tangents[:, 0] * normals[:, 1] - tangents[:, 1] * normals[:, 0])
     return np.column_stack([a, b, a + radius[:, None] * normals, radius, np.where(bent, turn, 0)])
 
@@ -127,7 +129,8 @@ def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
     if not len(chords):
         return np.zeros(len(points), np.bool_)
     # The box of the chords and of the circles of arcs contains the contour.
-    centers, radius = chords[:, 4:6], chords[:, 6:7]
+    centers = chords[:, 4:6]
+    radius = chords[:, 6:7]
     bent = chords[:, 7:8] != 0
     low = np.minimum(chords[:, :2], np.where(bent, centers - radius, np.inf)).min(axis=0)
     high = np.maximum(chords[:, :2], np.where(bent, centers + radius, -np.inf)).max(axis=0)
@@ -147,7 +150,8 @@ def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
     # an even smaller distance.
     side = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
     on_left = (side > 0) | ((side == 0) & ((by < ay) | ((by == ay) & (bx > ax))))
-    upward, downward = (ay <= y) & (y < by) & on_left, (by <= y) & (y < ay) & ~on_left
+    upward = (ay <= y) & (y < by) & on_left
+    downward = (by <= y) & (y < ay) & ~on_left
     beyond = (on_left == (turn < 0)) & (np.hypot(x - cx, y - cy) < radius)
     windings = upward.astype(int) - downward + np.where(beyond, turn, 0).astype(int)
     return np.asarray(windings.sum(axis=1))
@@ -157,9 +161,11 @@ def _area(chords: FloatArray) -> float:
     """Area of a closed contour [m²], positive if it is counter-clockwise; 0 without chords."""
     if not len(chords):
         return 0.0
-    a, b = chords[:, :2] - chords[0, :2], chords[:, 2:4] - chords[0, :2]
+    a = chords[:, :2] - chords[0, :2]
+    b = chords[:, 2:4] - chords[0, :2]
     polygon = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])) / 2
-    radius, turn = chords[:, 6], chords[:, 7]
+    radius = chords[:, 6]
+    turn = chords[:, 7]
     half = np.linalg.norm(b - a, axis=1) / 2
     angle = 2 * np.arcsin(np.minimum(half / np.where(radius > 0, radius, np.inf), 1.0))
     return polygon + float(np.sum(turn * radius**2 * (angle - np.sin(angle)))) / 2

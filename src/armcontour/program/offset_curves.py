@@ -34,7 +34,8 @@ X, Y, TX, TY, CURVATURE, LENGTH = range(6)
 SLACK = 3e-9
 # Gaps above WIDE_GAP are narrowed to NARROW_GAP [m], because gaps of a path must not exceed
 # REPEATED_POINT.
-WIDE_GAP, NARROW_GAP = 0.9e-9, 0.5e-9
+WIDE_GAP = 0.9e-9
+NARROW_GAP = 0.5e-9
 # A closed part with a smaller ratio of area to length [m] consists of coinciding lines.
 THIN = 1e-8
 
@@ -54,7 +55,8 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
 def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
     """Pieces offset by d to the left [m], (n, 6); length <= 0 if a radius would be negative."""
     # The offset of an arc has the same centre.
-    moved, grown = pieces.copy(), 1 - pieces[:, CURVATURE] * d
+    moved = pieces.copy()
+    grown = 1 - pieces[:, CURVATURE] * d
     moved[:, :2] += d * rotate_left(pieces[:, TX : TY + 1])
     moved[:, CURVATURE] /= np.where(grown > 0, grown, 1.0)
     moved[:, LENGTH] *= grown
@@ -83,17 +85,20 @@ def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     last = np.searchsorted(start[order], end[order] + SAME_POINT, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
     parts = np.cumsum(count) // PAIRS
-    meetings, distances = [np.empty((0, 2), np.intp)], [np.empty((0, 2))]
+    meetings = [np.empty((0, 2), np.intp)]
+    distances = [np.empty((0, 2))]
     for part in np.unique(parts):
         owner, number = number_parts(np.where(parts == part, count, 0))
-        i, j = order[owner], order[owner + 1 + number]
+        i = order[owner]
+        j = order[owner + 1 + number]
         near = (np.maximum(low[i], low[j]) <= np.minimum(high[i], high[j]) + SAME_POINT).all(axis=1)
         pairs = np.stack([i, j], axis=1)[near]
         points = _common_points(pieces[pairs[:, 0]], pieces[pairs[:, 1]])
         along = np.stack([_distances_along(pieces[x], points) for x in pairs.T], axis=2)
         ends = pieces[pairs, LENGTH][:, None, :]
         row, point = np.nonzero(((along >= -SAME_POINT) & (along <= ends + SAME_POINT)).all(axis=2))
-        along, ends = along[row, point], ends[row, 0]
+        along = along[row, point]
+        ends = ends[row, 0]
         # A point near the end of a piece is moved to this end.
         along = np.where(ends - along <= SAME_POINT, ends, along)
         meetings.append(pairs[row])
@@ -127,8 +132,10 @@ def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _distances_along(pieces: FloatArray, points: FloatArray) -> FloatArray:
     """Distances of points (n, m, 2) along n pieces that are extended beyond their ends, (n, m)."""
-    offset, tangents = points - pieces[:, None, :2], pieces[:, None, TX : TY + 1]
-    along, k = (offset * tangents).sum(axis=2), pieces[:, CURVATURE, None]
+    offset = points - pieces[:, None, :2]
+    tangents = pieces[:, None, TX : TY + 1]
+    along = (offset * tangents).sum(axis=2)
+    k = pieces[:, CURVATURE, None]
     # Angle around the centre, 0 at the start and increasing along the arc.
     angle = np.arctan2(along * np.abs(k), 1 - _cross(tangents, offset) * k)
     radius = 1 / np.where(k == 0, np.inf, np.abs(k))
@@ -150,13 +157,17 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     """
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)
-    ka, kb = a[:, CURVATURE], b[:, CURVATURE]
-    na, nb = rotate_left(a[:, TX : TY + 1]), rotate_left(b[:, TX : TY + 1])
-    gap, ratio = b[:, :2] - a[:, :2], kb / np.where(ka == 0, 1.0, ka)
+    ka = a[:, CURVATURE]
+    kb = b[:, CURVATURE]
+    na = rotate_left(a[:, TX : TY + 1])
+    nb = rotate_left(b[:, TX : TY + 1])
+    gap = b[:, :2] - a[:, :2]
+    ratio = kb / np.where(ka == 0, 1.0, ka)
     w = nb + kb[:, None] * gap - ratio[:, None] * na
     r = kb * (gap * gap).sum(axis=1) / 2 + (nb * gap).sum(axis=1)
     size = np.hypot(w[:, 0], w[:, 1])
-    foot, along = (r / size**2)[:, None] * w, rotate_left(w) / size[:, None]
+    foot = (r / size**2)[:, None] * w
+    along = rotate_left(w) / size[:, None]
     slope = (na * along).sum(axis=1)
     constant = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
     # The common points are foot + s along with ka s² / 2 - slope s + constant = 0. Rounding errors
@@ -236,7 +247,8 @@ def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:
     ahead = (pairs[:, 1] - pairs[:, 0]) % n == 1
     behind = (pairs[:, 0] - pairs[:, 1]) % n == 1
     lengths = table[pairs, LENGTH]
-    at_start, at_end = distances <= 2 * SAME_POINT, distances >= lengths - 2 * SAME_POINT
+    at_start = distances <= 2 * SAME_POINT
+    at_end = distances >= lengths - 2 * SAME_POINT
     meant = (ahead & at_end[:, 0] & at_start[:, 1]) | (behind & at_start[:, 0] & at_end[:, 1])
     if not closed:
         meant &= ~(pairs.min(axis=1) == 0) | ~(pairs.max(axis=1) == n - 1) | (n == 2)
@@ -257,7 +269,8 @@ def find_crossing_paths(paths: Sequence[Segments]) -> tuple[int, int] | None:
 
 def to_pieces(source: Segments, mirror: FloatArray | float = 1.0) -> FloatArray:
     """Table of pieces of a path whose coordinates are multiplied by `mirror`."""
-    starts, tangents = source.starts * mirror, source.tangents * mirror
+    starts = source.starts * mirror
+    tangents = source.tangents * mirror
     normals = source.normals * mirror
     turn = np.sign(tangents[:, 0] * normals[:, 1] - tangents[:, 1] * normals[:, 0])
     return np.column_stack([starts, tangents, turn * source.curvatures, source.lengths])
@@ -270,7 +283,8 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
     # An arc to the left with a radius below d has no offset, because its points are nearer than d
     # to the arc.
     segment_mask = moved[:, LENGTH] > SAME_POINT
-    ends, leaving = points_at(table, table[:, LENGTH]), points_at(table, table[:, LENGTH], 1)
+    ends = points_at(table, table[:, LENGTH])
+    leaving = points_at(table, table[:, LENGTH], 1)
     turn = turns_between(leaving, np.roll(table, -1, axis=0)[:, TX : TY + 1])
     # Where the contour turns back by 180°, the vertex counts as an outside corner on both sides.
     turn = np.where(turn > np.pi - SAME_POINT, -np.pi, turn)
@@ -301,8 +315,10 @@ class _Parts(NamedTuple):
         """Discard parts that lead nowhere; an open offset starts and ends at `ends`, (2, 2)."""
         parts = self
         while len(parts.pieces):
-            starts, stops = parts.nodes[:, 0], parts.nodes[:, 1]
-            has_previous, has_next = np.isin(starts, stops), np.isin(stops, starts)
+            starts = parts.nodes[:, 0]
+            stops = parts.nodes[:, 1]
+            has_previous = np.isin(starts, stops)
+            has_next = np.isin(stops, starts)
             if ends is not None:
                 first = np.linalg.norm(parts.pieces[:, :2] - ends[0], axis=1) <= SAME_POINT
                 tips = points_at(parts.pieces, parts.pieces[:, LENGTH])
@@ -340,7 +356,8 @@ class _Parts(NamedTuple):
 
     def _right_turn(self, tangent: FloatArray, k: int) -> float:
         """Angle by which the path turns to the right from `tangent` into part k [rad]."""
-        tx, ty = self.pieces[k, TX], self.pieces[k, TY]
+        tx = self.pieces[k, TX]
+        ty = self.pieces[k, TY]
         return -float(
             np.arctan2(tangent[0] * ty - tangent[1] * tx, tangent[0] * tx + tangent[1] * ty)
         )
@@ -348,7 +365,8 @@ class _Parts(NamedTuple):
     def _is_thin(self) -> bool:
         """Return whether the area of a closed chain is zero, except for rounding errors."""
         p = self.pieces
-        a, b = p[:, :2] - p[0, :2], points_at(p, p[:, LENGTH]) - p[0, :2]
+        a = p[:, :2] - p[0, :2]
+        b = points_at(p, p[:, LENGTH]) - p[0, :2]
         angle = p[:, CURVATURE] * p[:, LENGTH]
         bent = p[:, CURVATURE] != 0
         radius = 1 / np.where(bent, p[:, CURVATURE], 1.0)
@@ -391,9 +409,11 @@ def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Part
     distances = np.concatenate([np.zeros(n), pieces[:, LENGTH], pair_distances.reshape(-1)])
     order = np.lexsort((distances, owners))
     order = order[owners[order] < n]
-    owners, distances = owners[order], distances[order]
+    owners = owners[order]
+    distances = distances[order]
     long = (owners[1:] == owners[:-1]) & (np.diff(distances) > SAME_POINT / 2)
-    first, last = np.nonzero(long)[0], np.nonzero(long)[0] + 1
+    first = np.nonzero(long)[0]
+    last = np.nonzero(long)[0] + 1
     source = owners[first]
     parts = pieces[source].copy()
     parts[:, :2] = points_at(pieces[source], distances[first])
@@ -425,9 +445,12 @@ def _close_gaps(starts: FloatArray, ends: FloatArray, ring: bool) -> FloatArray:
     """Start points of segments that are translated where gaps are too wide for a path [m]."""
     # Gaps of the source and at its vertices add up. Whole segments are translated, because tangents
     # must not change.
-    starts, ends, n = starts.copy(), ends.copy(), len(starts)
+    n = len(starts)
+    starts = starts.copy()
+    ends = ends.copy()
     for i in range(2 * n if ring else n - 1):
-        before, after = i % n, (i + 1) % n
+        before = i % n
+        after = (i + 1) % n
         gap = starts[after] - ends[before]
         size = float(np.hypot(*gap))
         if size > WIDE_GAP:

@@ -75,7 +75,8 @@ def prepare(
     changes = 0
     for i, move in enumerate(program.moves):
         if isinstance(move, Contour):
-            contour_process, called = process.of_contour(move), contour_called(move, len(drawn))
+            contour_process = process.of_contour(move)
+            called = contour_called(move, len(drawn))
             passes = _repeat_open_contour(move, contour_process.passes)
             drawn += passes
             move = _start_contour(
@@ -246,7 +247,8 @@ def _start_contour(
     if segment_limits is not None:
         path = set_limits(contour.path, segment_limits)
         contour = replace(contour, path=path)
-    closed, lap = contour.closed, contour.path.length
+    closed = contour.closed
+    lap = contour.path.length
     if closed:
         contour = close_contour(contour, process, led=led, outputs=output_states.values)
     path = contour.path
@@ -286,7 +288,8 @@ def _add_leads(
       long enough.
     - `number`: index of the contour in `placement`.
     """
-    path, before = contour.path, 0.0
+    path = contour.path
+    before = 0.0
     parts = [path]
     if process.lead_in is not None and leads.before > REPEATED_POINT:
         if run_in is not None and run_in.path.length >= leads.before:
@@ -307,7 +310,8 @@ def _add_leads(
         down = _axial_line(parts[0], 0.0, process.pierce.height, process.up, drop)
         parts.insert(0, down)
         before += parts[0].length
-    whole, work = parts[0].joined(*parts[1:]), (before, before + path.length)
+    whole = parts[0].joined(*parts[1:])
+    work = (before, before + path.length)
     events = tuple(_move_to_lead(x, process, work, whole.length) for x in contour.events)
     return replace(contour, path=whole, events=events, work=work)
 
@@ -328,7 +332,8 @@ def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end
 
 def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
     """A contour with its approach and retract, as moves in order."""
-    path, pierce = contour.path, process.of_contour(contour).pierce
+    path = contour.path
+    pierce = process.of_contour(contour).pierce
     result: list[Move] = [contour]
     segment_limits = SegmentLimits(speed=process.approach_speed)
     height = process.approach - (0.0 if pierce is None else pierce.height)
@@ -345,7 +350,8 @@ def _axial_line(
     path: Path, s: float, height: float, up: FloatArray, segment_limits: SegmentLimits
 ) -> Path:
     """Line of length `height` down to the point at s, along the tool axis, or `up` without one."""
-    end, orientation = path(s), path.orientation
+    end = path(s)
+    orientation = path.orientation
     if orientation is None:
         return Path.polyline([end + height * up, end], segment_limits=segment_limits)
     rotation = orientation(s, side="right" if s == 0 else "left")
@@ -371,7 +377,8 @@ def resume_program(program: Program, process: Process) -> tuple[Program, Contour
     # The end of a contour counts as the start of the next contour.
     index = int(np.searchsorted(program.breaks, resume_at + REPEATED_POINT, side="right")) - 1
     s = max(resume_at - float(program.breaks[index]), 0.0)
-    contour, moves = program.contours[index], program.moves
+    contour = program.contours[index]
+    moves = program.moves
     i = [k for k, x in enumerate(moves) if isinstance(x, Contour)][index]
     switched = {x.name: replace(x, s=0.0, lead_time=0) for x in events_of(moves[:i])}
     remaining = _cut_after(contour, s, process.of_contour(contour))

@@ -57,9 +57,11 @@ NO_LAYERS: Mapping[str, SegmentLimits] = MappingProxyType({})
 # Values for null in a layer, for fields of the process that cannot be None.
 NULL_VALUES: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "analog": ()}
 # Start point of a closed contour: "auto" moves it away from a corner, "drawn" keeps it.
-AUTO, DRAWN = "auto", "drawn"
+AUTO = "auto"
+DRAWN = "drawn"
 # Largest number of laps and tabs of a contour; a larger number is a mistake in a unit or digit.
-MAX_PASSES, MAX_TABS = 1000, 1000
+MAX_PASSES = 1000
+MAX_TABS = 1000
 ORDERS = ("auto", "drawn", "inside_first", "nearest", "shortest")
 # Side of the tool in the direction of travel, for a spindle that turns clockwise (M3).
 TOOL_SIDES = {"climb": "left", "conventional": "right"}
@@ -327,9 +329,11 @@ class Process(Checked, LayerProcess):
         is_off = self.pierce is not None and self.lead_in is not None and not self.lead_in.active
         active: dict[Keys, Any] = {("lead_in", "active"): True} if is_off else {}
         if self.switch is None and (self.tabs or self.pierce):
-            use, key = "A pierce needs an output", "pierce"
+            use = "A pierce needs an output"
+            key = "pierce"
             if self.tabs is not None:
-                use, key = "Tabs need an output that is off on each tab", "tabs"
+                use = "Tabs need an output that is off on each tab"
+                key = "tabs"
             raise InvalidInput(
                 f"{use}. Specify switch.name, or remove {key}.", remedies=(SWITCH | active,)
             )

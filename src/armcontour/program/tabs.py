@@ -29,14 +29,16 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
     if process.tabs is None:
         return contour
     assert process.switch is not None
-    switch, width = process.switch, process.tabs.width
+    switch = process.switch
+    width = process.tabs.width
     end = contour.path.length
     events = list(contour.events)
     switch_events = [x for x in events if x.name == switch.name]
     first = find_tabs(contour, process.tabs, lap)
     laps = np.arange(int(np.ceil(end / lap))) * lap
     for s in (laps[:, None] + first).ravel().tolist():
-        off_s, on = s - width / 2, min(s + width / 2, end)
+        off_s = s - width / 2
+        on = min(s + width / 2, end)
         events = [x for x in events if x.name != switch.name or not off_s <= x.s < on]
         for position, lead in ((off_s, switch.off_lead), (on, switch.on_lead)):
             # If the output is already off at this position, it stays off.
@@ -56,7 +58,8 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     inner = contour.path.breaks[1:-1][contour.path.turns > CORNER]
     corners = np.concatenate([[0.0], inner[inner < lap], [lap]])
     margin = (0.5 + TAB_CLEARANCE) * width
-    low, high = corners[:-1] + margin, corners[1:] - margin
+    low = corners[:-1] + margin
+    high = corners[1:] - margin
     free = low <= high
     moved = np.clip(even[:, None], low[free], high[free])
     positions = np.empty(0)

@@ -39,12 +39,14 @@ SIDES = 24
 # Meshes with more triangles are drawn as convex hulls.
 MAX_TRIANGLES = 4_000
 # Half side length of a table, as a factor of the arm's reach, and its thickness [m].
-TABLE_SIZE, TABLE_THICKNESS = 1.1, 0.02
+TABLE_SIZE = 1.1
+TABLE_THICKNESS = 0.02
 
 
 def arm_frame(job: Job) -> MessageFrame:
     """Message frame with the joints of a job's arm, and the bodies of arm and cell."""
-    arm, chain = job.arm, job.arm.chain
+    arm = job.arm
+    chain = job.arm.chain
     base = chain.base
     bodies, arrays = _bodies(arm, chain, job.scene or Scene())
     part, at = _on_floor(chain, 0, base.inverse)
@@ -67,7 +69,8 @@ def _joints(arm: Arm) -> Iterator[dict[str, Any]]:
     """Joints from the floor: those of a positioner from the floor to the part, then the arm's."""
     chain = arm.chain
     lower, upper = arm.limits.joint_range(arm.dof)
-    first, part = chain.floor_link, chain.part_branch
+    first = chain.floor_link
+    part = chain.part_branch
     branches = [(chain.arm_branch, np.arange(first, arm.dof), first)]
     if part is not None:
         branches.insert(0, (part, np.arange(first)[::-1], 0))
@@ -86,13 +89,15 @@ def _joints(arm: Arm) -> Iterator[dict[str, Any]]:
 
 def _on_floor(chain: Chain, link: int, pose: Frame) -> tuple[int, Frame]:
     """Index of a link among those from the floor, and a pose in its frame."""
-    first, positioner = chain.floor_link, chain.positioner
+    first = chain.floor_link
+    positioner = chain.positioner
     if positioner is None or link > first:
         return link, pose
     if link == first:
         return 0, chain.floor.inverse @ pose
     # The links of a positioner have parallel frames with all joints at 0.
-    here, there = chain.positions[:link].sum(axis=0), positioner.axes[first - 1 - link].origin
+    here = chain.positions[:link].sum(axis=0)
+    there = positioner.axes[first - 1 - link].origin
     return first - link, Frame(position=here - there) @ pose
 
 
@@ -111,7 +116,8 @@ def nearest_pair(result: RunResult) -> dict[str, Any] | None:
 def matrix(frame: Frame) -> FloatArray:
     """Homogeneous transform of a frame, (4, 4)."""
     homogeneous = np.eye(4)
-    homogeneous[:3, :3], homogeneous[:3, 3] = frame.rotation, frame.position
+    homogeneous[:3, :3] = frame.rotation
+    homogeneous[:3, 3] = frame.position
     return homogeneous
 
 

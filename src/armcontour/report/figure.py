@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from armcontour.report.section import Chapter
 
 # Significant digits of drawn values, which are finer than a pixel, and of their abscissae.
-DIGITS, X_DIGITS = 5, 7
+DIGITS = 5
+X_DIGITS = 7
 # Height of a plot [px].
 HEIGHT = 150
 # Values whose digits say nothing to a reader, see `render.FINE`.
@@ -222,7 +223,8 @@ def to_json(figures: Mapping[str, Figure]) -> str:
 
 def _plain_plot(plot: Plot) -> dict[str, Any]:
     """Plot as plain data: curves refer to their arrays of abscissae by index."""
-    arrays, curves = list[FloatArray](), []
+    arrays = list[FloatArray]()
+    curves = []
     for curve in plot.curves:
         x, y = thin(curve.x, curve.y, plot.max_points)
         same = (k for k, array in enumerate(arrays) if np.array_equal(array, x))

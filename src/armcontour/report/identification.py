@@ -12,7 +12,8 @@ from armcontour.report.figure import Curve, Figure, Plot, render_page
 from armcontour.report.section import Chapter, Front, Section, Tile, text_table, tiles
 
 # Gap between successive logs in the figures [s], and height of the plots of a joint [px].
-APART, HEIGHT = 1.0, 56
+APART = 1.0
+HEIGHT = 56
 SOURCE = "predicted from the other parts, where not fitted"
 USE = (
     "Copy the key servo of servo.yaml to the job file. The job is then planned and compensated for "
@@ -82,7 +83,8 @@ def _figure(identification: Identification) -> Figure:
     for j, joint in enumerate(identification.joints):
         if not joint.rests:
             continue
-        start, parts = 0.0, []
+        start = 0.0
+        parts = []
         for log, residual in zip(identification.logs, joint.rests, strict=True):
             t = log.t - log.t[0] + start
             parts.append(np.stack([t, log.measured[:, j], residual], axis=1))

@@ -21,7 +21,9 @@ from armcontour.report.view import essential_points, in_space, simplify, to_floa
 
 # Spacing [s] and maximum number of the sampled postures, of which those are stored between which
 # linear interpolation has an error of at most POSTURE_ERROR [rad].
-SPACING, MAX_SAMPLES, POSTURE_ERROR = 10e-3, 50_000, 1e-3
+SPACING = 10e-3
+MAX_SAMPLES = 50_000
+POSTURE_ERROR = 1e-3
 # Factor of times, so that distances from chords are those at equal times [rad/s].
 STEEP = 1e3
 # Stored postures are multiples of this angle [rad]: their zeros make the page smaller.
@@ -42,7 +44,8 @@ def draw_arm(result: RunResult, job: Job) -> MovingArm:
     pieces = list(pieces_of(result, 0.0).items())
     if rapids := rapid_paths(result):
         pieces.append((RAPIDS, rapids))
-    arrays, lines = _postures(result.trajectory), []
+    arrays = _postures(result.trajectory)
+    lines = []
     for k, (kind, curves) in enumerate(pieces):
         look = limit_style(kind)
         points, breaks = _joined(curves)

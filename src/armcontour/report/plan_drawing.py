@@ -20,19 +20,25 @@ from armcontour.report.figure import Picture, render
 from armcontour.report.view import drawn_arc_lengths, drawn_curve, points_at, simplify
 
 # Width, maximum and minimum height, and margin of the drawing [px].
-WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 700.0, 190.0, 34.0
+WIDTH = 800.0
+HEIGHT = 700.0
+FLATTEST = 190.0
+EDGE = 34.0
 # Maximum deviation of the drawn path [px], and length below which a piece gets the colour of the
 # previous piece [px].
-VISIBLE, SHORTEST = 0.3, 1.0
+VISIBLE = 0.3
+SHORTEST = 1.0
 # Fraction of the size of a path below which its height along z is ignored.
 FLAT = 0.02
 # Unit vectors to the right and up in the view of other paths in space.
 OBLIQUE = np.array([[0.806, 0.591, 0.0], [-0.257, 0.351, 0.9]])
 # Number of points of each rapid, and approximate minimum distance of marks of the same kind [px].
-RAPID_PLACES, APART = 24, 7.0
+RAPID_PLACES = 24
+APART = 7.0
 # Maximum number of contours for which numbers are drawn, their places relative to the start of the
 # contour, and room that keeps two numbers apart [px].
-MAX_NUMBERED, FREE = 60, 22.0
+MAX_NUMBERED = 60
+FREE = 22.0
 BESIDE = 15.0 * np.array([[1.0, -1.0], [-1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # An axis is not drawn if its projection is shorter than this fraction of it.
 SHORT_AXIS = 0.25
@@ -116,7 +122,8 @@ class Drawing(Picture):
 def draw_plan(result: RunResult, job: Job) -> Drawing:
     """Draw the path of a plan with its active limits, rapids, kerf, process and extremes."""
     outline = [drawn_curve(x.path) for x in result.path.contours]
-    rapids, tabs = rapid_paths(result), _tabs(result, job.process)
+    rapids = rapid_paths(result)
+    tabs = _tabs(result, job.process)
     # A flat part is viewed from above, also if the tool is lifted between its contours.
     axes = view_of(np.concatenate(outline))
     sheet = Sheet.of(np.concatenate([*outline, *rapids]), axes)
@@ -228,7 +235,8 @@ class Sheet:
 
         `fine`: the curves are simplified already; their details are seen in the enlarged drawing.
         """
-        drawn, digits = [self.place(x) for x in curves], 2 if fine else 1
+        drawn = [self.place(x) for x in curves]
+        digits = 2 if fine else 1
         if not fine:
             chosen = simplify(drawn, VISIBLE)
             drawn = [points[few] for points, few in zip(drawn, chosen, strict=True)]
@@ -324,7 +332,8 @@ def legend_of(result: RunResult, places: Mapping[str, str]) -> tuple[LegendEntry
         parts = [x for x in explanation.shares if x.kind == kind]
         names = [f"{x.name.removesuffix(f' {kind}')} {number(x.time, 's')}" for x in parts]
         words = ", ".join(names) if len(parts) > 1 else ""
-        time, place = sum(x.time for x in parts), places.get(kind, "")
+        time = sum(x.time for x in parts)
+        place = places.get(kind, "")
         entries.append(LegendEntry(word_of(kind), time, share, look_of(kind), words, place))
     return tuple(x for x in entries if x.share >= LEAST_SHARE)
 
@@ -374,7 +383,8 @@ def _leads(result: RunResult, sheet: Sheet) -> Iterator[Line]:
 
 def _starts(result: RunResult) -> list[Mark]:
     """Marks at the starts of contours, with their directions."""
-    spans, marks = result.trajectory.contour_spans, []
+    spans = result.trajectory.contour_spans
+    marks = []
     for k, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True)):
         words = f"{contour_called(contour, k)} {contour.layer}".strip()
         words += f": {number(contour.path.length, 'm')}, {number_range(span.t, 's')}"
@@ -455,7 +465,8 @@ def _extremes(result: RunResult, prefix: str) -> Iterator[tuple[str, str, Mark]]
         yield "slow", "▲", Mark(_at(result, slowest.s), words, place=f"{prefix}-slow")
     if result.judged is not None:
         # As in the verdict, the worst contour is that with the largest sum of rounding and error.
-        errors, contours = result.judged.contours, result.path.contours
+        errors = result.judged.contours
+        contours = result.path.contours
         roundings = [getattr(x.path, "deviation", None) or 0.0 for x in contours]
         k = int(np.argmax([x + y.max for x, y in zip(roundings, errors, strict=True)]))
         words = f"largest error of {contour_called(contours[k], k)} without the rounding: "

@@ -40,7 +40,8 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import use_of
 
 # Approximate maximum number of drawn points: of any path, and of simple paths.
-MAX_POINTS, MIN_POINTS = 20_000, 1_200
+MAX_POINTS = 20_000
+MIN_POINTS = 1_200
 # The interval of an active limit is always drawn if it is longer than this factor times the drawing
 # tolerance.
 VISIBLE_STRETCH = 8.0
@@ -48,12 +49,15 @@ VISIBLE_STRETCH = 8.0
 NO_LIMIT = 255
 
 # Number of points per rapid, and approximate maximum for all rapids.
-RAPID_POINTS, MAX_RAPID_POINTS = 16, 50_000
+RAPID_POINTS = 16
+MAX_RAPID_POINTS = 50_000
 # Maximum number of corners with handles, and of listed speed shortfalls.
-MAX_CORNERS, MAX_SHORTFALLS = 400, 60
+MAX_CORNERS = 400
+MAX_SHORTFALLS = 60
 # Maximum number of breaks at which joint usage is evaluated, and approximate maximum number of
 # times with extreme usage that are drawn in addition to evenly spaced times.
-MAX_BREAKS, MAX_TIMES = 2_000, 1_000
+MAX_BREAKS = 2_000
+MAX_TIMES = 1_000
 # Minimum fraction of the duration above which the legend lists a kind of limit.
 MIN_SHARE = 5e-5
 
@@ -227,7 +231,8 @@ def _sample_plan(
     """
     rows: list[tuple[FloatArray, ...]] = []
     for contour, span in zip(planned.path.contours, planned.trajectory.contour_spans, strict=True):
-        path, motion = contour.path, span.trajectory
+        path = contour.path
+        motion = span.trajectory
         assert motion is not None
         laws = [x.s for x in motion.laws if isinstance(x, LawAlongPath)]
         arc_lengths = np.unique(np.concatenate([drawn_arc_lengths(path, error), *laws]))
@@ -262,7 +267,8 @@ def _contours(planned: Preview | None, contours: Sequence[Contour]) -> list[dict
         for k, x in enumerate(contours)
     ]
     if planned is not None:
-        process, spans = planned.job.process, planned.trajectory.contour_spans
+        process = planned.job.process
+        spans = planned.trajectory.contour_spans
         for row, contour, span in zip(rows, contours, spans, strict=True):
             row |= {"t": span.t, "pierces": process.of_contour(contour).pierce is not None}
     return rows
@@ -299,7 +305,8 @@ def _kerf(planned: Preview, view: View, error: float) -> tuple[list[float], dict
         return [], {}
     cut = [path(drawn_arc_lengths(path, error, begin, end)) for path, begin, end, _ in parts]
     uncut = [x.path for x in planned.job.program.contours if process.of_contour(x).kerf]
-    points, ends = np.concatenate(cut), np.cumsum([0, *map(len, cut)])
+    points = np.concatenate(cut)
+    ends = np.cumsum([0, *map(len, cut)])
     lines = _lines("cut", points, ends, view, error)
     lines |= _lines("drawn", *drawn_points(uncut, error), view, error)
     return [x[3] for x in parts], lines
@@ -358,7 +365,8 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
         c = path.corners
         if len(rows) + len(c) > MAX_CORNERS:
             return []
-        apex, point = view.uv(path((c.start + c.end) / 2)), view.uv(c.point)
+        apex = view.uv(path((c.start + c.end) / 2))
+        point = view.uv(c.point)
         tolerances = path.objective.tolerances
         bound = np.fmin(
             tolerances[c.vertex - 1], tolerances[np.minimum(c.vertex, len(tolerances) - 1)]
@@ -423,7 +431,8 @@ def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, A
     t = np.concatenate([breaks[1:], breaks[:-1], even])
     order = np.argsort(t, kind="stable")
     sides = trajectory.motion(breaks[1:], side="left"), trajectory.motion(t[len(breaks) - 1 :])
-    t, is_even = t[order], order >= 2 * (len(breaks) - 1)
+    t = t[order]
+    is_even = order >= 2 * (len(breaks) - 1)
     q, dq, ddq = (np.concatenate(x)[order] for x in zip(*sides, strict=True))
     shares = {
         "usage_v": signed_shares("joint_velocity", limits, dq),

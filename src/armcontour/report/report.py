@@ -100,7 +100,8 @@ def _page(job: Job, front: Front, folded: Sequence[Section], *, source: str) -> 
 
 def describe(job: Job) -> str:
     """Describe arm, path and servo of a job in one line."""
-    count, servo = len(job.program.contours), job.servo
+    count = len(job.program.contours)
+    servo = job.servo
     parts = [
         job.arm.name,
         f"{count_noun(count, 'contour')}",

@@ -49,7 +49,8 @@ def study_of(result: Result) -> JobResult:
             "Evaluate the execution again."
         )
     evaluated = result.judged
-    limits, set_points = evaluated.limits, evaluated.executed.set_points
+    limits = evaluated.limits
+    set_points = evaluated.executed.set_points
     plan = _planned(set_points.trajectory, evaluated.executed.arm, evaluated.path, limits)
     servo = getattr(evaluated.executed.plant, "servo", None)
     run_result = replace(

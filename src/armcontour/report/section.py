@@ -123,7 +123,8 @@ def side_by_side(results: Mapping[str, Data], caption: str = "") -> tuple[TextTa
     if len(rows) > 1:
         return (TextTable(header=("figure", *results), rows=tuple(figures), caption=caption),)
     notes = {x.label: x.note for data in results.values() for x in data.shown()}
-    figures, half = [(*x, notes[x[0]]) for x in figures], (len(figures) + 1) // 2
+    figures = [(*x, notes[x[0]]) for x in figures]
+    half = (len(figures) + 1) // 2
     return tuple(
         TextTable(header=("figure", "value", ""), rows=tuple(x), caption=caption, half=True)
         for x in (figures[:half], figures[half:])

@@ -15,18 +15,23 @@ from armcontour.program import Program
 
 # Spacing [s] and maximum number of evenly spaced times of a motion. With this spacing, linear
 # interpolation has an error of 0.3 mrad at 20 rad/s².
-MAX_SPACING, MAX_SAMPLES = 10e-3, 2_000
+MAX_SPACING = 10e-3
+MAX_SAMPLES = 2_000
 # Ratio of the size of a picture to the maximum deviation of its lines, and minimum size [m].
-PICTURE_FINENESS, MIN_SIZE = 20_000, 1e-4
+PICTURE_FINENESS = 20_000
+MIN_SIZE = 1e-4
 # Maximum angle between adjacent points of a curve [rad], and maximum number of points of an arc.
-TURN, MAX_PER_ARC = 0.06, 20_000
+TURN = 0.06
+MAX_PER_ARC = 20_000
 # Accumulated change of direction after which a point is always drawn [rad], and maximum number of
 # such points.
-CORNER_TURN, MAX_CORNERS = 0.4, 100_000
+CORNER_TURN = 0.4
+MAX_CORNERS = 100_000
 # Minimum number of evenly spaced times of a motion.
 MIN_SAMPLES = 200
 # Maximum number of points in a drawing, and of points from which they are selected.
-MAX_DRAWN, MAX_CANDIDATES = 20_000, 200_000
+MAX_DRAWN = 20_000
+MAX_CANDIDATES = 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,7 +104,8 @@ def points_at(program: Program, s: FloatArray) -> FloatArray:
     contour_indices = np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2)
     points = np.empty((len(s), program.dimension))
     for k in np.unique(contour_indices).tolist():
-        path, mask = program.contours[k].path, contour_indices == k
+        path = program.contours[k].path
+        mask = contour_indices == k
         points[mask] = path(np.clip(s[mask] - breaks[k], 0.0, path.length))
     return points
 
@@ -250,7 +256,8 @@ def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
 
 def _from_piece(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
     """Distances of points from line segments [m], (n,)."""
-    chord, away = end - begin, points - begin
+    chord = end - begin
+    away = points - begin
     square = np.einsum("ij,ij->i", chord, chord)
     along = np.einsum("ij,ij->i", away, chord) / np.where(square > 0, square, 1.0)
     offsets = away - np.clip(along, 0.0, 1.0)[:, None] * chord

@@ -89,7 +89,8 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
     # Lifted limits are None and are skipped.
     above = []
     for name, unit in UNITS.items():
-        values, arm_values = getattr(limits, name), getattr(arm.limits, name)
+        values = getattr(limits, name)
+        arm_values = getattr(arm.limits, name)
         if values is None or arm_values is None or values is arm_values:
             continue
         requested, has = (_as_ceilings(name, x, arm.dof) for x in (limits, arm.limits))
@@ -500,8 +501,10 @@ class Arm(Immutable, ABC):
             dq: Joint velocities [rad/s], same shape.
         """
         leading, (rows, rates) = state_rows(self.dof, q, dq)
-        frames, slides = self._frames(rows), self.chain.slides
-        points, directions = frames[..., 3], frames[:, :-1, :, 2]
+        frames = self._frames(rows)
+        slides = self.chain.slides
+        points = frames[..., 3]
+        directions = frames[:, :-1, :, 2]
         angular = np.cumsum(directions * (rates * ~slides)[..., None], axis=1)
         # Each link moves the origin of the next joint; the last link moves the tool.
         steps = _cross(angular, np.diff(points, axis=1))
@@ -510,7 +513,8 @@ class Arm(Immutable, ABC):
         moving += slid[:, np.minimum(np.arange(self.dof + 1), self.dof - 1)]
         # A joint does not move its own axis, so the axis is constant in the frame of its link.
         turning = _cross(angular, directions)
-        arms, opening = points[:, -1:] - points[:, :-1], moving[:, -1:] - moving[:, :-1]
+        arms = points[:, -1:] - points[:, :-1]
+        opening = moving[:, -1:] - moving[:, :-1]
         rate = _cross(turning, arms) + _cross(directions, opening)
         rate[:, slides] = turning[:, slides]
         rate = np.swapaxes(rate, -1, -2)[:, : self.dimension]
@@ -600,7 +604,9 @@ def shift_by_turns(
     # ranges. A joint whose range has only one end is shifted into its range. Prismatic joints are
     # not shifted.
     lower, upper = arm.limits.joint_range(arm.dof)
-    low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
+    low = q.min(axis=0)
+    high = q.max(axis=0)
+    turn = 2 * np.pi
     both = np.isfinite(lower) & np.isfinite(upper)
     middle = _range_middle(arm)
     lowest = np.where(both, -np.inf, np.ceil((lower - low) / turn))

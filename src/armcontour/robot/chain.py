@@ -172,7 +172,8 @@ class Chain(Checked):
         rows = joint_rows(self, np.arange(self.floor_link, len(self)))
         first = Frame(position=rows["positions"][0], rotation=rows["rotations"][0])
         first = self.floor.inverse @ first
-        rows["positions"][0], rows["rotations"][0] = first.position, first.rotation
+        rows["positions"][0] = first.position
+        rows["rotations"][0] = first.rotation
         return self.replace(**rows, **FROM_FLOOR)
 
     @property
@@ -180,7 +181,8 @@ class Chain(Checked):
         """The chain from the floor to the part, its payload; its joints have the opposite order."""
         if self.positioner is None:
             return None
-        axes, count = self.positioner.axes, self.floor_link
+        axes = self.positioner.axes
+        count = self.floor_link
         origins = np.array([x.origin for x in axes])
         # Centres of bodies are in the frames of the axes.
         centers = [x.origin if x.center is None else x.center for x in axes] - origins
@@ -260,7 +262,9 @@ class Chain(Checked):
 
     def without_held(self) -> Chain:
         """The chain for kinematics in which the held joints are rigid."""
-        frames, before, floor = [], Frame(), self.floor
+        frames = []
+        before = Frame()
+        floor = self.floor
         for k in range(len(self)):
             before = before @ Frame(position=self.positions[k], rotation=self.rotations[k])
             if k in self.held:
@@ -348,7 +352,8 @@ def joint_rows(chain: Chain, joints: IntArray) -> dict[str, Any]:
 
 def floor_poses(chain: Chain, q: FloatArray) -> FloatArray:
     """Frames of the floor in the work frame, (n, 3, 4), at q, (n, dof)."""
-    link, floor = link_poses(chain, q)[:, chain.floor_link], chain.floor
+    link = link_poses(chain, q)[:, chain.floor_link]
+    floor = chain.floor
     origin = link[..., :3] @ floor.position + link[..., 3]
     return np.concatenate([link[..., :3] @ floor.rotation, origin[..., None]], axis=2)
 
@@ -358,16 +363,19 @@ def link_table(chain: Chain) -> FloatArray:
     # A row has the rotation (row by row) and the position of the frame of a joint or of the tool,
     # relative to the previous frame; the first is relative to the work frame. z is the joint axis.
     # The last column is 1 for a prismatic joint, otherwise 0.
-    table, end = np.empty((len(chain) + 1, 13)), chain.tip @ chain.tool
+    table = np.empty((len(chain) + 1, 13))
+    end = chain.tip @ chain.tool
     table[:, 12] = *chain.slides, False
     turns = [*joint_frames(chain), np.eye(3)]
     rotations = [*chain.rotations, end.rotation]
     positions = [*chain.positions, end.position]
-    before, offset = chain.base.rotation, chain.base.position
+    before = chain.base.rotation
+    offset = chain.base.position
     for row, rotation, position, turn in zip(table, rotations, positions, turns, strict=True):
         row[:9] = (before @ rotation @ turn).ravel()
         row[9:12] = offset + before @ position
-        before, offset = turn.T, np.zeros(3)
+        before = turn.T
+        offset = np.zeros(3)
     return checks.frozen_array(table)
 
 
@@ -378,5 +386,6 @@ def joint_frames(chain: Chain) -> FloatArray:
         if axis[2] != 1.0:
             across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
             frame[:, 0] = across / np.linalg.norm(across)
-            frame[:, 1], frame[:, 2] = np.cross(axis, frame[:, 0]), axis
+            frame[:, 1] = np.cross(axis, frame[:, 0])
+            frame[:, 2] = axis
     return frames

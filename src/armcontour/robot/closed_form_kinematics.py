@@ -54,7 +54,9 @@ class JointAxis(NamedTuple):
         - `component`: required component, (...).
         """
         fixed = (v @ self.along) * float(self.along @ along)
-        a, b, needed = v @ along - fixed, (v @ self.cross.T) @ along, component - fixed
+        a = v @ along - fixed
+        b = (v @ self.cross.T) @ along
+        needed = component - fixed
         size = np.hypot(a, b)
         half = np.arccos(np.clip(needed / np.where(size > 0, size, 1.0), -1.0, 1.0))
         middle = np.arctan2(b, a)
@@ -98,7 +100,8 @@ class ClosedForm:
         if len(chain) != 6 or chain.slides.any():
             return None
         links = link_poses(chain.replace(base=Frame()), np.zeros((1, 6)))[0, 1:]
-        points, axes = links[..., 3], np.einsum("kij,kj->ki", links[..., :3], chain.axes)
+        points = links[..., 3]
+        axes = np.einsum("kij,kj->ki", links[..., :3], chain.axes)
         center = _intersect_axes(points[4:6], axes[4:6])
         if center is None or not _parallel(axes[1], axes[2]):
             return None
@@ -144,7 +147,9 @@ class ClosedForm:
             if (exists & (np.abs(lacking) <= NEAR)).any():
                 return None
             exists = (exists & (lacking <= 0))[..., None]
-            q1, q2, elbow = q1[..., None], q2[..., None], elbow[..., None]
+            q1 = q1[..., None]
+            q2 = q2[..., None]
+            elbow = elbow[..., None]
             q4 = fourth.angle(fifth.turn(q5, sixth.along), axis[..., None, :])
             q6 = sixth.angle(rotated[..., None, :], fifth.turn(-q5, fourth.along))
         else:
@@ -166,7 +171,8 @@ class ClosedForm:
     def _reach(self, bases: FloatArray, poses: FloatArray) -> Reach:
         """Compute the geometry that the links must bridge for n poses, each with its own base."""
         first, normal, *_, fifth, sixth = self.axes
-        foot, back = self.points[0], np.swapaxes(bases[:, :, :3], 1, 2)
+        foot = self.points[0]
+        back = np.swapaxes(bases[:, :, :3], 1, 2)
         turned = back @ poses[:, :, :3] @ self.end[:, :3].T
         end = np.einsum("nij,nj->ni", back, poses[:, :, 3] - bases[:, :, 3])
         center = end + turned @ (self.center - self.end[:, 3]) - foot
@@ -176,15 +182,14 @@ class ClosedForm:
         end_point = foot + first.turn(angles, center[:, None])[:, :, None]
         target = first.turn(angles, (turned @ sixth.along)[:, None])
         angle_sum = q5 = np.zeros((len(center), 2, 1))
-        is_open, flat = angle_sum == 0.0, angle_sum != 0.0
+        is_open = angle_sum == 0.0
+        flat = angle_sum != 0.0
         if not self.wrist:
             missing, q5 = fifth.solve_angles(sixth.along, normal.along, target @ normal.along)
             bent = fifth.turn(q5, sixth.along)
             level = normal.across(bent)
-            is_open, flat = (
-                np.repeat(missing[..., None] <= NEAR, 2, axis=2),
-                _dot(level, level) < NEAR,
-            )
+            is_open = np.repeat(missing[..., None] <= NEAR, 2, axis=2)
+            flat = _dot(level, level) < NEAR
             angle_sum = normal.angle(bent, target[:, :, None])
             end_point = end_point + normal.turn(angle_sum, self.points[3] - self.center)
         upper, fore = (float(np.linalg.norm(x)) for x in self._links)

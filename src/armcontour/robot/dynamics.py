@@ -32,7 +32,9 @@ class Dynamics:
         self.chain = chain
         # Bodies of different branches do not act on each other. Columns of the joints of each
         # branch, its links, and gravity
-        arm, part, first = chain.arm_branch, chain.part_branch, chain.floor_link
+        arm = chain.arm_branch
+        part = chain.part_branch
+        first = chain.floor_link
         rest = np.arange(first, len(chain))
         self._branches = [(rest, _link_data(arm), np.array(arm.gravity))]
         if part is not None:
@@ -122,11 +124,13 @@ def _link_data(chain: Chain) -> FloatArray:
     # inertia about the joint xx, xy, xz, yy, yz, zz; mass of this and all later links; armature; 1
     # for a prismatic joint, otherwise 0.
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
-    rows, before = np.zeros((len(chain), 25)), np.eye(3)
+    rows = np.zeros((len(chain), 25))
+    before = np.eye(3)
     for k, (row, frame) in enumerate(zip(rows, joint_frames(chain), strict=True)):
         bodies = [(chain.masses[k], chain.centers[k], chain.inertias[k])]
         if chain.payload is not None and k == len(chain) - 1:
-            load, tip = chain.payload, chain.tip
+            load = chain.payload
+            tip = chain.tip
             center = tip.position + tip.rotation @ load.center
             bodies.append((load.mass, center, tip.rotation @ load.inertia @ tip.rotation.T))
         row[:9] = (before.T @ chain.rotations[k] @ frame).ravel()

@@ -10,7 +10,8 @@ from armcontour.robot import newton
 from armcontour.robot.arm import MET, Arm
 
 # Task dimensions, as in `newton.py`: of the whole pose, and of the tool point only.
-WHOLE, POINT = 6, 3
+WHOLE = 6
+POINT = 3
 # Number of initial joint positions of the search. With this number the search found all eight
 # configurations of a common six-joint arm in each of thousands of random poses.
 SEEDS = 400
@@ -64,7 +65,8 @@ def search(arm: Arm, pose: FloatArray, task: int, near: FloatArray | None = None
         turned = np.pi - np.mod(np.pi - solutions, 2 * np.pi)
         solutions = np.where(slides, solutions, turned)
     apart = APART if task == arm.dof else APART_REDUNDANT
-    distinct, remaining = [], np.arange(len(solutions))
+    distinct = []
+    remaining = np.arange(len(solutions))
     turns = np.exp(1j * solutions * ~slides)
     while len(remaining):
         first = remaining[0]
@@ -83,7 +85,8 @@ def seeds(arm: Arm) -> FloatArray:
     slides = arm.chain.slides
     narrow = np.where(slides, np.isfinite(upper - lower), upper - lower < 2 * np.pi)
     far = np.where(slides, arm.span, np.pi)
-    lower, upper = np.where(narrow, lower, -far), np.where(narrow, upper, far)
+    lower = np.where(narrow, lower, -far)
+    upper = np.where(narrow, upper, far)
     random = np.random.default_rng(0)
     return lower + random.uniform(size=(SEEDS, arm.dof)) * (upper - lower)
 

@@ -24,7 +24,8 @@ Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, flo
 B = 32
 # Pi as a sum of two parts of 33 bits. Multiples of the parts are exact for angles below EXACT_TO
 # [rad].
-HALF_TURN, REST_OF_IT = 3.1415926534682512, 1.2154201012607932e-10
+HALF_TURN = 3.1415926534682512
+REST_OF_IT = 1.2154201012607932e-10
 EXACT_TO = 1e6
 # Adding this number and subtracting it again rounds a value to a whole number.
 TO_WHOLE = 6755399441055744.0
@@ -37,9 +38,14 @@ JOINT_ROWS = 5
 # First rows of parts of a state: position, vector from the previous joint, axis, motion; rows 0 to
 # 8 are the columns of the rotation. The motion is velocity and angular velocity, and their first
 # and second derivatives. STATE_ROWS is the number of rows.
-POSITION, LEVER, AXIS, MOTION, STATE_ROWS = 9, 12, 15, 18, 36
+POSITION = 9
+LEVER = 12
+AXIS = 15
+MOTION = 18
+STATE_ROWS = 36
 # Column of the table of links that is 1 for a prismatic joint, for kinematics and for dynamics.
-SLIDES, DYNAMIC_SLIDES = 12, 24
+SLIDES = 12
+DYNAMIC_SLIDES = 24
 IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # Number of rows of a link: cosine and sine of its joint (rows 0 and 1); first and second derivative
 # of the joint (2, 3); force, and moment about the joint, for accelerations equal to the first
@@ -60,19 +66,23 @@ def write_sines(rows: FloatArray) -> None:
         largest = max(largest, abs(rows[i]))
     if not largest < EXACT_TO:
         for i in range(B):
-            rows[B + i], rows[i] = math.sin(rows[i]), math.cos(rows[i])
+            rows[B + i] = math.sin(rows[i])
+            rows[i] = math.cos(rows[i])
         return
     for i in range(B):
         turns = (rows[i] * (1 / math.pi) + TO_WHOLE) - TO_WHOLE
         odd = turns - 2.0 * ((turns * 0.5 + TO_WHOLE) - TO_WHOLE)
         x = (rows[i] - turns * HALF_TURN) - turns * REST_OF_IT
-        square, sine, cosine = x * x, 0.0, 0.0
+        square = x * x
+        sine = 0.0
+        cosine = 0.0
         for term in SINE:
             sine = sine * square + term
         for term in COSINE:
             cosine = cosine * square + term
         sign = 1.0 - 2.0 * odd * odd
-        rows[i], rows[B + i] = sign * cosine, sign * sine * x
+        rows[i] = sign * cosine
+        rows[B + i] = sign * sine * x
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -109,14 +119,17 @@ def rotation_of(links: FloatArray, j: int) -> Rotation:
 @compiled(inner=True, fastmath=FUSED)
 def into_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
     """Transform a vector from the previous frame to the axes of a link."""
-    x, y = r[0] * v[0] + r[3] * v[1] + r[6] * v[2], r[1] * v[0] + r[4] * v[1] + r[7] * v[2]
+    x = r[0] * v[0] + r[3] * v[1] + r[6] * v[2]
+    y = r[1] * v[0] + r[4] * v[1] + r[7] * v[2]
     return c * x + s * y, c * y - s * x, r[2] * v[0] + r[5] * v[1] + r[8] * v[2]
 
 
 @compiled(inner=True, fastmath=FUSED)
 def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
     """Transform a vector from the axes of a link to the previous frame."""
-    x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
+    x = c * v[0] - s * v[1]
+    y = s * v[0] + c * v[1]
+    z = v[2]
     return (
         r[0] * x + r[1] * y + r[2] * z,
         r[3] * x + r[4] * y + r[5] * z,
@@ -136,14 +149,17 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
         turns = j < len(q) and links[j, SLIDES] == 0.0
         c, s = (math.cos(q[j]), math.sin(q[j])) if turns else (1.0, 0.0)
         r = rotation_of(links, j)
-        p0, p1, p2 = links[j, 9], links[j, 10], links[j, 11]
+        p0 = links[j, 9]
+        p1 = links[j, 10]
+        p2 = links[j, 11]
         if links[j, SLIDES] != 0.0:
             p0, p1, p2 = add((p0, p1, p2), q[j], (r[2], r[5], r[8]))
         for k in range(3):
             x, y, z, origin = IDENTITY[k]
             if j > 0:
                 x, y = frames[j - 1, k, 0], frames[j - 1, k, 1]
-                z, origin = frames[j - 1, k, 2], frames[j - 1, k, 3]
+                z = frames[j - 1, k, 2]
+                origin = frames[j - 1, k, 3]
             frames[j, k, 3] = origin + (x * p0 + y * p1 + z * p2)
             # A row of the rotation is a unit vector of the work frame, in components along the link
             # axes.
@@ -166,16 +182,20 @@ def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
 def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
     """Tool velocity and angular velocity per joint velocity for many states, (n, 6, dof)."""
     n, dof = q.shape
-    out, frames = np.empty((n, 6, dof)), np.empty((dof + 1, 3, 4))
+    out = np.empty((n, 6, dof))
+    frames = np.empty((dof + 1, 3, 4))
     for i in range(n):
         write_frames(links, q[i], frames)
         for k in range(dof):
-            frame, tool = frames[k], frames[dof]
+            frame = frames[k]
+            tool = frames[dof]
             axis = frame[0, 2], frame[1, 2], frame[2, 2]
             lever = tool[0, 3] - frame[0, 3], tool[1, 3] - frame[1, 3], tool[2, 3] - frame[2, 3]
-            move, turn = cross(axis, lever), axis
+            move = cross(axis, lever)
+            turn = axis
             if links[k, SLIDES] != 0.0:
-                move, turn = axis, (0.0, 0.0, 0.0)
+                move = axis
+                turn = (0.0, 0.0, 0.0)
             out[i, 0, k], out[i, 1, k], out[i, 2, k] = move
             out[i, 3, k], out[i, 4, k], out[i, 5, k] = turn
     return out
@@ -189,9 +209,14 @@ def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
     # The highest derivative is updated first, because it depends on the lower derivatives of the
     # previous frame.
     for i in range(B if order > 2 else 0):
-        lever, axis, rate = get(state, LEVER, i), get(state, AXIS, i), joint[2 * B + i]
-        w, e, f = get(state, MOTION + 3, i), get(state, MOTION + 9, i), get(state, MOTION + 15, i)
-        lever1, axis1 = cross(w, lever), cross(w, axis)
+        lever = get(state, LEVER, i)
+        axis = get(state, AXIS, i)
+        rate = joint[2 * B + i]
+        w = get(state, MOTION + 3, i)
+        e = get(state, MOTION + 9, i)
+        f = get(state, MOTION + 15, i)
+        lever1 = cross(w, lever)
+        axis1 = cross(w, axis)
         lever2 = add(cross(e, lever), 1.0, cross(w, lever1))
         axis2 = add(cross(e, axis), 1.0, cross(w, axis1))
         lever3 = add(add(cross(f, lever), 2.0, cross(e, lever1)), 1.0, cross(w, lever2))
@@ -199,8 +224,11 @@ def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
         turned = add(add(f, joint[4 * B + i], axis), 2.0 * joint[3 * B + i], axis1)
         put(state, MOTION + 15, i, add(turned, rate, axis2))
     for i in range(B if order > 1 else 0):
-        lever, axis, rate = get(state, LEVER, i), get(state, AXIS, i), joint[2 * B + i]
-        w, e = get(state, MOTION + 3, i), get(state, MOTION + 9, i)
+        lever = get(state, LEVER, i)
+        axis = get(state, AXIS, i)
+        rate = joint[2 * B + i]
+        w = get(state, MOTION + 3, i)
+        e = get(state, MOTION + 9, i)
         lever2 = add(cross(e, lever), 1.0, cross(w, cross(w, lever)))
         put(state, MOTION + 6, i, add(get(state, MOTION + 6, i), 1.0, lever2))
         put(state, MOTION + 9, i, add(add(e, joint[3 * B + i], axis), rate, cross(w, axis)))
@@ -218,8 +246,12 @@ def add_sliding_motion(order: int, joint: FloatArray, state: FloatArray) -> None
     # `l3 = f x l + 2 e x l1 + w x l2 + r3 a + 2 r2 a1 + r1 a2` for the axis a and the derivatives r
     # of the joint position. The link does not turn.
     for i in range(B):
-        lever, axis, rate = get(state, LEVER, i), get(state, AXIS, i), joint[2 * B + i]
-        w, e, f = get(state, MOTION + 3, i), get(state, MOTION + 9, i), get(state, MOTION + 15, i)
+        lever = get(state, LEVER, i)
+        axis = get(state, AXIS, i)
+        rate = joint[2 * B + i]
+        w = get(state, MOTION + 3, i)
+        e = get(state, MOTION + 9, i)
+        f = get(state, MOTION + 15, i)
         axis1 = cross(w, axis)
         lever1 = add(cross(w, lever), rate, axis)
         put(state, MOTION, i, add(get(state, MOTION, i), 1.0, lever1))
@@ -256,7 +288,9 @@ def tool_motion(
     """
     n, dof = q.shape
     result = np.empty((n, 6 * order if order else 12))
-    joint, state, slide = np.empty(JOINT_ROWS * B), np.empty(STATE_ROWS * B), np.empty(B)
+    joint = np.empty(JOINT_ROWS * B)
+    state = np.empty(STATE_ROWS * B)
+    slide = np.empty(B)
     for begin in range(0, n, B):
         # The base has the unit rotation and no motion.
         for i in range(STATE_ROWS * B):
@@ -272,24 +306,35 @@ def tool_motion(
             for i in range(B if j < dof else 0):
                 # The last block is padded with the last state.
                 index = min(begin + i, n - 1)
-                joint[i], joint[2 * B + i] = q[index, j], first[index, j]
-                joint[3 * B + i], joint[4 * B + i] = second[index, j], third[index, j]
+                joint[i] = q[index, j]
+                joint[2 * B + i] = first[index, j]
+                joint[3 * B + i] = second[index, j]
+                joint[4 * B + i] = third[index, j]
             slides = links[j, SLIDES] != 0.0
-            r, p0, p1, p2 = rotation_of(links, j), links[j, 9], links[j, 10], links[j, 11]
+            r = rotation_of(links, j)
+            p0 = links[j, 9]
+            p1 = links[j, 10]
+            p2 = links[j, 11]
             if slides:
                 for i in range(B):
-                    slide[i], joint[i], joint[B + i] = joint[i], 1.0, 0.0
+                    slide[i] = joint[i]
+                    joint[i] = 1.0
+                    joint[B + i] = 0.0
             elif j < dof:
                 write_sines(joint)
             for i in range(B):
-                c, s = joint[i], joint[B + i]
+                c = joint[i]
+                s = joint[B + i]
                 for k in range(3):
-                    x, y, z = state[k * B + i], state[(3 + k) * B + i], state[(6 + k) * B + i]
+                    x = state[k * B + i]
+                    y = state[(3 + k) * B + i]
+                    z = state[(6 + k) * B + i]
                     lever = x * p0 + y * p1 + z * p2
                     state[(POSITION + k) * B + i] += lever
                     state[(LEVER + k) * B + i] = lever
                     x, y, z = into_link(r, c, s, (x, y, z))
-                    state[k * B + i], state[(3 + k) * B + i] = x, y
+                    state[k * B + i] = x
+                    state[(3 + k) * B + i] = y
                     state[(AXIS + k) * B + i] = state[(6 + k) * B + i] = z
             if slides:
                 for k in range(3):
@@ -343,12 +388,17 @@ def body_of(links: FloatArray, j: int) -> Body:
 @compiled(inner=True, fastmath=FUSED)
 def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: FloatArray) -> None:
     """Propagate the motion of a block to link j, and write the wrenches of the link."""
-    r, body = rotation_of(links, j), body_of(links, j)
+    r = rotation_of(links, j)
+    body = body_of(links, j)
     p = links[j, 9], links[j, 10], links[j, 11]
     for i in range(B):
-        c, s, rate, second = rows[i], rows[B + i], rows[2 * B + i], rows[3 * B + i]
+        c = rows[i]
+        s = rows[B + i]
+        rate = rows[2 * B + i]
+        second = rows[3 * B + i]
         # Motion of the origin of the joint, in the axes of the previous link.
-        w, e = get(motion, 0, i), get(motion, 6, i)
+        w = get(motion, 0, i)
+        e = get(motion, 6, i)
         turned = cross(w, p)
         v = add(get(motion, 3, i), 1.0, turned)
         a = add(add(get(motion, 9, i), 1.0, cross(e, p)), 1.0, cross(w, turned))
@@ -356,30 +406,40 @@ def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: Float
         w = w[0], w[1], w[2] + rate
         e = into_link(r, c, s, e)
         e = e[0] + w[1] * rate, e[1] - w[0] * rate, e[2] + second
-        v, a = into_link(r, c, s, v), into_link(r, c, s, a)
+        v = into_link(r, c, s, v)
+        a = into_link(r, c, s, a)
         g = into_link(r, c, s, get(motion, 12, i))
         put(motion, 0, i, w)
         put(motion, 3, i, v)
         put(motion, 6, i, e)
         put(motion, 9, i, a)
         put(motion, 12, i, g)
-        rows[19 * B + i], rows[20 * B + i] = g[0], g[1]
+        rows[19 * B + i] = g[0]
+        rows[20 * B + i] = g[1]
         put_wrenches(body, w, v, e, a, rows, i)
 
 
 @compiled(inner=True, fastmath=FUSED)
 def propagate_sliding(links: FloatArray, j: int, motion: FloatArray, rows: FloatArray) -> None:
     """`propagate_outward` for a prismatic joint, which does not turn its link."""
-    r, body = rotation_of(links, j), body_of(links, j)
-    start, along = (links[j, 9], links[j, 10], links[j, 11]), (r[2], r[5], r[8])
+    r = rotation_of(links, j)
+    body = body_of(links, j)
+    start = (links[j, 9], links[j, 10], links[j, 11])
+    along = (r[2], r[5], r[8])
     for i in range(B):
-        slide, rate, second = rows[i], rows[2 * B + i], rows[3 * B + i]
-        p, w, e = add(start, slide, along), get(motion, 0, i), get(motion, 6, i)
+        slide = rows[i]
+        rate = rows[2 * B + i]
+        second = rows[3 * B + i]
+        p = add(start, slide, along)
+        w = get(motion, 0, i)
+        e = get(motion, 6, i)
         turned = cross(w, p)
         v = add(get(motion, 3, i), 1.0, turned)
         a = add(add(get(motion, 9, i), 1.0, cross(e, p)), 1.0, cross(w, turned))
-        w, e = into_link(r, 1.0, 0.0, w), into_link(r, 1.0, 0.0, e)
-        v, a = into_link(r, 1.0, 0.0, v), into_link(r, 1.0, 0.0, a)
+        w = into_link(r, 1.0, 0.0, w)
+        e = into_link(r, 1.0, 0.0, e)
+        v = into_link(r, 1.0, 0.0, v)
+        a = into_link(r, 1.0, 0.0, a)
         g = into_link(r, 1.0, 0.0, get(motion, 12, i))
         v = v[0], v[1], v[2] + rate
         # The Coriolis acceleration is 2 w x (rate z).
@@ -396,10 +456,12 @@ def propagate_sliding(links: FloatArray, j: int, motion: FloatArray, rows: Float
 @compiled(inner=True, fastmath=FUSED)
 def accumulate_inward(links: FloatArray, j: int, rows: FloatArray, before: FloatArray) -> None:
     """Add the wrenches and the first moment of a link to those of the previous link."""
-    r, carried = rotation_of(links, j), links[j, 22]
+    r = rotation_of(links, j)
+    carried = links[j, 22]
     p = links[j, 9], links[j, 10], links[j, 11]
     for i in range(B):
-        c, s = rows[i], rows[B + i]
+        c = rows[i]
+        s = rows[B + i]
         for k in range(4, 16, 6):
             force = out_of_link(r, c, s, get(rows, k, i))
             put(before, k, i, add(get(before, k, i), 1.0, force))
@@ -412,8 +474,10 @@ def accumulate_inward(links: FloatArray, j: int, rows: FloatArray, before: Float
 @compiled(inner=True, fastmath=FUSED)
 def accumulate_sliding(links: FloatArray, j: int, rows: FloatArray, before: FloatArray) -> None:
     """`accumulate_inward` for a prismatic joint."""
-    r, carried = rotation_of(links, j), links[j, 22]
-    start, along = (links[j, 9], links[j, 10], links[j, 11]), (r[2], r[5], r[8])
+    r = rotation_of(links, j)
+    carried = links[j, 22]
+    start = (links[j, 9], links[j, 10], links[j, 11])
+    along = (r[2], r[5], r[8])
     for i in range(B):
         p = add(start, rows[i], along)
         for k in range(4, 16, 6):
@@ -436,19 +500,20 @@ def path_terms(
       second derivative by s, (n, dof) each.
     """
     n, dof = q.shape
-    a, b, c = np.empty((n, dof)), np.empty((n, dof)), np.empty((n, dof))
-    rows, motion = np.empty((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)
+    a = np.empty((n, dof))
+    b = np.empty((n, dof))
+    c = np.empty((n, dof))
+    rows = np.empty((dof, LINK_ROWS * B))
+    motion = np.empty(MOTION_ROWS * B)
     for begin in range(0, n, B):
         for j in range(dof):
             link_rows = rows[j]
             for i in range(B):
                 # The last block is padded with the last state.
                 state = min(begin + i, n - 1)
-                link_rows[i], link_rows[2 * B + i], link_rows[3 * B + i] = (
-                    q[state, j],
-                    first[state, j],
-                    second[state, j],
-                )
+                link_rows[i] = q[state, j]
+                link_rows[2 * B + i] = first[state, j]
+                link_rows[3 * B + i] = second[state, j]
         for m in range(MOTION_ROWS * B):
             motion[m] = gravity[m // B - 12] if m >= 12 * B else 0.0
         for j in range(dof):
@@ -463,7 +528,8 @@ def path_terms(
             else:
                 accumulate_inward(links, j, rows[j], rows[j - 1])
         for j in range(dof):
-            link_rows, armature = rows[j], links[j, 23]
+            link_rows = rows[j]
+            armature = links[j, 23]
             if links[j, DYNAMIC_SLIDES] != 0.0:
                 for i in range(min(B, n - begin)):
                     state = begin + i

@@ -61,7 +61,9 @@ class Use:
         """Ratios of values to limits, lower bounds of the ratios, and bounds on their errors."""
         # NaN is replaced by an infinite ratio with an infinite error. The error bound of exact
         # values is [0.0].
-        error, used, room = np.asarray(self.error), self.value, np.asarray(self.limit)
+        error = np.asarray(self.error)
+        used = self.value
+        room = np.asarray(self.limit)
         if self.zero is not None:
             used = np.where(room < self.zero, self.zero - used, used - self.zero)
             room = np.abs(room - self.zero)
@@ -70,7 +72,8 @@ class Use:
             ratio = np.asarray(used / room)
             if not error.any() and not np.isnan(ratio).any():
                 return ratio, ratio, np.zeros(1)
-            certain, slack = (used - error) / room, np.asarray(error / room)
+            certain = (used - error) / room
+            slack = np.asarray(error / room)
             return (
                 np.where(np.isnan(ratio), np.inf, ratio),
                 np.where(np.isnan(certain), -np.inf, certain),
@@ -91,7 +94,8 @@ def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike =
         end, middle = (lower, lower + half) if name == "joint_lower" else (upper, upper - half)
         bounded = np.isfinite(end)
         # If the range has no end on this side, the use of this limit is 0.
-        value, limit = np.where(bounded, values, 0.0), np.where(bounded, end, np.inf)
+        value = np.where(bounded, values, 0.0)
+        limit = np.where(bounded, end, np.inf)
         return Use(name, value, limit, error, np.where(bounded, middle, 0.0))
     if name in JOINT_LIMITS:
         low, high = limits.bounds(name, values.shape[-1])
@@ -100,7 +104,8 @@ def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike =
     else:
         allowed = getattr(limits, name)
         limit = np.asarray(np.inf if allowed is None else allowed)
-        values, error = length(values) if values.ndim > 1 else values, np.ravel(error)
+        values = length(values) if values.ndim > 1 else values
+        error = np.ravel(error)
     return Use(name, np.abs(values), limit, error)
 
 
@@ -205,7 +210,8 @@ class States:
 
     def _derivative(self, limit: Limit) -> Bounded:
         """Derivatives of the joint positions, or norms of those of the tool pose."""
-        order, arm = limit.order, self.arm
+        order = limit.order
+        arm = self.arm
         if limit.kind == "joint":
             known = order < len(self.errors)
             return self.columns[order], self.errors[order] if known else np.zeros(1)
@@ -221,7 +227,8 @@ class States:
 
     def torque(self) -> Bounded:
         """Absolute joint torques [N m]; at rest dry friction takes its most favourable value."""
-        drive, chain = self.arm.torque(self.q, self.dq, self.ddq), self.arm.chain
+        drive = self.arm.torque(self.q, self.dq, self.ddq)
+        chain = self.arm.chain
         assert chain.coulomb is not None
         dry = chain.coulomb
 

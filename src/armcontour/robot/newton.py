@@ -41,7 +41,8 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
     - `a`: (n, n).
     - `b`: (n,).
     """
-    smallest, largest = math.inf, 0.0
+    smallest = math.inf
+    largest = 0.0
     for i in range(n):
         best = i
         for k in range(i + 1, n):
@@ -52,7 +53,8 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
                 a[i, j], a[best, j] = a[best, j], a[i, j]
             b[i], b[best] = b[best], b[i]
         pivot = a[i, i]
-        smallest, largest = min(smallest, abs(pivot)), max(largest, abs(pivot))
+        smallest = min(smallest, abs(pivot))
+        largest = max(largest, abs(pivot))
         if pivot == 0.0 or not math.isfinite(pivot):
             return 0.0
         for k in range(i + 1, n):
@@ -95,7 +97,8 @@ def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: F
     if task == 6:
         out[3], out[4], out[5] = turn
     elif task == 5:
-        out[3], out[4] = dot(column(target, 0), turn), dot(column(target, 1), turn)
+        out[3] = dot(column(target, 0), turn)
+        out[4] = dot(column(target, 1), turn)
 
 
 class PoseEquations(NamedTuple):
@@ -120,7 +123,9 @@ def write_equations(
     - `q`: joint positions [rad or m], (dof,).
     - `target`: (3, 4).
     """
-    dof, rows, frames = len(q), out.rows, out.frames
+    dof = len(q)
+    rows = out.rows
+    frames = out.frames
     write_frames(links, q, frames)
     pose = frames[dof]
     for k in range(dof):
@@ -128,13 +133,16 @@ def write_equations(
         lever = add(column(pose, 3), -1.0, column(frames[k], 3))
         move = cross(axis, lever)
         if links[k, SLIDES] != 0.0:
-            move, axis = axis, (0.0, 0.0, 0.0)
+            move = axis
+            axis = (0.0, 0.0, 0.0)
         rows[0, k], rows[1, k], rows[2, k] = move
         if task == 6:
             rows[3, k], rows[4, k], rows[5, k] = axis
         elif task == 5:
-            rows[3, k], rows[4, k] = dot(column(target, 0), axis), dot(column(target, 1), axis)
-    turn, cosine = (0.0, 0.0, 0.0), 0.0
+            rows[3, k] = dot(column(target, 0), axis)
+            rows[4, k] = dot(column(target, 1), axis)
+    turn = (0.0, 0.0, 0.0)
+    cosine = 0.0
     # Sum up the sine (times the axis) and cosine of the rotation to the target, doubled for task 6.
     for k in range(0 if task == 6 else 2, 3):
         turn = add(turn, 1.0, cross(column(pose, k), column(target, k)))
@@ -146,7 +154,8 @@ def write_equations(
         scale = math.atan2(sine, cosine) / sine
     elif cosine < 0.0:
         # At half a turn the axis is undefined; a rotation about any axis makes progress.
-        turn, scale = (1.0, 0.0, 0.0) if task == 6 else column(target, 0), math.pi
+        turn = (1.0, 0.0, 0.0) if task == 6 else column(target, 0)
+        scale = math.pi
     move = add(column(target, 3), -1.0, column(pose, 3))
     write_task(task, target, move, add((0.0, 0.0, 0.0), scale, turn), out.error)
 
@@ -165,7 +174,9 @@ def newton(
     - `targets`: (n, 3, 4).
     """
     n, dof = q.shape
-    converged, a, b = np.empty(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
+    converged = np.empty(n, np.bool_)
+    a = np.empty((dof, dof))
+    b = np.empty(dof)
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)
     for i in range(n):
         converged[i] = False
@@ -208,17 +219,20 @@ def path_derivatives(
     # position, angular velocity and its derivative. w, (n, 3, dof - task, dof), and g, (n, 3, dof):
     # guide and its first two derivatives.
     n, dof = q.shape
-    first, second, pivot_ratio = np.empty((n, dof)), np.empty((n, dof)), np.empty(n)
-    frames, a, b = np.empty((dof + 1, 3, 4)), np.empty((dof, dof)), np.empty(dof)
+    first = np.empty((n, dof))
+    second = np.empty((n, dof))
+    pivot_ratio = np.empty(n)
+    frames = np.empty((dof + 1, 3, 4))
+    a = np.empty((dof, dof))
+    b = np.empty(dof)
     copy = np.empty((dof, dof))
     for i in range(n):
         write_equations(links, task, q[i], targets[i], PoseEquations(frames, a, b))
         rate = rates[i]
-        move, acceleration = (
-            (rate[0, 0], rate[0, 1], rate[0, 2]),
-            (rate[1, 0], rate[1, 1], rate[1, 2]),
-        )
-        turn, twist = (rate[2, 0], rate[2, 1], rate[2, 2]), (rate[3, 0], rate[3, 1], rate[3, 2])
+        move = (rate[0, 0], rate[0, 1], rate[0, 2])
+        acceleration = (rate[1, 0], rate[1, 1], rate[1, 2])
+        turn = (rate[2, 0], rate[2, 1], rate[2, 2])
+        twist = (rate[3, 0], rate[3, 1], rate[3, 2])
         write_task(task, targets[i], move, turn, b)
         for r in range(task, dof):
             write_row(w[i, 0, r - task], a[r])
@@ -249,7 +263,9 @@ def path_derivatives(
         twist = add(add(twist, -1.0, twisted), 1.0, free)
         write_task(task, targets[i], add(acceleration, -1.0, tool_acceleration), twist, b)
         for r in range(task, dof):
-            w0, w1, w2 = w[i, 0, r - task], w[i, 1, r - task], w[i, 2, r - task]
+            w0 = w[i, 0, r - task]
+            w1 = w[i, 1, r - task]
+            w2 = w[i, 2, r - task]
             b[r] = 0.0
             for k in range(dof):
                 b[r] += w0[k] * g[i, 2, k] - 2.0 * w1[k] * (first[i, k] - g[i, 1, k])
@@ -270,7 +286,9 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
     - `targets`: (n, 3, 4).
     """
     n, dof = q.shape
-    basis, rows, residual = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
+    basis = np.empty((n, dof - task, dof))
+    rows = np.empty((dof, dof))
+    residual = np.empty(dof)
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
     for i in range(n):
         write_equations(links, task, q[i], targets[i], equations)
@@ -280,7 +298,8 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
                 # rows.
                 farthest = 0
                 for k in range(dof):
-                    residual[k], rows[r, k] = 1.0, 0.0
+                    residual[k] = 1.0
+                    rows[r, k] = 0.0
                     for j in range(r):
                         residual[k] -= rows[j, k] ** 2
                     if residual[k] > residual[farthest]:
@@ -319,7 +338,8 @@ def write_shortest_step(
     The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity. square
     (6, 6) and right (6,) are work arrays.
     """
-    rows, dof = equations.rows, len(out)
+    rows = equations.rows
+    dof = len(out)
     for i in range(task):
         for j in range(i + 1):
             value = damping * damping if i == j else 0.0
@@ -351,16 +371,24 @@ def approach(
     - `weight`: weight of a radian relative to a metre [m/rad].
     """
     n, dof = q.shape
-    frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
+    frames = np.empty((dof + 1, 3, 4))
+    square = np.empty((6, 6))
+    right = np.empty(6)
     best = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
     tried = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
-    step, trial, residual = np.empty(dof), np.empty(dof), np.empty((n, 2))
+    step = np.empty(dof)
+    trial = np.empty(dof)
+    residual = np.empty((n, 2))
     for i in range(n):
-        damping, cost, residual[i, 0], residual[i, 1] = 0.05, math.inf, math.inf, math.inf
+        damping = 0.05
+        cost = math.inf
+        residual[i, 0] = math.inf
+        residual[i, 1] = math.inf
         write_row(q[i], trial)
         for _ in range(max_steps):
             write_equations(links, task, trial, target, tried)
-            error, turn = tried.error, 0.0
+            error = tried.error
+            turn = 0.0
             for r in range(3, task):
                 error[r] *= weight
                 turn += error[r] ** 2
@@ -368,10 +396,12 @@ def approach(
                     tried.rows[r, k] *= weight
             position_cost = error[0] ** 2 + error[1] ** 2 + error[2] ** 2
             if position_cost + turn < cost:
-                gain, cost = cost - (position_cost + turn), position_cost + turn
+                gain = cost - (position_cost + turn)
+                cost = position_cost + turn
                 best, tried = tried, best
                 write_row(trial, q[i])
-                residual[i, 0], residual[i, 1] = math.sqrt(position_cost), math.sqrt(turn) / weight
+                residual[i, 0] = math.sqrt(position_cost)
+                residual[i, 1] = math.sqrt(turn) / weight
                 damping = max(damping * 0.3, 1e-9)
                 if cost < 1e-26 or gain < 1e-12 * cost:
                     break
@@ -426,22 +456,29 @@ def follow(
     - `reached`: output, number of reached poses of each branch, with the first.
     """
     branches, n, dof = q.shape
-    frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
+    frames = np.empty((dof + 1, 3, 4))
+    square = np.empty((6, 6))
+    right = np.empty(6)
     equations = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
-    step, current, trial = np.empty(dof), np.empty(dof), np.empty(dof)
+    step = np.empty(dof)
+    current = np.empty(dof)
+    trial = np.empty(dof)
     between = np.empty((3, 4))
     for branch in range(branches):
         reached[branch] = n
         for i in range(1, n):
             write_row(q[branch, i - 1], current)
-            done, fraction = 0.0, 1.0
+            done = 0.0
+            fraction = 1.0
             while done < 1.0 and fraction >= 0.5**MAX_HALVINGS:
-                ahead, target = min(done + fraction, 1.0), targets[i]
+                ahead = min(done + fraction, 1.0)
+                target = targets[i]
                 if ahead < 1.0:
                     write_pose_between(targets[i - 1], targets[i], ahead, between)
                     target = between
                 write_row(current, trial)
-                size, before = math.inf, math.inf
+                size = math.inf
+                before = math.inf
                 for _ in range(FOLLOW_CORRECTIONS):
                     write_equations(links, task, trial, target, equations)
                     size = write_shortest_step(task, equations, 0.0, square, right, step)
@@ -456,7 +493,8 @@ def follow(
                         break
                 if size < enough:
                     write_row(trial, current)
-                    done, fraction = ahead, min(2.0 * fraction, 1.0)
+                    done = ahead
+                    fraction = min(2.0 * fraction, 1.0)
                 else:
                     fraction *= 0.5
             if done < 1.0:

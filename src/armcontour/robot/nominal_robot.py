@@ -122,7 +122,8 @@ class Drives:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Mass, damping (with viscous friction) and stiffness of the loops, (n, dof, dof) each."""
         # The gravity torque that the controller feeds forward cancels the arm's gravity torque.
-        fed, differs = self.gravity_feedforward, self.controller is not None
+        fed = self.gravity_feedforward
+        differs = self.controller is not None
         stiffness, damping, mass = self.arm.dynamics.derivatives(
             q, dq, ddq, gravity=differs or not fed
         )
@@ -203,19 +204,22 @@ class Response(Frozen):
         # `D T / 2` and the damping by `K T / 2`. This is exact for steps of T and joints without
         # other torques. An integrator is a first-order filter of the loop torque; its inverse
         # filters the torque of the bodies.
-        servo, delay = self.servo, self.servo.drive_cycle / 2
+        servo = self.servo
+        delay = self.servo.drive_cycle / 2
         lags = np.isfinite(servo.kp)
         loop = np.zeros_like(servo.kp) if servo.kv is None else np.isfinite(servo.kv) * 1.0
         # Damping and stiffness of the loops divided by the gain; delay as a fraction of a step.
         loops = loop / np.where(lags, servo.kp, 1.0), lags * 1.0
         fraction = lags * delay / self.step
         before, after = (np.diag(0.25 + x * fraction / 2) for x in (1, -1))
-        unit, shape = np.eye(len(loop)), (len(self.t) - 1, 3, len(loop), len(loop))
+        unit = np.eye(len(loop))
+        shape = (len(self.t) - 1, 3, len(loop), len(loop))
         means = _banded(unit, np.broadcast_to([before, unit / 2, after], shape))
         damping, stiffness = (np.diag(x) for x in loops)
         gain = self.gain[:, None]
         mass, slow, stiff = (x / gain for x in (self.mass, self.damping, self.stiffness))
-        mass, slow = mass - delay * damping, slow - delay * stiffness
+        mass = mass - delay * damping
+        slow = slow - delay * stiffness
         if not servo.ki.any():
             return Equations(self._steps(mass, slow, stiff), means, means)
         loop_terms = -delay * damping, damping - delay * stiffness, stiffness
@@ -243,7 +247,9 @@ class Response(Frozen):
 
     def _steps(self, mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> csc_array:
         """Matrix of `M x'' + D x' + K x` at all times, but of `K x` alone at the first time."""
-        m, d, k = mass[:-1] / self.step**2, damping[:-1] / (2 * self.step), stiffness[:-1] / 4
+        m = mass[:-1] / self.step**2
+        d = damping[:-1] / (2 * self.step)
+        k = stiffness[:-1] / 4
         return _banded(stiffness[0], np.stack([m - d + k, 2 * k - 2 * m, m + d + k], axis=1))
 
 
@@ -251,7 +257,8 @@ def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
     """Sparse matrix with one block in the first block row and three in each other row."""
     from scipy.sparse import bsr_array, csc_array
 
-    n, dof = len(blocks) + 1, len(first)
+    n = len(blocks) + 1
+    dof = len(first)
     # Before the first time the joints rest at their first positions.
     columns = np.maximum(np.arange(n - 1)[:, None] + [-1, 0, 1], 0)
     values = np.concatenate([first[None], blocks.reshape(-1, dof, dof)])
@@ -313,7 +320,8 @@ def respond_along(
         shape = len(t), arm.dof, arm.dof
         one = np.ones(arm.dof)
         kv = one * np.inf if joint_servo.kv is None else joint_servo.kv
-        loop, lag = np.isfinite(kv), np.isfinite(joint_servo.kp)
+        loop = np.isfinite(kv)
+        lag = np.isfinite(joint_servo.kp)
         # Joints with a pure delay follow the command: x = u.
         gain = np.where(lag, joint_servo.kp, 1.0) * np.where(loop, kv, 1.0)
         rows = loop * one, np.where(loop, kv, lag * one), gain

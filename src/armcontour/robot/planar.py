@@ -51,7 +51,8 @@ class LinkTube(Checked):
     def inertia(self, length: float) -> FloatArray:
         """Inertia of a tube of this length along y, about its centre [kg m²], (3, 3)."""
         outer, inner = self._radii()
-        mass, squares = self.mass(length), outer**2 + inner**2
+        mass = self.mass(length)
+        squares = outer**2 + inner**2
         across = mass * (3 * squares + length**2) / 12
         return np.diag([across, mass * squares / 2, across])
 
@@ -142,7 +143,8 @@ class PlanarTwoLink(Arm):
             raise InvalidInput(
                 f"Tool points of a planar arm must have the shape (..., 2), not {tool.shape}."
             )
-        c, y = tool[..., 0] - self.base, tool[..., 1]
+        c = tool[..., 0] - self.base
+        y = tool[..., 1]
         distance = np.hypot(c, y)
         self._check_reach(tool, distance)
         # low is 1 + cos(theta2) and high is 1 - cos(theta2). The products are exact at both limits

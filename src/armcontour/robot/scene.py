@@ -16,13 +16,16 @@ from armcontour.core.frames import Frame
 from armcontour.core.quantities import Axes, Choice, Distance, Length, Name, Quantity, Size
 
 # A mesh whose largest size [m] is outside this range was probably read in another unit.
-SMALLEST, LARGEST = 1e-3, 20.0
+SMALLEST = 1e-3
+LARGEST = 20.0
 # Radius of the capsule that replaces a tool without shapes, and distance of its end from the tool
 # point [m].
-ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
+ASSUMED_RADIUS = 0.01
+ASSUMED_GAP = 0.02
 # Frames to which obstacles are fixed: the base of the arm, or the part, which has the frame of the
 # paths.
-BASE, PART = "base", "part"
+BASE = "base"
+PART = "part"
 # Name of the tool in `allow` of an obstacle.
 TOOL = "tool"
 # Name of the obstacle that represents a floor of a specified height. The values `AT_BASE` and
@@ -116,7 +119,9 @@ class Mesh(Shape):
     _hull: Mesh | None = field(init=False, default=None, repr=False)
 
     def _check_together(self) -> None:
-        who, points, corners = self.source or "a mesh", self.points, self.triangles
+        who = self.source or "a mesh"
+        points = self.points
+        corners = self.triangles
         if len(points) < 4:
             raise InvalidInput(f"{who} must have at least 4 points, but has {len(points)}.")
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)

@@ -95,8 +95,10 @@ class SerialArm(Arm):
     def moves_in_a_plane(self) -> bool:
         """True if the joints move the tool in a plane only."""
         # The columns of the angular part of the Jacobian are the axes of the revolute joints.
-        jacobian, slides = self.jacobian(np.zeros(self.dof)), self.chain.slides
-        axes, paths = jacobian[3:, ~slides], jacobian[:3, slides]
+        jacobian = self.jacobian(np.zeros(self.dof))
+        slides = self.chain.slides
+        axes = jacobian[3:, ~slides]
+        paths = jacobian[:3, slides]
         rank = np.linalg.matrix_rank(axes, tol=PARALLEL) if axes.size else 0
         if rank == 0:
             return bool(np.linalg.matrix_rank(paths, tol=PARALLEL) < 3)
@@ -241,7 +243,8 @@ class SerialArm(Arm):
 
 def _on_later_links(arm: SerialArm, chain: Chain) -> ArmShapes:
     """Shapes of an arm for the chain with external axes before its joints."""
-    shapes, first = arm.shapes, len(chain) - arm.dof
+    shapes = arm.shapes
+    first = len(chain) - arm.dof
     assert shapes is not None
     # The base of an arm on a rail is the link of the rail, otherwise it is fixed to the floor.
     floor = chain.floor if chain.floor_link == first else Frame()

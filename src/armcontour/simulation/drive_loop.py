@@ -121,10 +121,12 @@ def advance(
     - `noise`: noise of measured positions [rad], (steps, dof), or (0, dof) without noise.
     - `runaway_speed`: velocity above which joints run away [rad/s].
     """
-    dof, n = len(loops.kp), len(bodies.q)
+    dof = len(loops.kp)
+    n = len(bodies.q)
     for k in range(first, end):
         for j in range(n):
-            rows.q[k, j], rows.dq[k, j] = bodies.q[j], bodies.dq[j]
+            rows.q[k, j] = bodies.q[j]
+            rows.dq[k, j] = bodies.dq[j]
         for j in range(dof):
             controller.q[j] = bodies.q[n - dof + j]
             if len(noise):
@@ -148,11 +150,9 @@ def advance(
             excess = (required + fed_forward - applied) / loops.inertia[j]
             loops.integral[j] -= loops.step * excess / loops.kv[j]
             bodies.torque[n - dof + j] = applied
-            rows.commanded_acceleration[k, j], rows.commanded_torque[k, j], rows.torque[k, j] = (
-                demanded,
-                required + fed_forward,
-                applied,
-            )
+            rows.commanded_acceleration[k, j] = demanded
+            rows.commanded_torque[k, j] = required + fed_forward
+            rows.torque[k, j] = applied
         for _ in range(parts):
             _call(functions.step, bodies.model, bodies.data)
         speed = 0.0
@@ -162,5 +162,6 @@ def advance(
         if not speed < runaway_speed**2:
             return k
     for j in range(n):
-        rows.q[end, j], rows.dq[end, j] = bodies.q[j], bodies.dq[j]
+        rows.q[end, j] = bodies.q[j]
+        rows.dq[end, j] = bodies.dq[j]
     return end

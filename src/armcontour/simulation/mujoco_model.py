@@ -88,7 +88,8 @@ def build_model(chain: Chain, step: float, *, friction: bool) -> Any:
     model = spec.compile()
     # Masses and moments are set after compilation, because MuJoCo's compiler rejects rods, laminas
     # with rounding errors, and links without mass, although the dynamics support them.
-    model.body_mass[1:], model.body_inertia[1:] = masses, moments
+    model.body_mass[1:] = masses
+    model.body_inertia[1:] = moments
     if friction:
         model.dof_damping[:] = np.asarray(chain.viscous)
         model.dof_frictionloss[:] = np.asarray(chain.coulomb)
@@ -120,7 +121,8 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
     """Mass matrices as in `mass_matrix`, (k, n, n), at several positions, (k, dof)."""
     mujoco = import_mujoco()
     # One state is used for all positions, because allocating it takes longer than a matrix.
-    data, units = mujoco.MjData(model), np.eye(model.nv)
+    data = mujoco.MjData(model)
+    units = np.eye(model.nv)
     matrices = np.empty((len(q), model.nv, model.nv))
     for position, matrix in zip(q, matrices, strict=True):
         data.qpos[:] = position
@@ -133,7 +135,8 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
 
 def gravity_torques(model: Any, data: Any, q: FloatArray) -> FloatArray:
     """Gravity torques at positions q of the links [N m], (dof,); overwrites the state `data`."""
-    mujoco, torque = import_mujoco(), np.zeros(model.nv)
+    mujoco = import_mujoco()
+    torque = np.zeros(model.nv)
     data.qpos[:] = q
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -154,7 +157,10 @@ def _check_inertia(chain: Chain, matrix: FloatArray) -> None:
 
 def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[FloatArray]]:
     """Add the links of a chain to a specification; returns masses and principal moments."""
-    body, masses, moments, slides = spec.worldbody, [], [], chain.slides
+    body = spec.worldbody
+    masses = []
+    moments = []
+    slides = chain.slides
     for k in range(len(chain)):
         mass, center, inertia = _link_body(chain, k)
         principal, axes = np.linalg.eigh(inertia)
@@ -179,7 +185,9 @@ def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[
 def _link_body(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
     """Mass, centre of mass and central inertia of link k; the last link includes the payload."""
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
-    mass, center, inertia = float(chain.masses[k]), chain.centers[k], chain.inertias[k]
+    mass = float(chain.masses[k])
+    center = chain.centers[k]
+    inertia = chain.inertias[k]
     payload = chain.payload
     if payload is None or payload.mass == 0.0 or k + 1 < len(chain):
         return mass, center, inertia

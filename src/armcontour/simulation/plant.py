@@ -227,7 +227,8 @@ class ServoPlant(LimitedPlant):
 
     def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
         """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""
-        arm, servo = self.arm, self.servo
+        arm = self.arm
+        servo = self.servo
         resolved = resolve_limits("A ServoPlant", arm, self.limits, planned)
         saturation = _resolve_saturation(self._requested_saturation, servo, resolved)
         lower, upper = np.full((2, arm.dof), [[-np.inf], [np.inf]])
@@ -258,7 +259,8 @@ class ServoPlant(LimitedPlant):
         start[:, 0, 0] = set_points.q[0]
         states = np.concatenate([start, *(x.states for x in runs)], axis=1)
         q, dq, demand = (np.ascontiguousarray(states[:, :, i].T) for i in range(3))
-        lowest, highest = np.min([x.lowest for x in runs], 0), np.max([x.highest for x in runs], 0)
+        lowest = np.min([x.lowest for x in runs], 0)
+        highest = np.max([x.highest for x in runs], 0)
         return Execution(
             arm=self.arm,
             set_points=set_points,
@@ -284,13 +286,15 @@ class ServoPlant(LimitedPlant):
             executed: The execution, at uniform times.
             indices: Indices of the results at the starts of the intervals, increasing, (m,).
         """
-        motion, set_points = executed, executed.set_points
+        motion = executed
+        set_points = executed.set_points
         steps = round(set_points.cycle / float(motion.t[1] - motion.t[0]))
         width = set_points.cycle / steps
         demand = np.stack([motion.demand[indices], motion.demand[indices + 1]])
         if self._smooth_between(demand, width):
             return FineMotion.through(motion.t, motion.q, motion.dq, motion.ddq, indices)
-        parts, bounds = [], (self.lower, self.acceleration)
+        parts = []
+        bounds = (self.lower, self.acceleration)
         for i in indices.tolist():
             k, phase = divmod(round(float(motion.t[i] - set_points.start_time) / width), steps)
             times = (phase + np.arange(FINE_PARTS + 1) / FINE_PARTS) * width
@@ -334,7 +338,8 @@ class ServoPlant(LimitedPlant):
         simulation = ServoSimulation(
             set_points.q, cycle, self.servo, self.lower, self.acceleration, steps=steps
         )
-        first, last = set_points.q[0], set_points.q[-1]
+        first = set_points.q[0]
+        last = set_points.q[-1]
         done = count_intervals(set_points, self.servo)
         runs = [simulation.run(0, done, first, np.zeros_like(first))]
         longest = done + int(np.ceil(LONGEST_SETTLING / cycle))

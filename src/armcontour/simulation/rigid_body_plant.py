@@ -194,11 +194,13 @@ class RigidBodyPlant(LimitedPlant):
         span = set_points.cycle / steps
         every = _steps_per_result(steps, span, resolution)
         robot = _Robot(self, span, set_points)
-        loop, viscous = self.nominal_inertia * self.kv, np.asarray(self.chain.viscous)
+        loop = self.nominal_inertia * self.kv
+        viscous = np.asarray(self.chain.viscous)
         robot.refine(count_parts(robot.model, set_points, span, loop, viscous))
         rows = max(1, round(BLOCK_DURATION / set_points.cycle))
         logs = []
-        servo, cycle = self.servo, set_points.cycle
+        servo = self.servo
+        cycle = set_points.cycle
         pieces = add_feedforward(command_pieces(set_points.q, cycle, servo.interpolation), servo)
         count = count_intervals(set_points, servo)
         for k in range(0, count, rows):
@@ -420,12 +422,14 @@ class _Robot:
         """Rest positions [rad], and torques of the loops [N m], (dof,) each."""
         # The command is the first set-point. The integrator, or without it the position loop,
         # compensates the weight that is not fed forward.
-        plant, q = self.plant, first
+        plant = self.plant
+        q = first
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
         for _ in range(MAX_ITERATIONS):
             weight, fed = self._weight(q)
-            before, q = q, first - (weight - fed) / gain
+            before = q
+            q = first - (weight - fed) / gain
             moved = np.abs(q - before)
             if moved.max() <= EQUILIBRIUM_TOLERANCE:
                 break
@@ -438,9 +442,11 @@ class _Robot:
                 t=self.start,
                 joint=j,
             )
-        location, torque = "the first set-point", weight - fed
+        location = "the first set-point"
+        torque = weight - fed
         if plant._gravity_added and plant.gravity_feedforward:
-            weight, location = torque, f"{location}, in addition to gravity feed-forward"
+            weight = torque
+            location = f"{location}, in addition to gravity feed-forward"
         check_weight(plant.arm, np.abs(weight), plant.torque_limit, location, self.start)
         return q, torque
 
@@ -456,7 +462,8 @@ class _Robot:
         """Raise the error for a joint that is faster than RUNAWAY_SPEED in step k."""
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
-        speed, unit = velocity[j], self.plant.chain.unit("rad/s", j)
+        speed = velocity[j]
+        unit = self.plant.chain.unit("rad/s", j)
         t = self.start + (self.steps + k + 1) * self.step
         raise ExecutionError(
             f"Joint {j + 1} runs away at t = {t:.4g} s with {speed:.3g} {unit}, because its servo "

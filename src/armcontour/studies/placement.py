@@ -118,7 +118,8 @@ class Placement(Result):
     @checked
     def to_data(self) -> Data:
         """Data of the best place and the job's own place, and the numbers of refusals."""
-        best, rows = self.best, list[Row]()
+        best = self.best
+        rows = list[Row]()
         compared = {"best": ("best place", best), "own_place": ("the job's own place", self.own)}
         for key, (label, x) in compared.items():
             if x is not None:
@@ -188,11 +189,13 @@ def place(
     )
     axes = _read_grid(grid, job.arm.dimension)
     optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
-    chosen, report = choose_run(job, run, "placed", optimal), subprogress(progress, "placing")
+    chosen = choose_run(job, run, "placed", optimal)
+    report = subprogress(progress, "placing")
     planner = _Planner(replace(job, runs=(chosen,)), move, _center(job, move))
     # The first plan, at the job's own place, compiles functions for all processes.
     own = planner({})
-    names, values = list(axes), product(*(x.tolist() for x in axes.values()))
+    names = list(axes)
+    values = product(*(x.tolist() for x in axes.values()))
     grid_values = [dict(zip(names, x, strict=True)) for x in values]
 
     def done(count: int) -> None:
@@ -234,7 +237,8 @@ class _Planner:
 
 def _read_grid(grid: Mapping[str, Any], dimension: int) -> dict[str, FloatArray]:
     """Read the axes of a grid, in the order of AXES."""
-    names, axes = [x for x in AXES if x != "z" or dimension == 3], {}
+    names = [x for x in AXES if x != "z" or dimension == 3]
+    axes = {}
     if unknown := [x for x in grid if x not in names]:
         raise InvalidInput(f"The grid has no axis {unknown[0]!r}. Its axes are {', '.join(names)}.")
     for name in (x for x in names if x in grid):
@@ -278,7 +282,8 @@ def place_job(job: Job, frame: Frame, moved: str = PART) -> Job:
         moved: "part" or "base". Obstacles that are fixed to the part move with the part; other
             obstacles are fixed in the cell.
     """
-    arm, scene = job.arm, job.scene
+    arm = job.arm
+    scene = job.scene
     part_frame = frame if moved == PART else frame.inverse
     if scene is not None:
         obstacles = (_place_obstacle(x, job, frame, moved) for x in scene.obstacles)

@@ -90,7 +90,8 @@ class AccessControl:
     """ASGI middleware that accepts requests only from the Studio's own page."""
 
     def __init__(self, app: App, endpoint: Endpoint) -> None:
-        self.app, self.endpoint = app, endpoint
+        self.app = app
+        self.endpoint = endpoint
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a valid request to the application; refuse an invalid request."""

@@ -124,7 +124,8 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
 
 def document_frame(document: Document, state: JobState, run: str) -> MessageFrame:
     """Message frame `document`, which describes the whole document."""
-    data, handles = state.data, state.handles
+    data = state.data
+    handles = state.handles
     header: dict[str, Any] = {
         "name": data.get("name"),
         "title": data.get("title") or data.get("name"),

@@ -17,7 +17,10 @@ from armcontour.studio.recent import Recent, drop_recent, find_draft
 
 BOM = "\ufeff"
 # States of the file on disk, see `Document.on_disk`.
-SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
+SAME = "same"
+CHANGED = "changed"
+MISSING = "missing"
+NONE = "none"
 # Maximum number of characters in the undo history; the last text always stays.
 MAX_HISTORY = 50_000_000
 
@@ -45,7 +48,8 @@ class Document:
         is_start: bool = False,
     ) -> None:
         # Name and folder of a document without a file are given.
-        self.file, self.source = file, source if file is None else file.name
+        self.file = file
+        self.source = source if file is None else file.name
         self.folder = folder or (FilePath() if file is None else file.parent)
         # Job file, or drawing and cell, that opens the document again.
         self._origin = origin
@@ -145,7 +149,9 @@ class Document:
             )
         content = ((BOM if self._has_bom else "") + self.text).encode()
         _write_file(self.file, content)
-        self._saved, self.saved_text, self._origin = content, self.text, (self.file, None)
+        self._saved = content
+        self.saved_text = self.text
+        self._origin = (self.file, None)
         self.write_draft()
 
     def reload(self) -> None:
@@ -156,7 +162,9 @@ class Document:
         text = decode(content, self.file)
         body = text.removeprefix(BOM)
         data = read_data(body, self.source)
-        self._saved, self.saved_text, self._has_bom = content, body, text.startswith(BOM)
+        self._saved = content
+        self.saved_text = body
+        self._has_bom = text.startswith(BOM)
         self._set_text(body, data, "reload")
 
     def write_draft(self) -> bool:
@@ -199,7 +207,8 @@ class Document:
         self._future.clear()
         while len(self._past) > 1 and sum(len(x.text) for x in self._past) > MAX_HISTORY:
             del self._past[0]
-        self.text, self._data = text, data
+        self.text = text
+        self._data = data
         self.write_draft()
 
     def _move_history(
@@ -210,7 +219,8 @@ class Document:
             raise InvalidInput(f"There is nothing to {action}.")
         label, text, data = source.pop()
         destination.append(HistoryEntry(label, self.text, self._data))
-        self.text, self._data = text, data
+        self.text = text
+        self._data = data
         self.write_draft()
 
     def _read_file(self) -> bytes:

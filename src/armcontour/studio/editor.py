@@ -39,10 +39,12 @@ class Editor:
     """Edits a document; has its job, without edits of active gestures, and the displayed run."""
 
     def __init__(self, document: Document, previewer: CoarsePlanner) -> None:
-        self.document, self.previewer = document, previewer
+        self.document = document
+        self.previewer = previewer
         self.uploads = Uploads()
         self.named: tuple[FilePath, ...] = ()
-        self.rev, self.run = 1, ""
+        self.rev = 1
+        self.run = ""
         self.state = JobState({}, None, None)
         self._refresh()
 
@@ -58,13 +60,15 @@ class Editor:
 
     def open(self, document: Document) -> None:
         """Edit another document; raises InvalidInput if its data are not a valid job."""
-        before, self.previewer.folder = self.previewer.folder, document.folder
+        before = self.previewer.folder
+        self.previewer.folder = document.folder
         self.previewer.forget()
         state = self._read_state(document.data)
         if state.job is None and not is_blank(document.data):
             self.previewer.folder = before
             raise state.error or InvalidInput("The document is not a valid job.")
-        self.document, self.run = document, ""
+        self.document = document
+        self.run = ""
         self._count_revision(state)
 
     @property
@@ -112,7 +116,8 @@ class Editor:
         state = self.state
         if state.handles is None:
             raise state.error or InvalidInput("The document is not a valid job yet. Edit its text.")
-        data, handles = dict(state.data), state.handles
+        data = dict(state.data)
+        handles = state.handles
         for k, edit in enumerate(edits):
             if k and edits[k - 1].get("do") in HANDLE_EDITS:
                 handles = handles_of(self._make_job(data), data)

@@ -88,8 +88,11 @@ def _allowed_distance(planned: Preview) -> float | None:
 
 def _figures(executed: PreviewExecution) -> Data:
     """Values of the execution: the same rows as in the evaluation of a run."""
-    planned, execution, errors = executed.planned, executed.execution, executed.errors
-    end_time, limits = planned.run.end_time, planned.run.limits
+    planned = executed.planned
+    execution = executed.execution
+    errors = executed.errors
+    end_time = planned.run.end_time
+    limits = planned.run.limits
     end = executed.settled if end_time is None else end_time
     return Data(
         "Preview",

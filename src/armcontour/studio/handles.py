@@ -30,7 +30,8 @@ from armcontour.robot.scene import BASE, HalfSpace, Obstacle
 
 # Role, keys, position in the part frame [m] (None if computed) and coordinates as written.
 PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
-LENGTH, ANGLE = Quantity("m", "1 mm"), Quantity("rad", "90 deg")
+LENGTH = Quantity("m", "1 mm")
+ANGLE = Quantity("rad", "90 deg")
 # Maximum distance at which a point counts as lying on a plane or line [m].
 FLAT = 1e-9
 # If the absolute x component of a normal is at least this, the normal counts as parallel to x.
@@ -39,10 +40,16 @@ AXES = frozen_array(np.eye(3))
 PLANAR = Plane(origin=np.zeros(3), x=AXES[0], y=AXES[1])
 # Maximum rounding error of written coordinates [m].
 EXACT = 1e-13
-POINTS, SEGMENTS, FILE = "points", "segments", "file"
-POINT, VIA, CENTER, END = "point", "via", "center", "end"
+POINTS = "points"
+SEGMENTS = "segments"
+FILE = "file"
+POINT = "point"
+VIA = "via"
+CENTER = "center"
+END = "end"
 # Kind of an empty path, and the side length of its picture [m].
-BLANK, BLANK_SIDE = "blank", 0.2
+BLANK = "blank"
+BLANK_SIDE = 0.2
 FROM_FILE = "The contours come from {file}, so their points cannot be moved."
 COMPUTED = "The centre and the angle of its arc determine this end. Move the centre instead."
 
@@ -102,7 +109,8 @@ class Handles:
     @property
     def origin(self) -> Waypoint:
         """Origin of the part frame as a waypoint: reference for new points without neighbours."""
-        position, written = self.frame.position, ("0 mm",) * self.job.arm.dimension
+        position = self.frame.position
+        written = ("0 mm",) * self.job.arm.dimension
         return Waypoint(
             index=0, keys=(), point=position, uv=self.plane.uv(position), written=written
         )
@@ -176,7 +184,8 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
 
 def drawing_view(drawing: Program, frame: Frame, dimension: int) -> View:
     """View of a drawing in its own coordinates: the picture of the path in the part frame."""
-    plane, back = PLANAR, frame.inverse
+    plane = PLANAR
+    back = frame.inverse
     if dimension == 3:
         plane = _plane_across(frame.rotation[:, 2], frame.position)
     x, y = (back.rotation @ axis for axis in (plane.x, plane.y))

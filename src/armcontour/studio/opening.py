@@ -22,14 +22,16 @@ from armcontour.studio.recent import all_recent, make_private, state_folder
 # Drawings that cards of the start page open, by card. The other cards open the job of the paper or
 # an empty plane.
 DRAWINGS = {"drawing": "plate.svg", "gcode": "slot.ngc", "weld": "seam.svg"}
-PAPER, EMPTY = "paper", "empty"
+PAPER = "paper"
+EMPTY = "empty"
 WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
 # Extensions of robot descriptions.
 ROBOTS = (".urdf",)
 # Maximum length of a file name [characters].
 MAX_NAME = 100
 # Extensions of logs of a robot, and maximum number of stored logs.
-LOGS, MAX_LOGS = (".csv", ".txt", ".log"), 8
+LOGS = (".csv", ".txt", ".log")
+MAX_LOGS = 8
 # Age above which folders of other sessions are deleted [s]. Servers of newer sessions may still
 # run.
 MAX_AGE = 30 * 86400.0
@@ -84,7 +86,8 @@ class Uploads:
                 f"{name} must be a log of joint positions ({kinds}) and must not be empty."
             )
         make_private(self._logs)
-        file, number = self._logs / name, 1
+        file = self._logs / name
+        number = 1
         while file.exists() and file.read_bytes() != content:
             number += 1
             file = self._logs / f"{number}-{name}"

@@ -13,7 +13,8 @@ from armcontour.report.message_frame import MessageFrame, without_options
 # A message of a page.
 PageMessage: TypeAlias = Mapping[str, Any]
 # Maximum number and total size [bytes] of stored files for download; the newest file always stays.
-MAX_FILES, MAX_BYTES = 20, 200_000_000
+MAX_FILES = 20
+MAX_BYTES = 200_000_000
 # Kinds of frames of which a page needs only the newest one.
 NEWEST_ONLY = {*("arm", "document", "executed", "figures", "picture", "refusal")}
 
@@ -75,7 +76,8 @@ class Pages:
         self, frame: MessageFrame, *, to: Page | None = None, answers: Answers | None = None
     ) -> None:
         """Send a frame to one page or to all, with the number of the message that it answers."""
-        key, sentence = _replacement_key(frame), frame.header.get("sentence")
+        key = _replacement_key(frame)
+        sentence = frame.header.get("sentence")
         if isinstance(sentence, str):
             frame = frame.stamped(sentence=without_options(sentence))
         with self._lock:

@@ -52,7 +52,8 @@ from armcontour.verification.contour_errors import ContourExecution, pieces_of, 
 MAX_SIMULATED = 2400.0
 # If a program has more segments, its outline is shown before its plan. A contour counts as at least
 # so many segments, because each contour is planned separately.
-LONG_PROGRAM, CONTOUR_SEGMENTS = 5_000, 50
+LONG_PROGRAM = 5_000
+CONTOUR_SEGMENTS = 50
 # Minimum cycle of a preview [s].
 MIN_CYCLE = 4e-3
 # Number of grid intervals per contour of a preview (4000 or more in a full run). The coarser grid
@@ -141,7 +142,8 @@ class CoarsePlanner:
         The tool orientations of many contours take longer than reading them.
         """
         model = self._model(data)
-        arm, drawing = self._read_arm(model, data), self._read_drawing(model.path, _unplaced(data))
+        arm = self._read_arm(model, data)
+        drawing = self._read_drawing(model.path, _unplaced(data))
         if drawing is None or not is_long_program(drawing):
             return None
         flat = dataclasses.replace(model.path, orientation=None)
@@ -164,7 +166,8 @@ class CoarsePlanner:
         job = self.job(data, run)
         (job_run,) = job.runs
         with error_context(f"Run {job_run.name}"):
-            coarse, planned = coarser_run(job, job_run), None
+            coarse = coarser_run(job, job_run)
+            planned = None
             if job.seed is None and isinstance(job.arm, SerialArm) and self._arm is job.arm:
                 seeded_job = dataclasses.replace(job, seed=self._start)
                 try:
@@ -183,7 +186,8 @@ class CoarsePlanner:
         preview = Preview.from_plan(
             planned, run=coarse, job=job, explanation=explanation, below_base=below
         )
-        self._arm, self._start = job.arm, preview.start
+        self._arm = job.arm
+        self._start = preview.start
         return preview
 
     def exact(self, data: Mapping[str, Any], planned: RunResult) -> Preview:
@@ -191,13 +195,15 @@ class CoarsePlanner:
         job = self.job(data, planned.run.name)
         below = None if planned.clearance else below_base(job, planned.trajectory)
         preview = Preview.from_plan(planned, job=job, tier=Tier.EXACT, below_base=below)
-        self._arm, self._start = job.arm, preview.start
+        self._arm = job.arm
+        self._start = preview.start
         return preview
 
     def execute(self, planned: Preview) -> PreviewExecution:
         """Execution and contour errors of a plan; those of a full run are already simulated."""
         if planned.execution is not None:
-            executions, errors = {SERVO: planned.execution}, planned.errors
+            executions = {SERVO: planned.execution}
+            errors = planned.errors
             if planned.experiment is not None:
                 executions[BODIES] = planned.experiment.execution
             judges = judging(planned.run, planned.evaluations)
@@ -217,7 +223,9 @@ class CoarsePlanner:
 
     def _simulate(self, planned: Preview) -> dict[str, Execution]:
         """Simulate the set-points of a plan in each way that judges the run."""
-        job, run, get = planned.job, planned.run, self._cache.get
+        job = planned.job
+        run = planned.run
+        get = self._cache.get
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
         with error_context(f"Run {run.name}"):
             set_points = get(
@@ -248,7 +256,8 @@ class CoarsePlanner:
         arm, path = self._read_arm_and_path(model, data)
         scene: Scene | None = None
         if model.scene is not None:
-            scene_model, part = model.scene, part_of(model.path)
+            scene_model = model.scene
+            part = part_of(model.path)
             made_of = data["scene"], _part(data)
             scene = self._cache.get(
                 "scene", made_of, lambda: scene_of(scene_model, self.folder, part)
@@ -261,7 +270,8 @@ class CoarsePlanner:
     def _read_arm_and_path(
         self, model: JobModel, data: Mapping[str, Any]
     ) -> tuple[Arm, Path | Program]:
-        arm, unplaced = self._read_arm(model, data), _unplaced(data)
+        arm = self._read_arm(model, data)
+        unplaced = _unplaced(data)
         drawn = self._cache.get(
             "drawing",
             (unplaced, arm.dimension),
@@ -290,8 +300,10 @@ class CoarsePlanner:
 
     def _plan_steps(self, job: Job, run: Run, progress: Progress | None) -> RunResult:
         """Plan as `plan_one` does, but without a check of collisions and with cached steps."""
-        get, report = self._cache.get, subprogress(progress)
-        limits, arm_inputs = comparable(run.limits), _arm_inputs(job)
+        get = self._cache.get
+        report = subprogress(progress)
+        limits = comparable(run.limits)
+        arm_inputs = _arm_inputs(job)
         program = job.program
         moves = [[getattr(x, y.name) for y in dataclasses.fields(x)] for x in program.moves]
         drawn = moves, program.source, program.notes, program.remarks, program.rapid_speed
@@ -367,7 +379,8 @@ def coarser_run(job: Job, run: Run) -> Run:
     except InvalidInput:
         # Because the gains are large, the servo requires the shorter cycle of the run.
         cycle = run.cycle
-    rounding, timing = run.rounding and run.rounding.with_arcs, run.timing
+    rounding = run.rounding and run.rounding.with_arcs
+    timing = run.timing
     if isinstance(timing, Optimal) and timing.intervals is None:
         few = min(INTERVALS, intervals_of(job.program) or INTERVALS)
         timing = dataclasses.replace(timing, intervals=few)

@@ -83,7 +83,8 @@ def all_recent() -> Iterator[Recent]:
 
 def listed_recent() -> list[Recent]:
     """Return all drafts and the newest existing files, and delete the other entries."""
-    drafts, files = list[Recent](), dict[tuple[str | None, str | None], Recent]()
+    drafts = list[Recent]()
+    files = dict[tuple[str | None, str | None], Recent]()
     for x in all_recent():
         if x.text is not None:
             drafts.append(x)

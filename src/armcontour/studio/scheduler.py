@@ -53,13 +53,15 @@ MAX_OBSOLETE_PLAN = 0.5
 # Computing time after which a newer state cancels exact figures [s].
 MAX_OBSOLETE_FIGURES = 2.0
 # Delay of the first progress frame, and minimum interval of further progress frames [s].
-PROGRESS_DELAY, PROGRESS_INTERVAL = 0.7, 0.1
+PROGRESS_DELAY = 0.7
+PROGRESS_INTERVAL = 0.1
 # Tasks that a page can start.
 TASKS = tuple(x for x in dispatch.TASKS if x != "figures")
 # Prefix of the task identifiers of exact figures, and identifier in the progress of a state.
 STATE_ID = "#"
 # Values of `state` in progress frames.
-WORKING, DONE = "working", "done"
+WORKING = "working"
+DONE = "done"
 
 
 class Superseded(Exception):
@@ -127,8 +129,10 @@ class Scheduler:
         deliver: Callable[[MessageFrame, DocumentState | None], bool],
         options: SchedulerOptions,
     ) -> None:
-        self.previewer, self._rest = previewer, options.rest_time
-        self._deliver, self._make_task_worker = deliver, options.task_worker
+        self.previewer = previewer
+        self._rest = options.rest_time
+        self._deliver = deliver
+        self._make_task_worker = options.task_worker
         self._lock = RLock()
         self._results = ShownResults()
         self._newest: DocumentState | None = None
@@ -142,7 +146,8 @@ class Scheduler:
         self._queued: FiguresRequest | None = None
         # Last request that resulted in figures, and these figures.
         self._known: tuple[Mapping[str, Any], MessageFrame] | None = None
-        self._count, self._since = 0, 0.0
+        self._count = 0
+        self._since = 0.0
         self._task_worker: TaskWorker | None = None
         self._running: set[str] = set()
 
@@ -158,7 +163,9 @@ class Scheduler:
     def show(self, state: DocumentState) -> None:
         """Show a state; the work on older states is ended."""
         with self._lock:
-            old, self._newest, state.results = self._newest, state, self._results
+            old = self._newest
+            self._newest = state
+            state.results = self._results
             if old is not None:
                 self._end_progress(old)
             if self._current is not None and self._since + MAX_OBSOLETE_FIGURES < time.monotonic():
@@ -190,7 +197,8 @@ class Scheduler:
             if self._newest is not None:
                 self._end_progress(self._newest)
             # Work that is still running refers to the results of the previous document.
-            self._newest, self._results = None, ShownResults()
+            self._newest = None
+            self._results = ShownResults()
 
     def show_again(self) -> None:
         """Send everything with the next state, because a page has nothing yet."""
@@ -247,7 +255,8 @@ class Scheduler:
     def _plan(self, state: DocumentState, stale: StaleCheck, explain: bool) -> None:
         """Compute and show the preview of a state; `explain`: as for `CoarsePlanner.plan`."""
         # Computing time is CPU time, so that plans are not cancelled because the machine is busy.
-        results, begin = state.results, time.thread_time()
+        results = state.results
+        begin = time.thread_time()
 
         def report(step: Step) -> None:
             if time.thread_time() > begin + MAX_OBSOLETE_PLAN and stale():
@@ -321,7 +330,8 @@ class Scheduler:
         self, state: DocumentState, error: ArmContourError, planned: Preview | None = None
     ) -> None:
         """Send an error of planning or execution with its position on the path."""
-        results, state.answered = state.results, True
+        results = state.results
+        state.answered = True
         header = refusal_header(
             error,
             state.view,
@@ -361,7 +371,8 @@ class Scheduler:
 
     def _submit_figures(self, state: DocumentState, request: Mapping[str, Any]) -> None:
         """Submit a request for figures to the task process."""
-        self._current, self._queued = (state, request), None
+        self._current = (state, request)
+        self._queued = None
         self._count += 1
         self._since = time.monotonic()
         self._figures_worker.submit(f"{STATE_ID}{self._count}", "figures", dict(request))

@@ -66,7 +66,8 @@ class Server:
     """ASGI application that serves the page, its websocket, uploads and downloads."""
 
     def __init__(self, endpoint: Endpoint, session_host: SessionHost) -> None:
-        self.endpoint, self.session_host = endpoint, session_host
+        self.endpoint = endpoint
+        self.session_host = session_host
         self._page = page_files()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -74,7 +75,8 @@ class Server:
         if scope["type"] == "websocket":
             await self._serve_socket(scope, receive, send)
             return
-        path, reads = scope["path"], scope["method"] != "POST"
+        path = scope["path"]
+        reads = scope["method"] != "POST"
         if reads and (path == "/" or path.startswith("/static/")):
             await self._send_page_file(path, send)
         elif reads and path.startswith("/files/"):
@@ -110,18 +112,21 @@ class Server:
         """Open an uploaded file, or store it as a log."""
         query = parse_qs(scope["query_string"].decode("latin-1"))
         name, cell, unknown = (query.get(key, [""])[0] for key in ("name", "cell", "unknown"))
-        cell, body = cell or None, await _read_body(receive)
+        cell = cell or None
+        body = await _read_body(receive)
         session = self.session_host.session
         if session is None:
             raise RefusedRequest(503, "The Studio is still starting. Try again in a moment.")
-        status, upload = 200, (name, body, cell, unknown, "log" in query)
+        status = 200
+        upload = (name, body, cell, unknown, "log" in query)
         try:
             answer = {"name": await asyncio.to_thread(session.open_upload, *upload)}
         except ArmContourError as error:
             from armcontour.report.message_frame import without_options
 
             sentence = without_options(str(error))
-            status, answer = 422, {"sentence": sentence, "error": type(error).__name__}
+            status = 422
+            answer = {"sentence": sentence, "error": type(error).__name__}
         await respond(send, status, json.dumps(answer).encode(), "application/json")
 
     async def _serve_socket(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -151,7 +151,8 @@ class Session:
 
     def do_edit(self, page: Page, message: PageMessage) -> None:
         """Preview the edits of a gesture; commit them if the message is final."""
-        gesture, final = message.get("gesture"), bool(message.get("final"))
+        gesture = message.get("gesture")
+        final = bool(message.get("final"))
         held = self._gestures.pop(page, None)
         rev = held[1] if held is not None and held[0] == gesture else self.editor.rev
         if not final:
@@ -186,7 +187,8 @@ class Session:
 
     def do_save(self, page: Page, message: PageMessage) -> None:
         """Write the job file; a job without a file becomes a download."""
-        document, force = self.editor.document, message.get("force") is True
+        document = self.editor.document
+        force = message.get("force") is True
         if document.file is None:
             name = f"{document.data.get('name') or 'job'}.yaml"
             number = self.pages.keep_file(name, document.text.encode())
@@ -265,7 +267,8 @@ class Session:
         options = message.get("options") or {}
         if not isinstance(options, dict):
             raise InvalidInput("The options of a task must be a mapping.")
-        id, task = _required_text(message, "id"), _required_text(message, "task")
+        id = _required_text(message, "id")
+        task = _required_text(message, "task")
         self.scheduler.start_task(id, task, self.editor.request(self._revision, options))
 
     def do_cancel(self, page: Page, message: PageMessage) -> None:
@@ -359,7 +362,8 @@ class Session:
         """Store the file of a frame for download, and replace its content by its identifier."""
         if frame.kind != "result" or "content" not in frame.arrays:
             return frame
-        header, content = frame.header, frame.arrays["content"].tobytes()
+        header = frame.header
+        content = frame.arrays["content"].tobytes()
         number = self.pages.keep_file(str(header["name"]), content)
         return MessageFrame("result", {**header, "file": number})
 

@@ -10,7 +10,8 @@ T = TypeVar("T")
 RESULTS = 4
 # Maximum number of results with samples in the cache, and maximum number of samples in all results
 # of a step; the newest result always stays.
-LARGE_RESULTS, MAX_SAMPLES = 2, 200_000
+LARGE_RESULTS = 2
+MAX_SAMPLES = 200_000
 
 
 class StepCache:

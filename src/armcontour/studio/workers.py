@@ -32,19 +32,22 @@ class PreviewWorker:
         self._deliver = deliver
         self._news = Condition()
         self._waiting: Work | None = None
-        self._newest, self._is_open = 0, True
+        self._newest = 0
+        self._is_open = True
         Thread(target=self._run, name="studio previews", daemon=True).start()
 
     def submit(self, work: Work) -> None:
         """Execute a function next; the function replaces a waiting function."""
         with self._news:
-            self._waiting, self._newest = work, self._newest + 1
+            self._waiting = work
+            self._newest = self._newest + 1
             self._news.notify()
 
     def close(self) -> None:
         """End the thread after the running function."""
         with self._news:
-            self._waiting, self._is_open = None, False
+            self._waiting = None
+            self._is_open = False
             self._newest += 1
             self._news.notify()
 
@@ -52,7 +55,8 @@ class PreviewWorker:
         while True:
             with self._news:
                 self._news.wait_for(lambda: self._waiting is not None or not self._is_open)
-                work, number = self._waiting, self._newest
+                work = self._waiting
+                number = self._newest
                 self._waiting = None
             if work is None:
                 return
@@ -113,7 +117,8 @@ class TaskWorker:
         self._waiting: deque[TaskInput] = deque()
         self._running: str | None = None
         self._process: TaskProcess | None = None
-        self._is_cancelled, self._is_open = False, True
+        self._is_cancelled = False
+        self._is_open = True
         self._thread = Thread(target=self._run, name="studio tasks", daemon=True)
         self._thread.start()
 
@@ -151,7 +156,8 @@ class TaskWorker:
                 if not self._is_open:
                     return
                 self._process = self._process or TaskProcess()
-                task_input, self._is_cancelled = self._waiting.popleft(), False
+                task_input = self._waiting.popleft()
+                self._is_cancelled = False
                 self._running = task_input.id
             try:
                 frame = self._process.run(task_input, self._deliver)

@@ -154,7 +154,8 @@ class ContourExecution:
     @property
     def objective_coverage_error(self) -> Coverage | None:
         """Largest distance from the objective path to the tool [m]; None if unknown."""
-        followed, error = self.followed_objective, self.objective_error
+        followed = self.followed_objective
+        error = self.objective_error
         if self.objective is None or followed is None or error is None:
             return None
         work = self.before_work or (0.0, self.objective.length)
@@ -163,7 +164,8 @@ class ContourExecution:
     @property
     def orientation_error(self) -> ErrorProfile | None:
         """Profile of the angle from the required tool orientation [rad]; None if not required."""
-        arm, orientation = self.executed.arm, self.path.orientation
+        arm = self.executed.arm
+        orientation = self.path.orientation
         if orientation is None or not isinstance(arm, SerialArm):
             return None
 
@@ -219,7 +221,8 @@ class ContourExecution:
         self, path: Path, work: tuple[float, float], followed: Followed, error: ErrorProfile
     ) -> Coverage:
         """Coverage error: the point of a path within `work` farthest from the tool."""
-        distances, arc_lengths = followed.coverage_error, followed.coverage_error_s
+        distances = followed.coverage_error
+        arc_lengths = followed.coverage_error_s
         guessed = np.zeros(len(distances), dtype=bool)
         if self._has_fine_motion:
             # `follow_path` assumes straight tool motion between samples. Therefore only the
@@ -238,12 +241,14 @@ class ContourExecution:
         bounds = (distances + self._sagitta)[rows]
         # If the path points of two successive samples are on one segment, each point between them
         # is the path point of a tool point, and its distance is at most the contour error.
-        before, after = followed.s[rows], followed.s[np.minimum(rows + 1, len(distances) - 1)]
+        before = followed.s[rows]
+        after = followed.s[np.minimum(rows + 1, len(distances) - 1)]
         joints = followed.geometry[1:, 11]
         alone = np.searchsorted(joints, before, "right") == np.searchsorted(joints, after)
         alone &= (before < arc_lengths[rows]) & (arc_lengths[rows] < after)
         bounds[alone] = np.minimum(bounds[alone], error.max)
-        rows, bounds = rows[bounds > largest.max], bounds[bounds > largest.max].tolist()
+        rows = rows[bounds > largest.max]
+        bounds = bounds[bounds > largest.max].tolist()
         nearest = int(np.clip(np.searchsorted(self.t, error.t_max), 0, len(self.t) - 1))
         # The path point with the largest contour error is a candidate too, because its distance
         # from the tool's motion may be equally large.
@@ -282,7 +287,8 @@ class ContourExecution:
         low, high = np.searchsorted(
             self._travel, self._travel[i] + np.array([-reach, reach])
         ).tolist()
-        low, high = min(low, i), max(high, i + 1)
+        low = min(low, i)
+        high = max(high, i + 1)
         k = low + int(np.argmin(length(self.tool[low:high] - point)))
         # Squared distances are smooth, even where the tool passes through the point.
         squares = self._maximize_nearby(np.array([k]), lambda x: -dot(x - point, x - point))
@@ -429,7 +435,8 @@ def _side(path: Path, followed: Followed, tool: FloatArray) -> FloatArray:
     row = np.maximum(rows[11].searchsorted(followed.s, side="right") - 1, 0)
     x, y = (tool[:, axis] - rows[axis][row] for axis in range(2))
     a, b = (rows[3 + axis][row] for axis in range(2))
-    along, normal = x * a + y * b, y * a - x * b
+    along = x * a + y * b
+    normal = y * a - x * b
     # The left side of a line is the half-plane to its left. The left side of an arc is the inside
     # of its circle if the arc turns left, and the outside if it turns right.
     to_left = rows[3] * rows[7] > rows[4] * rows[6]
@@ -479,25 +486,26 @@ def corner_deviations(
         return ()
     arc_lengths = objective.project(tool).s if s is None else s
     order = np.argsort(arc_lengths, kind="stable")
-    arc_lengths, tool = arc_lengths[order], tool[order]
+    arc_lengths = arc_lengths[order]
+    tool = tool[order]
     # The region of a corner extends from the middle of the segment before the corner to the middle
     # of the segment after it.
     low = objective.breaks[corners] - objective.lengths[corners - 1] / 2
     high = objective.breaks[corners] + objective.lengths[corners] / 2
-    first, last = (
-        np.searchsorted(arc_lengths, low),
-        np.searchsorted(arc_lengths, high, side="right"),
-    )
+    first = np.searchsorted(arc_lengths, low)
+    last = np.searchsorted(arc_lengths, high, side="right")
     # If no sample is in the region, take the samples before and after it.
     empty = first == last
     first = np.where(empty, np.maximum(first - 1, 0), first)
     last = np.where(empty, np.minimum(last + 1, len(arc_lengths)), last)
     corner, number = number_parts(last - first)
     sample = first[corner] + number
-    points, starts = objective.starts[corners], np.cumsum(last - first) - (last - first)
+    points = objective.starts[corners]
+    starts = np.cumsum(last - first) - (last - first)
     offset = tool[sample] - points[corner]
     across = _across(objective, corners)
-    away, past = length(offset), dot(offset, across[corner])
+    away = length(offset)
+    past = dot(offset, across[corner])
     rounding = np.minimum.reduceat(away, starts)
     overshoot = np.maximum.reduceat(past, starts)
     if maximize is not None:
@@ -506,8 +514,10 @@ def corner_deviations(
         nearest, farthest = (x[np.unique(corner[x], return_index=True)[1]] for x in rows)
         # An overshoot at the first or last sample of the region is no peak and is not refined.
         inner = np.flatnonzero((farthest > starts) & (farthest < starts + last - first - 1))
-        farthest, count = farthest[inner], len(corners)
-        targets, out = np.concatenate([points, points[inner]])[:, None], across[inner][:, None]
+        farthest = farthest[inner]
+        count = len(corners)
+        targets = np.concatenate([points, points[inner]])[:, None]
+        out = across[inner][:, None]
 
         # Squared distances are smooth, even where the tool passes through the corner.
         def both(x: FloatArray) -> FloatArray:
@@ -517,7 +527,8 @@ def corner_deviations(
             )
 
         extremes = maximize(order[sample[np.concatenate([nearest, farthest])]], both)
-        rounding, overshoot[inner] = np.sqrt(-extremes[:count]), extremes[count:]
+        rounding = np.sqrt(-extremes[:count])
+        overshoot[inner] = extremes[count:]
     return tuple(
         CornerDeviation(vertex=vertex, point=tuple(point), rounding=cr, overshoot=max(0.0, co))
         for vertex, point, cr, co in zip(
@@ -551,13 +562,16 @@ def measure_speed_ratios(
     if not np.isfinite(assigned).any():
         return np.zeros(len(speed))
     high = speed + _bound_between(speed) if between else speed
-    s, distance = np.maximum.accumulate(followed.s), followed.distance
-    first, last = s - distance, s + distance
+    s = np.maximum.accumulate(followed.s)
+    distance = followed.distance
+    first = s - distance
+    last = s + distance
     allowed = np.maximum(
         path.assigned_speeds(limit, first, side="left"), path.assigned_speeds(limit, last)
     )
     ratio: FloatArray = high / allowed
-    before, after = assigned[:-1], assigned[1:]
+    before = assigned[:-1]
+    after = assigned[1:]
     # Where the assigned velocity falls, the speed at the segment end counts for the first sample
     # after the end.
     falls = np.flatnonzero(after < before)
@@ -586,7 +600,9 @@ def _raise_at_segment_ends(
     s = np.maximum.accumulate(s)
     i = np.searchsorted(s, joints, side="right")
     inside = (i > 0) & (i < len(s))
-    i, joints, assigned = i[inside], joints[inside], assigned[inside]
+    i = i[inside]
+    joints = joints[inside]
+    assigned = assigned[inside]
     size = s[i] - s[i - 1]
     part = (joints - s[i - 1]) / np.where(size > 0, size, 1.0)
     passing = speed[i - 1] + part * (speed[i] - speed[i - 1])

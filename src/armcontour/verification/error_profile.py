@@ -21,7 +21,8 @@ from armcontour.geometry.projection import find_nearest, pack_segments, pad_to_s
 
 # A value between samples is a peak only if it exceeds the highest sample by more than this fraction
 # of the sample plus this amount [m or rad].
-CLOSE, ROUNDING = 3e-7, 1e-13
+CLOSE = 3e-7
+ROUNDING = 1e-13
 # Number of parts per searched interval, and largest number of subdivisions.
 PARTS = 32
 MAX_CUTS = 12
@@ -236,13 +237,15 @@ def find_peak(
         return None
     counts = slice(0, int(t.searchsorted(end_time, side="right")))
     sampled = float(values[counts].max(initial=-np.inf))
-    best, peak = sampled, None
+    best = sampled
+    peak = None
     high, _, bound = _find_tops(t, values)
     # Where the second difference changes its sign, the samples do not resolve the ripple.
     curvature = np.pad((values[2:] - values[1:-1]) - (values[1:-1] - values[:-2]), 1, mode="edge")
     ripple = np.maximum(values[:-1], values[1:]) + (abs(curvature[:-1]) + abs(curvature[1:])) / 4
     unsure = np.flatnonzero((ripple > _threshold(best)) & (curvature[:-1] * curvature[1:] <= 0))
-    high, bound = np.append(high, unsure), np.append(bound, ripple[unsure])
+    high = np.append(high, unsure)
+    bound = np.append(bound, ripple[unsure])
     if hidden is not None and len(hidden[0]):
         sharp, excess = hidden
         high = np.append(high, sharp)
@@ -252,7 +255,8 @@ def find_peak(
         end = since - t[0] if i < 0 else end_time - t[-1]
         if (end < 0) == (i < 0) and end != 0:
             rise = abs((values[b] - values[a]) / (t[b] - t[a]) * end)
-            high, bound = np.append(high, i), np.append(bound, values[a] + 2 * rise)
+            high = np.append(high, i)
+            bound = np.append(bound, values[a] + 2 * rise)
     for k in np.argsort(-bound).tolist():
         if bound[k] <= _threshold(best):
             break
@@ -262,7 +266,8 @@ def find_peak(
         if first < last:
             higher = _search_interval(first, last, partial(measure, i), best)
             if higher is not None:
-                best, peak = higher.value, higher
+                best = higher.value
+                peak = higher
     # A value that exceeds the samples only by rounding is the value of a sample.
     return peak if best > _threshold(sampled) else None
 
@@ -275,7 +280,8 @@ def _search_interval(
 ) -> Peak | None:
     """Find a value above the best one between two times; None if there is none."""
     peak = None
-    t, values = np.zeros(0), np.zeros(0)
+    t = np.zeros(0)
+    values = np.zeros(0)
     times = first + (last - first) * SHARES
     for _ in range(MAX_CUTS):
         measured = measure(times)
@@ -285,15 +291,18 @@ def _search_interval(
         if measured[0][k] > best:
             best = float(measured[0][k])
             peak = Peak(float(times[k]), best, float(measured[1][k]))
-        t, values = np.append(t, times), np.append(values, measured[0])
+        t = np.append(t, times)
+        values = np.append(values, measured[0])
         order = t.argsort(kind="stable")
-        t, values = t[order], values[order]
+        t = t[order]
+        values = values[order]
         high, guesses, bound = _find_tops(t, values)
         width = t[high + 1] - t[high]
         uncertain = (bound > _threshold(best)) & (width > PARTS * 4 * np.spacing(t[-1]))
         if not uncertain.any():
             break
-        low, width = t[high[uncertain]], width[uncertain]
+        low = t[high[uncertain]]
+        width = width[uncertain]
         times = low + width * np.clip(guesses[:, uncertain] + AROUND, NEAR, 1 - NEAR)
         times = np.unique(times)
     return peak
@@ -306,8 +315,10 @@ def maximize_smooth(
 
     `measure` maps times, (m, n), to the values of each function at them, (m, n).
     """
-    step, rows = (last - first) * FEW[1], np.arange(len(first))
-    times, best = first[:, None] + (last - first)[:, None] * FEW, np.full(len(first), -np.inf)
+    step = (last - first) * FEW[1]
+    rows = np.arange(len(first))
+    times = first[:, None] + (last - first)[:, None] * FEW
+    best = np.full(len(first), -np.inf)
     for _ in range(CLOSER):
         values = measure(times)
         best = np.maximum(best, values.max(axis=1))
@@ -343,10 +354,15 @@ def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray,
     top = np.concatenate([[0], np.flatnonzero(top) + 1, [last]])
     width = t[top + 1] - t[top]
     slope = rises[top] / width
-    before, after = np.maximum(top - 1, 0), np.minimum(top + 1, last)
+    before = np.maximum(top - 1, 0)
+    after = np.minimum(top + 1, last)
     a, b = (rises[i] / (t[i + 1] - t[i]) for i in (before, after))
     # Beyond the ends, the curvature is assumed to be that of the adjacent interval.
-    a[0], b[-1] = 2 * slope[0] - b[0], 2 * slope[-1] - a[-1]
+    # With one interval only, a[-1] is a[0], so both are computed before either is stored.
+    begin = 2 * slope[0] - b[0]
+    end = 2 * slope[-1] - a[-1]
+    a[0] = begin
+    b[-1] = end
     falls = (a > 0) & (b < 0)
     top, slope, a, b, width = (x[falls] for x in (top, slope, a, b, width))
     kink = np.clip((slope - b) / (a - b), 0.0, 1.0)
@@ -381,8 +397,11 @@ def smallest_angles(
 
     assert path.orientation is not None
     angle = orientation_angles(path.orientation, nearest.s, turned)
-    geometry, order = pack_segments(path.segments), np.argsort(-angle)
-    size, done, worst = FIRST, 0, -np.inf
+    geometry = pack_segments(path.segments)
+    order = np.argsort(-angle)
+    size = FIRST
+    done = 0
+    worst = -np.inf
     while done < len(order) and angle[order[done]] > worst:
         these = order[done : done + size]
         radius = np.maximum(reach, nearest.distance[these])
@@ -392,7 +411,8 @@ def smallest_angles(
         )
         np.minimum.at(angle, these[point], fits)
         worst = max(worst, float(angle[these].max()))
-        done, size = done + size, size * 4
+        done = done + size
+        size = size * 4
     return angle
 
 
@@ -427,7 +447,8 @@ class Followed:
         # A corner is a step of the cumulative angle over arc length.
         joints = np.repeat(np.append(rows[:, 11], rows[-1, 11] + rows[-1, 10]), 2)[1:-1]
         steps = np.zeros(len(joints))
-        steps[1::2], steps[2::2] = angle[:, 0], corner
+        steps[1::2] = angle[:, 0]
+        steps[2::2] = corner
         return np.asarray(np.abs(np.diff(np.interp(self.s, joints, np.cumsum(steps)))))
 
     def near(
@@ -475,7 +496,8 @@ def follow_path(
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
-    padded, geometry = pad_to_space(points), pack_segments(path.segments)
+    padded = pad_to_space(points)
+    geometry = pack_segments(path.segments)
     some = points[: last : max(1, last // SOME)]
     deviation = float(find_nearest(path.segments, some, in_order=True).distance.max())
     # Shortest leash with which all points may be followed.
@@ -497,7 +519,8 @@ def follow_path(
     for index, others in ((first, slice(0, first)), (last - 1, slice(last, None))):
         if len(coverage_error[others]) and coverage_error[others].max() > coverage_error[index]:
             worst = int(np.argmax(coverage_error[others])) + others.start
-            coverage_error[index], coverage_s[index] = coverage_error[worst], coverage_s[worst]
+            coverage_error[index] = coverage_error[worst]
+            coverage_s[index] = coverage_s[worst]
     return Followed(
         distance=distance[selected],
         s=s[selected],

@@ -148,7 +148,8 @@ class Evaluation(Result, Frozen):
     @property
     def _motion(self) -> tuple[Row, ...]:
         """Rows of speeds and of the use of limits."""
-        uses, largest = self.limit_ratios, ""
+        uses = self.limit_ratios
+        largest = ""
         if uses:
             largest = max(uses, key=lambda x: uses[x]).replace("_", " ")
         return (
@@ -258,7 +259,8 @@ def evaluate(
         InvalidInput: The path has another dimension than the arm, `end_time` is not positive, or
             the program is not the planned one.
     """
-    program, before = Program.from_path(path), None
+    program = Program.from_path(path)
+    before = None
     if objective is not None:
         before = Program.from_path(objective)
     if end_time is not None and program.single_path is None:
@@ -268,7 +270,9 @@ def evaluate(
         )
     trajectory = executed.set_points.trajectory
     bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
-    t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
+    t = executed.t
+    speed = executed.tool_speed
+    duration = trajectory.duration
     moved = (t >= 0) & (t <= duration)
     settled = settling_time(executed, speed)
     _, end = evaluated_times(executed, end_time)
@@ -361,7 +365,8 @@ def _time_at_limit(executed: Execution, limits: Limits, duration: float) -> floa
 def executed_jerk(executed: Execution) -> FloatArray:
     """Largest mean jerk of each joint over any cycle [rad/s³], (dof,)."""
     # The mean is over the cycle that ends at each time.
-    t, ddq = executed.t, executed.ddq
+    t = executed.t
+    ddq = executed.ddq
     if len(t) < 2:
         return np.zeros(ddq.shape[1])
     step = float(t[-1] - t[0]) / (len(t) - 1)

@@ -27,7 +27,8 @@ from armcontour.verification.trajectory_check import TimeSamples, check
 # Number of times per interval of a law at which the distance from the path is computed, and total
 # number of times above which fewer are used. With 32 times per interval, the peak of a smooth error
 # exceeds the largest computed value by at most 0.3 %.
-MAX_PER_INTERVAL, MAX_TIMES = 32, 400_000
+MAX_PER_INTERVAL = 32
+MAX_TIMES = 400_000
 # Interpolations whose velocity is discontinuous at the points.
 IN_STEPS = ("lines", "held", "next point")
 # Fraction by which commands may exceed a limit, because interpolation adds up to this fraction to a
@@ -76,7 +77,8 @@ class InterpolationCheck(Result):
 
     def to_data(self) -> Data:
         """The verdict, the distances, and the use of every limit."""
-        title, rate = CONTROLLERS[self.controller].title, number(self.rate, "Hz")
+        title = CONTROLLERS[self.controller].title
+        rate = number(self.rate, "Hz")
         far = self.path_deviation
         path = f"at t = {number(far.t, 's')}, s = {number(far.s, 'm')}" if far else ""
         distance = far.distance if far else None
@@ -153,12 +155,14 @@ def check_interpolation(
             fine, arm, Limits.only(), path,
             deviation=deviation, orientation_deviation=orientation_deviation, tolerance=tolerance,
         )  # fmt: skip
-        uses, far = uses + followed.uses, followed.path_deviation
+        uses = uses + followed.uses
+        far = followed.path_deviation
     # If the plan is unknown, it is estimated by the spline with the positions and derivatives of
     # the points.
     best = interpolate_points(points, "jtc_spline")
     ideal = reference or best.curve
-    q, exact = curve(times), ideal(np.minimum(times, ideal.duration))
+    q = curve(times)
+    exact = ideal(np.minimum(times, ideal.duration))
     distance = np.linalg.norm(arm.tool_position(q) - arm.tool_position(exact), axis=1)
     return InterpolationCheck(
         controller=controller,

@@ -25,8 +25,10 @@ from armcontour.verification.error_profile import maximize_smooth, smallest_angl
 # Number of evaluated times per interval of a law, including its ends: as many as give ENOUGH times
 # in all intervals together, but from MIN_PER_INTERVAL to MAX_PER_INTERVAL. All intervals together
 # always have at least FEWEST times.
-MIN_PER_INTERVAL, MAX_PER_INTERVAL = 3, 20
-FEWEST, ENOUGH = 4000, 12_000
+MIN_PER_INTERVAL = 3
+MAX_PER_INTERVAL = 20
+FEWEST = 4000
+ENOUGH = 12_000
 # Number of the highest estimated peaks that are refined.
 PEAKS = 12
 
@@ -83,7 +85,8 @@ class Occurrence:
 
     def rows(self) -> tuple[Row, ...]:
         """Result rows; joints are numbered from 1."""
-        joint, unit = None if self.joint is None else self.joint + 1, self.unit
+        joint = None if self.joint is None else self.joint + 1
+        unit = self.unit
         return (
             Row("ratio", self.ratio, "1", "share"),
             Row("value", self.value, unit, "value"),
@@ -184,7 +187,10 @@ class LimitUseAccumulator:
         deviation: float | None,
         orientation_deviation: float | None = None,
     ):
-        self.arm, self.limits, self.path, self.deviation = arm, limits, path, deviation
+        self.arm = arm
+        self.limits = limits
+        self.path = path
+        self.deviation = deviation
         self.orientation_deviation = orientation_deviation
         self.farthest = PathDeviation(distance=0.0, t=0.0, s=0.0)
         # False while lower bounds are recorded that rounding can make too large; they set the
@@ -195,7 +201,8 @@ class LimitUseAccumulator:
 
     def record(self, use: Use, t: FloatArray, q: FloatArray) -> None:
         """Record a use at times and joint positions."""
-        name, value = use.name, use.value
+        name = use.name
+        value = use.value
         if not value.size:
             return
         ratio, certain, slack = use.ratios()
@@ -257,7 +264,8 @@ class LimitUseAccumulator:
             )
         if self.deviation is not None:
             self.record(Use("path_deviation", nearest.distance, self.deviation, error_bound), t, q)
-        allowed, orientation = self.orientation_deviation, self.path.orientation
+        allowed = self.orientation_deviation
+        orientation = self.path.orientation
         if allowed is None or orientation is None or not isinstance(self.arm, SerialArm):
             return
         reach = self.farthest.distance if self.deviation is None else self.deviation
@@ -275,7 +283,8 @@ class LimitUseAccumulator:
         if self.path is not None and entries:
             s = self.path.project(self.arm.tool_position(np.array([q for _, q in entries]))).s
             uses = [replace(x, s=float(at)) for x, at in zip(uses, s, strict=True)]
-        certain, highest = uses[: len(self._certain)], uses[len(self._certain) :]
+        certain = uses[: len(self._certain)]
+        highest = uses[len(self._certain) :]
         return tuple(
             LimitUse(
                 name=name,
@@ -354,7 +363,8 @@ def uses_of_law(
     t = np.concatenate([right_times, left_times])
     if isinstance(law, Trajectory):
         # `motion` evaluates all derivatives at once.
-        after, before = law.motion(right_times, order), law.motion(left_times, order, side="left")
+        after = law.motion(right_times, order)
+        before = law.motion(left_times, order, side="left")
     else:
         after, before = (
             tuple(law(at, k, side=side) for k in range(order + 1))
@@ -438,17 +448,20 @@ def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory,
 
 def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     """Largest ratio of each limit in a motion, by name of the limit."""
-    breaks, jerk = motion.smooth_breaks, has_checkable_jerk(motion, limits, motion.starts[:1])
+    breaks = motion.smooth_breaks
+    jerk = has_checkable_jerk(motion, limits, motion.starts[:1])
     few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
     count = max(MIN_PER_INTERVAL, few, min(MAX_PER_INTERVAL, enough))
-    part, size = np.linspace(0.0, 1.0, count)[:, None], max(1, CHUNK // count)
+    part = np.linspace(0.0, 1.0, count)[:, None]
+    size = max(1, CHUNK // count)
     best: dict[str, float] = {}
     for first in range(0, len(breaks) - 1, size):
         ends = breaks[first : first + size + 1]
         t = ends[:-1] + part * np.diff(ends)
         t[-1] = ends[1:]
         for use in uses_of_law(motion, arm, limits, t[:-1].ravel(), t[-1], jerk)[-1]:
-            name, ratio = use.name, use.ratio.reshape(*t.shape, -1)
+            name = use.name
+            ratio = use.ratio.reshape(*t.shape, -1)
             largest = max(best.get(name, -np.inf), float(ratio.max()))
             # Both ends of a joint range determine its middle.
             names = JOINT_RANGE if name in JOINT_RANGE else (name,)
@@ -468,8 +481,11 @@ def _peaks(
     threshold: float,
 ) -> FloatArray:
     """Ratios at the highest peaks between the times, if parabolas there exceed `threshold`."""
-    before, middle, after = ratio[:-2], ratio[1:-1], ratio[2:]
-    curvature, tilt = before - 2 * middle + after, (after - before) / 2
+    before = ratio[:-2]
+    middle = ratio[1:-1]
+    after = ratio[2:]
+    curvature = before - 2 * middle + after
+    tilt = (after - before) / 2
     # A parabola without a top between its outer times has its highest value at an end.
     top = np.flatnonzero((curvature < 0) & (np.abs(tilt) < -curvature))
     height = middle.flat[top] - tilt.flat[top] ** 2 / (2 * curvature.flat[top])

@@ -18,7 +18,8 @@ EQUAL = 1e-9
 MAX_STRETCHES = 64
 # Search of a path part for the point farthest from the tool: largest number of subintervals on the
 # stack, and accuracy of the distance [m].
-MAX_SUBINTERVALS, DISTANCE_ACCURACY = 64, 1e-10
+MAX_SUBINTERVALS = 64
+DISTANCE_ACCURACY = 1e-10
 # Approximate number of point-segment pairs per batch, to bound the memory.
 PAIRS = 50_000
 
@@ -63,23 +64,33 @@ def _reachable_intervals(
     """Find the path intervals that the tool can reach at point p, and the nearest path point."""
     # Returns the number of new intervals, distance and arc length of the path point [m], and True
     # if the path point is an interval's start only because arc length must not decrease.
-    new_count, best, nearest_s, held, done = 0, math.inf, 0.0, False, -1.0
+    new_count = 0
+    best = math.inf
+    nearest_s = 0.0
+    held = False
+    done = -1.0
     for k in range(count):
         low, high = old.ends[k, 0], old.ends[k, 1]
-        begin, is_open = max(low, done), False
+        begin = max(low, done)
+        is_open = False
         for j in range(old.first[k], len(rows) if begin <= high else 0):
-            base, length, curvature = rows[j, 11], rows[j, 10], rows[j, 9]
+            base = rows[j, 11]
+            length = rows[j, 10]
+            curvature = rows[j, 9]
             if base + length < begin:
                 continue
             foot = find_foot(p, rows[j])
             room = leash2 - foot.off2
             # A line has one foot point, a full circle two.
-            laps, turn, nearest = 1, 0.0, foot.along
+            laps = 1
+            turn = 0.0
+            nearest = foot.along
             # Half of the length of the part of the segment that is within the leash (largest
             # allowed distance) of p; the foot point is its middle.
             half = math.sqrt(max(room, 0.0))
             if curvature != 0.0 and room >= 0.0:
-                laps, turn = 2, 2 * math.pi / curvature
+                laps = 2
+                turn = 2 * math.pi / curvature
                 nearest = math.atan2(foot.along, foot.across) / curvature
                 # Difference of the squared distances of the farthest and the nearest point of the
                 # circle.
@@ -88,14 +99,17 @@ def _reachable_intervals(
                 half = 2 * math.asin(math.sqrt(fraction)) / curvature
             for lap in range(laps if room >= 0.0 else 0):
                 centre = nearest + lap * turn
-                x, y = max(centre - half, begin - base, 0.0), min(centre + half, length)
+                x = max(centre - half, begin - base, 0.0)
+                y = min(centre + half, length)
                 if x > y:
                     continue
                 if not (is_open and base + x <= done + EQUAL):
                     if base + x > high:
                         break
-                    new.ends[new_count, 0], new.first[new_count] = base + x, j
-                    new_count, is_open = min(new_count + 1, MAX_STRETCHES), True
+                    new.ends[new_count, 0] = base + x
+                    new.first[new_count] = j
+                    new_count = min(new_count + 1, MAX_STRETCHES)
+                    is_open = True
                 done = max(done, base + y)
                 new.ends[new_count - 1, 1] = done
                 arc = min(max(centre, x), y)
@@ -129,12 +143,18 @@ def follow(
     - `points`: (n, 3) [m].
     - `rows`: segments from `pack_segments`, (segments, 15).
     """
-    n, size = len(points), MAX_STRETCHES + 1
-    distance, s = np.empty(n), np.empty(n)
+    n = len(points)
+    size = MAX_STRETCHES + 1
+    distance = np.empty(n)
+    s = np.empty(n)
     now = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
     after = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
-    now.ends[0, 0], now.ends[0, 1], now.first[0] = 0.0, start, 0
-    count, before, held = 1, 0.0, False
+    now.ends[0, 0] = 0.0
+    now.ends[0, 1] = start
+    now.first[0] = 0
+    count = 1
+    before = 0.0
+    held = False
     for i in range(n):
         p = points[i, 0], points[i, 1], points[i, 2]
         count, best, before, point_held = _reachable_intervals(
@@ -143,7 +163,8 @@ def follow(
         if count == 0:
             return distance, s, i, held
         now, after = after, now
-        distance[i], s[i] = best, before
+        distance[i] = best
+        s[i] = before
         held = held or (point_held and i < needed)
     return distance, s, n, held
 
@@ -159,10 +180,14 @@ def find_path_points(
     - `points`: (n, 3) [m].
     - `rows`: from `pack_segments`, (segments, 15).
     """
-    k, length, within = rows[:, 9], rows[:, 10], reach + EQUAL
-    indices, arc_lengths = [np.empty(0, np.intp)], [np.empty(0)]
+    k = rows[:, 9]
+    length = rows[:, 10]
+    within = reach + EQUAL
+    indices = [np.empty(0, np.intp)]
+    arc_lengths = [np.empty(0)]
     for part in np.array_split(np.arange(len(points)), 1 + len(points) * len(rows) // PAIRS):
-        p, limit = points[part, None], within[part, None]
+        p = points[part, None]
+        limit = within[part, None]
         offset = p - rows[:, :3]
         along, across = (np.einsum("psa,sa->ps", offset, rows[:, i : i + 3]) for i in (3, 6))
         angle = np.arctan2(k * along, 1 - k * across)
@@ -199,7 +224,9 @@ def _tool_distances(
     """
     a = b = bound = math.inf
     for step in (1, -1):
-        j, gone, spare = i, 0.0, 0.0
+        j = i
+        gone = 0.0
+        spare = 0.0
         while 0 <= j < len(motion.sizes):
             returns = step > 0 and motion.later[j] < until
             if j != i and not returns and gone > reach:
@@ -219,8 +246,11 @@ def _tool_distances(
                     for axis in range(3):
                         chord = motion.points[j + 1, axis] - motion.points[j, axis]
                         total += (point[axis] - motion.points[j, axis] - fraction * chord) ** 2
-                    x, y = y, math.sqrt(total)
-                a, b, bound = min(a, x), min(b, y), min(bound, max(x, y))
+                    x = y
+                    y = math.sqrt(total)
+                a = min(a, x)
+                b = min(b, y)
+                bound = min(bound, max(x, y))
                 spare = min(x - a, y - b, max(x, y) - bound)
             gone = 0.0 if j == i or returns else gone + motion.sizes[j]
             j += step
@@ -243,36 +273,47 @@ def _measure_parts(
     largest distance found is at most DISTANCE_ACCURACY below the largest distance of all parts.
     """
     n = len(motion.points)
-    halves, worst = np.empty((MAX_SUBINTERVALS, 2)), -1.0
+    halves = np.empty((MAX_SUBINTERVALS, 2))
+    worst = -1.0
     for m in order:
         if parts.bounds[m] <= worst + DISTANCE_ACCURACY:
             continue
-        i, g = parts.indices[m, 0], rows[parts.indices[m, 1]]
+        i = parts.indices[m, 0]
+        g = rows[parts.indices[m, 1]]
         first, last = parts.ends[m, 0], parts.ends[m, 1]
-        chord, size = min(i, n - 2), last - first
-        p, q = point_at(g, first - g[11]), point_at(g, last - g[11])
+        chord = min(i, n - 2)
+        size = last - first
+        p = point_at(g, first - g[11])
+        q = point_at(g, last - g[11])
         # The distances from this chord alone bound the range of chords to search.
         a, b, _ = _tool_distances(p, q, motion, chord, -math.inf, -1.0)
         reach = 2 * (max(a, b) + min(g[9] * size**2 / 8, size / 2))
-        count, halves[0, 0], halves[0, 1] = 1, first, last
+        count = 1
+        halves[0, 0] = first
+        halves[0, 1] = last
         while count:
             count -= 1
-            first_s, last_s = halves[count, 0], halves[count, 1]
-            p, q = point_at(g, first_s - g[11]), point_at(g, last_s - g[11])
+            first_s = halves[count, 0]
+            last_s = halves[count, 1]
+            p = point_at(g, first_s - g[11])
+            q = point_at(g, last_s - g[11])
             a, b, bound = _tool_distances(p, q, motion, chord, last, reach)
             # The end of the last part of a step is the path point of the next tool point.
             end_point = i + 1 if parts.indices[m, 2] and last_s == last and i < n - 1 else i
             for d, arc_length, point in ((a, first_s, i), (b, last_s, end_point)):
                 if d > distances[point]:
-                    distances[point], distance_s[point] = d, arc_length
+                    distances[point] = d
+                    distance_s[point] = arc_length
             worst = max(worst, a, b)
             # The distance from the tool changes by at most the change of arc length.
             apart = last_s - first_s
             bound = min(bound + g[9] * apart**2 / 8, (a + b + apart) / 2)
             middle = first_s + apart / 2
             if bound > worst + DISTANCE_ACCURACY and first_s < middle < last_s:
-                halves[count, 0], halves[count, 1] = middle, last_s
-                halves[count + 1, 0], halves[count + 1, 1] = first_s, middle
+                halves[count, 0] = middle
+                halves[count, 1] = last_s
+                halves[count + 1, 0] = first_s
+                halves[count + 1, 1] = middle
                 count += 2
 
 
@@ -292,13 +333,15 @@ def measure_coverage(
     reached = np.maximum.accumulate(motion.s)
     low = np.append(begin, np.maximum(reached[1:], begin))
     high = np.append(np.minimum(np.maximum(reached[:-1], motion.s[1:]), end), end)
-    starts, ends = rows[:, 11], rows[:, 11] + rows[:, 10]
+    starts = rows[:, 11]
+    ends = rows[:, 11] + rows[:, 10]
     segment = np.minimum(np.searchsorted(ends, low, side="right"), len(rows) - 1)
     count = np.maximum(np.searchsorted(starts, high, side="left") - segment, 1)
     count[(low > high) | ((low == high) & (np.arange(len(low)) > 0))] = 0
     step, number = number_parts(count)
     k = segment[step] + number
-    first, last = np.maximum(low[step], starts[k]), np.minimum(high[step], ends[k])
+    first = np.maximum(low[step], starts[k])
+    last = np.minimum(high[step], ends[k])
     # Between two path points, the distance exceeds the distances at both by at most the sagitta.
     sag = np.minimum(rows[k, 9] * (last - first) ** 2 / 8, (last - first) / 2)
     after = np.minimum(step + 1, len(low) - 1)
@@ -310,6 +353,7 @@ def measure_coverage(
     order = np.concatenate([worst, np.arange(len(step))])
     indices = np.stack([step, k, last == high[step]], axis=1)
     parts = PathParts(indices, np.stack([first, last], axis=1), bounds)
-    distances, distance_s = np.full(len(low), -1.0), np.zeros(len(low))
+    distances = np.full(len(low), -1.0)
+    distance_s = np.zeros(len(low))
     _measure_parts(motion, rows, order, parts, distances, distance_s)
     return distances, distance_s

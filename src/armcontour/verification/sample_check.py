@@ -159,10 +159,14 @@ def _record_centripetal(log: SampledMotion, tally: LimitUseAccumulator, tool: li
     t, q = log.middles(order)
     mean, error = log.mean(tool[2 - order], order)
     velocity, velocity_error = tool[1] if order == 1 else log.mean(tool[0], 1, both_ways=True)
-    before, after = velocity[:-1], velocity[1:]
-    error, velocity_error = error[:, 0], np.maximum(velocity_error[:-1], velocity_error[1:])[:, 0]
-    first, last = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
-    slowest, size = np.minimum(first, last), np.linalg.norm(mean, axis=1)
+    before = velocity[:-1]
+    after = velocity[1:]
+    error = error[:, 0]
+    velocity_error = np.maximum(velocity_error[:-1], velocity_error[1:])[:, 0]
+    first = np.linalg.norm(before, axis=1)
+    last = np.linalg.norm(after, axis=1)
+    slowest = np.minimum(first, last)
+    size = np.linalg.norm(mean, axis=1)
     # If the direction turns between the samples, tangential acceleration has a component normal to
     # the middle direction. The component is at most the sine of the angle times the largest
     # tangential acceleration here and in the neighbouring intervals.
@@ -174,7 +178,8 @@ def _record_centripetal(log: SampledMotion, tally: LimitUseAccumulator, tool: li
     along = np.abs(np.einsum("ij,ij->i", mean, before + after)) / middle
     padded = np.pad(along + error, 1, mode="edge")
     along = np.maximum.reduce([padded[:-2], padded[1:-1], padded[2:]])
-    value, bound = across(before + after, mean), error + turned * along
+    value = across(before + after, mean)
+    bound = error + turned * along
     # Where the direction turns further, the whole acceleration may be normal to the motion.
     sharp = ~moving & (slowest > SLOWEST + velocity_error)
     value[sharp] = bound[sharp] = size[sharp]
@@ -187,14 +192,17 @@ def _record_peaks(
     log: SampledMotion, tally: LimitUseAccumulator, columns: list[Column], names: list[str]
 ) -> None:
     """Record the peaks of acceleration and jerk that two neighbouring samples require."""
-    limits, of_joints = tally.limits, names[0] in JOINT_LIMITS
+    limits = tally.limits
+    of_joints = names[0] in JOINT_LIMITS
     if all(getattr(limits, x) is None for x in names):
         return
-    (span, time_error), (t, q) = log.spans(), log.middles()
+    span, time_error = log.spans()
+    t, q = log.middles()
     # Of two neighbouring columns, the differences from the trapezoid rule and the changes.
     ends = []
     for (y, y_error), (rate, rate_error) in pairwise(columns):
-        total, changed = rate[1:] + rate[:-1], rate_error[1:] + rate_error[:-1]
+        total = rate[1:] + rate[:-1]
+        changed = rate_error[1:] + rate_error[:-1]
         size = np.abs(total) if of_joints else length(total)[:, None]
         error = y_error[1:] + y_error[:-1] + (changed * (span + time_error) + size * time_error) / 2
         shift = y[1:] - y[:-1] - span * total / 2
@@ -214,7 +222,8 @@ def _record_peaks(
         bound = np.where(change < 0, low, high)
         tally.record_rates(name, t, factor * bound, q, (factor - certain) * np.abs(bound))
     if of_joints and limits.joint_jerk is not None:
-        stretch, moments = span / np.maximum(span - time_error, 1e-6 * span), list[Column]()
+        stretch = span / np.maximum(span - time_error, 1e-6 * span)
+        moments = list[Column]()
         parts = [ends[0][0], *(x for y in ends[1:] for x in y)]
         for (x, error), scale, order in zip(parts, (16, 4, 2), (3, 2, 1), strict=False):
             moment = scale * x / span**order
@@ -239,7 +248,8 @@ def _smallest_factor(
         2 shift f (high - low) = (change - f low span) (f high span - change)
     The positive solution f is smallest for the change `middle`.
     """
-    down, up = -1 / low, 1 / high
+    down = -1 / low
+    up = 1 / high
     middle = 4 * shift * (down - up) / ((down + up) * span)
     gain = np.clip(middle, change[0] - change[1], change[0] + change[1]) * span
     b = 2 * shift * (down + up) - gain * (down - up)
@@ -268,7 +278,9 @@ def _smallest_jerk(moments: list[Column]) -> Column:
         if step == 0:
             # For one sign of the jerk, the bound is not below that of the last two moments.
             sign = np.where(bound < jerk, -1.0, 1.0)
-            bend, tilt, change = sign * bend, sign * tilt, sign * change
+            bend = sign * bend
+            tilt = sign * tilt
+            change = sign * change
         else:
             jerk = np.maximum(jerk, bound)
     return bound, sum(np.abs(w) * e for w, e in zip(weights, errors, strict=True))

@@ -107,7 +107,8 @@ class Check(Result):
 
     def to_data(self) -> Data:
         """The verdict, the distance from the path, and the use of every limit."""
-        worst, deviation = self.worst, self.path_deviation
+        worst = self.worst
+        deviation = self.path_deviation
         note = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
         if unknown := ", ".join(x for x in self.not_judged if x in LIMIT_UNITS):
             note = "; ".join(filter(None, [f"not judged: {unknown}", note]))
@@ -365,8 +366,10 @@ def _judge_law(
 ) -> dict[str, Any]:
     """Check a law; returns the fields of `Check` that the accumulator does not have."""
     count = record_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
-    start, end = float(law.breaks[0]), float(law.breaks[-1])
-    first, last = law(np.array([start]), 1), law(np.array([end]), 1, side="left")
+    start = float(law.breaks[0])
+    end = float(law.breaks[-1])
+    first = law(np.array([start]), 1)
+    last = law(np.array([end]), 1, side="left")
     return {
         "reconstruction": (
             f"The motion is a continuous law and needs no reconstruction. It was checked at "
@@ -472,7 +475,8 @@ def _check_samples(
     samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None
 ) -> SampledMotion:
     """Check samples, and bound the printing and rounding errors of their numbers."""
-    t, q = getattr(samples, "t", None), getattr(samples, "q", None)
+    t = getattr(samples, "t", None)
+    q = getattr(samples, "q", None)
     if t is None or q is None:
         raise InvalidInput(
             "A trajectory to check must have times t and joint positions q, or be a callable law."
@@ -558,7 +562,9 @@ def record_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> 
         q = np.asarray(motion(t, 0, side="left"))
         error = np.zeros(q.shape[1])
     else:
-        t, q, error = motion.t, motion.q, motion.errors[0]
+        t = motion.t
+        q = motion.q
+        error = motion.errors[0]
     points, error_bound = tally.tool_points(q, error)
     followed = follow_path(tally.path, points)
     middle = (points[2:] + points[:-2]) / 2

@@ -39,12 +39,15 @@ def largest_shares(q, cycle, limits):
 
 def nearest(q, cycle, limits):
     """The nearest set-points by Clarabel, one joint after the other."""
-    count, nearest_q = len(q), q.copy()
+    count = len(q)
+    nearest_q = q.copy()
     rows = np.clip(np.arange(-3, count + 3), 0, count - 1)
     repeated = sp.csc_array((np.ones(len(rows)), (np.arange(len(rows)), rows)))
     scale = 1e3
     for j in range(q.shape[1]):
-        parts, sides, now = [], [], repeated
+        parts = []
+        sides = []
+        now = repeated
         for k, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
             now = now[1:] - now[:-1]
             limit = np.broadcast_to(getattr(limits, f"joint_{name}"), q.shape[1])[j] * cycle**k
@@ -198,7 +201,8 @@ def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
 def test_learning_respects_the_command_limits(square, arm, limited):
     """Of a robot with other gains than its model; lessons without limits exceed them."""
     robot = ac.ServoPlant(arm, SERVO.replace(kp=9.0), saturation="none")
-    set_points, errors = limited, []
+    set_points = limited
+    errors = []
     for _ in range(3):
         execution = ac.simulate(set_points, robot, resolution=CYCLE)
         errors.append(ac.evaluate(execution, square[0]).contour_error.rms)

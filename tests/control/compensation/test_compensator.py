@@ -11,7 +11,8 @@ from armcontour.motion import PathLaw, Rates
 
 from .motions import laps
 
-KP, KV = np.array([25.0, 20.0]), np.array([150.0, 100.0])
+KP = np.array([25.0, 20.0])
+KV = np.array([150.0, 100.0])
 UNEVEN = ac.ServoModel(kp=KP, kv=KV)
 NAMES = ("none", "inverse", "pole_placement")
 
@@ -46,7 +47,8 @@ def test_set_points_of_a_ramp_have_the_closed_form():
 
 @pytest.mark.parametrize(("interpolation", "gain"), [("linear", 1 / 12), ("cubic", 0.0)])
 def test_set_points_of_a_parabola_have_the_closed_form(interpolation, gain):
-    a, h = np.array([0.7, -0.4]), 0.01
+    a = np.array([0.7, -0.4])
+    h = 0.01
     curve = laps([0.0, 1.0], [(0.1, 0.0)], [a])
     servo = UNEVEN.replace(interpolation=interpolation)
     set_points = ac.compensate(curve, servo, ac.Inverse(), cycle=h)

@@ -14,7 +14,8 @@ from armcontour.robot.nominal_robot import Drives
 from armcontour.robot.servo.simulation import command_pieces, sample_command
 
 pytest.importorskip("mujoco")
-DURATION, CYCLE = 0.4, 4e-3
+DURATION = 0.4
+CYCLE = 4e-3
 START = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
 SIZE = np.array([0.2, -0.1, 0.15, 0.2, 0.0, -0.3])
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
@@ -202,7 +203,8 @@ def test_friction_is_compensated_but_not_at_rest(heavy):
     rough = with_chain(heavy, coulomb=coulomb, viscous=viscous)
     plant = strong(rough)
     assert largest_deviation(rough) < 3e-5 < 5e-4 < largest_deviation(heavy, plant=plant)
-    set_points, smooth_one = compensate(SWING, rough), compensate(SWING, heavy)
+    set_points = compensate(SWING, rough)
+    smooth_one = compensate(SWING, heavy)
     # Joint 5 stays at rest in the plan: no term of friction pushes it.
     np.testing.assert_allclose(set_points.q[:, 4], smooth_one.q[:, 4], atol=1e-15)
     np.testing.assert_array_equal(set_points.q[[0, -1]], smooth_one.q[[0, -1]])

@@ -62,7 +62,8 @@ def test_pole_placement_equals_equation_26_applied_to_the_trajectory():
     # Parabolas: SciPy converges to the set-points as its grid gets finer.
     motion = laps([0.0, 0.1, 0.2], [(0.0, 0.2), (0.3, 0.0)], [(3.0, -2.0), (-3.0, 1.0)], (0.0, 0.0))
     set_points = place(motion, UNEVEN, cycle=0.01, poles=[-75] * 3)
-    system, errors = compensator_26(25.0, 150.0, -75, -75, -75), []
+    system = compensator_26(25.0, 150.0, -75, -75, -75)
+    errors = []
     for parts in (10, 100):
         t = np.arange(20 * parts + 1) * (0.01 / parts)
         _, expected, _ = signal.lsim(system, motion(t.clip(0, 0.2))[:, 0], t)
@@ -79,7 +80,8 @@ def test_poles_differ_per_joint_and_interpolation_adds_no_error():
         one = place(motion, UNEVEN, cycle=0.01, poles=poles[j])
         n = min(len(one.q), len(both.q)) - 1
         np.testing.assert_allclose(both.q[:n, j], one.q[:n, j], atol=1e-12)
-    times, dq = [0.0, 0.0137, 0.1011, 0.2], [(0.0, 0.2), (0.3, 0.0), (1.0, 1.0)]
+    times = [0.0, 0.0137, 0.1011, 0.2]
+    dq = [(0.0, 0.2), (0.3, 0.0), (1.0, 1.0)]
     motion = laps(times, dq, np.ones((3, 2)), (0, 0))
     coarse, fine = (place(motion, UNEVEN, cycle=x) for x in (0.05, 0.001))
     n = len(coarse.q) - 1
@@ -185,7 +187,8 @@ def test_the_inverse_holds_the_ends_and_no_compensation_has_no_advance():
     assert 0.0 in set_points.t  # the plan begins at a set-point
     t = set_points.t[:, None] + servo.dead_time
     # A set-point is a mean over the interval about its time.
-    before, after = t <= -0.005, t >= DURATION + 0.005
+    before = t <= -0.005
+    after = t >= DURATION + 0.005
     np.testing.assert_array_equal(set_points.q[before[:, 0], 0], 0.3)
     np.testing.assert_array_equal(set_points.q[before[:, 1], 1], -0.2)
     for j in range(2):

@@ -139,7 +139,8 @@ def test_the_servo_file_contains_the_judged_servo(identification, tmp_path):
     data = yaml.safe_load(file.read_text())
     assert list(data) == ["servo"] and data["servo"]["order"] == ["second", "second"]
     assert data["servo"]["acceleration_limit"][0] == "none"
-    read, judged = read_servo(file, 2), identification.servo_model().for_joints(2)
+    read = read_servo(file, 2)
+    judged = identification.servo_model().for_joints(2)
     for x in fields(read):
         np.testing.assert_array_equal(getattr(read, x.name), getattr(judged, x.name), x.name)
     np.testing.assert_allclose(read.kp, [25, 40], rtol=0.01)
@@ -167,7 +168,8 @@ def _write(file, t, u, q, names):
 
 
 def test_identify_writes_servo_report_and_summary(log, tmp_path, capsys):
-    file, out = tmp_path / "log.csv", tmp_path / "out"
+    file = tmp_path / "log.csv"
+    out = tmp_path / "out"
     _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
     assert execute(identify_logs, Identify(logs=[file], out=out, validate=[file])) == 9
     printed = capsys.readouterr().out
@@ -195,7 +197,8 @@ def test_identify_writes_no_servo_file_without_a_model(tmp_path, capsys, refuses
     t = np.arange(2000) * 1e-3
     u = 0.02 * t
     y = move(t, u, kp=25.0, kv=150.0) + 1e-4 * np.random.default_rng(0).normal(size=2000)
-    file, out = tmp_path / "log.csv", tmp_path / "out"
+    file = tmp_path / "log.csv"
+    out = tmp_path / "out"
     _write(file, t, u, y, "t,u1,q1")
     assert execute(identify_logs, Identify(logs=[file], out=out)) == 1
     assert "the velocity is uniform" in capsys.readouterr().out

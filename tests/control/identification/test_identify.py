@@ -75,13 +75,15 @@ def test_feed_forward_and_limit_are_identified_together():
 
 def test_the_reported_errors_are_those_of_the_written_servo(fed):
     """The figures of the result are those of the servo with the digits of the file."""
-    joint, log = fed.joints[0], fed.logs[1]
+    joint = fed.joints[0]
+    log = fed.logs[1]
     predictions = [fed.predict(x) for x in fed.logs]
     rms = math.sqrt(np.mean([x.rms[0] ** 2 for x in predictions]))
     assert joint.rms == pytest.approx(rms, rel=1e-3)
     assert joint.largest == pytest.approx(max(x.largest[0] for x in predictions), rel=1e-9)
     # The same motion with the servo plant, about its mean.
-    servo, arm = fed.servo_model(), ac.load_arm("pmk3s")
+    servo = fed.servo_model()
+    arm = ac.load_arm("pmk3s")
     both = ac.ServoModel(
         kp=servo.kp[0], kv=servo.kv[0], dead_time=servo.dead_time[0],
         velocity_feedforward=servo.velocity_feedforward[0], acceleration_limit=math.inf,
@@ -98,14 +100,16 @@ def test_the_reported_errors_are_those_of_the_written_servo(fed):
 
 
 def test_a_servo_with_a_drive_cycle_is_identified():
-    drive_cycle, u = 4e-3, 5e-3 * multisine(np.arange(2500) * 4e-3, 20.0, 5)
+    drive_cycle = 4e-3
+    u = 5e-3 * multisine(np.arange(2500) * 4e-3, 20.0, 5)
     q = w = 0.0
     y = np.zeros(2500)
     delayed = np.concatenate([[0.0, 0.0], u[:-2]])
     for i in range(2500):
         y[i] = q
         a = 150.0 * (25.0 * (delayed[i] - q) - w)
-        q, w = q + drive_cycle * w + drive_cycle**2 / 2 * a, w + drive_cycle * a
+        q = q + drive_cycle * w + drive_cycle**2 / 2 * a
+        w = w + drive_cycle * a
     y += np.random.default_rng(0).normal(0, 1e-5, len(y))
     log = Log(t=np.arange(2500) * drive_cycle, command=u, measured=y)
     fit = identify(log, ac.ServoFit(drive_cycle=drive_cycle))
@@ -163,14 +167,16 @@ def test_repeated_positions_in_a_log_do_not_bias_the_model(held):
     log = log_of(3, kp=20.0, kv=150.0)
     rows = np.arange(len(log.t)) // held * held
     fit = ac.identify(dataclasses.replace(log, measured=log.measured[rows]))
-    joint, true = fit.joints[0], ac.identify(log).joints[0]
+    joint = fit.joints[0]
+    true = ac.identify(log).joints[0]
     assert "repeats" in fit.remarks[0] and not ac.identify(log).repeats
     assert joint.order == true.order
     assert joint.kp.value == pytest.approx(true.kp.value, rel=0.02)
 
 
 def test_logs_with_different_joints_are_refused(fed):
-    one, other = fed.logs[0], fed.logs[1]
+    one = fed.logs[0]
+    other = fed.logs[1]
     renamed = Log(t=other.t, command=other.command, measured=other.measured, joint_names=("x",))
     with pytest.raises(InvalidInput, match="joint_names"):
         identify([one, renamed])
@@ -197,7 +203,8 @@ def test_a_joint_that_no_model_explains_is_omitted_from_the_file():
 def test_joints_at_rest_or_at_uniform_velocity_have_no_model():
     t = np.arange(1000) * 4e-3
     still = np.random.default_rng(0).normal(0, 1e-5, len(t))
-    ramp, log = 0.1 * t, commands("step", 25.0, 150.0, 12.3e-3, 1)[1][: len(t)]
+    ramp = 0.1 * t
+    log = commands("step", 25.0, 150.0, 12.3e-3, 1)[1][: len(t)]
     command = np.stack([0 * t, log, ramp], 1)
     fit = identify(Log(t=t, command=command, measured=np.stack([still, still, ramp - 4e-3], 1)))
     for joint, words in zip(fit.joints, ("no motion", "is only noise", "uniform"), strict=True):

@@ -101,7 +101,8 @@ def test_the_judged_contour_error_is_that_of_the_tool(good):
 
 
 def test_positions_of_a_log_out_of_the_joint_range_are_refused():
-    log, limits = robot_log(1), ac.Limits(joint_lower=[-3.0] * 2, joint_upper=[3.0] * 2)
+    log = robot_log(1)
+    limits = ac.Limits(joint_lower=[-3.0] * 2, joint_upper=[3.0] * 2)
     arm = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
     far = dataclasses.replace(log, command=log.command + 60.0, measured=log.measured + 60.0)
     with pytest.raises(ac.InvalidInput, match="degrees"):

@@ -15,7 +15,9 @@ CYCLE = 1e-3
 @njit
 def run_loop(u, kp, kv, acceleration, velocity):
     """Positions of a sampled loop with limits of acceleration and of velocity."""
-    q, w, measured = u[0], 0.0, np.empty(len(u))
+    q = u[0]
+    w = 0.0
+    measured = np.empty(len(u))
     for k in range(len(u)):
         measured[k] = q
         velocity_command = min(max(kp * (u[k] - q), -velocity), velocity)
@@ -32,7 +34,8 @@ def moves(top, seconds=5.0, seed=2):
     a = np.zeros(len(t))
     k = 200
     while k < len(t) - 900:
-        n, size = random.integers(60, 220), top * random.choice([-1, 1]) * random.uniform(0.4, 1)
+        n = random.integers(60, 220)
+        size = top * random.choice([-1, 1]) * random.uniform(0.4, 1)
         rest = random.integers(0, 150)
         for sign, begin in ((1, k), (-1, k + n + rest)):
             a[begin : begin + n] = sign * size

@@ -38,7 +38,8 @@ def plant(arm, run, *, dead_time=0.0, noise=1e-6):
 
 def teach(arm, set_points, runs, **options):
     """Executions and lessons, in turn."""
-    done, lessons = [], []
+    done = []
+    lessons = []
     for run in range(runs):
         done.append(ac.simulate(set_points, plant(arm, run, **options)))
         set_points = ac.learn(set_points, done[-1], arm=arm, servo=SERVO)
@@ -93,9 +94,11 @@ def test_learning_ends_with_the_best_run_after_setbacks(arm, set_points, delayed
 
 @pytest.mark.parametrize("noise", [1e-6, 1e-4])
 def test_learning_works_with_encoder_noise(set_points, path, noise):
-    arm, robot = ac.load_arm("pmk3s"), SERVO.replace(kp=[22.0, 27.0])
+    arm = ac.load_arm("pmk3s")
+    robot = SERVO.replace(kp=[22.0, 27.0])
     robot = ac.ServoPlant(arm, robot, ac.Limits.only(joint_acceleration=30.0).for_joints(2))
-    errors, rng = [], np.random.default_rng(5)
+    errors = []
+    rng = np.random.default_rng(5)
     for _ in range(2):
         execution = ac.simulate(set_points, robot)
         q = execution.q + rng.normal(scale=noise, size=execution.q.shape)
@@ -127,7 +130,8 @@ def test_learned_set_points_stay_within_the_velocity_limit(arm, set_points, refu
     teach_again = partial(ac.learn, set_points, executed, arm=arm, servo=SERVO)
     rate = np.abs(np.diff(set_points.q, axis=0)).max(axis=0) / set_points.cycle
     close = ac.Limits.only(joint_velocity=1.0005 * rate)
-    free, held = teach_again(), teach_again(limits=close)
+    free = teach_again()
+    held = teach_again(limits=close)
     fastest = [np.abs(np.diff(x.q, axis=0)).max(axis=0) / set_points.cycle for x in (free, held)]
     assert (fastest[0] > close.joint_velocity).any()
     assert (fastest[1] <= close.joint_velocity * (1 + 1e-8)).all()
@@ -146,7 +150,8 @@ def test_learned_set_points_stay_within_the_velocity_limit(arm, set_points, refu
 
 def test_a_learning_result_without_improvement_has_a_note():
     """Set-points that always move at the limit of velocity: no others have the same ends."""
-    arm, servo = rods(), ac.ServoModel(kp=25.0, order="first")
+    arm = rods()
+    servo = ac.ServoModel(kp=25.0, order="first")
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits)
     q = np.linspace(*plan([0.0, plan.duration]), int(plan.duration / 4e-3) + 2)
     set_points = SetPoints(cycle=4e-3, q=q, trajectory=plan, method="none")

@@ -80,7 +80,8 @@ def test_the_correction_is_that_of_dense_least_squares(lifted, dense):
 
 
 def test_the_lifted_model_has_the_expected_response(lifted):
-    arm, servo = rods(), lifted.nominal.servo
+    arm = rods()
+    servo = lifted.nominal.servo
     rng = np.random.default_rng(3)
     q = lifted.plan(0.0) + 1e-3 * rng.normal(size=(lifted.count, 2)).cumsum(axis=0)
     set_points = SetPoints(

@@ -11,7 +11,9 @@ import armcontour as ac
 
 from .robots import SERVO, gentle_plan, rods, rounded
 
-CYCLE, STEP, SUBSTEPS = 4e-3, 1e-3, 5
+CYCLE = 4e-3
+STEP = 1e-3
+SUBSTEPS = 5
 RUNS = 5
 # Smallest error that may be called noise [m].
 SMALL = 3e-6
@@ -42,10 +44,15 @@ def follow(q, duration, kp, kv, ki, ff, dead_time, limit):
     positions = np.zeros((count + 1, 2))
     h = STEP / SUBSTEPS
     for j in range(2):
-        x, v, z = q[0, j], 0.0, 0.0
+        x = q[0, j]
+        v = 0.0
+        z = 0.0
         positions[0, j] = x
         for k in range(count * SUBSTEPS):
-            xm, vm, zm, t = x, v, z, k * h + 1e-9
+            xm = x
+            vm = v
+            zm = z
+            t = k * h + 1e-9
             for part in (0.5, 1.0):
                 place = min(max((t - dead_time[j]) / CYCLE, 0.0), len(q) - 1.0)
                 i = min(int(place), len(q) - 2)
@@ -56,9 +63,13 @@ def follow(q, duration, kp, kv, ki, ff, dead_time, limit):
                 error = demanded - vm
                 a = min(max(kv[j] * (error + ki[j] * zm), -limit[j]), limit[j])
                 moved = vm if kv[j] > 0 else demanded
-                xm, vm, zm = x + part * h * moved, v + part * h * a, z + part * h * error
+                xm = x + part * h * moved
+                vm = v + part * h * a
+                zm = z + part * h * error
                 t = (k + 0.5) * h
-            x, v, z = xm, vm, zm
+            x = xm
+            v = vm
+            z = zm
             if (k + 1) % SUBSTEPS == 0:
                 positions[(k + 1) // SUBSTEPS, j] = x
     return positions
@@ -75,9 +86,11 @@ def distances(points, curve):
     """Distances of points to a polyline."""
     nearest = np.full(len(points), np.inf)
     for k in range(len(curve) - 1):
-        a, b = curve[k + 1, 0] - curve[k, 0], curve[k + 1, 1] - curve[k, 1]
+        a = curve[k + 1, 0] - curve[k, 0]
+        b = curve[k + 1, 1] - curve[k, 1]
         for i in range(len(points)):
-            x, y = points[i, 0] - curve[k, 0], points[i, 1] - curve[k, 1]
+            x = points[i, 0] - curve[k, 0]
+            y = points[i, 1] - curve[k, 1]
             share = min(max((x * a + y * b) / (a * a + b * b), 0.0), 1.0)
             nearest[i] = min(nearest[i], (x - share * a) ** 2 + (y - share * b) ** 2)
     return np.sqrt(nearest)
@@ -95,7 +108,8 @@ def execute(set_points, loops):
     q = follow(set_points.q, len(set_points.q) * CYCLE + 1.5, *map(np.asarray, loops))
     t = set_points.start_time + np.arange(len(q)) * STEP
     command = np.stack([np.interp(t, set_points.t, x) for x in set_points.q.T], axis=1)
-    points, curve = tool(q), plan.path(np.linspace(0, plan.path.length, 4001))
+    points = tool(q)
+    curve = plan.path(np.linspace(0, plan.path.length, 4001))
     errors = distances(points, curve)
     speeds = np.linalg.norm(np.gradient(points, STEP, axis=0), axis=1)
     end = np.flatnonzero((t <= plan.duration) | (speeds > 1e-3))[-1] + 1
@@ -106,7 +120,9 @@ def execute(set_points, loops):
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_best_run_has_the_smallest_error_and_learning_stays_near_it(plan, name):
-    set_points, errors, rests = ac.compensate(plan, SERVO, ac.Inverse()), [], []
+    set_points = ac.compensate(plan, SERVO, ac.Inverse())
+    errors = []
+    rests = []
     for _ in range(RUNS):
         log, error, rest = execute(set_points, ROBOTS[name])
         errors.append(error)

@@ -16,7 +16,8 @@ class Robot:
     """A robot whose joints drift differently in every run; times of its log jitter."""
 
     def __init__(self, seed):
-        self.arm, self.random = rods(), np.random.default_rng(seed)
+        self.arm = rods()
+        self.random = np.random.default_rng(seed)
         limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(
             2
         )
@@ -52,7 +53,8 @@ class Robot:
 
 def test_learning_ends_if_only_differences_between_logs_remain():
     """Four logs of each set-points: the repeating error ends near half of what differs."""
-    rms_ratios, stated = [], []
+    rms_ratios = []
+    stated = []
     for seed in range(4):
         robot = Robot(seed)
         set_points = robot.set_points
@@ -113,7 +115,8 @@ class BadLogs(Robot):
 
     def best(self, kind):
         """Least RMS contour error that learning ends with after four runs, and the last lesson."""
-        set_points, errors = self.set_points, []
+        set_points = self.set_points
+        errors = []
         for k in range(4):
             log, error = self.log(set_points, k, kind)
             errors.append(error)

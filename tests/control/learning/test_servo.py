@@ -41,7 +41,8 @@ def test_a_log_with_unmodelled_feed_forward_contradicts_the_servo(feedforward):
 
 
 def test_a_correct_servo_is_not_contradicted():
-    arm, limits = with_inertias(), ac.Limits.only(speed=0.15, joint_acceleration=3.0)
+    arm = with_inertias()
+    limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0)
     set_points = ac.compensate(gentle_plan(rounded(), arm, limits.for_joints(2)), SERVO)
     strong = ac.Limits.only(joint_torque=1e3).for_joints(2)
     robots = [
@@ -54,7 +55,8 @@ def test_a_correct_servo_is_not_contradicted():
 
 def test_learning_ends_with_the_best_run_where_a_log_lacks_set_points():
     """Positions alone do not show the lag, so that the first log cannot contradict the servo."""
-    job_task, random = task("pmk3s"), np.random.default_rng(0)
+    job_task = task("pmk3s")
+    random = np.random.default_rng(0)
     robot = ac.ServoPlant(job_task.arm, SERVO.replace(velocity_feedforward=0.95), saturation="none")
     set_points = job_task.set_points
     for _ in range(6):

@@ -65,7 +65,8 @@ def near(paths, polylines, tolerance=TOLERANCE):
     path_samples, there = ([(x, sampled(x)) for x in some] for some in (paths, drawn))
     for these, others in ((path_samples, there), (there, path_samples)):
         for _, points in these:
-            low, high = points.min(axis=0) - MM, points.max(axis=0) + MM
+            low = points.min(axis=0) - MM
+            high = points.max(axis=0) + MM
             close = [
                 other.project(points).distance
                 for other, samples in others
@@ -197,7 +198,8 @@ def test_splines_of_all_kinds_are_read():
         # Inside, a spline of degree 2 or more has no corner.
         assert contour.path.turns.max() < 1e-8
     # Splines that are circles, that are closed, and with more knots than they need.
-    weights, knots = [1, np.sqrt(0.5), 1, np.sqrt(0.5), 1], [0, 0, 0, 1, 1, 2, 2, 2]
+    weights = [1, np.sqrt(0.5), 1, np.sqrt(0.5), 1]
+    knots = [0, 0, 0, 1, 1, 2, 2, 2]
     points = [(50, 0, 0), (50, 50, 0), (0, 50, 0), (-50, 50, 0), (-50, 0, 0)]
     path = only(alone("rational_spline", points, weights, degree=2, knots=knots)[0]).path
     assert len(path) == 1
@@ -205,7 +207,8 @@ def test_splines_of_all_kinds_are_read():
     document, x = alone("spline")
     x.set_closed(CONTROL)
     contour = only(document)
-    knots, points = np.array(x.knots), np.array([tuple(p) for p in x.control_points])
+    knots = np.array(x.knots)
+    points = np.array([tuple(p) for p in x.control_points])
     near([contour.path], [BSpline(knots, points, 3)(np.linspace(knots[3], knots[-4], 20001))])
     assert contour.closed and contour.path.turns.max() < 1e-9
     ends = contour.path(0.0, 1), contour.path(contour.path.length, 1)
@@ -231,7 +234,8 @@ def test_splines_through_points_are_read():
     document, x = alone("spline", CONTROL)
     path = as_ezdxf_says(document).path
     near([path], [fit(CONTROL, bc_type="natural")])
-    x.dxf.start_tangent, x.dxf.end_tangent = (0, 2, 0), (3, 0, 0)
+    x.dxf.start_tangent = (0, 2, 0)
+    x.dxf.end_tangent = (3, 0, 0)
     path = only(document).path
     near([path], [fit(CONTROL, bc_type=((1, (0, 1, 0)), (1, (1, 0, 0))))])
     np.testing.assert_allclose(path(0.0, 1), (0, 1), atol=1e-9)
@@ -300,8 +304,10 @@ def test_nested_blocks_are_rotated_scaled_mirrored_and_repeated(seed):
     # Uneven scales of the outer block make arcs ellipses, turned ones even skew ones.
     placed(outer, "inner", even=seed % 2)
     x = placed(space, "outer", even=seed % 3 == 0)
-    x.dxf.row_count, x.dxf.column_count = 2, 2
-    x.dxf.row_spacing, x.dxf.column_spacing = 90, -70
+    x.dxf.row_count = 2
+    x.dxf.column_count = 2
+    x.dxf.row_spacing = 90
+    x.dxf.column_spacing = -70
     as_ezdxf_says(document, join_tolerance=1e-9)
 
 
@@ -554,7 +560,8 @@ def test_all_dxf_versions_are_read_as_text_and_binary(version):
     add = space.add_polyline2d if version == "R12" else space.add_lwpolyline
     add(points, format="xyb", close=True)
     space.add_circle((0, 0), 5, dxfattribs={"layer": "Löcher"})
-    data, binary = written(document), io.BytesIO()
+    data = written(document)
+    binary = io.BytesIO()
     document.write(binary, fmt="bin")
     for form in (data, data.replace(b"\n", b"\r\n"), binary.getvalue()):
         program = read(form, units=MM)

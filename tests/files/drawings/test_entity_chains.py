@@ -97,14 +97,16 @@ def test_at_a_junction_the_chain_continues_with_the_smallest_turn():
         chains_found = {frozenset(np.ravel(x.path.vertices[:, 0])) for x in contours}
         assert chains_found == {frozenset([0.0, 1.0, 2.0]), frozenset([1.0])}
     stem = line((0, 0), (1, 0), "stem")
-    left_turn, right = line((1, 0), (2, 1), "left"), line((1, 0), (2, -1), "right")
+    left_turn = line((1, 0), (2, 1), "left")
+    right = line((1, 0), (2, -1), "right")
     # Of equal turns, the earlier piece goes on.
     for a, b in ((left_turn, right), (right, left_turn)):
         one, other = chain_pieces([stem, a, b], TOLERANCE)[0]
         assert other.name == b.name and one.path.vertices[-1, 1] == a.path.vertices[-1, 1]
 
     # Ends that touch come before ends with a gap.
-    touches, gap = line((1, 0), (1, 1), "touches"), line((1, 5e-6), (2, 0), "gap")
+    touches = line((1, 0), (1, 1), "touches")
+    gap = line((1, 5e-6), (2, 0), "gap")
     one, other = chain_pieces([stem, gap, touches], TOLERANCE)[0]
     assert (one.name, other.name) == ("stem", "gap")
     assert len(one.path) == 2 and one.path.vertices[-1].tolist() == [1, 1]

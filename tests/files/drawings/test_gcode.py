@@ -64,7 +64,8 @@ def check_points(table, **options):
         assert [isinstance(x, Rapid) for x in moves] == [x[0] == ">" for x in parts], text
         for move, part in zip(moves, parts, strict=True):
             expected = np.array([x.split(",") for x in part.strip("> ").split()], dtype=float)
-            vertices, d = move.path.vertices * 1e3, expected.shape[1]
+            vertices = move.path.vertices * 1e3
+            d = expected.shape[1]
             np.testing.assert_allclose(vertices[:, :d], expected, rtol=0, atol=1e-9, err_msg=text)
             assert np.abs(vertices[:, d:]).max(initial=0.0) <= 1e-9, text
         notes = " ".join(program.notes)
@@ -75,10 +76,12 @@ def check_points(table, **options):
 def test_the_corpus_cites_sources_and_its_refusals_name_their_line(refuses):
     assert len(FILES) >= 60
     for file in FILES:
-        data, name = file.read_bytes(), f"{file.parent.name}/{file.stem}"
+        data = file.read_bytes()
+        name = f"{file.parent.name}/{file.stem}"
         assert re.match(rb"(\xef\xbb\xbf)?; (LinuxCNC|docs/guides/gcode.md)", data), file
         for line, words in REFUSED.findall(data):
-            begin, index = f"{name}.ngc, line {int(line)}: ", int(line) - 1
+            begin = f"{name}.ngc, line {int(line)}: "
+            index = int(line) - 1
             words = words.rstrip(b"\r").decode()
             refuses(lambda name=name: read(name), InvalidInput, begin, words, index=index)
 
@@ -91,7 +94,8 @@ def test_programs_of_the_corpus_have_the_points_computed_by_hand():
 
 
 def test_programs_of_the_corpus_have_the_values_computed_by_hand():
-    nan, pi = math.nan, math.pi
+    nan = math.nan
+    pi = math.pi
     for name, kind, expected in (
         ("units/change_on_the_way", "speeds", [0.01, 0.0254, 0.0254]),
         ("units/inches", "speeds", [0.0254, 0.0254]),
@@ -111,7 +115,8 @@ def test_programs_of_the_corpus_have_the_values_computed_by_hand():
     # Points [mm] at arc lengths: clockwise from (0, 0) around (1, 0), and counter-clockwise around
     # the origin; G2 to the left of the chord, and G3's long way round to the right; as seen from
     # the positive end of the third axis, G18 G3 over -z, and G19 G2 over +z.
-    half, high = math.sqrt(0.5), 10 - math.sqrt(75)
+    half = math.sqrt(0.5)
+    high = 10 - math.sqrt(75)
     for name, s, expected in (
         ("arcs/quarter", [1 / 4], [[1 - half, half]]),
         ("arcs/radius", [1 / 0.6, 35 / 3], [[5, high], [15, high - 20]]),
@@ -331,7 +336,8 @@ def broken(data, rng):
     data = bytearray(data)
     for _ in range(rng.randint(1, 2)):
         position = rng.randrange(len(data) + 1)
-        kind, other = rng.randrange(5), rng.choice(b"0123456789.-+eMZACGXYIJ ,;\n()<>[]#&%/=\"'")
+        kind = rng.randrange(5)
+        other = rng.choice(b"0123456789.-+eMZACGXYIJ ,;\n()<>[]#&%/=\"'")
         if kind == 0:
             data[position : position + 1] = bytes([rng.randrange(256)])
         elif kind < 3:
@@ -344,7 +350,8 @@ def broken(data, rng):
 
 
 def test_any_bytes_are_read_or_refused_with_their_line():
-    rng, made = random.Random(20), 0
+    rng = random.Random(20)
+    made = 0
     bodies = [x.read_bytes() for x in FILES]
     for _ in range(400):
         try:

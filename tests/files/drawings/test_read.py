@@ -139,9 +139,11 @@ TOLERANCE = 1e-5
 def test_the_path_of_a_b_spline_follows_any_knots_and_weights(seed, degree, extra):
     rng = np.random.default_rng(seed)
     n = degree + 1 + extra
-    points, weights = rng.uniform(-0.05, 0.05, (n, 2)), rng.uniform(0.3, 3.0, n)
+    points = rng.uniform(-0.05, 0.05, (n, 2))
+    weights = rng.uniform(0.3, 3.0, n)
     knots = np.sort(np.round(rng.uniform(0, 4, n + degree + 1), 1)) * 0.7
-    knots[: degree + 1], knots[-degree - 1 :] = -0.7, 3.5
+    knots[: degree + 1] = -0.7
+    knots[-degree - 1 :] = 3.5
     spline = BezierSpline.from_knots(points, weights, knots, degree)
     if np.unique(knots[1:-1], return_counts=True)[1].max(initial=0) > degree + 1 or spline is None:
         # A gap: the curve on both sides of a knot that occurs too often.

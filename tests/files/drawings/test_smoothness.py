@@ -16,9 +16,12 @@ def gcode(parts, start, heading, decimals, by_radius):
     def words(letters, *values):
         return " ".join(f"{a}{x:.{decimals}f}" for a, x in zip(letters, values, strict=True))
 
-    position, text = start, f"{HEAD}G0 {words('XY', start.real, start.imag)}\n"
+    position = start
+    text = f"{HEAD}G0 {words('XY', start.real, start.imag)}\n"
     for radius, size in parts:
-        code, how, along = "G1", "", np.exp(1j * heading)
+        code = "G1"
+        how = ""
+        along = np.exp(1j * heading)
         to_center = 1j * radius * along
         if radius:
             code = "G3" if radius > 0 else "G2"
@@ -34,7 +37,8 @@ def gcode(parts, start, heading, decimals, by_radius):
 
 def rectangle(decimals, by_radius=False):
     """A rectangle 80 x 50 with corners of 8, turned by 23 degrees."""
-    turn, corner = np.radians(23), (8, np.pi / 2)
+    turn = np.radians(23)
+    corner = (8, np.pi / 2)
     parts = [(0, 64), corner, (0, 34), corner] * 2
     return gcode(parts, 8 * np.exp(1j * turn) + 300 + 100j, turn, decimals, by_radius)
 
@@ -48,7 +52,9 @@ def arcs(decimals, by_radius=False):
 
 def ellipse(decimals, scale=1.0):
     """An ellipse of four Beziers as SVG; one millimetre is `scale` units."""
-    k, a, b = 0.5522847498, 40, 25
+    k = 0.5522847498
+    a = 40
+    b = 25
     c, s = np.cos(0.3), np.sin(0.3)
 
     def coordinates(x, y):

@@ -60,7 +60,8 @@ def is_arc(path, start, center, angle):
 
 
 def test_the_size_of_a_pixel_follows_from_the_program_that_wrote_the_file():
-    inch, line = 0.0254, '<line x1="0" y1="90" x2="90" y2="90"/>'
+    inch = 0.0254
+    line = '<line x1="0" y1="90" x2="90" y2="90"/>'
     illustrator = "<!-- Generator: Adobe Illustrator 24.0.1, SVG Export Plug-In -->"
     old = 'inkscape:version="0.48.4 r9939"'
 
@@ -224,7 +225,8 @@ def test_subpaths_are_contours_and_elements_are_chained():
     contours = read('<path d="M1 2 h5 v5 z m 20 30 h5 v5 z a 5 5 0 0 1 -10 0"/>').contours
     check([x.path.starts[0] for x in contours], [[1, 2], [21, 32], [21, 32]])
     # Separate elements whose ends touch are chained in each layer.
-    line, rest = '<line x2="10"/>', '<path d="M20 10 h-5 A 5 5 0 0 1 10 5 V 0"/>'
+    line = '<line x2="10"/>'
+    rest = '<path d="M20 10 h-5 A 5 5 0 0 1 10 5 V 0"/>'
     assert len(only(line + rest)) == 4
     apart = f'<g id="a">{line}</g><g id="b">{rest}</g>'
     assert [x.layer for x in read(apart).contours] == ["a", "b"]
@@ -387,7 +389,8 @@ def test_strokes_select_contours_and_lengths_are_relative():
     body = """<g stroke="red"><path id="a" d="M0 0h1"/><path id="b" stroke="#00F" d="M0 1h1"/>
     <path id="c" style="stroke: rgb(255, 0,0)" d="M0 2h1"/></g><path id="d" d="M0 3h1"/>"""
     sheet = "<style>.a{stroke:red}</style>" + body
-    red, green = frozenset({"#ff0000"}), frozenset({"#00ff00"})
+    red = frozenset({"#ff0000"})
+    green = frozenset({"#00ff00"})
     assert [x.name for x in read(body, colors=red).contours] == ["a", "c"]
     assert len(read(sheet).contours) == 4
     blue = body.replace("red", "blue").replace("255, 0,0", "0,0,255")
@@ -438,11 +441,17 @@ def random_path_data(rng):
 
 def random_transform(rng, similar):
     """Text of a transform list and its matrix, (3, 3), made by a formula of its own."""
-    text, matrix = [], np.eye(3)
+    text = []
+    matrix = np.eye(3)
     for _ in range(rng.integers(0, 4)):
         a, b = (rng.uniform(0.4, 1.6, 2) * rng.choice([-1, 1], 2)).tolist()
-        c, bend, angle = a * math.copysign(1, b) if similar else b, 20 * a, math.radians(100 * a)
-        cos, sin, x, y = math.cos(angle), math.sin(angle), 3 * b, 4
+        c = a * math.copysign(1, b) if similar else b
+        bend = 20 * a
+        angle = math.radians(100 * a)
+        cos = math.cos(angle)
+        sin = math.sin(angle)
+        x = 3 * b
+        y = 4
         kinds = {
             f"translate({5 * a!r},{7 * b!r})": [[1, 0, 5 * a], [0, 1, 7 * b]],
             f"scale({a!r} {c!r})": [[a, 0, 0], [0, c, 0]],

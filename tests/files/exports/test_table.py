@@ -118,7 +118,8 @@ def early(t):
 
 
 def test_invalid_tables_are_refused(set_points, conventional, arm):
-    data, three = set_points(np.zeros((3, 2))), set_points(np.zeros((3, 3)))
+    data = set_points(np.zeros((3, 2)))
+    three = set_points(np.zeros((3, 3)))
     too_early = set_points(np.zeros((3, 2)), events=early(-0.05))
     table = [
         ((data, {"cycle": 0.008}), "have a cycle of 0.004 s"),
@@ -237,7 +238,8 @@ def test_exported_yaml_is_a_joint_trajectory_message(table, tmp_path):
         assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
         assert message["joint_names"] == list(original.joint_names)
         for fewer, (key, name) in enumerate(ARRAYS.items()):
-            values, atol = [x[key] for x in message["points"]], half_digit(7 - fewer)
+            values = [x[key] for x in message["points"]]
+            atol = half_digit(7 - fewer)
             np.testing.assert_allclose(values, getattr(original, name), rtol=0, atol=atol)
         starts = [x["time_from_start"] for x in message["points"]]
         assert [x["sec"] * 10**9 + x["nanosec"] for x in starts] == [4000_000 * i for i in range(9)]
@@ -262,7 +264,8 @@ def test_times_beyond_the_range_of_ros_are_refused(table, tmp_path):
 def rounded():
     """Compensated set-points of corners, whose accelerations jump, and of a smooth plan."""
     path = ac.Path.polyline([(0.30, 0.20), (0.36, 0.20), (0.36, 0.26)])
-    arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0)
+    arm = ac.load_arm("pmk3s")
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
     plans = [
         ac.plan(ac.round_corners(path, tolerance=1e-3), arm, ac.Limits(joint_acceleration=0.72)),
         ac.plan(path, arm, ac.Limits(joint_acceleration=0.72, joint_jerk=JERK)),
@@ -346,7 +349,8 @@ def test_a_warning_names_events_without_an_output_once(set_points, six, tmp_path
     assert "DEF part( )" in (tmp_path / "part.src").read_text()
     q = np.zeros((20, 6))
     switches = tuple(x for x in set_points(q).trajectory.events if x.name == "tool")
-    points, place = set_points(q, events=switches), tmp_path / "part.txt"
+    points = set_points(q, events=switches)
+    place = tmp_path / "part.txt"
     bare = (TemplateFormat(template=x) for x in ("kuka", "abb"))
     for form in (*bare, URScriptFormat()):
         with pytest.warns(UserWarning, match="does not switch tool,") as caught:

@@ -211,7 +211,8 @@ def test_missing_templates_are_refused(table, tmp_path):
 @pytest.mark.parametrize("how", ["include", "import", "extends"])
 def test_a_template_reads_no_other_files(table, tmp_path, how):
     (tmp_path / "head.j2").write_text("HEAD")
-    file, end = tmp_path / "main.j2", " as x" if how == "import" else ""
+    file = tmp_path / "main.j2"
+    end = " as x" if how == "import" else ""
     file.write_text(f"{{% {how} 'head.j2'{end} %}}")
     refusals(lambda x: export(table(), tmp_path, x), [(file, "main.j2, line 1")])
 
@@ -231,7 +232,10 @@ def replay(text):
     lines = [x.split("#")[0].strip() for x in text.splitlines()]
     lines = [x for x in lines if x]
     assert sum(x.startswith("def ") for x in lines) == lines.count("end") == 1
-    clock, points, events, first = 0.0, [], [], np.zeros(0)
+    clock = 0.0
+    points = []
+    events = []
+    first = np.zeros(0)
     for line in lines[1:-1]:
         if match := SERVOJ.fullmatch(line):
             points.append((clock, [float(x) for x in match[1].split(",")]))
@@ -261,7 +265,8 @@ def program(table, tmp_path, **options):
     st.sampled_from([0.002, 0.004, 0.008]),
 )
 def test_exported_events_are_within_half_an_interval(tmp_path_factory, count, times, cycle):
-    q, t = np.arange(6.0 * count).reshape(count, 6), np.arange(count) * cycle
+    q = np.arange(6.0 * count).reshape(count, 6)
+    t = np.arange(count) * cycle
     events = tuple(x for time in times for x in timed_events("tool", True, time))
     table = SetPointTable(
         name="any", joint_names=tuple("abcdef"), cycle=cycle, t=t, q=q, events=events
@@ -317,7 +322,8 @@ def on_rail(table):
 
 def test_prismatic_joints_are_external_axes_in_mm(table, tmp_path):
     exported = on_rail(table)
-    turned, slid = np.degrees(exported.q[:, 1:]), 1e3 * exported.q[:, 0]
+    turned = np.degrees(exported.q[:, 1:])
+    slid = 1e3 * exported.q[:, 0]
     kuka = re.findall(rf"S?PTP \{{{AXES}, E1 ({NUMBER})\}}", export(exported, tmp_path, "kuka"))
     np.testing.assert_allclose(
         np.array(kuka, float), np.column_stack([turned, slid]), rtol=0, atol=6e-7

@@ -143,7 +143,8 @@ def names(pairs):
 def test_pairs_disabled_in_an_srdf_file_are_ignored_with_its_reasons(tmp_path):
     (tmp_path / "small.srdf").write_text(SRDF)
     file = described(tmp_path)
-    bare, arm = loaded(file), loaded(file, srdf=tmp_path / "small.srdf")
+    bare = loaded(file)
+    arm = loaded(file, srdf=tmp_path / "small.srdf")
     pairs = [names((x.first, x.second) for x in pairs_of(one, Scene())[0]) for one in (bare, arm)]
     assert pairs[0] - pairs[1] == names([("base", "beam"), ("camera", "finger")])
     reasons = {frozenset((x.first, x.second)): x.reason for x in pairs_of(arm, Scene())[1]}

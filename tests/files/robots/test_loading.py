@@ -156,12 +156,14 @@ def test_a_plane_arm_may_have_bodies_and_carry_a_payload(tmp_path):
     values = zip(units.items(), (0.08, 0.005, 2700), strict=True)
     tubes = {key: {"value": [x] * 2, "unit": unit} for (key, unit), x in values}
     file = write(tmp_path, GOOD | {"tubes": tubes, "assumed": "tubes"})
-    bare, loaded = ac.load_arm(file), ac.load_arm(file, payload=Payload(mass=2.0))
+    bare = ac.load_arm(file)
+    loaded = ac.load_arm(file, payload=Payload(mass=2.0))
     assert bare.chain.assumed == "tubes"
     np.testing.assert_allclose(
         bare.chain.masses, 2700 * np.pi * (0.04**2 - 0.035**2) * np.array([0.3, 0.2])
     )
-    still, push = np.zeros(2), np.ones(2)
+    still = np.zeros(2)
+    push = np.ones(2)
     assert loaded.torque(still, still, push)[0] > bare.torque(still, still, push)[0] + 0.5
     refusals(
         lambda x: ac.load_arm(file, tool=x), [(Frame(), "planar arm ... does not support a tool")]
@@ -169,7 +171,8 @@ def test_a_plane_arm_may_have_bodies_and_carry_a_payload(tmp_path):
 
 
 def test_built_in_arms_take_tools_payloads_and_frames():
-    tool, work = Frame.rpy([0, 0, 0.2], [0, 0, 0]), Frame.rpy([0.5, 0, 0], [0, 0, 1])
+    tool = Frame.rpy([0, 0, 0.2], [0, 0, 0])
+    work = Frame.rpy([0.5, 0, 0], [0, 0, 1])
     arm = ac.load_arm("ur5e", tool=tool, work=work, payload=Payload(mass=3.0))
     assert arm.chain.payload.mass == 3.0 and arm.chain.tool is tool
     np.testing.assert_allclose(arm.chain.base.position, work.inverse.position)
@@ -240,7 +243,8 @@ def test_every_built_in_arm_can_be_planned(name):
 @pytest.mark.parametrize("name", ac.arm_names())
 def test_every_number_of_a_built_in_arm_has_a_unit_and_a_source(name):
     file = resources.files("armcontour.files.robots") / "library" / f"{name}.yaml"
-    queue, numbers = [yaml.safe_load(file.read_text("utf-8"))], 0
+    queue = [yaml.safe_load(file.read_text("utf-8"))]
+    numbers = 0
     while queue:
         data = queue.pop()
         assert not isinstance(data, int | float)
@@ -359,7 +363,8 @@ def test_a_joint_limits_file_can_limit_all_or_some_joints(tmp_path):
 
 
 def test_a_file_of_joint_limits_completes_the_description(tmp_path):
-    robot, file = tmp_path / "robot.urdf", tmp_path / "limits.yaml"
+    robot = tmp_path / "robot.urdf"
+    file = tmp_path / "limits.yaml"
     robot.write_text(ROBOT.read_text().replace('<limit effort="80" velocity="2"/>', ""))
     file.write_text("joint_limits: {pan: {max_velocity: 1.0, max_effort: 10.0}}")
     limits = ac.load_arm(

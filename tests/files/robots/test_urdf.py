@@ -57,7 +57,8 @@ def compute_with_mujoco(q, dq, ddq, held):
             data.qpos[model.joint(name).qposadr[0]] = value
         data.qpos[dofs], data.qvel[dofs], data.qacc[dofs] = state
         mujoco.mj_inverse(model, data)
-        base, tip = data.body("base_link"), data.body("tcp")
+        base = data.body("base_link")
+        tip = data.body("tcp")
         turn = base.xmat.reshape(3, 3).T
         torques_and_poses.append((data.qfrc_inverse[dofs].copy(), turn @ (tip.xpos - base.xpos)))
     return tuple(np.array(x) for x in zip(*torques_and_poses, strict=True))
@@ -77,7 +78,8 @@ def compare_with_pinocchio(arm, text, held):
     """Compare frames, bodies and torques of an arm with those of pinocchio's own reader."""
     pin = pinocchio()
     whole = pin.buildModelFromXML(text)
-    q, fixed = pin.neutral(whole), [x for x in list(whole.names)[1:] if x not in arm.joint_names]
+    q = pin.neutral(whole)
+    fixed = [x for x in list(whole.names)[1:] if x not in arm.joint_names]
     for name in fixed:
         joint = whole.joints[whole.getJointId(name)]
         angle = held.get(name, 0.0)
@@ -93,7 +95,8 @@ def compare_with_pinocchio(arm, text, held):
         expected = np.array(expected)
         np.testing.assert_allclose(actual, expected, atol=1e-14 * (1 + np.abs(expected).max()))
 
-    bodies, places = list(model.inertias)[1:], list(model.jointPlacements)[1:]
+    bodies = list(model.inertias)[1:]
+    places = list(model.jointPlacements)[1:]
     same(chain.masses, [x.mass for x in bodies])
     same(chain.centers, [x.lever for x in bodies])
     same(chain.inertias, [x.inertia for x in bodies])
@@ -102,7 +105,8 @@ def compare_with_pinocchio(arm, text, held):
     tip = model.frames[model.getFrameId("tcp")].placement
     same(chain.tip.position, tip.translation)
     same(chain.tip.rotation, tip.rotation)
-    data, states = model.createData(), np.random.default_rng(5).normal(size=(20, 3, len(chain)))
+    data = model.createData()
+    states = np.random.default_rng(5).normal(size=(20, 3, len(chain)))
     for q, dq, ddq in states:
         ends = [joint.nq for joint in list(model.joints)[1:]]
         values = [[x] if n == 1 else [np.cos(x), np.sin(x)] for x, n in zip(q, ends, strict=True)]
@@ -123,7 +127,8 @@ def test_random_urdf_files_are_read_like_pinocchio_does(tmp_path, seed):
     def words(low, high, count=3):
         return " ".join(map(repr, rng.uniform(low, high, count).tolist()))
 
-    links, joints = ['<link name="l0"/>'], []
+    links = ['<link name="l0"/>']
+    joints = []
     for k in range(1, 16):
         kind = "fixed" if k % 5 == 0 else "prismatic" if k % 4 == 3 else "revolute"
         name = "tcp" if k == 15 else f"l{k}"
@@ -168,7 +173,8 @@ def test_the_arm_has_the_values_of_its_description():
 
 
 def test_the_chain_can_begin_and_end_at_chosen_links():
-    flange, whole = original_arm(tip="flange"), original_arm()
+    flange = original_arm(tip="flange")
+    whole = original_arm()
     q, dq, ddq = np.random.default_rng(1).normal(size=(3, 20, 4))
     # The torques do not depend on the position of the tip.
     np.testing.assert_allclose(flange.torque(q, dq, ddq), whole.torque(q, dq, ddq), atol=1e-12)
@@ -184,7 +190,8 @@ def test_the_chain_can_begin_and_end_at_chosen_links():
 
 def test_a_description_without_inertial_elements_has_kinematics_only(tmp_path):
     text = re.sub("<inertial>.*?</inertial>", "", TEXT, flags=re.DOTALL)
-    arm, whole = load(tmp_path, (TEXT, text)), original_arm()
+    arm = load(tmp_path, (TEXT, text))
+    whole = original_arm()
     assert arm.chain.masses is None
     np.testing.assert_array_equal(arm.tool_position(np.ones(4)), whole.tool_position(np.ones(4)))
     refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
@@ -207,7 +214,8 @@ QUATERNIONS = """
 
 
 def test_origins_may_have_quaternions(tmp_path):
-    first, last = '<robot name="lifter">', 'rpy="1.2 0 0.3"'
+    first = '<robot name="lifter">'
+    last = 'rpy="1.2 0 0.3"'
     place = Frame.rpy((0, 0, 0), (1.2, 0, 0.3))
     version = (first, '<robot name="lifter" version="1.2">')
     # Four printed digits of a quaternion are enough.

@@ -29,8 +29,10 @@ def problem(arm, limits):
 @pytest.fixture(scope="module")
 def planned(problem):
     """A motion whose shape is an arc."""
-    rounded, corner = ac.round_corners(problem.objective, tolerance=TOLERANCE), 0.12
-    ends, tangent = problem.objective.length, rounded.corners.tangent[0]
+    rounded = ac.round_corners(problem.objective, tolerance=TOLERANCE)
+    corner = 0.12
+    ends = problem.objective.length
+    tangent = rounded.corners.tangent[0]
     s = [0.0, rounded.corners.start[0], rounded.corners.end[0], rounded.length]
     shaped = ShapedPath(
         segments=rounded.segments,

@@ -14,7 +14,8 @@ def test_quadratic_programs_with_tiny_quadratic_terms_are_solved():
     """Rows with and without zeros at their ends, between the first node and the last."""
     for n, k in itertools.product((1, 2, 7), (1, 2, 3)):
         rng = np.random.default_rng(10 * n + k)
-        cost, rows = rng.normal(size=(n, k)), rng.normal(size=(n, 6, 3 * k))
+        cost = rng.normal(size=(n, k))
+        rows = rng.normal(size=(n, 6, 3 * k))
         # Some rows touch few unknowns, one is empty, and the last ones keep the solution finite.
         rows[:, 0, :k] = rows[:, 1, 2 * k :] = rows[:, 2] = 0.0
         rows = np.concatenate([rows, np.tile(box(k), (n, 1, 1))], axis=1)
@@ -29,7 +30,8 @@ def test_quadratic_programs_with_tiny_quadratic_terms_are_solved():
         assert float((matrix @ x.ravel() - upper).max()) < 1e-7, (n, k)
         assert float(cost.ravel() @ x.ravel()) == pytest.approx(exact.fun, abs=1e-6), (n, k)
     # An unknown that would be at most -1 and at least 1.
-    rows, bounds = np.array([[[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]]), np.array([[-1.0, -1.0]])
+    rows = np.array([[[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]])
+    bounds = np.array([[-1.0, -1.0]])
     _, iterations = solve_program(np.ones((1, 1)), rows, bounds, np.full((1, 1), 1e-6))
     assert iterations < 0
 
@@ -38,7 +40,8 @@ def box(k):
     """Rows that bound k unknowns on both sides."""
     rows = np.zeros((2 * k, 3 * k))
     for j in range(k):
-        rows[2 * j, k + j], rows[2 * j + 1, k + j] = 1.0, -1.0
+        rows[2 * j, k + j] = 1.0
+        rows[2 * j + 1, k + j] = -1.0
     return rows
 
 
@@ -64,7 +67,8 @@ def random_program(seed, n, k, m):
     bounds[:, 0] = -1.0
     cost = random.normal(size=(n, k))
     # The first node has none before it, the last one none after it.
-    rows[0, :, :k], rows[-1, :, 2 * k :] = 0.0, 0.0
+    rows[0, :, :k] = 0.0
+    rows[-1, :, 2 * k :] = 0.0
     return cost, rows, bounds, np.full((n, k), 1e-3)
 
 

@@ -26,7 +26,8 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
     limits = ac.Limits.only(
         speed=0.15, joint_acceleration=0.72, centripetal_acceleration=centripetal
     ).for_joints(2)
-    tube, options = Tube.around(LINES, 1e-3), ac.Shaped(tolerance=1e-3)
+    tube = Tube.around(LINES, 1e-3)
+    options = ac.Shaped(tolerance=1e-3)
     timer = Timer(arm, limits, "positive", None, 800)
     search = next(make_searches(LINES, tube, timer, options))
     durations = []
@@ -70,10 +71,8 @@ def test_the_starts_of_the_search_use_the_whole_tolerance():
         for errors in (path.project(LINES.vertices[1:3]).distance, path.corners.error):
             np.testing.assert_allclose(errors, 5e-3, rtol=1e-9)
     # A share of the tolerance is one of each vertex' own.
-    points, segment_limits = (
-        [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)],
-        ac.SegmentLimits(tolerance=1e-3),
-    )
+    points = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)]
+    segment_limits = ac.SegmentLimits(tolerance=1e-3)
     path = ac.Path.polyline(points, segment_limits=segment_limits)
     start_path, _ = make_starts(path, tube_of(path, options), options, 0.7)[ARCS]
     np.testing.assert_allclose(start_path.corners.error, 0.7e-3, rtol=1e-9)
@@ -114,11 +113,15 @@ def case(request):
         ac.Line(start=corners[k], end=corners[k + 1], segment_limits=ac.SegmentLimits(speed=v))
         for k, v in enumerate((0.3, 0.1, None))
     ]
-    objective, configuration, start = ac.Path(segments=lines), "positive", None
+    objective = ac.Path(segments=lines)
+    configuration = "positive"
+    start = None
     if arm.dimension == 3:
         objective = objective.oriented(DOWN)
-        configuration, start = None, ac.trace(objective, arm)(0.0)
-    tube, options = Tube.around(objective, TOLERANCE), ac.Shaped(tolerance=TOLERANCE)
+        configuration = None
+        start = ac.trace(objective, arm)(0.0)
+    tube = Tube.around(objective, TOLERANCE)
+    options = ac.Shaped(tolerance=TOLERANCE)
     timer = Timer(arm, arm.limits.for_joints(arm.dof), configuration, start)
     path, places = make_starts(objective, tube, options, 0.7)[PARABOLAS]
     candidate = timer.candidate(PARABOLAS, path, places)
@@ -132,7 +135,8 @@ def drawn(case):
     return draw(spline, arm, objective, nodes.s_objective, nodes.tolerance), spline
 
 
-N, STEP = 9, 1e-6
+N = 9
+STEP = 1e-6
 NO_SPEEDS = np.full(N, np.inf)
 # Spans whose velocities are well above zero at both ends.
 MOVING = ~np.isin(np.arange(N), (0, 4, 5, N - 1))

@@ -67,7 +67,8 @@ def test_errors_of_other_processes_name_the_contour(arm, limits, pickled, monkey
 def program():
     """Rows that rest keeps, so that there is a solution with nodes that stay."""
     rng = np.random.default_rng(1)
-    n, k = 30, 2
+    n = 30
+    k = 2
     rows = rng.normal(size=(n, 8, 3 * k))
     return rng.normal(size=(n, k)), rows, rng.uniform(0.1, 1.0, (n, 8)), np.full((n, k), 0.1)
 

@@ -51,9 +51,11 @@ def motions(path, count=20):
     t = np.linspace(0, 1, 33)[:, None] * w
     for seed in range(count):
         rng = np.random.default_rng(seed)
-        x0, u0 = rng.uniform(0.5, 2, len(path)), rng.uniform(-0.1, 0.1, len(path)) / w
+        x0 = rng.uniform(0.5, 2, len(path))
+        u0 = rng.uniform(-0.1, 0.1, len(path)) / w
         k = rng.uniform(-0.1, 0.1, len(path)) / w**2
-        x, u = x0 + 2 * u0 * t + k * t**2, u0 + k * t
+        x = x0 + 2 * u0 * t + k * t**2
+        u = u0 + k * t
         bounds = np.abs(u).max(axis=0), x.max(axis=0), np.abs(k), np.ones(len(path))
         yield x[..., None], u[..., None], np.stack(bounds, axis=1)
 
@@ -62,7 +64,8 @@ def test_dense_samples_stay_within_the_bounds_of_sampled_forms():
     viscous = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
     chain = UR5E.chain.replace(viscous=viscous)
     arm = ac.SerialArm(name="rubbing", chain=chain, limits=UR5E.limits)
-    path, share = sampled_path(400), np.linspace(0, 1, 33)[:, None]
+    path = sampled_path(400)
+    share = np.linspace(0, 1, 33)[:, None]
     s = path.grid.s[:-1] + share * path.grid.width
     piece = np.broadcast_to(path.grid.piece, s.shape).ravel()
     q, first, second = (PATH.on_interval(piece, s.ravel(), k) for k in range(3))
@@ -95,19 +98,22 @@ def test_dense_samples_stay_within_the_bounds_of_sampled_forms():
 def largest_by_programs(path, ends):
     """The largest x by a linear program for each interval, backward and forward."""
     width = path.grid.width
-    n, ceilings = len(width), (4 / path.derivatives[0][0] ** 2).min(axis=2)
+    n = len(width)
+    ceilings = (4 / path.derivatives[0][0] ** 2).min(axis=2)
 
     def lines(i):
         """Rows, of x at the start and of the mean u, and their bounds."""
         w = width[i]
         a, b = ends[i, :, :, A], ends[i, :, :, B]
         rows = np.concatenate([np.stack([b[0], a[0]], 1), np.stack([b[1], a[1] + 2 * w * b[1]], 1)])
-        high, low = ends[i, :, :, HIGH].ravel(), ends[i, :, :, LOW].ravel()
+        high = ends[i, :, :, HIGH].ravel()
+        low = ends[i, :, :, LOW].ravel()
         cap = ceilings[i].tolist()
         rows = np.concatenate([rows, -rows, [[1, 0], [1, 2 * w], [0, 0], [-1, -2 * w]]])
         return rows, np.concatenate([high, -low, cap, [0, 0]]), w
 
-    upper, x = np.zeros(n + 1), np.zeros(n + 1)
+    upper = np.zeros(n + 1)
+    x = np.zeros(n + 1)
     for i in range(n - 1, -1, -1):
         rows, right, w = lines(i)
         right[-3] = min(right[-3], upper[i + 1])

@@ -25,7 +25,8 @@ def ur5e():
 def ranges(arm, joint, low, high):
     """The arm's limits with another range of one joint."""
     lower, upper = (x.copy() for x in arm.limits.joint_range(arm.dof))
-    lower[joint - 1], upper[joint - 1] = low, high
+    lower[joint - 1] = low
+    upper[joint - 1] = high
     return arm.limits.replace(joint_lower=lower, joint_upper=upper)
 
 

@@ -75,7 +75,8 @@ def is_on_path(arm, path, traced):
 
 @pytest.mark.parametrize(("name", "kind"), CASES)
 def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
-    arm, path = ac.load_arm(name), PATHS[kind]
+    arm = ac.load_arm(name)
+    path = PATHS[kind]
     candidates = trace_all(path, arm)
     lower, upper = arm.limits.joint_range(arm.dof)
     for traced in candidates:
@@ -101,7 +102,8 @@ def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
         s = traced.breaks[1:] if side == "left" else traced.breaks[:-1]
         q, dq, ddq = (traced(s, k, side=side) for k in range(3))
         # The tool's velocity and acceleration over arc length, by the arm's own Jacobian.
-        twist, change = arm.tool_twist(q, dq), arm.tool_twist_rate(q, dq, ddq)
+        twist = arm.tool_twist(q, dq)
+        change = arm.tool_twist_rate(q, dq, ddq)
         size = 1 + np.abs(change).max()
         np.testing.assert_allclose(twist[:, :3], path(s, 1, side=side), atol=1e-9)
         np.testing.assert_allclose(change[:, :3], path(s, 2, side=side), atol=1e-9 * size)
@@ -118,7 +120,8 @@ def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
         np.testing.assert_allclose(*bends, atol=1e-9 * size)
         # And they are derivatives of the joint positions that are returned.
         h = 1e-3 * np.diff(traced.breaks)[:, None] * sign
-        before, after = traced(s), traced(s + h[:, 0])
+        before = traced(s)
+        after = traced(s + h[:, 0])
         cubic = np.abs(after - before - h * dq - h**2 / 2 * ddq).max()
         assert cubic < 1e-6 * max(1.0, np.abs(h**2 * ddq).max())
 
@@ -177,7 +180,8 @@ def test_a_refused_seed_names_one_that_works(ur5e, refuses):
 
 def test_a_waypoint_one_millimetre_out_of_reach_is_refused(ur5e):
     """How far the arm gets along x with the tool down, in any configuration, by bisection."""
-    edge, high = 0.6, 1.2
+    edge = 0.6
+    high = 1.2
     for _ in range(40):
         middle = (edge + high) / 2
         pose = np.column_stack([DOWN, [middle, 0, 0.3]])
@@ -205,8 +209,10 @@ def test_the_wrist_turns_fast_near_its_singularity_and_a_path_through_it_is_refu
     point, rotation = ur5e.pose(q)
     lost = np.linalg.svd(ur5e.jacobian(q))[0][:, -1]  # what the tool cannot do there
     ends = 0.05 * np.array([[-1.0], [1.0]])
-    points, turns = point + ends * lost[:3], exp(ends * lost[3:]) @ rotation
-    fastest, start = [], None
+    points = point + ends * lost[:3]
+    turns = exp(ends * lost[3:]) @ rotation
+    fastest = []
+    start = None
     for aside in (1e-2, 1e-3, 1e-4):
         beside = ac.Path.polyline(points + [0, 0, aside])
         path = beside.oriented(exp(aside * np.cross(lost[3:], [0.3, 0.4, 0.5])) @ turns)
@@ -230,7 +236,8 @@ def test_an_arm_with_five_joints_follows_a_tool_axis_but_no_orientation(refuses)
     random = np.random.default_rng(1)
     axes = random.normal(size=(5, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    turns, positions = exp(random.normal(size=(5, 3))), 0.3 * random.normal(size=(5, 3))
+    turns = exp(random.normal(size=(5, 3)))
+    positions = 0.3 * random.normal(size=(5, 3))
     chain = Chain(joints=tuple("abcde"), rotations=turns, positions=positions, axes=axes)
     arm = SerialArm(name="five", chain=chain, limits=ac.Limits.only(joint_velocity=1.0))
     points, rotations = arm.pose(np.array([[0.3, 0.2, 0.5, 0.7, 0.1], [0.35, 0.25, 0.5, 0.7, 0.1]]))
@@ -245,7 +252,8 @@ def test_invalid_orientations_and_corners_are_refused(ur5e, refuses):
     path = ac.Path.polyline(POINTS)
     sharp = path.following_tangent([0, 0, 1])
     # The message does not suggest rounding for a corner that rounding left sharp.
-    begin, turn = (0.4, 0, 0.2), (0.4 + 0.1 * np.sin(1), 0.1 - 0.1 * np.cos(1), 0.2)
+    begin = (0.4, 0, 0.2)
+    turn = (0.4 + 0.1 * np.sin(1), 0.1 - 0.1 * np.cos(1), 0.2)
     arc = ac.Arc(start=begin, center=(0.4, 0.1, 0.2), angle=1.0, normal=(0, 0, 1))
     lifted = ac.Path(segments=[arc, ac.Line(start=turn, end=(0.5, 0, 0.3))])
     lifted = lifted.following_tangent([0, 0, 1])
@@ -291,7 +299,8 @@ def test_sharp_corners_are_stops_and_corners_next_to_arcs_are_rounded(ur5e):
 
 def test_a_weld_seam_around_a_tube_requires_a_free_tool_axis(ur5e):
     arm = ur5e.with_tool(TORCH)
-    center, up = np.array([0.45, 0.0, 0.35]), np.array([0.0, 0.0, 1.0])
+    center = np.array([0.45, 0.0, 0.35])
+    up = np.array([0.0, 0.0, 1.0])
     seam = ac.Path(
         segments=[ac.Arc.circle(start=center + 0.08 * up, center=center, normal=(0, 1, 0))]
     )

@@ -43,14 +43,16 @@ def test_the_tool_stays_on_the_path(arm, rounded, configuration):
 
 def test_derivatives_of_the_joint_path_agree_with_exact_kinematics(arm):
     for name in ("line", "full circle", "around the base", "close past the base"):
-        path, h = PATHS[name], 1e-5
+        path = PATHS[name]
+        h = 1e-5
         traced = ac.trace(path, arm, tolerance=1e-10)
         s = (path.breaks[:-1, None] + (np.arange(200) + 0.5) / 200 * path.lengths[:, None]).ravel()
         # By differences of the closed-form inverse along the path itself.
         before, now, after = (
             np.unwrap(arm.joint_position(path(s + k * h)), axis=0) for k in (-1, 0, 1)
         )
-        first, second = (after - before) / (2 * h), (after - 2 * now + before) / h**2
+        first = (after - before) / (2 * h)
+        second = (after - 2 * now + before) / h**2
         for k, expected, near in ((1, first, 1e-5), (2, second, 1e-3)):
             near = near * np.abs(expected).max() + (k - 1) * 1e-4
             np.testing.assert_allclose(traced(s, k), expected, atol=near, err_msg=name)
@@ -60,7 +62,8 @@ def test_corners_are_two_sided_and_the_turn_of_an_arc_jumps_in_the_second_deriva
     arm, rounded, traced, objective
 ):
     s = rounded.breaks[1]
-    q, jump = traced(s), traced(s, 2) - traced(s, 2, side="left")
+    q = traced(s)
+    jump = traced(s, 2) - traced(s, 2, side="left")
     np.testing.assert_allclose(traced(s, 1, side="left"), traced(s, 1), atol=1e-9)
     curvature = np.linalg.solve(arm.tool_jacobian(q), rounded(s, 2, side="right"))
     np.testing.assert_allclose(jump, curvature, rtol=1e-6)
@@ -74,7 +77,8 @@ def test_corners_are_two_sided_and_the_turn_of_an_arc_jumps_in_the_second_deriva
 @pytest.mark.parametrize("configuration", BRANCHES)
 def test_full_turns_are_unwrapped(arm, configuration):
     for turns in (1, -1, 3):
-        angle, start = np.sign(turns) * 2 * np.pi, np.add(BASE, (0.3, 0.0))
+        angle = np.sign(turns) * 2 * np.pi
+        start = np.add(BASE, (0.3, 0.0))
         path = ac.Path(segments=[ac.Arc(start=start, center=BASE, angle=angle)] * abs(turns))
         traced = ac.trace(path, arm, configuration=configuration)
         # Joint angles count clockwise: one circle about the base turns joint 1, leaves joint 2.

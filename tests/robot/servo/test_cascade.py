@@ -9,7 +9,8 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.motion import SetPoints
 
-CYCLE, SLIDING = 8e-3, 5e-3
+CYCLE = 8e-3
+SLIDING = 5e-3
 ARM = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
 T = np.arange(40) * CYCLE
 Q = np.stack([0.3 + 0.05 * np.sin(20 * T) * T / T[-1], 0.2 - 0.3 * T**2], axis=1)
@@ -26,7 +27,8 @@ def plan():
 @pytest.mark.parametrize("limit", [math.inf, 1.5])
 def test_a_drive_with_a_cycle_follows_its_difference_equation(plan, limit):
     """As a controller computes it: once per cycle, with sums in place of integrals."""
-    drive_cycle, dead_time = 3e-3, 5e-3
+    drive_cycle = 3e-3
+    dead_time = 5e-3
     servo = ac.ServoModel(
         kp=12.0, kv=80.0, ki=6.0, dead_time=dead_time, velocity_feedforward=0.4, friction=3e-4,
         acceleration_feedforward=0.3, drive_cycle=drive_cycle, acceleration_limit=limit,
@@ -37,8 +39,12 @@ def test_a_drive_with_a_cycle_follows_its_difference_equation(plan, limit):
     for j in range(2):
         times = (np.arange(-2, 100)) * drive_cycle
         u = np.interp(times - dead_time, T, Q[:, j])
-        du, ddu = np.diff(u)[1:] / drive_cycle, np.diff(u, 2) / drive_cycle**2
-        q, w, x, positions = Q[0, j], 0.0, 0.0, []
+        du = np.diff(u)[1:] / drive_cycle
+        ddu = np.diff(u, 2) / drive_cycle**2
+        q = Q[0, j]
+        w = 0.0
+        x = 0.0
+        positions = []
         for k in range(100):
             error = 12.0 * (u[k + 2] - q) + 0.4 * du[k] - w
             x += drive_cycle * error
@@ -49,7 +55,8 @@ def test_a_drive_with_a_cycle_follows_its_difference_equation(plan, limit):
             for t in np.arange(len(execution.t)) * CYCLE / 2 - k * drive_cycle:
                 if -1e-9 < t < drive_cycle - 1e-9:
                     positions.append(q + w * t + a * t * t / 2)
-            q, w = q + w * drive_cycle + a * drive_cycle**2 / 2, w + a * drive_cycle
+            q = q + w * drive_cycle + a * drive_cycle**2 / 2
+            w = w + a * drive_cycle
         n = min(len(positions), 2 * len(Q))
         np.testing.assert_allclose(execution.q[:n, j], positions[:n], atol=1e-12)
         assert (execution.saturated_time[j] > 0.02) == np.isfinite(limit)
@@ -114,7 +121,8 @@ def test_the_frequency_response_equals_a_simulated_sine():
         kp=12.0, kv=80.0, ki=6.0, velocity_feedforward=0.7, acceleration_feedforward=0.3,
         dead_time=5e-3, interpolation="linear",
     )  # fmt: skip
-    w, t = 15.0, np.arange(2000) * 1e-3
+    w = 15.0
+    t = np.arange(2000) * 1e-3
     ramp = np.clip(t / 0.5, 0, 1) ** 2
     q = 0.01 * (np.sin(w * t) * ramp)[:, None] * [1.0, 0.5]
     rest = ac.Trajectory(laws=(ac.dwell_law(q[0], t[-1]),), method="rest")
@@ -142,7 +150,8 @@ def test_integrators_of_other_orders_are_refused(plan, refuses):
         ),
     ):  # fmt: skip
         refuses(lambda parameters=parameters: ac.ServoModel(**parameters), InvalidInput, words)
-    servo, words = ac.ServoModel(kp=5.0, kv=50.0, ki=1.0), "and without integrator"
+    servo = ac.ServoModel(kp=5.0, kv=50.0, ki=1.0)
+    words = "and without integrator"
     poles = lambda: ac.compensate(plan, servo, ac.PolePlacement())  # noqa: E731
     refuses(poles, InvalidInput, words)
     assert "ki 1 1/s" in str(servo)

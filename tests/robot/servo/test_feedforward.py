@@ -10,7 +10,8 @@ import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.motion import SetPoints
 
-CYCLE, LATE = 4e-3, 5.3e-3
+CYCLE = 4e-3
+LATE = 5.3e-3
 FEED = ("velocity_feedforward", "acceleration_feedforward")
 KINDS = {
     "linear": {"velocity_feedforward": 1.01, "acceleration_feedforward": 0.6},
@@ -80,7 +81,9 @@ def test_the_response_solves_the_differential_equation(kind, limit, arm, plan):
     kp, kv = 20.0, 90.0
     edges = np.union1d(np.arange(30) * CYCLE, np.arange(30) * CYCLE + LATE)
     for j in range(2):
-        joint_command, state, positions = q[:, j], np.array([q[0, j], 0.0]), [q[0, j]]
+        joint_command = q[:, j]
+        state = np.array([q[0, j], 0.0])
+        positions = [q[0, j]]
         cubic = cubic_of(joint_command)
         for begin, end in zip(edges[:-1], edges[1:], strict=True):
             k = int(np.floor(((begin + end) / 2 - LATE) / CYCLE))
@@ -126,7 +129,8 @@ def test_feedforward_does_not_change_the_error_of_compensated_joints(kind, metho
     if servo.kv is None and method == "pole_placement":
         return
     plain = servo.replace(**dict.fromkeys(FEED, 0.0))
-    errors, alone = [], []
+    errors = []
+    alone = []
     for model in (plain, servo):
         set_points, execution = follow(plan, arm, model, arm.limits, method)
         inside = (execution.t > 0) & (execution.t < plan.duration)
@@ -233,7 +237,8 @@ def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
     arm = ac.load_arm("ur5e")
     path = ac.Path.polyline([(0.4, -0.1, 0.3), (0.4, 0.1, 0.3)]).oriented(np.diag([1.0, -1, -1]))
     plan = ac.plan(path, arm, arm.limits.replace(speed=0.25, joint_jerk=100.0))
-    servo, errors = ac.ServoModel(kp=25.0, kv=150.0, velocity_feedforward=1.0), []
+    servo = ac.ServoModel(kp=25.0, kv=150.0, velocity_feedforward=1.0)
+    errors = []
     for method in ("inverse_dynamics", "none"):
         set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
         execution = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))

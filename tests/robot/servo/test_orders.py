@@ -8,7 +8,8 @@ import armcontour as ac
 from armcontour.motion import SetPoints
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
-CYCLE, SLIDING = 4e-3, 5e-3
+CYCLE = 4e-3
+SLIDING = 5e-3
 ARM = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
 T = np.arange(60) * CYCLE
 Q = np.stack([0.3 + 0.05 * np.sin(20 * T) * T / T[-1], 0.2 - 0.3 * T**2], axis=1)
@@ -42,7 +43,8 @@ def test_each_joint_has_its_own_order(execute):
     n = len(Q)
     delayed = np.interp(execution.t[:n] - dead_times[1], T, Q[:, 1])
     np.testing.assert_allclose(execution.q[:n, 1], delayed, atol=1e-12)
-    state, positions = Q[0, 0], [Q[0, 0]]
+    state = Q[0, 0]
+    positions = [Q[0, 0]]
     edges = np.union1d(T, np.arange(-2, n) * CYCLE + dead_times[0])
     for begin, end in zip(edges[2:-1], edges[3:], strict=True):
         k = int(np.floor(((begin + end) / 2 - dead_times[0]) / CYCLE))
@@ -107,7 +109,8 @@ def test_a_drive_cycle_does_not_change_joints_of_order_delay(execute):
     execution = execute(servo)
     n = len(Q)
     np.testing.assert_allclose(execution.q[:n, 0], np.interp(T - dead_time, T, Q[:, 0]), atol=1e-12)
-    q, positions = Q[0, 1], []
+    q = Q[0, 1]
+    positions = []
     for m in range(4 * (n - 1)):
         positions.append(q)
         q += 1e-3 * 20.0 * (np.interp(m * 1e-3, T, Q[:, 1]) - q)

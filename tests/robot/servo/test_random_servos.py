@@ -6,9 +6,14 @@ from numba import njit
 import armcontour as ac
 from armcontour.robot.servo.simulation import ServoSimulation
 
-CYCLE, POINTS, AFTER, JOINTS, SLIDING = 4e-3, 30, 20, 10, 5e-3
+CYCLE = 4e-3
+POINTS = 30
+AFTER = 20
+JOINTS = 10
+SLIDING = 5e-3
 # Largest differences [rad], with and without saturation, at which the method of steps has kinks.
-SATURATED, LINEAR = 1e-7, 1e-10
+SATURATED = 1e-7
+LINEAR = 1e-10
 
 
 def random_servo(rng, interpolation):
@@ -41,14 +46,16 @@ def command(q, kind, k, s):
     last = len(q) - 1
     if k < 0 or k >= last:
         return q[min(max(k, 0), last)], 0.0, 0.0, 0.0
-    chord, before = (q[k + 1] - q[k]) / CYCLE, (q[k] - q[max(k - 1, 0)]) / CYCLE
+    chord = (q[k + 1] - q[k]) / CYCLE
+    before = (q[k] - q[max(k - 1, 0)]) / CYCLE
     if kind == "step":
         return q[k], before, 0.0, before
     if kind == "linear":
         return q[k] + s * chord, chord, (chord - before) / CYCLE, chord
     start = (q[k + 1] - q[k - 1]) / (2 * CYCLE) if k > 0 else 0.0
     end = (q[k + 2] - q[k]) / (2 * CYCLE) if k + 1 < last else 0.0
-    a, b = (3 * chord - 2 * start - end) / CYCLE, (start + end - 2 * chord) / CYCLE**2
+    a = (3 * chord - 2 * start - end) / CYCLE
+    b = (start + end - 2 * chord) / CYCLE**2
     return (
         q[k] + s * (start + s * (a + s * b)), start + s * (2 * a + 3 * s * b), 2 * a + 6 * s * b,
         chord,
@@ -72,7 +79,8 @@ def rates(state, gains, q, kind, k, s):
 @njit
 def integrate(gains, q, kind, delay, divisions):
     """Positions at the set-point times, by the classical method; `delay` in eighths of a cycle."""
-    h, state = CYCLE / divisions, np.array([q[0], 0.0, 0.0])
+    h = CYCLE / divisions
+    state = np.array([q[0], 0.0, 0.0])
     positions = np.empty(POINTS + AFTER)
     for n in range(len(positions) * divisions):
         k, step = divmod(n - delay * (divisions // 8), divisions)
@@ -102,9 +110,12 @@ def test_random_servos_match_runge_kutta():
             delay = round(servo.dead_time[j] / CYCLE * 8)
             arguments = gains, q[:, j].copy(), servo.interpolation, delay
             tolerance = SATURATED if np.isfinite(limit[j]) else LINEAR
-            divisions, difference, finer = 8, 1.0, integrate(*arguments, 8)
+            divisions = 8
+            difference = 1.0
+            finer = integrate(*arguments, 8)
             while difference > tolerance / 4:
-                divisions, coarser = 2 * divisions, finer
+                divisions = 2 * divisions
+                coarser = finer
                 finer = integrate(*arguments, divisions)
                 difference = np.abs(finer - coarser).max()
             np.testing.assert_allclose(run.states[j, :, 0], finer, atol=tolerance, rtol=0)

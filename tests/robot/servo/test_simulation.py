@@ -5,13 +5,18 @@ import numpy as np
 import armcontour as ac
 from armcontour.robot.servo.simulation import ServoSimulation
 
-CYCLE, BOUND = 1e-3, 3.0
+CYCLE = 1e-3
+BOUND = 3.0
 
 
 def integrate(q, servo, every):
     """Lowest and highest demand of a joint under held set-points, integrated in small steps."""
-    kp, kv, dead_time = float(servo.kp), float(servo.kv), float(servo.dead_time)
-    x, v, demand_range = q[0], 0.0, [0.0, 0.0]
+    kp = float(servo.kp)
+    kv = float(servo.kv)
+    dead_time = float(servo.dead_time)
+    x = q[0]
+    v = 0.0
+    demand_range = [0.0, 0.0]
     for i in range(round(60 * CYCLE / every)):
         k = int((i * every - dead_time) / CYCLE + 1e-6) if i * every >= dead_time - 1e-12 else 0
         u = q[min(k, len(q) - 1)]

@@ -94,7 +94,8 @@ def test_a_draft_survives_closing_the_page_and_the_server(pages, tmp_path):
         studio.tab("process")
         with studio.changing():
             studio.type("limits.speed", "0.1 m/s")
-        changed, shown = studio.text, studio.figure("duration")
+        changed = studio.text
+        shown = studio.figure("duration")
         time.sleep(0.5)
         studio.is_cut_off = True
         server.process.kill()

@@ -63,7 +63,8 @@ def identified():
     """Six joints from two programs; the fourth joint does not move."""
     arm = ac.load_arm("ur5e")
     robot = ac.ServoPlant(arm, ac.ServoModel(kp=23.0, kv=150.0, dead_time=0.012))
-    t, logs = np.arange(0.0, 4.0, 4e-3), []
+    t = np.arange(0.0, 4.0, 4e-3)
+    logs = []
     frequencies = np.arange(0.5, 20.0, 0.25)
     for program in (1, 2):
         random = np.random.default_rng(program)
@@ -213,7 +214,8 @@ def test_figures_and_drawings_react_to_the_pointer(browser, tmp_path):
         assert len(after) == 3 and all(x < y for x, y in zip(after, before, strict=True))
     with opened(browser, text_of("run"), tmp_path, 1400) as page:
         page.wait_for_selector(".space canvas", timeout=120_000)
-        slider, clock = page.locator(".player input"), page.locator(".clock")
+        slider = page.locator(".player input")
+        clock = page.locator(".clock")
         assert clock.inner_text().startswith("0 of")
         before = page.locator(".space").screenshot()
         page.locator(".player .play").click()

@@ -7,7 +7,8 @@ pytestmark = [needs_linuxcnc, needs_own_hal]
 # A motion in which this machine was late is repeated.
 TRIES = 5
 LATE = ("came late", "not ready in time", "received nothing")
-IN_DEGREES, IN_RAD = "57.29577951308232", "0.017453292519943295"
+IN_DEGREES = "57.29577951308232"
+IN_RAD = "0.017453292519943295"
 # Replaced parts of the file, the verdict or the class of the error, and words of its message.
 FAULTS = {
     "none": ({}, True, ()),

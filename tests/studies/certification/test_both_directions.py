@@ -21,7 +21,8 @@ runs:
   only: {{compensation: {{method: {method}}}}}
 certificate: {{servo_error: {servo}}}
 """
-ENDS, SPEEDS = [0.300, 0.312, 0.318, 0.330], [0.15, 0.02, 0.10]
+ENDS = [0.300, 0.312, 0.318, 0.330]
+SPEEDS = [0.15, 0.02, 0.10]
 
 
 def job_of_own_speeds(method):
@@ -51,7 +52,8 @@ def test_the_tool_respects_the_speed_of_every_segment(method):
     certificate = ac.certify(job)
     execution = executed(certificate)
     # On a line along x the place is x; a tool that is off the path is somewhere as near as that.
-    x, distances = execution.tool[:, 0], np.abs(execution.tool[:, 1] - 0.2)
+    x = execution.tool[:, 0]
+    distances = np.abs(execution.tool[:, 1] - 0.2)
     around = [np.searchsorted(ENDS[1:-1], y) for y in (x - distances, x + distances)]
     assigned = np.max([np.array(SPEEDS)[i] for i in around], axis=0)
     assert (execution.tool_speed / assigned).max() <= 1.001

@@ -69,7 +69,8 @@ def certified():
 
 def judged(certificate, loaded=False):
     """The certificate's set-points, executed and checked again by nothing of the search."""
-    arm, limits = certificate.job.arm, certificate.result.run.limits
+    arm = certificate.job.arm
+    limits = certificate.result.run.limits
     plant = ac.ServoPlant(arm, certificate.job.plant_servo, limits)
     executed = ac.simulate(certificate.set_points, plant, resolution=1e-4)
     result = ac.evaluate(
@@ -90,7 +91,8 @@ def test_the_papers_job_is_certified_at_4_ms_with_the_parts_of_its_budget(certif
     assert (result.saturated == 0).all() and result.speed <= 0.15 * (1 + 1e-3)
     # Nothing of that is there without a certificate.
     assert certified.uncertified.contour_error[0] > 1e-4
-    budget, certificate = certified.budget, certified
+    budget = certified.budget
+    certificate = certified
     assert budget.rounding == pytest.approx(5e-3)
     worst = max(
         certificate.result.evaluation.contour_error.max, certificate.contours[0].coverage_error.max
@@ -205,7 +207,8 @@ def test_gains_with_an_error_of_ten_percent_are_certified():
     assert len(robots.max) == 2**4 + 100 and robots.names[0] == "kp of joint 1"
     assert certificate.budget.executed == robots.max.max() <= 0.5e-3
     # Executed again, and other robots of the box than those of the certificate.
-    arm, servo = certificate.job.arm, certificate.job.plant_servo.for_joints(2)
+    arm = certificate.job.arm
+    servo = certificate.job.plant_servo.for_joints(2)
     random = np.random.default_rng(7)
     for deviations, expected in (
         (robots.deviations[int(robots.max.argmax())], robots.max.max()),
@@ -251,7 +254,8 @@ def test_errors_of_the_dead_time_are_certified():
 
 def test_a_total_tolerance_is_divided_and_its_unused_part_returned():
     certificate = ac.certify(job(SHORT), goal=ac.CertificateGoal(tolerance=2e-3))
-    budget, result = certificate.budget, certificate.result.evaluation
+    budget = certificate.budget
+    result = certificate.result.evaluation
     assert budget.total <= 2e-3 and result.objective_error.max <= 2e-3
     # Hardly anything is left: the corners got what the servo did not need.
     assert budget.rounding > 1.996e-3
@@ -260,8 +264,10 @@ def test_a_total_tolerance_is_divided_and_its_unused_part_returned():
 
 
 def test_the_refusal_names_the_limiting_requirement(refuses):
-    held, lags = job(SHORT, servo=", interpolation: step"), LINE.replace("inverse", "none")
-    acceleration, error = {"limit": "joint_acceleration"}, {"limit": "contour error"}
+    held = job(SHORT, servo=", interpolation: step")
+    lags = LINE.replace("inverse", "none")
+    acceleration = {"limit": "joint_acceleration"}
+    error = {"limit": "contour error"}
     for job_case, servo, slowest, words, data in (
         (held, 1e-3, 1.05, ("are held", "linear interpolation"), acceleration),
         (job(SHORT), 1e-9, 1.05, ("but is at least", "shorter cycle"), error),
@@ -277,7 +283,8 @@ def test_the_refusal_names_the_limiting_requirement(refuses):
 def test_a_budget_has_room_for_what_the_servo_model_does_not_explain(refuses):
     short_job = job(SHORT, servo=", model_error: 0.1 mrad")
     certificate = ac.certify(short_job, goal=CertificateGoal(servo_error=0.2e-3))
-    budget, result = certificate.budget, judged(certificate)
+    budget = certificate.budget
+    result = judged(certificate)
     expected = ac.evaluate(certificate.result.execution, certificate.result.path.path).model_error[
         1
     ]
@@ -351,7 +358,8 @@ def test_errors_of_a_path_count_until_the_tool_is_at_rest():
     # A late drive is still on its way when the plan has ended.
     delayed = job(SHORT, servo=", dead_time: 4 ms", method="pole_placement")
     certificate = ac.certify(delayed, goal=ac.CertificateGoal(servo_error=1e-4))
-    of_contour, of_all = certificate.contours[0].error, certificate.result.evaluation.contour_error
+    of_contour = certificate.contours[0].error
+    of_all = certificate.result.evaluation.contour_error
     assert (of_contour.max, of_contour.rms) == (of_all.max, of_all.rms)
     # No error exceeds the certified one until all joints rest, although the tool leaves the path
     # while it is slower than 1 mm/s.

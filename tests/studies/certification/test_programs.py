@@ -46,7 +46,8 @@ def certified():
 
 def executed(certificate, servo=None):
     """The whole, executed and judged by nothing of the search."""
-    arm, limits = certificate.job.arm, certificate.result.run.limits
+    arm = certificate.job.arm
+    limits = certificate.result.run.limits
     plant = ac.ServoPlant(arm, servo or certificate.job.plant_servo, limits)
     execution = ac.simulate(certificate.set_points, plant, resolution=1e-4)
     evaluation = ac.evaluate(
@@ -64,7 +65,8 @@ def test_every_certified_contour_satisfies_its_goal_without_its_leads(certified)
         assert x.trajectory.duration == x.duration < 1.05 * x.optimum
     # Rapids ask no joint for more than it has, either.
     assert (execution.peak_demand <= 0.72 * (1 + 1e-6)).all() and (result.saturated == 0).all()
-    arm, limits = certified.job.arm, certified.result.run.limits
+    arm = certified.job.arm
+    limits = certified.result.run.limits
     assert not ac.check(certified.trajectory, arm, limits, points=5, seed=1).violated
     assert certified.cost < 0.1 * certified.duration
     assert certified.budget.executed == result.contour_error.max
@@ -126,7 +128,8 @@ def test_the_written_certificate_contains_every_contour(certified):
 def test_the_stated_sum_bounds_the_distance_from_the_drawing(certified):
     """That of the contour with the largest sum, not of the one with the least left."""
     data = certified.to_data()
-    row, parts = data["off_drawing"], [x.budget for x in certified.contours]
+    row = data["off_drawing"]
+    parts = [x.budget for x in certified.contours]
     _, result = executed(certified)
     coverage_error = ac.evaluate(
         certified.result.execution, certified.result.path, objective=certified.result.objective
@@ -141,7 +144,8 @@ def test_the_stated_sum_bounds_the_distance_from_the_drawing(certified):
 
 
 def test_a_certificate_names_the_limit_that_determines_the_duration(certified):
-    data, run = certified.to_data(), certified.result
+    data = certified.to_data()
+    run = certified.result
     assert sum(x.time for x in run.explanation.shares) == pytest.approx(certified.duration)
     assert data["time_limit"].value == run.explanation.longest[0]
     assert run.to_data()["off_drawing"].value <= data["off_drawing"].value

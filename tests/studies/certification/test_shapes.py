@@ -40,7 +40,8 @@ def certified(job):
 def test_shape_and_servo_together_stay_within_the_tolerance(certified):
     """Judged against the objective, in both directions, by nothing of the search."""
     certificate = certified
-    arm, limits = certificate.job.arm, certificate.result.run.limits
+    arm = certificate.job.arm
+    limits = certificate.result.run.limits
     plant = ac.ServoPlant(arm, certificate.job.plant_servo, limits)
     executed = ac.simulate(certificate.set_points, plant, resolution=1e-4)
     result = ac.evaluate(
@@ -75,6 +76,7 @@ def test_a_note_states_if_shaping_is_not_faster_than_arcs(job, certified):
     data = certificate_page(certified)["certificate"]
     assert data["contours"][0]["shape"] == shape
     assert data["shapes"] == certified.shapes
-    row, shown = certified.to_data()["shape"], number(certified.shapes["arc"], "s")
+    row = certified.to_data()["shape"]
+    shown = number(certified.shapes["arc"], "s")
     assert row.value == data["shape"] == shape and shown in row.note
     assert shown in render_report(certified.study, certificate=certified)

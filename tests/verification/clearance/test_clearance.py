@@ -224,7 +224,8 @@ def test_only_a_scene_without_a_floor_has_the_plane_of_the_base():
         place = Frame(position=position, rotation=exp(np.array([turn, 0, 0])))
         return Obstacle(name="plane", shape=cell.HalfSpace(), place=place, allow=("end",))
 
-    wall, table = plane([0, 2, 0], np.pi / 2), plane([0, 0, -2.0], 0.0)
+    wall = plane([0, 2, 0], np.pi / 2)
+    table = plane([0, 0, -2.0], 0.0)
     for scene, is_below in (
         (Scene(), True),
         (Scene(obstacles=(wall,)), True),

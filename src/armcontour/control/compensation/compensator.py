@@ -67,7 +67,8 @@ def invert_servo(
         # A drive holds its acceleration over a drive cycle, so the plan's acceleration is taken
         # half a drive cycle later.
         q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
-        q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
+        q = np.concatenate([q, tail + final])
+        ends = np.concatenate([dq, tail])
         ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, cycle)
         commands = servo.command(q, ends, ddq)
         inside = commands[: len(t)]
@@ -94,7 +95,8 @@ def _means(
     q, dq = trajectory.motion_with_rests((t[:, None] + shifts).ravel(), 1)
     count = len(shifts)
     first, middle, last = (q[k::count] for k in range(3))
-    before, after = dq[count // 4 * 3 :: count], dq[count - 1 :: count]
+    before = dq[count // 4 * 3 :: count]
+    after = dq[count - 1 :: count]
     return (first + 4 * middle + last) / 6, (last - first) / cycle, (after - before) / cycle
 
 
@@ -273,7 +275,8 @@ def unchecked_set_points(
 ) -> SetPoints:
     """Set-points of `compensate`, without its check of limits."""
     interval = check_cycle(cycle)
-    model, duration = servo.for_joints(trajectory.dof), trajectory.duration
+    model = servo.for_joints(trajectory.dof)
+    duration = trajectory.duration
     if interval > max(duration * (1 + DURATION_TOLERANCE), LONGEST_CLOCK):
         raise InvalidInput(
             f"The cycle must not be longer than the motion of {duration:.6g} s, but is "

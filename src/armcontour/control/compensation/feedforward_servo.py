@@ -104,18 +104,21 @@ def _solve_means(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArr
     held = servo.interpolation == "step"
     for j, (a, b) in enumerate(zip(*servo.lead, strict=True)):
         # Weights of first and second differences of set-points in the command.
-        first, second = a / cycle, b / cycle**2
+        first = a / cycle
+        second = b / cycle**2
         if held:
             # In the cycle that ends at set-point k, the command is set-point k - 1.
             set_points[:-1, j] = lfilter([1.0], [1 + first, -first], means[1:, j])
             set_points[-1, j] = means[-1, j]
             continue
-        line, curvature = np.array([0.5 + first, 0.5 - first]), second * np.array([1.0, -2.0, 1.0])
+        line = np.array([0.5 + first, 0.5 - first])
+        curvature = second * np.array([1.0, -2.0, 1.0])
         shares = np.ones(1)
         if servo.ki[j]:
             # Acceleration feed-forward bypasses the integrator.
             share, shares = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
-            line, curvature = np.convolve(line, shares), np.convolve(curvature, share)
+            line = np.convolve(line, shares)
+            curvature = np.convolve(curvature, share)
         set_points[:, j] = lfilter(
             shares, np.polynomial.polynomial.polyadd(line, curvature), means[:, j]
         )

@@ -101,7 +101,8 @@ def _solve_set_points(
     if interpolation == "step":
         return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)
     mean = (halves[:-1] + points + halves[1:]) / 3
-    n, weights = len(mean), MEAN_WEIGHTS[interpolation]
+    n = len(mean)
+    weights = MEAN_WEIGHTS[interpolation]
     reach = len(weights) - 1
     for k in range(1, reach + 1):
         mean[:k] -= weights[k] * hold

@@ -24,7 +24,8 @@ from armcontour.robot.servo.simulation import ServoSimulation
 
 # Set-points begin earlier and end later by TIME_CONSTANTS time constants of the slowest servo, plus
 # RAMPS times the duration of a jerk-limited ramp from zero to the acceleration limit.
-TIME_CONSTANTS, RAMPS = 2.0, 4.0
+TIME_CONSTANTS = 2.0
+RAMPS = 4.0
 # Set-points are changed to satisfy a limit of velocity or acceleration that the plan exceeds by at
 # most this fraction. A plan with a larger excess is rejected.
 SMOOTHED_SHARE = 0.01
@@ -37,7 +38,8 @@ def limit_set_points(
     """Replace set-points by the nearest set-points within command limits."""
     # If a limit is active, set-points begin earlier and end later, because a compensated command
     # accelerates and decelerates faster than its joint.
-    dof, cycle = set_points.q.shape[1], set_points.cycle
+    dof = set_points.q.shape[1]
+    cycle = set_points.cycle
     limits = check_command_limits(limits, dof)
     bounds = command_bounds(limits, dof)
     if find_excess(set_points.q, cycle, bounds) is None:
@@ -73,15 +75,18 @@ def limit_set_points(
 def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
     """Raise an error if the plan exceeds bounds; bounds of derivatives are widened by `share`."""
     # If the plan exceeds the bounds, set-points within the bounds would leave its path.
-    plan, cycle = set_points.trajectory, set_points.cycle
+    plan = set_points.trajectory
+    cycle = set_points.cycle
     # The times extend to the end of the plan, because set-points with a time advance end earlier.
     t = set_points.times(int((plan.duration - set_points.start_time) / cycle) + 3, cycle)
     excess = find_excess(plan.with_rests(t), cycle, bounds, share)
     if excess is None:
         return
-    name, joint = excess.name, excess.joint
+    name = excess.name
+    joint = excess.joint
     unit = unit_of(plan.arm, LIMITS[name].unit, joint)
-    at, limit = float(t[excess.row]), f"{excess.allowed:.6g} {unit}"
+    at = float(t[excess.row])
+    limit = f"{excess.allowed:.6g} {unit}"
     raise CompensationError(
         f"The plan must stay within command_limits.{name} of {limit}, but joint {joint + 1} has "
         f"{excess.needed:.6g} {unit} at t = {at:.6g} s. Set-points within the limit would leave "
@@ -98,7 +103,8 @@ def _limit_cost(
     set_points: SetPoints, change: FloatArray, servo: ServoModel, arm: Arm | None
 ) -> LimitCost:
     """Errors due to a change of set-points [rad], (n, dof); the servos are assumed linear."""
-    deviation, plan = np.abs(change).max(axis=0), set_points.trajectory
+    deviation = np.abs(change).max(axis=0)
+    plan = set_points.trajectory
     arm = plan.arm if arm is None else arm
     times = set_points.t
     paths = plan.paths_at(times)

@@ -56,13 +56,19 @@ def run_filter(
     - `fastest`: largest magnitude of the poles [1/s], (dof,).
     - `start`: initial x, at rest, (dof,).
     """
-    n, dof = len(width), len(rate)
+    n = len(width)
+    dof = len(rate)
     states = np.empty((n + 1, dof, 3))
     series = np.empty((TERMS + 1, 3))
-    now, local = np.empty(3), np.empty(6)
+    now = np.empty(3)
+    local = np.empty(6)
     for j in range(dof):
-        p, d1, d2 = rate[j], damping[j, 0], damping[j, 1]
-        now[0], now[1], now[2] = start[j], 0.0, 0.0
+        p = rate[j]
+        d1 = damping[j, 0]
+        d2 = damping[j, 1]
+        now[0] = start[j]
+        now[1] = 0.0
+        now[2] = 0.0
         for c in range(3):
             states[0, j, c] = now[c]
         for i in range(n):
@@ -78,24 +84,32 @@ def run_filter(
                     for m in range(5, 0, -1):
                         local[m] = local[m] * x0 + local[m - 1] * share
                     local[0] = local[0] * x0 + coefficients[i, k, j]
-                x1, x2, x3 = now[0], now[1], now[2]
+                x1 = now[0]
+                x2 = now[1]
+                x3 = now[2]
                 negligible = NEGLIGIBLE * (abs(x1) + abs(x2) + abs(x3) + abs(local[0]))
                 terms = TERMS
                 for k in range(TERMS):
-                    series[k, 0], series[k, 1], series[k, 2] = x1, x2, x3
+                    series[k, 0] = x1
+                    series[k, 1] = x2
+                    series[k, 2] = x3
                     source = local[k] if k < 6 else 0.0
                     scale = p * h / (k + 1)
                     x1, x2, x3 = (scale * x2, scale * x3, scale * (source - x1 - d1 * x2 - d2 * x3))
                     if k > 5 and abs(x1) + abs(x2) + abs(x3) <= negligible:
                         terms = k + 1
                         break
-                series[terms, 0], series[terms, 1], series[terms, 2] = x1, x2, x3
+                series[terms, 0] = x1
+                series[terms, 1] = x2
+                series[terms, 2] = x3
                 x1 = x2 = x3 = 0.0
                 for k in range(terms, -1, -1):
                     x1 += series[k, 0]
                     x2 += series[k, 1]
                     x3 += series[k, 2]
-                now[0], now[1], now[2] = x1, x2, x3
+                now[0] = x1
+                now[1] = x2
+                now[2] = x3
             for c in range(3):
                 states[i + 1, j, c] = now[c]
     return states
@@ -154,7 +168,8 @@ def _set_points(
     moving = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
     dwell = np.zeros((len(after), *moving.shape[1:]))
     dwell[:, 0] = end[-1]
-    motion, width = np.concatenate([moving, dwell]), np.concatenate([np.diff(knots), after])
+    motion = np.concatenate([moving, dwell])
+    width = np.concatenate([np.diff(knots), after])
     rate, damping, lead = _filter_parameters(servo.kv, placed)
     fastest = np.abs(placed).max(axis=1)
     states = run_filter(width, motion, damping, rate, fastest, motion[0, 0])
@@ -164,7 +179,9 @@ def _set_points(
     # because the joints rest there.
     source = motion[np.minimum(indices, len(motion) - 1), 0]
     x4 = source - x1 - damping[:, 0] * x2 - damping[:, 1] * x3
-    y, dy, ddy = x1 + lead * x2, rate * (x2 + lead * x3), rate**2 * (x3 + lead * x4)
+    y = x1 + lead * x2
+    dy = rate * (x2 + lead * x3)
+    ddy = rate**2 * (x3 + lead * x4)
     set_points = servo.command(y, dy, ddy)
     set_points[-1] = motion[-1, 0]
     return set_points
@@ -178,7 +195,9 @@ def _filter_parameters(
     With z = s / p, F G is `(1 + numerator z) / (1 + d1 z + d2 z² + z³)`.
     """
     m1, m2, g = placed.T
-    c0, c1, c2 = (-m1 * m2 * g).real, (m1 * m2 + (m1 + m2) * g).real, -(m1 + m2 + g).real
+    c0 = (-m1 * m2 * g).real
+    c1 = (m1 * m2 + (m1 + m2) * g).real
+    c2 = -(m1 + m2 + g).real
     x = ((kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g).real
     rate = np.cbrt(c0)
     return rate, np.stack([c1 / rate**2, c2 / rate], axis=1), x / rate**2

@@ -110,7 +110,8 @@ class JointIdentification(Result, Frozen):
         weak = "weak" if self.written and self.note else ""
         delay = "delay only" if not self.written and self.servo.dead_time else ""
         words = (weak, "effective" * self.effective, delay)
-        notes, unit = (self.saturation, self.note), shared_unit("rad", (self.prismatic,))
+        notes = (self.saturation, self.note)
+        unit = shared_unit("rad", (self.prismatic,))
         return Data(
             f"Servo of {self.name}",
             (
@@ -314,7 +315,8 @@ class Identification(Result, Frozen):
                 f"{log.source} has {log.dof} joints, but {self.source} has {len(self.joints)}. "
                 "Specify a log of the same joints."
             )
-        positions, used = log.command.copy(), np.full(log.command.shape, False)
+        positions = log.command.copy()
+        used = np.full(log.command.shape, False)
         for j, joint in enumerate(self.joints):
             delay = float(joint.servo.dead_time)
             for s in split_logs([log], j, self.interpolation, delay):
@@ -336,14 +338,17 @@ def write_servo(
 
     `unseen` is the largest error on parts that were not fitted [rad].
     """
-    rms, largest, offsets = math.nan, math.pi, {}
+    rms = math.nan
+    largest = math.pi
+    offsets = {}
     if segments:
         fits = [fit_initial_state(s, servo, order, drive_cycle) for s in segments]
         offsets = {s.log: offset for s, (_, offset) in zip(segments, fits, strict=True)}
         errors = np.concatenate(
             [(s.y - q)[s.use] for s, (q, _) in zip(segments, fits, strict=True)]
         )
-        rms, largest = float(np.sqrt(np.mean(errors**2))), float(np.abs(errors).max())
+        rms = float(np.sqrt(np.mean(errors**2)))
+        largest = float(np.abs(errors).max())
     written = replace(joint, order=order, servo=servo, rms=rms, largest=largest, offsets=offsets)
     return replace(written, model_error=max(unseen, largest))
 

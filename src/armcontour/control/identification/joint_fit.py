@@ -36,7 +36,8 @@ START_SAMPLES = 20
 # REST_SHARE: a command slower than this fraction of the typical speed counts as rest.
 # TYPICAL_PERCENTILE: the typical speed is this percentile of the command speeds. Weights are
 # command speeds, but at most the typical speed.
-REST_SHARE, TYPICAL_PERCENTILE = 0.02, 95
+REST_SHARE = 0.02
+TYPICAL_PERCENTILE = 95
 # Number of contiguous parts with equal motion into which a single log is divided.
 PARTS = 5
 # Typical changes of the parameters in a fit: of the logarithm for LOGARITHMIC, else in SI units.
@@ -50,13 +51,17 @@ INITIAL_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
 DERIVATIVE_STEP = 1e-5
 # Search of the initial state of a segment with saturation: largest number of steps, fractions of a
 # step that are tried, and the ratio of singular values that counts as zero.
-MAX_STATE_STEPS, STEP_FRACTIONS, NULL_RATIO = 8, (1.0, 0.3, 0.1, 0.01), 1e-14
+MAX_STATE_STEPS = 8
+STEP_FRACTIONS = (1.0, 0.3, 0.1, 0.01)
+NULL_RATIO = 1e-14
 # Fitted parameters up to this value are rounding errors at the bound 0.
 ROUNDING = 1e-9
 # Residuals are in mrad (MRAD per rad) and clipped to this magnitude, because trials can diverge.
-MRAD, MAX_RESIDUAL = 1e3, 1e4
+MRAD = 1e3
+MAX_RESIDUAL = 1e4
 # Bounds of the gains in the search [1/s]; velocity loops of drives have bandwidths below 160 Hz.
-MIN_GAIN, MAX_GAIN = 0.1, 1000.0
+MIN_GAIN = 0.1
+MAX_GAIN = 1000.0
 # A linear unknown has no effect if its typical change changes the residuals by at most this norm
 # [mrad].
 LEAST_EFFECT = 1e-4
@@ -132,9 +137,11 @@ class LogSegment:
 
     def cut(self, a: int, b: int, every: int = 1) -> LogSegment:
         """Every `every`-th sample from index a to b (exclusive), and the set-points before b."""
-        c, before = self.command, len(self.command.knots) - len(self.command.t)
+        c = self.command
+        before = len(self.command.knots) - len(self.command.t)
         a += -(before + a) % every
-        knots, samples = slice(0, before + b, every), slice(a, b, every)
+        knots = slice(0, before + b, every)
+        samples = slice(a, b, every)
         kind = "linear" if c.linear else "step"
         return replace(
             self,
@@ -156,13 +163,15 @@ def split_logs(
         spans += [(i, a, b) for a, b in pairwise([0, *ends, len(t)]) if b - a >= FEWEST]
     speeds = []
     for i, a, b in spans:
-        t, u = logs[i].t[a:b], logs[i].command[a:b, j]
+        t = logs[i].t[a:b]
+        u = logs[i].command[a:b, j]
         travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(u)))])
         speeds.append((travel - np.interp(t - SPEED_WINDOW, t, travel)) / SPEED_WINDOW)
     every = np.concatenate(speeds) if speeds else np.zeros(1)
     usual = float(np.percentile(every[every > 0], TYPICAL_PERCENTILE)) if every.any() else 1.0
     weights = [np.where(x > REST_SHARE * usual, np.minimum(x, usual), 0.0) for x in speeds]
-    total, done = max(sum(float(x.sum()) for x in weights), 1e-300), 0.0
+    total = max(sum(float(x.sum()) for x in weights), 1e-300)
+    done = 0.0
     moving = {i for (i, _, _), x in zip(spans, weights, strict=True) if x.any()}
     segments = []
     for (i, a, b), weight in zip(spans, weights, strict=True):
@@ -192,14 +201,20 @@ class Problem:
     # search varies the nonlinear unknowns only; each step solves for the linear unknowns.
 
     def __init__(self, model: Model, segments: Sequence[LogSegment], search: Search) -> None:
-        self.model, self.segments, self.search = model, segments, search
-        self.m, self.b = len(model.free), INITIAL_VALUES[model.order] + ("ki" in model.free)
+        self.model = model
+        self.segments = segments
+        self.search = search
+        self.m = len(model.free)
+        self.b = INITIAL_VALUES[model.order] + ("ki" in model.free)
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
-        scales, count = [getattr(SCALES, x) for x in model.free], len(segments)
+        scales = [getattr(SCALES, x) for x in model.free]
+        count = len(segments)
         self.scale = np.concatenate([scales, np.tile(INITIAL_SCALES[: self.b], count)])
         self.used = [np.flatnonzero(s.use) for s in segments]
-        free, (low, high) = np.full(self.b * count, np.inf), search.bounds(model)
-        self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
+        free = np.full(self.b * count, np.inf)
+        low, high = search.bounds(model)
+        self.low = np.concatenate([low, -free])
+        self.high = np.concatenate([high, free])
         limited = "acceleration_limit" in model.free
         begin = [not limited or k == 0 for k in range(self.b)]
         parameters = [not limited and x in LINEAR for x in model.free]
@@ -235,22 +250,28 @@ class Problem:
     ) -> tuple[FloatArray, FloatArray]:
         """Residuals [mrad], and their derivatives by all unknowns or by the unknowns of a mask."""
         # Residuals are simulated less measured positions of the used samples.
-        m, b = self.m, self.b
+        m = self.m
+        b = self.b
         only = np.full(len(unknowns), True) if only is None else only
-        searched, later = np.flatnonzero(only[:m]), np.flatnonzero(only[m + 1 : m + b]) + 1
+        searched = np.flatnonzero(only[:m])
+        later = np.flatnonzero(only[m + 1 : m + b]) + 1
         after = 1 + len(searched)
         rows = after + len(later)
         values = np.tile(unknowns[:m], (rows, 1))
         values[np.arange(1, after), searched] += self.steps[searched]
-        servo, column, end = self.servo(values), np.cumsum(only), 0
+        servo = self.servo(values)
+        column = np.cumsum(only)
+        end = 0
         every = np.zeros((1 + int(column[-1]), sum(len(k) for k in self.used)))
         for i, (s, used) in enumerate(zip(self.segments, self.used, strict=True)):
-            begin, first = np.zeros((rows, len(INITIAL_SCALES))), m + i * b
+            begin = np.zeros((rows, len(INITIAL_SCALES)))
+            first = m + i * b
             begin[:, :b] = unknowns[first : first + b]
             begin[np.arange(after, rows), later] += self.steps[m + later]
             _, q0, dq0, ddq0 = begin.T
             q = follow(s.command, servo, q0, dq0, self.search.drive_cycle, ddq0).take(used, axis=1)
-            block, end = every[:, end : end + len(used)], end + len(used)
+            block = every[:, end : end + len(used)]
+            end = end + len(used)
             block[column[searched]] = (q[1:after] - q[0]) / self.steps[searched, None]
             block[column[first + later]] = (q[after:] - q[0]) / self.steps[m + later, None]
             if only[first]:
@@ -279,7 +300,8 @@ class Problem:
         size /= self.scale[linear]
         square = np.einsum("ki,kj->ij", slopes, slopes)
         low, high = ((y[linear] - unknowns[linear]) * size for y in (self.low, self.high))
-        within, step = np.full(len(linear), True), np.zeros(len(linear))
+        within = np.full(len(linear), True)
+        step = np.zeros(len(linear))
         for _ in range(len(LINEAR) + 1):
             inverse = invert(square[np.ix_(within, within)])[0]
             # The second iteration removes the rounding errors of the first iteration.
@@ -289,7 +311,8 @@ class Problem:
             beyond = (step < low) | (step > high)
             if not beyond.any():
                 break
-            step, within = np.clip(step, low, high), within & ~beyond
+            step = np.clip(step, low, high)
+            within = within & ~beyond
         best = unknowns.copy()
         best[linear] = np.clip(unknowns[linear] + step / size, self.low[linear], self.high[linear])
         return best, start + np.einsum("ki,i->k", slopes, step), slopes[:, within]
@@ -302,7 +325,8 @@ class Problem:
         """Solution by `scipy.optimize` from a start with at most `evaluations` evaluations."""
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
-        unknowns, linear = begin, np.empty((0, 0))
+        unknowns = begin
+        linear = np.empty((0, 0))
 
         def residuals(z: FloatArray) -> FloatArray:
             nonlocal unknowns, linear
@@ -349,9 +373,12 @@ class Fit:
 
     def at_bounds(self) -> tuple[set[str], set[str]]:
         """Names of the parameters at their lower bounds, and at their upper bounds."""
-        p, m = self.problem, self.problem.m
-        near, names = 1e-2 * p.scale[:m], np.array(p.model.free)
-        low, high = self.x[:m] - p.low[:m] < near, p.high[:m] - self.x[:m] < near
+        p = self.problem
+        m = self.problem.m
+        near = 1e-2 * p.scale[:m]
+        names = np.array(p.model.free)
+        low = self.x[:m] - p.low[:m] < near
+        high = p.high[:m] - self.x[:m] < near
         return set(names[low].tolist()), set(names[high].tolist())
 
 
@@ -379,7 +406,9 @@ def fit_initial_state(
     """Fit the initial state of a log segment; positions [rad], (n,), and encoder offset [rad]."""
     count = INITIAL_VALUES[order] + int(servo.ki > 0)
     free = np.isinf(servo.acceleration_limit)
-    scale, used, y = INITIAL_SCALES[:count], segment.use, segment.y
+    scale = INITIAL_SCALES[:count]
+    used = segment.use
+    y = segment.y
     steps = np.diag(INITIAL_SCALES)[:count] * (1.0 if free else DERIVATIVE_STEP)
     steps[0] = 0.0
 
@@ -402,7 +431,8 @@ def fit_initial_state(
         for fraction in STEP_FRACTIONS:
             trial = simulate(x + fraction * step + steps)
             if np.sum((y - trial[0])[used] ** 2) <= gram[count, count]:
-                x, q = x + fraction * step, trial
+                x = x + fraction * step
+                q = trial
                 break
         else:
             break
@@ -423,17 +453,21 @@ def estimate_parameters(
       model are not white.
     - `longest_cycle`: longest possible drive cycle [s]; 0 if the drive cycle is known.
     """
-    p, names, bounds = fit.problem, fit.problem.model.free, set().union(*fit.at_bounds())
+    p = fit.problem
+    names = fit.problem.model.free
+    bounds = set().union(*fit.at_bounds())
     free = np.full(len(fit.x), True)
     free[: p.m] = [x not in bounds for x in names]
     residuals, jacobian = p.linearize(fit.x)
     freedom = max(len(residuals) - int(np.sum(free)), 1)
     variance = float(np.sum(residuals**2)) / freedom * correlation_length(residuals)
     deviations = np.where(free, standard_deviations(jacobian, variance, free), math.nan)
-    servo, estimates = fit.servo, {}
+    servo = fit.servo
+    estimates = {}
     cycled = add_drive_cycle(servo, longest_cycle)
     for name, sd in zip(names, deviations.tolist(), strict=False):
-        value, other = getattr(servo, name), getattr(cycled, name)
+        value = getattr(servo, name)
+        other = getattr(cycled, name)
         every, others = (np.array([getattr(y, name) for y in x]) for x in (without, rivals))
         others = np.append(others[np.isfinite(others)], value)
         shift = other - value
@@ -443,7 +477,8 @@ def estimate_parameters(
         if math.isfinite(sd):
             jackknife = float(np.std(every) * math.sqrt(len(every) - 1)) if len(every) else 0.0
             sd = max(sd, jackknife, float(np.std(others)))
-        low, high = min(shift, 0.0) - HALF_INTERVAL * sd, max(shift, 0.0) + HALF_INTERVAL * sd
+        low = min(shift, 0.0) - HALF_INTERVAL * sd
+        high = max(shift, 0.0) + HALF_INTERVAL * sd
         if name not in LOGARITHMIC:
             low = max(low, -value)
         options: dict[str, Any] = {"also": SUFFICIENT_SD.get(name, 0.0)}
@@ -457,7 +492,8 @@ def add_drive_cycle(servo: JointServo, drive_cycle: float) -> JointServo:
     """The servo with a drive cycle [s] that is equivalent, to first order, to the given servo."""
     # Held values and differences over a drive cycle are delayed by half a drive cycle.
     half = CYCLE_EFFECT * drive_cycle / 2
-    kp, ki = servo.kp / (1 + servo.kp * half), servo.ki / (1 + servo.ki * half)
+    kp = servo.kp / (1 + servo.kp * half)
+    ki = servo.ki / (1 + servo.ki * half)
     slow = 1 - (kp + ki) * half
     return servo._replace(
         kp=kp,

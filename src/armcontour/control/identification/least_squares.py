@@ -22,12 +22,15 @@ SAMPLE_SPACING = 8e-3
 # The correlation length is the sum of the autocorrelations before the first one below this value.
 LEAST_CORRELATION = 0.05
 # Whiteness test: significance level, and smallest number of spectral lines of its low band.
-SIGNIFICANCE, FEWEST_LINES = 0.01, 8
+SIGNIFICANCE = 0.01
+FEWEST_LINES = 8
 # POSITION_ROUNDING: differences of positions up to this fraction of their range are rounding
 # errors. STEP_ROUNDING: largest relative deviation of a difference from a multiple of the encoder's
 # resolution. VARIANCE_SLACK: relative excess over the variance of quantization that is still
 # accepted.
-POSITION_ROUNDING, STEP_ROUNDING, VARIANCE_SLACK = 1e-9, 0.01, 0.2
+POSITION_ROUNDING = 1e-9
+STEP_ROUNDING = 0.01
+VARIANCE_SLACK = 0.2
 # Largest standard deviation of a determined parameter, relative to its value.
 RELATIVE_SD = 0.10
 # The data do not determine the parameters along an eigenvector of the Gram matrix whose eigenvalue

@@ -29,13 +29,16 @@ from armcontour.robot.servo.simulation import JointServo
 # Derivatives are computed from parabolas through the fewest samples for which the noise is below
 # the fraction MAX_NOISE of the largest derivative, and through at most LONGEST_WINDOW seconds on
 # each side.
-MAX_NOISE, LONGEST_WINDOW = 0.015, 0.04
+MAX_NOISE = 0.015
+LONGEST_WINDOW = 0.04
 # TOP_PERCENTILE: the first guess of a limit is this percentile of the magnitudes of the derivative.
 # PLATEAU_RANGE: the limit is first searched within this fraction of the guess above and below it.
-TOP_PERCENTILE, PLATEAU_RANGE = 99.0, 0.1
+TOP_PERCENTILE = 99.0
+PLATEAU_RANGE = 0.1
 # A value is at a limit if it differs from the limit by at most the fraction PLATEAU_SHARE of the
 # limit, or by at most PLATEAU_SIGMAS standard deviations of the noise.
-PLATEAU_SHARE, PLATEAU_SIGMAS = 0.01, 4.0
+PLATEAU_SHARE = 0.01
+PLATEAU_SIGMAS = 4.0
 # Searches: derivative, kind of the limit, range, and time before and after a plateau [s] in which
 # the limit also applies, because the joint accelerates to it. The narrow range finds a limit above
 # a planned plateau.
@@ -45,16 +48,20 @@ SEARCHES = (
     (1, "velocity", PLATEAU_RANGE, 0.05),
 )
 # Smallest number of successive samples of a plateau, and its shortest duration [s].
-FEWEST_SAMPLES, SHORTEST_PLATEAU = 4, 5e-3
+FEWEST_SAMPLES = 4
+SHORTEST_PLATEAU = 5e-3
 # On a saturated plateau, the commanded acceleration exceeds the measured acceleration by more than
 # the fraction EXCESS of the largest acceleration, and by more than EXCESS_ERRORS times the RMS
 # error of the commanded acceleration at the unsaturated samples.
-EXCESS, EXCESS_ERRORS = 0.05, 4.0
+EXCESS = 0.05
+EXCESS_ERRORS = 4.0
 # Number of dead times that are tried for the commanded acceleration, and the longest of them [s].
-DELAY_COUNT, LONGEST_DELAY = 26, 0.1
+DELAY_COUNT = 26
+LONGEST_DELAY = 0.1
 # LEAST_SHARE: smallest fraction of saturated samples that counts as saturation.
 # FEWEST_FREE: smallest number of other samples to which the commanded acceleration is fitted.
-LEAST_SHARE, FEWEST_FREE = 2e-3, 50
+LEAST_SHARE = 2e-3
+FEWEST_FREE = 50
 # Multiples of the measured limit that are tried: smallest, largest, and their number.
 LIMIT_MULTIPLES = (0.98, 1.06, 9)
 # Segments between saturated samples with fewer samples than this are not fitted, because they
@@ -62,17 +69,24 @@ LIMIT_MULTIPLES = (0.98, 1.06, 9)
 FEWEST_UNSATURATED = 20
 # Largest number of segments that are fitted; the free initial states of more segments would explain
 # most of the motion. LONGEST_SEGMENTS: number of segments between samples at a velocity limit.
-MAX_SEGMENTS, LONGEST_SEGMENTS = 40, 10
+MAX_SEGMENTS = 40
+LONGEST_SEGMENTS = 10
 # If a joint is at its acceleration limit for more than the fraction MAX_LIMIT_TIME of the time,
 # models with undetermined K_p are rejected. If the unsaturated samples determine no model, the
 # times of the reversals must determine it. FEWEST_REVERSALS of them are sufficient, one for each of
 # K_p, K_v, feed-forward and dead time.
-MAX_LIMIT_TIME, FEWEST_REVERSALS = 0.5, 4
+MAX_LIMIT_TIME = 0.5
+FEWEST_REVERSALS = 4
 # Margin before and after saturated samples [s], because drives react up to one drive cycle later.
 MARGIN = 1e-3
-KP, KV, KI = "kp", "kv", "ki"
-FEED, ACCELERATION = "velocity_feedforward", "acceleration_feedforward"
-DELAY, LIMIT, FRICTION = "dead_time", "acceleration_limit", "friction"
+KP = "kp"
+KV = "kv"
+KI = "ki"
+FEED = "velocity_feedforward"
+ACCELERATION = "acceleration_feedforward"
+DELAY = "dead_time"
+LIMIT = "acceleration_limit"
+FRICTION = "friction"
 # Candidate models, from simple to rich.
 CANDIDATES = (
     Model("delay", (DELAY,)),
@@ -92,7 +106,9 @@ OPTIONAL = (ACCELERATION, FEED, FRICTION)
 # A richer model is selected under two conditions. The median over the parts of its error divided by
 # the error of the simpler model is below GAIN, or LIMIT_GAIN for models with an acceleration limit.
 # Its error is smaller on at least the fraction MIN_BETTER_PARTS of the parts.
-GAIN, LIMIT_GAIN, MIN_BETTER_PARTS = 0.9, 0.5, 0.6
+GAIN = 0.9
+LIMIT_GAIN = 0.5
+MIN_BETTER_PARTS = 0.6
 # A richer model is discarded if its error on the fitted data exceeds this fraction of the error of
 # the best model.
 RICHER_SHARE = 0.97
@@ -115,7 +131,8 @@ USUAL_DELAY = 0.01
 # ACCELERATION_TIMES: times over which accelerations are measured [s], a short time for fast motion
 # and a long time for small motion in noise. ACCELERATION_PERCENTILE: percentile that counts as the
 # largest acceleration.
-ACCELERATION_TIMES, ACCELERATION_PERCENTILE = (8e-3, 40e-3), 99
+ACCELERATION_TIMES = (8e-3, 40e-3)
+ACCELERATION_PERCENTILE = 99
 # Initial values of loops: a, b, K_v [1/s], k_i [1/s], velocity feed-forward, and dead time divided
 # by the lag. The initial K_p is a + b / lag. Feed-forward matters only in loops that saturate.
 STARTS = (
@@ -177,7 +194,8 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
         if not all(windows):
             continue
         k = max(windows)
-        values, noise = motion.derive(order, k), motion.noise(order, k)
+        values = motion.derive(order, k)
+        noise = motion.noise(order, k)
         limit, plateaus = _find_plateaus(values, noise, share, motion.interval)
         if not plateaus.any():
             continue
@@ -185,7 +203,8 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
         prediction = motion.predict_acceleration(k, ~excluded)
         if prediction is None:
             continue
-        acceleration, (demanded, error) = motion.derive(2, k), prediction
+        acceleration = motion.derive(2, k)
+        demanded, error = prediction
         excess = np.sign(values) * (demanded - acceleration)
         top = float(np.percentile(np.abs(acceleration), TOP_PERCENTILE))
         threshold = max(EXCESS * top, EXCESS_ERRORS * error)
@@ -247,7 +266,8 @@ def select_unsaturated(
     if not is_implausible(whole) and rms * GAIN < free.rms and certain[0] < certain[1]:
         return replace(predict_parts(whole), rivals=free.rivals)
     # Smoothing reduces the height of short plateaus, so larger limits are also tried.
-    measured, servo = saturation.limit, free.fit.servo
+    measured = saturation.limit
+    servo = free.fit.servo
     value = min(
         (measured, *measured * np.linspace(*LIMIT_MULTIPLES)),
         key=lambda x: _error(segments, servo._replace(acceleration_limit=x), search.drive_cycle),
@@ -310,8 +330,10 @@ class _MeasuredMotion:
         # None if the mask has too few samples for the fit.
         if np.sum(free) < FEWEST_FREE:
             return None
-        acceleration, best = self.derive(2, k), None
-        position, velocity = self.derive(0, k), self.derive(1, k)
+        acceleration = self.derive(2, k)
+        best = None
+        position = self.derive(0, k)
+        velocity = self.derive(1, k)
         for delay in np.linspace(0.0, LONGEST_DELAY, DELAY_COUNT):
             every = zip(self.times, self.segments, strict=True)
             commands = [s.command.evaluate(t - delay) for t, s in every]
@@ -327,7 +349,8 @@ class _MeasuredMotion:
 
     def at_samples(self, mask: BoolArray, k: int) -> tuple[BoolArray, ...]:
         """Convert a mask of derivatives to a mask of the samples of each segment."""
-        masks, done = [], 0
+        masks = []
+        done = 0
         for t, s in zip(self.times, self.segments, strict=True):
             times_mask = np.full(len(t), False)
             count = max(len(t) - 2 * k, 0)
@@ -349,7 +372,8 @@ def _find_plateaus(
 ) -> tuple[float, BoolArray]:
     """Limit of a derivative, and the mask of the samples in plateaus at this limit."""
     sizes = np.abs(values)
-    limit, width = float(np.percentile(sizes, TOP_PERCENTILE)), PLATEAU_SIGMAS * noise
+    limit = float(np.percentile(sizes, TOP_PERCENTILE))
+    width = PLATEAU_SIGMAS * noise
     plateaus = np.full(len(sizes), False)
     for share in (first, first / 2, *[PLATEAU_SHARE] * 5):
         near = np.abs(sizes - limit) <= max(share * limit, width)
@@ -461,7 +485,8 @@ class _Trials:
     """Models that were fitted to a joint, and the best of them."""
 
     def __init__(self, segments: Sequence[LogSegment], search: Search) -> None:
-        self.segments, self.search = segments, search
+        self.segments = segments
+        self.search = search
         self.lag = find_lag(segments, search.longest)
         self.fits: dict[Model, Fit] = {}
         self.tried: list[Selected] = []
@@ -469,7 +494,8 @@ class _Trials:
 
     def add(self, model: Model) -> None:
         """Fit a model; it becomes the best model if it is significantly better."""
-        problem, best = Problem(model, self.segments, self.search), self.best
+        problem = Problem(model, self.segments, self.search)
+        best = self.best
         starts = [problem.guess(x, self.lag) for x in self._starts(model)]
         result = fit(problem, starts, 30 if KI in model.free else 60)
         hopeless = best and result.cost > RICHER_SHARE**2 * best.fit.cost
@@ -528,7 +554,8 @@ class _Trials:
 
     def _starts(self, model: Model) -> list[dict[str, float]]:
         """Initial parameters of a fit: generic loops (STARTS), or the fit of a simpler model."""
-        (order, free), lag = model, self.lag
+        order, free = model
+        lag = self.lag
         if order == "delay":
             return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
         gain = max(1 / (lag + 1e-4), 0.5)
@@ -602,14 +629,17 @@ def predict_parts(
 
     `judged` are the segments that are predicted, by default those of the fit.
     """
-    p, segments = result.problem, judged or result.problem.segments
+    p = result.problem
+    segments = judged or result.problem.segments
 
     def predict_by(servo: JointServo, s: LogSegment) -> FloatArray:
         return predict(s, limited_servo(servo, limit), p.model.order, p.search.drive_cycle)
 
     # Parts without motion are predicted by the fit of all parts.
     unseen = [predict_by(result.servo, s) for s in segments]
-    errors, motions, without = [], [], []
+    errors = []
+    motions = []
+    without = []
     for k in _moving_parts(segments):
         others = [replace(s, use=s.use & (s.part != k)) for s in p.segments]
         indices = [i for i, s in enumerate(others) if s.use.any()]

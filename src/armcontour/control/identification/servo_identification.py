@@ -62,7 +62,8 @@ SAME_PROGRAM = 0.02
 LEAST_WEIGHT = 0.1
 # NEWTON_STEPS: number of Newton steps for a delay. DELAY_MARGIN: the delay of the contour is
 # searched from minus this value to the longest delay of a joint plus this value [s].
-NEWTON_STEPS, DELAY_MARGIN = 3, 0.1
+NEWTON_STEPS = 3
+DELAY_MARGIN = 0.1
 # A model or delay is rejected if its error exceeds this fraction of the tracking error.
 MAX_WEAK = 0.8
 # Smallest fraction of a mean square that counts as signal, because the noise of a finite number of
@@ -79,13 +80,15 @@ MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": 
 # A model is good if its RMS error is at most GOOD_SHARE times the tracking error or NOISE_MULTIPLE
 # times the encoder noise. A weak model is written only if its error is at most GOOD_SHARE times the
 # motion.
-GOOD_SHARE, NOISE_MULTIPLE = 0.3, 3.0
+GOOD_SHARE = 0.3
+NOISE_MULTIPLE = 3.0
 # The columns are checked if the error exceeds this fraction of the motion.
 MISREAD_SHARE = 0.1
 # A joint is at rest if the standard deviation of its measured positions is at most REST_SIGMAS
 # times that of the noise, or if their range is at most LEAST_MOTION [rad] (a 32-bit encoder has a
 # resolution of 1.5e-9 rad).
-REST_SIGMAS, LEAST_MOTION = 1.5, 1e-9
+REST_SIGMAS = 1.5
+LEAST_MOTION = 1e-9
 # Lower bound of a tracking error that is used as a divisor [rad].
 LEAST_LAG = 1e-12
 # Deviations from uniform velocity below this value are rounding errors, because logs have at most
@@ -115,10 +118,12 @@ class _LogSamples:
         - `longest`: longest delay of a joint [s].
         """
         residual = np.stack([self.rest[c][:, j] for j, c in enumerate(choice)], axis=1)
-        moved, times = self.command + residual, self.t
+        moved = self.command + residual
+        times = self.t
         if arm is not None:
             reach = (longest + DELAY_MARGIN) / float(np.median(np.diff(self.t)))
-            path, tool = arm.tool_position(self.command), arm.tool_position(moved)
+            path = arm.tool_position(self.command)
+            tool = arm.tool_position(moved)
             rows = np.arange(len(path), dtype=np.float64)
             positions = find_nearest(path, tool, int(np.ceil(reach)))
             times = np.interp(positions, rows, self.t)
@@ -293,12 +298,15 @@ def find_nearest(curve: FloatArray, points: FloatArray, reach: int) -> FloatArra
     `reach` samples before and after.
     """
     n = len(curve)
-    nearest, positions, rows = np.full(n, np.inf), np.zeros(n), np.arange(n)
+    nearest = np.full(n, np.inf)
+    positions = np.zeros(n)
+    rows = np.arange(n)
     edges = np.diff(curve, axis=0)
     lengths = np.maximum(np.sum(edges**2, axis=1), TINY)
     for k in range(-reach, reach + 1):
         start = np.clip(rows + k, 0, n - 2)
-        edge, offset = edges[start], points - curve[start]
+        edge = edges[start]
+        offset = points - curve[start]
         share = np.clip(np.sum(offset * edge, axis=1) / lengths[start], 0.0, 1.0)
         squares = np.sum((offset - share[:, None] * edge) ** 2, axis=1)
         positions = np.where(squares < nearest, start + share, positions)
@@ -388,7 +396,8 @@ def identify(
         check_interval(log.source, log.t)
     pairs = [renew_positions(x) for x in originals]
     every = tuple(x for x, _ in pairs)
-    first, arm = every[0], options.kinematics
+    first = every[0]
+    arm = options.kinematics
     for log in every[1:]:
         if log.joint_names != first.joint_names:
             raise InvalidInput(
@@ -409,10 +418,12 @@ def identify(
             both = {"set-point": log.command, "measured position": log.measured}
             check_range_of_log(log.source, log.t, both, log.joint_names, arm)
         check_speeds(log.source, log.t, log.measured, log.joint_names, log.prismatic)
-    report, joints = subprogress(progress), []
+    report = subprogress(progress)
+    joints = []
     # The dead time must be short compared with the logs.
     shortest = min(float(x.t[-1] - x.t[0]) for x in every)
-    longest, orders = min(options.longest_dead_time, shortest / 4), MODELS[options.model]
+    longest = min(options.longest_dead_time, shortest / 4)
+    orders = MODELS[options.model]
     search = Search(longest, options.drive_cycle or 0.0, orders)
     for j, name in enumerate(first.joint_names):
         report(Step((name,), j / first.dof))
@@ -440,7 +451,8 @@ def identify_joint(
     joint = JointIdentification(name=name, prismatic=slides)
     if reason := _explain_no_model(segments):
         return _mark_unknown(joint, segments, f"{name} has no model, because {reason}")
-    saturation, selected = find_saturation(segments), None
+    saturation = find_saturation(segments)
+    selected = None
     if saturation is not None:
         selected = select_unsaturated(segments, saturation, search)
         if selected is None and not saturation.determines_servo:
@@ -469,7 +481,8 @@ def identify_joint(
         )
         return _mark_unknown(joint, segments, note)
     servo = JointServo(*(round_digits(x) for x in selected.servo))
-    order, noise = selected.fit.problem.model.order, selected.fit.noise
+    order = selected.fit.problem.model.order
+    noise = selected.fit.noise
     file = [s.y - predict(s, servo, order, search.drive_cycle) for s in segments]
     unseen = [s.y - q for s, q in zip(selected.segments, selected.unseen, strict=True)]
     error, tracking = _worst_log(unseen, selected.segments)
@@ -502,7 +515,9 @@ def identify_joint(
     if saturation is not None and saturation.hides and not joint.kp.determined:
         note = saturation.explain_no_model(name, prismatic=slides)
         return _mark_unknown(replace(joint, saturation=""), segments, note)
-    note, advice, share = "", "", worst[0] / worst[1]
+    note = ""
+    advice = ""
+    share = worst[0] / worst[1]
     if worst[0] > max(GOOD_SHARE * worst[1], NOISE_MULTIPLE * noise):
         note = (
             f"on motion that was not fitted, {share:.0%} of the tracking error remains "
@@ -546,7 +561,8 @@ def _mark_unknown(
 
 def _rms_error(segments: Sequence[LogSegment], selected: Selected) -> float:
     """RMS error of a model over all used samples [rad]."""
-    order, drive_cycle = selected.fit.problem.model.order, selected.fit.problem.search.drive_cycle
+    order = selected.fit.problem.model.order
+    drive_cycle = selected.fit.problem.search.drive_cycle
     return _rms([s.y - predict(s, selected.servo, order, drive_cycle) for s in segments], segments)[
         0
     ]
@@ -557,7 +573,9 @@ def _worst_log(errors: Sequence[FloatArray], segments: Sequence[LogSegment]) -> 
     # If there is only one log, its errors are weighted by motion, because the joint may rest in
     # parts of it.
     logs = sorted({s.log for s in segments if s.weight.any()})
-    single, pairs, lags = int(len(logs) == 1), [], _lags(segments)
+    single = int(len(logs) == 1)
+    pairs = []
+    lags = _lags(segments)
     for k in logs:
         indices = [i for i, s in enumerate(segments) if s.log == k]
         some = [segments[i] for i in indices]

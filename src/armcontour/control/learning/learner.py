@@ -48,7 +48,8 @@ TYPICAL_GAIN = 25.0
 # A log contradicts the servo if the deviation of a joint from the simulation exceeds MAX_MISFIT
 # times its deviation from the set-points. The deviation of a joint that hardly moves counts as
 # LEAST_LAG times the largest one of all joints, because coupled joints move it.
-MAX_MISFIT, LEAST_LAG = 1.05, 0.3
+MAX_MISFIT = 1.05
+LEAST_LAG = 0.3
 # Learning ends after MAX_SETBACKS setbacks. Each setback multiplies the step by SETBACK_STEP.
 MAX_SETBACKS = 3
 SETBACK_STEP = 0.5
@@ -57,7 +58,8 @@ TRIALS = 4
 # Set-points may accelerate up to the limit of the joint or up to ACCELERATION_FACTOR times the
 # largest acceleration before learning, whichever is larger. The acceleration of a joint that hardly
 # moves counts as RESTING_SHARE times the acceleration of the fastest joint.
-ACCELERATION_FACTOR, RESTING_SHARE = 2.0, 0.25
+ACCELERATION_FACTOR = 2.0
+RESTING_SHARE = 0.25
 # If learning ends by setbacks and more than this fraction of the first error remains, the servo may
 # be wrong.
 PROVEN_SHARE = 0.5
@@ -92,7 +94,8 @@ class ErrorEstimate:
     # response to the newest change of the set-points, (dof,).
 
     def __init__(self, lifted: Lifted, runs: tuple[LearningRun, ...]) -> None:
-        self._lifted, self._runs = lifted, runs
+        self._lifted = lifted
+        self._runs = runs
         self.best = int(np.argmin([x.rms for x in runs]))
         best = runs[self.best]
         equal = [x for x in runs if np.array_equal(x.q, best.q)]
@@ -115,7 +118,8 @@ class ErrorEstimate:
         groups: dict[bytes, list[LearningRun]] = {}
         for run in self._runs:
             groups.setdefault(run.q.tobytes(), []).append(run)
-        squares, freedom = 0.0, len(self._runs) - len(groups)
+        squares = 0.0
+        freedom = len(self._runs) - len(groups)
         for group in groups.values():
             mean = np.mean([x.error for x in group], axis=0)
             for run in group if len(group) > 1 else ():
@@ -236,7 +240,8 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
     # If the sample interval is longer than the model's time step, the noise of a sample affects
     # several times of the model.
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
-    smooth, plan_times = smooth_error(lifted, error, noise), offset + rate * recording.t
+    smooth = smooth_error(lifted, error, noise)
+    plan_times = offset + rate * recording.t
     return LearningRun(
         q=set_points.q, error=error, noise=noise,
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),

@@ -33,12 +33,15 @@ LONGEST_STEP = 1e-3
 SETTLING = 3.0
 # The arm rests if its joints have not moved for REST_TIME [s]. Set-points that reach it do not
 # change: errors in the last REST_TIME of the model count as if they lasted for HELD_TIME [s].
-REST_TIME, HELD_TIME = 0.1, 10.0
+REST_TIME = 0.1
+HELD_TIME = 10.0
 # Penalties are powers of ten, so that all runs need only few factorizations. PENALTIES: range of
 # the exponents. FIRST_PENALTY: initial penalty.
-PENALTIES, FIRST_PENALTY = (-8, 6), 1e-3
+PENALTIES = (-8, 6)
+FIRST_PENALTY = 1e-3
 # Number of iterations of the estimate in gaps of a log, and assumed relative error of the model.
-BRIDGE_ITERATIONS, BRIDGE_ERROR = 10, 1e-3
+BRIDGE_ITERATIONS = 10
+BRIDGE_ERROR = 1e-3
 # Number of cached factorizations; the final step of a search for the penalty compares three.
 MAX_FACTORS = 3
 
@@ -94,22 +97,26 @@ class Lifted:
 
     def __init__(self, set_points: SetPoints, nominal: Nominal, times: int = 0) -> None:
         self.plan = set_points.trajectory
-        self.cycle, self.start = set_points.cycle, set_points.start_time
+        self.cycle = set_points.cycle
+        self.start = set_points.start_time
         self.count, self.dof = set_points.q.shape
         parts = int(np.ceil(self.cycle / LONGEST_STEP * (1 - 1e-9)))
         settling = float(nominal.servo.dead_time.max()) + SETTLING / float(nominal.servo.kp.min())
         intervals = self.count - 1 + int(np.ceil(settling / self.cycle))
-        step, drive_cycle = self.cycle / parts, nominal.servo.drive_cycle
+        step = self.cycle / parts
+        drive_cycle = nominal.servo.drive_cycle
         # Drives update once per drive cycle, so a drive cycle that is not short is the time step.
         step = drive_cycle if drive_cycle > LONGEST_STEP / 2 else step
         t = set_points.times(times or int(np.ceil(intervals * self.cycle / step - 1e-9)) + 1, step)
-        self.t, self.step = t, float(t[1] - t[0])
+        self.t = t
+        self.step = float(t[1] - t[0])
         checks.check_count(
             f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
             len(t) * self.dof**2,
             "Learn each contour separately or at a higher speed",
         )
-        self.nominal, drives = nominal, nominal.drives
+        self.nominal = nominal
+        drives = nominal.drives
         self.planned, dq, ddq = self.plan.motion_with_rests(t)
         if nominal.servo.drive_cycle:
             ddq = self.plan.motion_with_rests(t + nominal.servo.drive_cycle / 2)[2]
@@ -135,7 +142,8 @@ class Lifted:
     @cached_property
     def _terms(self) -> list[_Term]:
         """Terms of the command at the drives, including feed-forward."""
-        servo, terms = self.nominal.servo, [_Term(1.0, self.nominal.servo.interpolation, 0.0)]
+        servo = self.nominal.servo
+        terms = [_Term(1.0, self.nominal.servo.interpolation, 0.0)]
         a, b = servo.lead
         if a.any():
             terms += self._rate_terms(a, 0.0)
@@ -152,9 +160,11 @@ class Lifted:
         """Terms of the mean velocity of the command over one step, times a factor."""
         # For interpolation "step", the velocity is that of linear interpolation one interval
         # earlier. Drives with a cycle use the difference from the command of the previous cycle.
-        kind, drive_cycle = self.nominal.servo.interpolation, self.nominal.servo.drive_cycle
+        kind = self.nominal.servo.interpolation
+        drive_cycle = self.nominal.servo.drive_cycle
         if kind == "step" and not drive_cycle:
-            kind, shift = "linear", shift - self.cycle
+            kind = "linear"
+            shift = shift - self.cycle
         span = drive_cycle or self.step
         return [
             _Term(x * factor / span, kind, shift - drive_cycle / 2 + x * span / 2) for x in (1, -1)
@@ -177,7 +187,8 @@ class Lifted:
 
     def _command(self, q: FloatArray) -> FloatArray:
         """Command at the drives for set-points or a change of set-points [rad], (n, dof)."""
-        sums, values = np.zeros((2, self.planned.size)), q.ravel()
+        sums = np.zeros((2, self.planned.size))
+        values = q.ravel()
         for term in self._terms:
             index, weight = self._interpolated(term)
             sums[int(term.integrated)] += (weight * values[index]).sum(axis=1)
@@ -243,7 +254,8 @@ class Lifted:
     @cached_property
     def _conditions(self) -> tuple[csc_array, csc_array, IntArray]:
         """Matrix of `_factored` with penalty 0, its block L'L, and the ordering of the unknowns."""
-        n, size = len(self.t) * self.dof, self.count * self.dof
+        n = len(self.t) * self.dof
+        size = self.count * self.dof
         rows = size - self.dof
         jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
         right = csc_array((n, size))
@@ -277,7 +289,8 @@ class Lifted:
         surprise = cache(
             lambda k: self.negative_log_likelihood(error, 10.0**k, max(variance, 1e-300))
         )
-        power, last = round(np.log10(self._penalty)), None
+        power = round(np.log10(self._penalty))
+        last = None
         while power != last:
             last = power
             around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)

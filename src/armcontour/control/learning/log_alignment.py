@@ -23,7 +23,8 @@ MAX_RATE_DIFFERENCE = 0.03
 # Number of cycles over which differences of set-points are averaged.
 AVERAGED_CYCLES = 10
 # Largest number of Newton steps, and the time change below which they end [s].
-MAX_STEPS, CONVERGED = 30, 1e-9
+MAX_STEPS = 30
+CONVERGED = 1e-9
 # A recording belongs to the motion if it differs from the expected motion by at most this fraction
 # of the motion. A loaded arm with weak gains differs by some percent, another job by 100 % or more.
 MAX_DIFFERENCE = 0.3
@@ -35,12 +36,15 @@ INTERVAL_TOLERANCE = 0.01
 # Logged set-points belong to another run if their RMS difference from the set-points of the run
 # exceeds SET_POINT_TOLERANCE [rad], the fraction ERROR_SHARE of the RMS error, and NOISE_MULTIPLE
 # times the noise.
-SET_POINT_TOLERANCE, ERROR_SHARE, NOISE_MULTIPLE = 1e-4, 0.05, 10.0
+SET_POINT_TOLERANCE = 1e-4
+ERROR_SHARE = 0.05
+NOISE_MULTIPLE = 10.0
 # A log belongs to an earlier run if the misfit of its set-points is below this fraction of the
 # misfit of the current set-points.
 NEARER = 0.5
 # A joint rests if it has moved by at most REST_SIGMAS times the noise or REST_MOTION [rad].
-REST_SIGMAS, REST_MOTION = 6.0, 1e-6
+REST_SIGMAS = 6.0
+REST_MOTION = 1e-6
 
 
 class AlignedRecording(NamedTuple):
@@ -62,7 +66,8 @@ def align(
     `expected` are joint positions at the model's times that follow from an earlier run [rad], (n,
     dof), by default those of the model.
     """
-    source, duration = recording.source, lifted.plan.duration
+    source = recording.source
+    duration = lifted.plan.duration
     servo = lifted.nominal.servo
     loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
     allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES_PER_PERIOD
@@ -78,7 +83,8 @@ def align(
             allowed=allowed,
         )
     expected = lifted.expected(set_points.q) if expected is None else expected
-    offset, rate = 0.0, 1.0
+    offset = 0.0
+    rate = 1.0
     if not recording.in_plan_time:
         lasts = float(np.ptp(recording.t))
         if lasts * (1 + MAX_RATE_DIFFERENCE) < duration:
@@ -86,9 +92,13 @@ def align(
                 f"{source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s. Record the "
                 "whole run, from before its first set-point until the arm rests."
             )
-        values, times, reference = recording.q, lifted.t, expected
+        values = recording.q
+        times = lifted.t
+        reference = expected
         if recording.command is not None:
-            values, times, reference = recording.command, set_points.t, set_points.q
+            values = recording.command
+            times = set_points.t
+            reference = set_points.q
         offset, rate = fit_clock(recording.t, values, times, reference)
     t = offset + rate * recording.t
     moved = rms(expected - expected.mean(axis=0))
@@ -130,7 +140,9 @@ def require_same_set_points(recording: Recording, run: LearningRun, set_points: 
     """Raise an error if the logged set-points are not those of the run."""
     if recording.command is None:
         return
-    t, command, times = recording.t, recording.command, set_points.t
+    t = recording.t
+    command = recording.command
+    times = set_points.t
     earlier = set_points.runs if isinstance(set_points, LearningResult) else ()
     misfits = []
     for q in (*(x.q for x in earlier), set_points.q):
@@ -144,7 +156,8 @@ def require_same_set_points(recording: Recording, run: LearningRun, set_points: 
             "that the robot executed.",
             index=k,
         )
-    error, noise = rms(run.error), rms(run.noise)
+    error = rms(run.error)
+    noise = rms(run.noise)
     allowed = max(SET_POINT_TOLERANCE, ERROR_SHARE * error, NOISE_MULTIPLE * noise)
     if run.set_points_off > allowed:
         unit = any_unit("mrad", run.prismatic)
@@ -183,7 +196,8 @@ def fit_clock(
     """
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
-    middle, rate = float(t.mean()), 1.0
+    middle = float(t.mean())
+    rate = 1.0
     centre = approximate_offset(t, values, times, reference) + middle
     for _ in range(MAX_STEPS):
         plan_times = centre + rate * (t - middle)
@@ -197,7 +211,8 @@ def fit_clock(
         parts -= parts.mean(axis=0)
         errors = errors - errors.mean(axis=0)
         step, *_ = np.linalg.lstsq(parts.reshape(-1, 2), errors.ravel(), rcond=None)
-        centre, rate = centre + float(step[0]), rate + float(step[1])
+        centre = centre + float(step[0])
+        rate = rate + float(step[1])
         near = abs(step[0]) < CONVERGED and abs(step[1]) * np.ptp(t) < CONVERGED
         if near or abs(rate - 1) > 2 * MAX_RATE_DIFFERENCE:
             break

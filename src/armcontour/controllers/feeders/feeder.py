@@ -105,7 +105,8 @@ class Pipe:
     """Pipe to the sender; a sender that does not read does not block the motion."""
 
     def __init__(self, descriptor: int) -> None:
-        self.descriptor, self.unsent = descriptor, bytearray()
+        self.descriptor = descriptor
+        self.unsent = bytearray()
         os.set_blocking(descriptor, False)
 
     def write(self, text: str) -> None:
@@ -141,7 +142,9 @@ class Feeder:
     def __init__(
         self, device: Device, record: str, out: Pipe, state: memoryview | None = None
     ) -> None:
-        self.device, self.record, self.out = device, open(record, "a"), out
+        self.device = device
+        self.record = open(record, "a")
+        self.out = out
         self.state = memoryview(bytearray(32)).cast("q") if state is None else state
         self.rows: list[Row] = []
         self.stops: dict[int, list[Row]] = {}
@@ -206,7 +209,8 @@ class Feeder:
             self.report()
             self.flush()
             self.read()
-            self.state[0], self.state[1] = self.state[0] + 1, int(self.playing)
+            self.state[0] = self.state[0] + 1
+            self.state[1] = int(self.playing)
             self.device.wait()
 
     def read(self) -> None:
@@ -246,19 +250,25 @@ class Feeder:
         elif kind == "H":
             self.block += self.block[-1:] * int(words[1])
         elif kind in "MT":
-            self.block, self.block_start = [], int(words[1]) if kind == "T" else None
+            self.block = []
+            self.block_start = int(words[1]) if kind == "T" else None
         elif kind == "E" and self.block_start is None:
-            self.rows, self.stops, self.stopped = self.block, {}, False
+            self.rows = self.block
+            self.stops = {}
+            self.stopped = False
         elif kind == "E" and not self.stopped:
             self.stops[self.block_start or 0] = self.block
         elif kind == "G":
             self.device.start()
-            self.sent, self.playing, self.stop_requested = 0, True, False
+            self.sent = 0
+            self.playing = True
+            self.stop_requested = False
             self.state[3] = 0
         elif kind == "S":
             self.stop_requested = self.playing
         elif kind == "Q":
-            self.quitting, self.stop_requested = True, self.playing
+            self.quitting = True
+            self.stop_requested = self.playing
 
     def feed(self) -> None:
         """Send the next rows of the motion or of a stop."""
@@ -290,7 +300,9 @@ class Feeder:
     def take_stop(self, k: int) -> None:
         """Replace the rows from cycle k on, and discard the stops of the old rows."""
         self.rows = self.rows[:k] + self.stops[k]
-        self.stops, self.stop_requested, self.stopped = {}, False, True
+        self.stops = {}
+        self.stop_requested = False
+        self.stopped = True
 
     def report(self) -> None:
         """Record the new samples, and print them for the parent process."""
@@ -310,7 +322,8 @@ class Guard(Feeder):
 
     def __init__(self, child: int, pipe: Pipe, *of_feeder: Any) -> None:
         super().__init__(*of_feeder)
-        self.child, self.pipe = child, pipe
+        self.child = child
+        self.pipe = pipe
 
     def obey(self, words: list[str]) -> None:
         """Store rows and the latest stops, as the feeder does."""
@@ -323,7 +336,8 @@ class Guard(Feeder):
         """Forward lines until the feeder ends."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGPIPE, signal.SIG_IGN)
-        loops, moved = -1, 0.0
+        loops = -1
+        moved = 0.0
         while True:
             if select.select([] if self.orphaned else [0], [], [], PAUSE)[0]:
                 data = os.read(0, BLOCK)
@@ -332,7 +346,8 @@ class Guard(Feeder):
                 self.pipe.unsent += data
             self.pass_on()
             if loops != self.state[0] or not self.state[1]:
-                loops, moved = self.state[0], time.monotonic()
+                loops = self.state[0]
+                moved = time.monotonic()
             if self.state[1] and self.state[3] - 1 in self.stops:
                 self.take_stop(self.state[3] - 1)
             ended, status = os.waitpid(self.child, os.WNOHANG)

@@ -19,7 +19,8 @@ CYCLE = 1e-3
 SAME = 1e-6
 # Number of cycles of the motion from the held position to the first row, and its maximum length
 # [rad].
-ALIGNING, FARTHEST = 500, 2e-3
+ALIGNING = 500
+FARTHEST = 2e-3
 
 
 @contextmanager
@@ -49,7 +50,8 @@ class FrankaDevice:
         # k, row: cycle of the motion and row that the next answer sends. confirmed: last cycle that
         # the robot has confirmed. sent: row of the last answer. approach_rows: rows from the held
         # position to row 0, which are sent first.
-        self.k, self.confirmed = -1, -1
+        self.k = -1
+        self.confirmed = -1
         self.row: Row = ()
         self.sent: Row = ()
         self.approach_rows: deque[tuple[int, Row]] = deque()
@@ -90,7 +92,8 @@ class FrankaDevice:
         self.due -= 1
         if k == 0:
             self._align(row)
-        self.k, self.row = k, row
+        self.k = k
+        self.row = row
 
     def is_done(self) -> bool:
         """Return whether the robot has confirmed the last row."""
@@ -105,7 +108,8 @@ class FrankaDevice:
             self._answer(finished=False)
             if k >= 0 or self.clock % RARE == 0:
                 self.unconfirmed = (self.clock, k, self.sent, tuple(self.state.q))
-        confirmed, self.confirmed_samples = self.confirmed_samples, []
+        confirmed = self.confirmed_samples
+        self.confirmed_samples = []
         return confirmed
 
     def finish(self) -> None:
@@ -156,14 +160,17 @@ class FrankaDevice:
         else:
             self.state, _ = self.control.readOnce()
         clock = round(self.state.time.to_sec() / CYCLE)
-        self.due, self.clock, self.answered = clock - self.clock, clock, False
+        self.due = clock - self.clock
+        self.clock = clock
+        self.answered = False
         if self.unconfirmed is not None:
             number, k, row, measured = self.unconfirmed
             used = tuple(self.state.q_d)
             if max(abs(a - b) for a, b in zip(row, used, strict=True)) > SAME:
                 row = used
             self.confirmed_samples.append((number, k, row, measured))
-            self.unconfirmed, self.confirmed = None, k
+            self.unconfirmed = None
+            self.confirmed = k
 
     @reported()
     def _answer(self, *, finished: bool) -> None:

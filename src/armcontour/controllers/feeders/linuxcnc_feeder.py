@@ -23,7 +23,8 @@ SILENCE = 1.0
 # Largest motion of a disabled joint between a connection and the first motion [rad].
 STILL = 1e-3
 # Number of equal readings of the FIFO that are required, and the time between them [s].
-AGREEING, LOOK = 5, 1.7e-3
+AGREEING = 5
+LOOK = 1.7e-3
 PROGRAM = "/usr/bin/rtapi_app"
 # Beginnings of lines that halcmd always prints.
 USUAL = ("Running with fallback_uid", "Note: Using POSIX")
@@ -42,7 +43,9 @@ class LinuxCNCDevice:
     """
 
     def __init__(self, file: str, ahead: int, dof: int) -> None:
-        self.file, self.ahead, self.dof = file, ahead, dof
+        self.file = file
+        self.ahead = ahead
+        self.dof = dof
         self.waiting = self.enabled = self.is_used = False
 
     def connect(self) -> Row:
@@ -170,7 +173,8 @@ class LinuxCNCDevice:
             self.__dict__.pop(name, None)
         if hasattr(self, "component"):
             self.component.exit()
-        no, disable = subprocess.DEVNULL, ("halcmd", "sets", ENABLE, "0")
+        no = subprocess.DEVNULL
+        disable = ("halcmd", "sets", ENABLE, "0")
         for words in (disable, ("halcmd", "stop"), ("halcmd", "unload", "all"), (PROGRAM, "exit")):
             subprocess.run(words, stdin=no, stdout=no, stderr=no)
 

@@ -16,16 +16,22 @@ from contextlib import suppress
 
 from armcontour.controllers.feeders.feeder import RARE, DeviceError, Row, Sample, main
 
-RTDE_PORT, SCRIPT_PORT = 30004, 30002
+RTDE_PORT = 30004
+SCRIPT_PORT = 30002
 # Type of RTDE packages with registers or the state.
 DATA_PACKAGE = "U"
-DOF, SLOTS, FIRST = 6, 4, 24
+DOF = 6
+SLOTS = 4
+FIRST = 24
 # Cycle of the controller [s].
 CYCLE = 2e-3
 # Timeout of an answer [s], and maximum number of packages until the program runs.
-TIMEOUT, PACKAGES = 2.0, 2500
+TIMEOUT = 2.0
+PACKAGES = 2500
 # RTDE guide: robot mode RUNNING, safety mode NORMAL, runtime state PLAYING.
-RUNNING, NORMAL, PLAYING = 7, 1, 2
+RUNNING = 7
+NORMAL = 1
+PLAYING = 2
 MODES = {2: "reduced", 3: "protective stop", 5: "safeguard stop", 6: "emergency stop"}
 MODES |= {4: "recovery", 7: "emergency stop", 8: "violation", 9: "fault"}
 SIZES = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
@@ -83,9 +89,12 @@ class UrDevice:
 
     def __init__(self, address: str) -> None:
         self.address = address
-        self.number, self.running, self.fresh = int.from_bytes(os.urandom(3)) + 1, False, False
+        self.number = int.from_bytes(os.urandom(3)) + 1
+        self.running = False
+        self.fresh = False
         self.slots: list[Row] = [(0.0,) * DOF] * SLOTS
-        self.newest, self.k = -1, -1
+        self.newest = -1
+        self.k = -1
         self.received = b""
         self.complete: list[Sample] = []
 
@@ -153,7 +162,8 @@ class UrDevice:
         if self.running and self.fresh:
             self._send_inputs(1)
             self.fresh = False
-        complete, self.complete = self.complete, []
+        complete = self.complete
+        self.complete = []
         return complete
 
     def finish(self) -> None:
@@ -216,7 +226,8 @@ class UrDevice:
                 raise DeviceError("the controller ended the connection")
             self.received += data
         size, kind = struct.unpack_from(">HB", self.received)
-        data, self.received = self.received[3:size], self.received[size:]
+        data = self.received[3:size]
+        self.received = self.received[size:]
         return chr(kind), data
 
     def _types(self, names: Sequence[str], answer: bytes) -> str:
@@ -239,7 +250,8 @@ class UrDevice:
         self.state = self.layout.unpack(data)[1:]
         self.fresh = True
         clock = round(self.state[0] / CYCLE)
-        runtime, number = self.state[15], self.state[18]
+        runtime = self.state[15]
+        number = self.state[18]
         measured = tuple(self.state[7:13])
         if self.running:
             if runtime != PLAYING or number != self.number:

@@ -110,7 +110,8 @@ class ArcChain:
 
     def halve(self) -> ArcChain:
         """The same curve with each line and arc split into two halves."""
-        middles, half = self._evaluate(0.5), self.angles[:, None] / 2
+        middles = self._evaluate(0.5)
+        half = self.angles[:, None] / 2
         c, s = np.cos(half), np.sin(half)
         first = dataclasses.replace(self, ends=middles, angles=self.angles / 2)
         second = ArcChain(
@@ -231,7 +232,8 @@ class ArcChain:
 
     def _fitted(self, counts: IntArray, tolerance: float) -> list[Segments]:
         """Tangent circular arcs within the tolerance [m] of chains of `counts` elliptical arcs."""
-        first, chain_of = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts)
+        first = np.cumsum(counts) - counts
+        chain_of = np.repeat(np.arange(len(counts)), counts)
 
         def curves(row: IntArray, t: FloatArray, order: int) -> FloatArray:
             # Elliptical arc i of a chain has the parameters from i to i + 1.
@@ -240,7 +242,8 @@ class ArcChain:
 
         quarters = np.maximum(np.ceil(self.angles / (np.pi / 2) - 1e-9), 1).astype(np.intp)
         i, k = number_parts(quarters)
-        row, ends = chain_of[i], np.cumsum(np.add.reduceat(quarters, first))
+        row = chain_of[i]
+        ends = np.cumsum(np.add.reduceat(quarters, first))
         breaks = np.insert(i - first[row] + k / quarters[i], ends, counts)
         rows = np.insert(row, ends, np.arange(len(counts)))
         return fit_many(curves, breaks, rows, tolerance, separate=True)
@@ -270,7 +273,8 @@ class ArcChain:
 
     def _through_ends(self) -> Segments:
         """Segments of circular arcs through their end points with their swept angles."""
-        chords, half = self.ends - self.starts, self.angles / 2
+        chords = self.ends - self.starts
+        half = self.angles / 2
         sizes = np.linalg.norm(chords, axis=1)
         along = chords / sizes[:, None]
         c, s = np.cos(half)[:, None], np.sin(half)[:, None]
@@ -296,15 +300,18 @@ def draw_together(chains: Sequence[ArcChain], tolerance: float) -> list[Segments
     count = np.array([len(x.angles) for x in chains], dtype=np.intp)
     if not count.any():
         return tables
-    table, chain_of = ArcChain.join(chains), np.repeat(np.arange(len(chains)), count)
-    elliptical, usable = table._elliptical(tolerance), table._has_length
+    table = ArcChain.join(chains)
+    chain_of = np.repeat(np.arange(len(chains)), count)
+    elliptical = table._elliptical(tolerance)
+    usable = table._has_length
 
     def indices_of(kind: BoolArray) -> IntArray:
         other = np.bincount(chain_of, ~(kind & usable), len(chains)) > 0
         return np.flatnonzero(~other & (count > 0))
 
     if len(indices := indices_of(~elliptical)):
-        drawn, ends = table[np.isin(chain_of, indices)]._as_drawn(), np.cumsum(count[indices])
+        drawn = table[np.isin(chain_of, indices)]._as_drawn()
+        ends = np.cumsum(count[indices])
         for i, begin, end in zip(indices, ends - count[indices], ends, strict=True):
             tables[i] = drawn[begin:end]
     indices = indices_of(elliptical)

@@ -57,15 +57,18 @@ def _cut_at_border(table: Segments, border: Segments) -> tuple[IntArray, FloatAr
     pairs, distances = find_crossings(np.concatenate([to_pieces(table), to_pieces(border)]))
     crosses = (pairs < n).sum(axis=1) == 1
     of_path = pairs[crosses] < n
-    i, u = pairs[crosses][of_path], distances[crosses][of_path]
+    i = pairs[crosses][of_path]
+    u = distances[crosses][of_path]
     # Crossings at the ends of a segment are ignored.
     inner = (u > REPEATED_POINT) & (u < table.lengths[i] - REPEATED_POINT)
     row = np.concatenate([np.arange(n), i[inner]])
     begin = np.concatenate([np.zeros(n), u[inner]])
     order = np.lexsort([begin, row])
-    row, begin = row[order], begin[order]
+    row = row[order]
+    begin = begin[order]
     apart = np.append(True, (np.diff(row) > 0) | (np.diff(begin) > REPEATED_POINT))
-    row, begin = row[apart], begin[apart]
+    row = row[apart]
+    begin = begin[apart]
     last = np.append(np.diff(row) > 0, True)
     return row, begin, np.where(last, table.lengths[row], np.append(begin[1:], 0.0))
 
@@ -104,8 +107,11 @@ class Walk:
     part = ""
 
     def __init__(self, source: str, options: ReadOptions, progress: Progress | None) -> None:
-        self.source, self.options, self.skip = source, options, options.skips
-        self.requested_layers, self.colors = options.layer_set, options.color_set
+        self.source = source
+        self.options = options
+        self.skip = options.skips
+        self.requested_layers = options.layer_set
+        self.colors = options.color_set
         self.report_fraction = fraction_reporter(progress, source)
         # Names of omitted entities by the reason, with their counts.
         self.omitted: dict[str, Counter[str]] = {}

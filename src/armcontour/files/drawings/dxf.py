@@ -66,7 +66,9 @@ UNITS = {
 MAX_DEPTH = 50
 EXPLODE = "Explode the entity into lines and arcs in the CAD program"
 MAX_COPIES = 200_000
-OFF, FROZEN, UNPLOTTED = "off", "frozen", "not plotted"
+OFF = "off"
+FROZEN = "frozen"
+UNPLOTTED = "not plotted"
 # Layer of CAD programs for the points of dimensions, which is never plotted; in lower case.
 DEFPOINTS = "defpoints"
 # First words of the notes on omitted entities.
@@ -76,7 +78,9 @@ INVISIBLE = "Skipped because they are invisible"
 NOT_READ = "Skipped because they are not lines, arcs or curves"
 BROKEN = "Skipped because they cannot be read"
 # AutoCAD colour numbers for the colour of the block, the colour of the layer, and black or white.
-BY_BLOCK, BY_LAYER, ACI_WHITE = 0, 256, 7
+BY_BLOCK = 0
+BY_LAYER = 256
+ACI_WHITE = 7
 WHITE = frozenset({"7", "#ffffff", "#000000"})
 BINARY = b"AutoCAD Binary DXF"
 DRAWING_DATABASE = b"AC10"
@@ -292,7 +296,8 @@ class DxfWalk(Walk):
         columns = insert_grid(entity)[1]
         color = self._color(entity, layer, block)
         for k, offset in enumerate(offsets):
-            row, column = k // columns + 1, k % columns + 1
+            row = k // columns + 1
+            column = k % columns + 1
             inner = Inherited(
                 name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
                 to=block.to @ Affine(affine.linear, affine.offset + offset),
@@ -410,9 +415,11 @@ def _wrong_number(data: bytes) -> str:
 
     # Codes from 1000 are data of applications.
     codes = {str(code) for code in TYPE_TABLE if code < 1000}
-    lines, kind = data.decode("utf-8", errors="replace").split("\n"), ""
+    lines = data.decode("utf-8", errors="replace").split("\n")
+    kind = ""
     for k in range(0, len(lines) - 1, 2):
-        code, value = lines[k].strip(), lines[k + 1].strip()
+        code = lines[k].strip()
+        value = lines[k + 1].strip()
         if code == "0":
             kind = value
         elif kind in WITH_NUMBERS and code in codes and not _FLOAT.fullmatch(value):

@@ -77,7 +77,8 @@ def _arc(entity: Any, start: float, sweep: float) -> Shape | None:
     if radius < 0:
         raise Unreadable(f"has the radius {radius:g}, but it must not be negative")
     c, s = np.cos(start), np.sin(start)
-    cosine, sine = radius * (axes @ [c, s, 0.0]), radius * (axes @ [-s, c, 0.0])
+    cosine = radius * (axes @ [c, s, 0.0])
+    sine = radius * (axes @ [-s, c, 0.0])
     return ArcChain.arc(centre, cosine, sine, sweep)
 
 
@@ -155,7 +156,8 @@ def spline(entity: Any) -> Shape | None:
     if entity.control_point_count() == 0:
         return _fit_spline(entity)
     points = _numbers("control points", [tuple(x) for x in entity.control_points])
-    n, degree = len(points), int(entity.dxf.degree)
+    n = len(points)
+    degree = int(entity.dxf.degree)
     if not 1 <= degree <= MAX_DEGREE:
         raise Unreadable(f"has degree {degree}, but it must be from 1 to {MAX_DEGREE}")
     _check_point_count(n)

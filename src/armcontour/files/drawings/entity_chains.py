@@ -75,7 +75,8 @@ def chain_pieces(
     # The exact box of a path is needed only if start and middle of its piece are close together.
     small = np.abs(table.middles - table.starts).max(axis=1) <= tolerance
     contours: list[Contour] = []
-    short, hooked = [], []
+    short = []
+    hooked = []
     counts = Counter[str]()
     for chain, closed in _chains(partner, repeated):
         first = pieces[min(chain) // 2]
@@ -92,7 +93,8 @@ def chain_pieces(
         straight = _remove_hooks(path, tolerance)
         if straight is not path:
             hooked.append(first.name)
-        number, layer = len(contours) + 1, first.layer
+        number = len(contours) + 1
+        layer = first.layer
         counts[layer] += 1
         suffix = f"-{counts[layer]}"
         name = shorten(layer, LONGEST_NAME - len(suffix)) + suffix if counted else first.name
@@ -164,7 +166,8 @@ def _coincide(a: Path, b: Path) -> bool:
     """Return whether two paths are equal within `SAME_PIECE`, in the same or opposite direction."""
     # The paths can have different numbers of segments, so points at equal fractions are compared.
     fractions = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
-    one, other = a(fractions * a.length), b(fractions * b.length)
+    one = a(fractions * a.length)
+    other = b(fractions * b.length)
     return any(float(np.abs(one - x).max(initial=0.0)) <= SAME_PIECE for x in (other, other[::-1]))
 
 
@@ -213,7 +216,8 @@ class EntitySegments:
         """The path through pieces in a given order, with the gaps between the pieces closed."""
         # Entry 2 i is piece i forwards; entry 2 i + 1 is the same piece backwards.
         entered = np.asarray(entries, dtype=np.intp)
-        piece, backwards = entered // 2, entered % 2 == 1
+        piece = entered // 2
+        backwards = entered % 2 == 1
         count = self.first[piece + 1] - self.first[piece]
         entry, within = number_parts(count)
         base = np.where(backwards, self.first[piece + 1] - 1, self.first[piece])
@@ -254,12 +258,14 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
 
     An arc that would move by more than the tolerance [m] is not moved, but connected by lines.
     """
-    to_start, to_end = rows.starts.copy(), ends.copy()
+    to_start = rows.starts.copy()
+    to_end = ends.copy()
     middle = (ends[vertices - 1] + rows.starts[vertices]) / 2
     to_start[vertices] = to_end[vertices - 1] = middle
     changed = np.zeros(len(rows), dtype=bool)
     changed[vertices] = changed[vertices - 1] = True
-    line, arc = changed & (rows.curvatures == 0), changed & (rows.curvatures > 0)
+    line = changed & (rows.curvatures == 0)
+    arc = changed & (rows.curvatures > 0)
     stays = arc.copy()
     stays[arc] = _shift(rows[arc], ends[arc], to_start[arc], to_end[arc]) > tolerance
     moves = arc & ~stays
@@ -270,7 +276,8 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
         )
     # Lines connect an arc that is not moved to the middles of the gaps before and after the arc.
     # Lines without length are omitted.
-    before, after = _connect(rows, to_start, rows.starts), _connect(rows, ends, to_end)
+    before = _connect(rows, to_start, rows.starts)
+    after = _connect(rows, ends, to_end)
     used = [
         stays & (before.lengths > REPEATED_POINT),
         ~line | (moved.lengths > REPEATED_POINT),
@@ -297,7 +304,8 @@ def _shift(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> FloatArray:
     """Largest displacement of a point of each arc if `_stretch` moves the arc's ends [m], (n,)."""
-    at_start, at_end = to_start - arcs.starts, to_end - ends
+    at_start = to_start - arcs.starts
+    at_end = to_end - ends
     chord = np.linalg.norm(ends - arcs.starts, axis=1)
     reach = np.where(arcs.curvatures * arcs.lengths < np.pi, chord, 2 / arcs.curvatures)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -311,9 +319,12 @@ def _stretch(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> Segments:
     """Scale and rotate arcs to new end points without a change of their angles."""
-    old, new = ends - arcs.starts, to_end - to_start
-    size, new_size = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
-    a, b = old / size[:, None], new / new_size[:, None]
+    old = ends - arcs.starts
+    new = to_end - to_start
+    size = np.linalg.norm(old, axis=1)
+    new_size = np.linalg.norm(new, axis=1)
+    a = old / size[:, None]
+    b = new / new_size[:, None]
     scale = new_size / size
 
     def turned(v: FloatArray) -> FloatArray:
@@ -391,7 +402,8 @@ def _join_ends(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolera
     for i, j in zip(a[order].tolist(), b[order].tolist(), strict=True):
         if not (taken[i] or taken[j]):
             taken[i] = taken[j] = True
-            partner[i], partner[j] = j, i
+            partner[i] = j
+            partner[j] = i
 
 
 def _touching_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
@@ -402,7 +414,8 @@ def _touching_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
     centres = np.column_stack([ends.layers[free][first] * LAYER_DISTANCE, ends.points[free][first]])
     vertex = group_points(centres, near)[cell.ravel()]
     alone = np.bincount(vertex)[vertex] == 1
-    free, vertex = free[~alone], vertex[~alone]
+    free = free[~alone]
+    vertex = vertex[~alone]
     return _pairs(free, *_smallest_turns(vertex, ends.inwards[free]))
 
 

@@ -109,13 +109,15 @@ def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatA
     # knot interval as arguments. De Boor's algorithm computes it with one argument per step.
     n = len(points)
     k = degree + np.flatnonzero(np.diff(knots[degree : n + 1]) > 0)
-    a, b = knots[k], knots[k + 1]
+    a = knots[k]
+    b = knots[k + 1]
     controls = np.empty((len(k), degree + 1, points.shape[1]))
     for j in range(degree + 1):
         p = points[k[:, None] + np.arange(-degree, 1)]
         for r in range(1, degree + 1):
             i = k[:, None] + np.arange(r - degree, 1)
-            low, high = knots[i], knots[i + degree + 1 - r]
+            low = knots[i]
+            high = knots[i + degree + 1 - r]
             parameter = (b if r <= j else a)[:, None]
             fraction = ((parameter - low) / (high - low))[..., None]
             p = (1 - fraction) * p[:, :-1] + fraction * p[:, 1:]
@@ -186,7 +188,8 @@ class _SplineCurves:
         if self.plain:
             return _evaluate_bezier(_derivative_points(control) if order else control, fraction)
         value = _evaluate_bezier(control, fraction)
-        w, p = value[:, -1:], value[:, :-1] / value[:, -1:]
+        w = value[:, -1:]
+        p = value[:, :-1] / value[:, -1:]
         if order == 0:
             return np.asarray(p)
         change = _evaluate_bezier(_derivative_points(control), fraction)
@@ -258,7 +261,8 @@ class Outline:
         if not self.closed:
             return self.shapes
         *others, last = self.shapes
-        start, (before, end) = self.shapes[0].starts[0], last.last
+        start = self.shapes[0].starts[0]
+        before, end = last.last
         if np.array_equal(start, end):
             return self.shapes
         gap, size = (float(np.linalg.norm(end - x)) for x in (start, before))

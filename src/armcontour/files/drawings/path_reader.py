@@ -89,7 +89,8 @@ def read_path(
     program: Program = read(options=options)
     if program.other_layers:
         program = _number_in_drawing(program, lambda: read(options=replace(options, layers=None)))
-    factor, unit = options.scale, options.unit
+    factor = options.scale
+    unit = options.unit
     program = _select(program, options)
     far = _farthest(program) * factor
     checks.raise_if(

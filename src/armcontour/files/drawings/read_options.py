@@ -65,7 +65,8 @@ def fraction_reporter(progress: Progress | None, source: str) -> ReportFraction:
     """A function that reports the fraction of a file that is read, at each new whole percent."""
     if progress is None:
         return lambda share: None
-    say, shown = subprogress(progress, source), -1
+    say = subprogress(progress, source)
+    shown = -1
 
     def report_fraction(fraction: float) -> None:
         nonlocal shown
@@ -202,7 +203,8 @@ def repair_vertices(program: Program, options: ReadOptions) -> Program:
     """Make vertices tangent if rounding of coordinates can explain their turn, and add a note."""
     # Contours with a tool orientation are not changed.
     moves: list[Move] = list(program.moves)
-    tolerances, changed = options.layer_tolerances, []
+    tolerances = options.layer_tolerances
+    changed = []
     paths = [x.path for x in moves if isinstance(x, Contour)]
     needed = iter(_may_have_repairs(paths, options.repair_vertices).tolist())
     for i, move in enumerate(moves):

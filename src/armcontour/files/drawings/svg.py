@@ -124,7 +124,8 @@ def _page(
             "group inside"
         )
     box = view_box(root)
-    width, height = _page_extent(root, "width"), _page_extent(root, "height")
+    width = _page_extent(root, "width")
+    height = _page_extent(root, "height")
     unit = PIXEL if options.unit is None else options.unit
     notes = []
     absolute = any(ABSOLUTE.search(root.get(x)) for x in ("width", "height"))
@@ -395,7 +396,8 @@ class SvgWalk(Walk):
         user = None if user is None else make_absolute(user, outer)
         width = _extent(element, user, "width", outer.width if outer else None)
         height = _extent(element, user, "height", outer.height if outer else None)
-        x, y = read_length_or_zero(element, "x"), read_length_or_zero(element, "y")
+        x = read_length_or_zero(element, "x")
+        y = read_length_or_zero(element, "y")
         box = view_box(element)
         if width is None or height is None:
             if box is not None:
@@ -441,7 +443,8 @@ def _layer(element: Element, around: _SvgInherited) -> _SvgInherited:
 
 def _all_elements(root: Element) -> list[Element]:
     """All elements of a tree in the order of the file."""
-    elements, todo = [], [root]
+    elements = []
+    todo = [root]
     while todo:
         elements.append(todo.pop())
         todo.extend(reversed(elements[-1].children))

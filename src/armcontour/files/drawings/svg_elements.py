@@ -156,7 +156,8 @@ class _Builder:
 
     def __init__(self, source: str, data: bytes, parser: XMLParserType) -> None:
         self.source = source
-        self._data, self._parser = data, parser
+        self._data = data
+        self._parser = parser
         self._expanded = self._count = 0
         self.root: Element | None = None
         self._open: list[Element] = []
@@ -305,7 +306,9 @@ def transform_of(element: Element) -> Affine:
     text = element.get("transform")
     if text in ("", "none"):
         return IDENTITY
-    whole, position, count = IDENTITY, 0, 0
+    whole = IDENTITY
+    position = 0
+    count = 0
     while position < len(text):
         match = _TRANSFORM.match(text, position)
         if match is None or match[1] not in ARGUMENT_COUNTS or count >= MAX_TRANSFORMS:
@@ -320,7 +323,8 @@ def transform_of(element: Element) -> Affine:
             counts = " or ".join(map(str, ARGUMENT_COUNTS[match[1]]))
             element.refuse(f"{match[1]} must have {counts} numbers, but has {len(values)}")
         whole = whole @ _single_transform(match[1], values)
-        position, count = match.end(), count + 1
+        position = match.end()
+        count = count + 1
     if not whole.finite:
         element.refuse("transform has numbers whose product is too large for a double")
     return whole
@@ -343,14 +347,16 @@ def _single_transform(kind: str, values: list[float]) -> Affine:
     turned = affine(c, s, -s, c, 0, 0)
     if len(values) == 1:
         return turned
-    forward, back = affine(1, 0, 0, 1, *values[1:]), affine(1, 0, 0, 1, -values[1], -values[2])
+    forward = affine(1, 0, 0, 1, *values[1:])
+    back = affine(1, 0, 0, 1, -values[1], -values[2])
     return forward @ turned @ back
 
 
 def _cos_sin(degrees: float) -> tuple[float, float]:
     """Cosine and sine of an angle, exact for multiples of a right angle."""
     quarters, remainder = divmod(degrees, 90.0)
-    c, s = math.cos(math.radians(remainder)), math.sin(math.radians(remainder))
+    c = math.cos(math.radians(remainder))
+    s = math.sin(math.radians(remainder))
     for _ in range(int(quarters % 4)):
         c, s = -s, c
     return c, s
@@ -389,7 +395,8 @@ def viewbox_transform(element: Element, inner: ViewBox, outer: ViewBox) -> Affin
             "preserveAspectRatio must be none, or an alignment such as xMidYMid with meet or "
             f"slice, but is {text[:40]!r}"
         )
-    x, y = outer.width / inner.width, outer.height / inner.height
+    x = outer.width / inner.width
+    y = outer.height / inner.height
     shares = ALIGNMENT_SHARES[match[2] or "Min"], ALIGNMENT_SHARES[match[3] or "Min"]
     if match[1] is None:
         x = y = max(x, y) if match[4] == "slice" else min(x, y)

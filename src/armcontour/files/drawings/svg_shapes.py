@@ -136,7 +136,8 @@ class Pen:
 
     def execute(self, letter: str, numbers: Sequence[float]) -> None:
         """Execute one command with its arguments."""
-        kind, base = letter.upper(), self.position if letter.islower() else 0j
+        kind = letter.upper()
+        base = self.position if letter.islower() else 0j
         control = self.position
         if kind in "MZ":
             self.end_subpath(closed=kind == "Z")
@@ -175,7 +176,8 @@ class Pen:
             self._draw(True, points)
             return points[1]
         # A quadratic Bézier curve is converted to the equivalent cubic curve.
-        (b, c), a = points, self.position
+        b, c = points
+        a = self.position
         self._draw(True, [a + 2 / 3 * (b - a), c + 2 / 3 * (b - c), c])
         return b
 
@@ -243,7 +245,9 @@ def _arc_between(
     step = np.array([[c, s], [-s, c]]) @ (last - first) / radii
     half = math.hypot(*step) / 2
     if half > 1:
-        axes, step, half = axes * half, step / half, 1.0
+        axes = axes * half
+        step = step / half
+        half = 1.0
     across = np.array([-step[1], step[0]]) / (2 * half)
     side = 1.0 if sweep != large else -1.0
     center = step / 2 + side * math.sqrt((1 - half) * (1 + half)) * across
@@ -294,12 +298,14 @@ def _rect(element: Element, count_segments: CountSegments) -> list[Outline]:
             element.refuse(f"{key} must not be negative, but is {value:g}")
     if not (width and height):
         return []
-    rx, ry = min(rx, width / 2), min(ry, height / 2)
+    rx = min(rx, width / 2)
+    ry = min(ry, height / 2)
     if not (rx and ry):
         corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
         return [Outline([ArcChain.straight(corners)], closed=True)]
     pen = Pen(element)
-    right, bottom = x + width, y + height
+    right = x + width
+    bottom = y + height
     for letter, numbers in (
         ("M", (x + rx, y)),
         ("H", (right - rx,)),

@@ -114,7 +114,8 @@ def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatAr
             f"{table.source}: the column {table.columns[has].title!r} has a unit, but the column "
             f"{table.columns[lacks].title!r} has none. Add a unit to this column."
         )
-    keys, values = [x for x in table.columns if x not in TEXTS], {}
+    keys = [x for x in table.columns if x not in TEXTS]
+    values = {}
     for key, numbers in zip(keys, table.read(keys)[0].T, strict=True):
         column = table.columns[key]
         unit = UNITS.get(key, "") if column.unit is None else column.unit
@@ -158,9 +159,11 @@ def _orientation(
     # A quaternion must have length 1; a tool axis may have any length above 0.
     size = np.linalg.norm(numbers, axis=1)
     if keys == QUATERNION:
-        bad, must = np.abs(size - 1) > QUATERNION_TOLERANCE, "a quaternion must have length 1, but"
+        bad = np.abs(size - 1) > QUATERNION_TOLERANCE
+        must = "a quaternion must have length 1, but"
     else:
-        bad, must = (size == 0) & (keys == AXIS), "a tool axis must have a length above 0, but"
+        bad = (size == 0) & (keys == AXIS)
+        must = "a tool axis must have a length above 0, but"
     partial = np.isnan(numbers).any(axis=1) & ~np.isnan(numbers).all(axis=1)
     for wrong, text in ((partial, "fill all cells of the tool orientation or none"), (bad, must)):
         if wrong.any():
@@ -216,7 +219,8 @@ def _orient(
     """The path with the tool orientation of some rows; unchanged if these rows have none."""
     if orientation is None:
         return path
-    keys, numbers = orientation[0], orientation[1][rows]
+    keys = orientation[0]
+    numbers = orientation[1][rows]
     empty = np.isnan(numbers[:, 0])
     if empty.all():
         return path

@@ -41,11 +41,14 @@ DECIMALS = 12
 # 0.1 um. With a cycle of FINE_CYCLE [s], 7 decimals would change accelerations, which are second
 # differences of the positions, by up to 0.0125 rad/s^2, and with shorter cycles by more. Therefore
 # cycles up to FINE_CYCLE have FINE_DECIMALS.
-POSITION_DECIMALS, FINE_DECIMALS, FINE_CYCLE = 7, 9, 0.004
+POSITION_DECIMALS = 7
+FINE_DECIMALS = 9
+FINE_CYCLE = 0.004
 # Each quantity has this number of decimals fewer than the joint positions.
 FEWER_DECIMALS = {"dq": 1, "ddq": 2}
 # Decimals of times [s]: MICRO if all times are whole microseconds, otherwise NANO.
-MICRO, NANO = 6, 9
+MICRO = 6
+NANO = 9
 # Number of values per formatting step; larger blocks need more memory and are not faster.
 FORMAT_BLOCK = 1 << 16
 # Units of the quantities of revolute joints.
@@ -195,11 +198,15 @@ def make_table(
             values, as `armcontour.jobs.analog_outputs` gives them.
     """
     if isinstance(data, SetPoints):
-        samples, step = _sample_set_points(data, cycle, derivatives), data.cycle
-        start, plan = data.start_time, data.trajectory
+        samples = _sample_set_points(data, cycle, derivatives)
+        step = data.cycle
+        start = data.start_time
+        plan = data.trajectory
     else:
         step = _sampling_cycle(data, name, cycle)
-        samples, start, plan = data.sample(step), 0.0, data
+        samples = data.sample(step)
+        start = 0.0
+        plan = data
     if arm is None and plan.arm is not None and plan.arm.dof == samples.q.shape[1]:
         arm = plan.arm
     return tabulate(
@@ -225,7 +232,8 @@ def tabulate(
     **about: Any,
 ) -> SetPointTable:
     """Create the table of samples; `about` are further fields of `SetPointTable`."""
-    name, dof = about["name"], samples.q.shape[1]
+    name = about["name"]
+    dof = samples.q.shape[1]
     if derivatives is None:
         # The derivatives of a curve through set-points can exceed limits of their differences.
         derivatives = 0 if about.get("command_limits") is not None else 2
@@ -249,7 +257,8 @@ def tabulate(
 
 def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> float:
     """Sampling cycle of a trajectory [s], checked against its duration."""
-    step, duration = cycle or DEFAULT_CYCLE, trajectory.duration
+    step = cycle or DEFAULT_CYCLE
+    duration = trajectory.duration
     # Up to LONGEST_CLOCK, a cycle is always valid.
     if step > max(duration, LONGEST_CLOCK):
         raise InvalidInput(
@@ -280,7 +289,8 @@ def _sample_set_points(
             needed=requested,
             allowed=set_points.cycle,
         )
-    plan, t = set_points.trajectory, set_points.t
+    plan = set_points.trajectory
+    t = set_points.t
     if derivatives in (None, 2) and equals_plan(set_points.q, plan.with_rests(t)):
         dq, ddq = plan.with_rests(t, 1), plan.with_rests(t, 2)
         for values in (dq, ddq):
@@ -308,7 +318,8 @@ def sample_spline(q: FloatArray, cycle: float) -> Samples:
     # One joint at once, because a long motion has gigabytes of set-points.
     for j in range(q.shape[1] if len(q) > 1 else 0):
         spline = CubicSpline(t, q[:, j], bc_type="clamped")
-        dq[1:-1, j], ddq[:, j] = spline(t[1:-1], 1), spline(t, 2)
+        dq[1:-1, j] = spline(t[1:-1], 1)
+        ddq[:, j] = spline(t, 2)
     for values in (dq, ddq):
         # Samples copies writable arrays.
         values.setflags(write=False)
@@ -344,7 +355,8 @@ def joint_columns(
     called = [x.removeprefix("joint ") for x in joint_names]
     if len(set(called)) < len(called):
         called = list(joint_names)
-    header, columns = ["t [s]"], [t]
+    header = ["t [s]"]
+    columns = [t]
     slides = prismatic or (False,) * len(called)
     for quantity, values in quantities.items():
         if values is not None:

@@ -72,7 +72,8 @@ def predict_tolerances(execution: Execution, factor: float = 2.0) -> GoalToleran
     factor = checks.check_number("factor", factor, "")
     if factor < 1:
         raise InvalidInput(f"factor must be at least 1, but is {factor:g}.", allowed=1.0)
-    commands, t = execution.set_points, execution.t
+    commands = execution.set_points
+    t = execution.t
     errors = np.abs(interpolate(t, commands.t, commands.q) - execution.q)
     late = float(t[-1] - commands.t[-1])
     return GoalTolerances(
@@ -108,10 +109,12 @@ def write_ros_yaml(
         "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
         f"joint_names:\n{listed}points:\n"
     )
-    about, end = f"# {table.name}\n{events}", list[str]()
+    about = f"# {table.name}\n{events}"
+    end = list[str]()
     if tolerances is not None:
         about += "trajectory:\n"
-        head, point = indent(head, "  "), indent(point, "  ")
+        head = indent(head, "  ")
+        point = indent(point, "  ")
         if len(tolerances.path) != table.dof:
             raise InvalidInput(
                 f"The tolerances have values for {len(tolerances.path)} joints, but {table.name!r} "
@@ -139,7 +142,8 @@ def select_points(table: SetPointTable, most: int, tolerance: float) -> SetPoint
     """
     if len(table.t) <= most:
         return table
-    given, t = [x for x in (table.q, table.dq, table.ddq) if x is not None], table.t
+    given = [x for x in (table.q, table.dq, table.ddq) if x is not None]
+    t = table.t
     # The controller reads printed numbers.
     printed = [np.round(x, table.decimals - k) for k, x in enumerate(given)]
     rows = _rows_within(t, given, printed, tolerance)
@@ -173,11 +177,13 @@ def _rows_within(
     t: FloatArray, given: Sequence[FloatArray], printed: Sequence[FloatArray], tolerance: float
 ) -> IntArray:
     """Rows of few points whose interpolation stays within `tolerance` [rad] of that of all rows."""
-    rows, last = [0], len(t) - 1
+    rows = [0]
+    last = len(t) - 1
     while rows[-1] < last:
         start = rows[-1]
         # The farthest row within the tolerance, by doubling until one is beyond it, then bisection.
-        good, bad = start + 1, last + 1
+        good = start + 1
+        bad = last + 1
         while bad - good > 1:
             tried = min(2 * good - start, last) if bad > last else (good + bad) // 2
             within = _deviation(t, given, printed, start, tried) <= tolerance
@@ -200,11 +206,14 @@ def _deviation(
         (_, v), (_, w) = ends
         ends[0].append((6 * slope - 4 * v - 2 * w) / width)
         ends[1].append((2 * v + 4 * w - 6 * slope) / width)
-    curve, u = quintic(width, ends[0], ends[1])[0], t[i : j + 1] - t[i]
+    curve = quintic(width, ends[0], ends[1])[0]
+    u = t[i : j + 1] - t[i]
     d = [evaluate(curve, width[0], u, k) - x[i : j + 1] for k, x in enumerate(given)]
     # Between two rows, the difference is a polynomial. Its Bernstein coefficients bound it. They
     # follow from the differences of the derivatives at both rows.
-    h, degree, bounds = np.diff(u)[:, None], 2 * len(given) - 1, [d[0]]
+    h = np.diff(u)[:, None]
+    degree = 2 * len(given) - 1
+    bounds = [d[0]]
     for side, step in ((slice(None, -1), h), (slice(1, None), -h)):
         if len(d) > 1:
             bounds.append(d[0][side] + step * d[1][side] / degree)

@@ -99,7 +99,8 @@ def describe_program(
         )
     if name not in OUTPUT_EXAMPLES:
         return sentences
-    unswitched, name = [x for x in table.events if x.name not in outputs], str(name)
+    unswitched = [x for x in table.events if x.name not in outputs]
+    name = str(name)
     valued = {x.name: None for x in unswitched if not isinstance(x.value, bool)}
     switches = {x.name: None for x in unswitched if x.name not in valued}
     if switches:
@@ -266,7 +267,8 @@ def _error_line(error: Exception, source: str) -> str:
     if isinstance(error, TemplateSyntaxError):
         return f"{source}, line {error.lineno}"
     # jinja2 maps frames of the traceback to lines of the template.
-    line, step = None, error.__traceback__
+    line = None
+    step = error.__traceback__
     while step is not None:
         if step.tb_frame.f_code.co_filename == "<template>":
             line = step.tb_lineno

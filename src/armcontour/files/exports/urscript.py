@@ -35,7 +35,8 @@ HOLD = 0.5
 # Number of standard analog outputs of a control box.
 ANALOG_OUTPUTS = 2
 # Format of the level of an analog output, and the rounding error of this format.
-LEVEL, SAME_LEVEL = "%.4f", 5e-5
+LEVEL = "%.4f"
+SAME_LEVEL = 5e-5
 # Format of a joint position [rad].
 ANGLE = f"%.{POSITION_DECIMALS}f"
 
@@ -101,7 +102,8 @@ def _commands(
     table: SetPointTable, lines: Sequence[tuple[float, str]], point: str, last: str
 ) -> Iterator[str]:
     """Yield servoj commands and `lines`, (time [cycles], text), in the order of their times."""
-    done, count = 0, len(table.q)
+    done = 0
+    count = len(table.q)
     for position, command in lines:
         # A servoj takes one cycle, so that the next line is executed at the time of the next
         # set-point.
@@ -146,7 +148,8 @@ def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float,
 
 def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
     """Command that switches the output of an event, or writes a message if it has none."""
-    words, comment = event.text, f"  # {event.text} at {event.t:.6f} s\n"
+    words = event.text
+    comment = f"  # {event.text} at {event.t:.6f} s\n"
     if event.name in outputs:
         state = "True" if event.value is not False else "False"
         return f"  set_standard_digital_out({outputs[event.name]}, {state}){comment}"

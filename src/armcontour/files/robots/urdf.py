@@ -108,10 +108,12 @@ def _shapes(arm: SerialArm, description: Description) -> ArmShapes:
     from armcontour.files.robots.urdf_chain import Description
     from armcontour.verification.clearance.body_pairs import exclude_touching
 
-    tree, carried = description.tree, description.shape_frames(arm.chain)
+    tree = description.tree
+    carried = description.shape_frames(arm.chain)
     # Links that are not below the base are fixed, because their joints do not move.
     others = Description(tree, (), (), tree.root).link_frames()
-    floor, back = carried[description.base][0], others[description.base][1].inverse
+    floor = carried[description.base][0]
+    back = others[description.base][1].inverse
     back = arm.chain.floor @ back
     still = {x: (floor, back @ place) for x, (_, place) in others.items() if x not in carried}
     last = description.moving[-1].child

@@ -104,9 +104,12 @@ class Description:
             np.abs(limits.bounds(x, len(rows))).min(axis=0)
             for x in ("joint_velocity", "joint_acceleration")
         )
-        frames, carried, axes = self.axis_frames(), self.link_frames(), []
+        frames = self.axis_frames()
+        carried = self.link_frames()
+        axes = []
         for k in range(self.axes - 1, -1, -1):
-            frame, bodies = frames[k + 1], {}
+            frame = frames[k + 1]
+            bodies = {}
             values = {
                 "lower": lower[k],
                 "upper": upper[k],
@@ -145,7 +148,8 @@ class Description:
 
     def axis_frames(self) -> dict[int, Frame]:
         """Frames of the joints of a positioner (1: next to the part) and of the base (0) in it."""
-        carried, frames = self.link_frames(), {0: Frame()}
+        carried = self.link_frames()
+        frames = {0: Frame()}
         for k in range(self.axes, 0, -1):
             joint = self.moving[k - 1]
             link, place = carried[joint.parent]
@@ -154,7 +158,8 @@ class Description:
 
     def shape_frames(self, chain: Chain) -> dict[str, tuple[int, Frame]]:
         """`link_frames` by the links of the chain, whose first link carries the part."""
-        found, frames = {}, self.axis_frames()
+        found = {}
+        frames = self.axis_frames()
         for name, (number, place) in self.link_frames().items():
             link = number
             if number in frames:
@@ -266,7 +271,8 @@ class Description:
                 continue
             body = self._body(joint.child)
             if body is not None:
-                known, mass = True, body[0]
+                known = True
+                mass = body[0]
                 if mass < 0:
                     faults.append(f"the link {joint.child} has the mass {mass:g} kg")
                 try:

@@ -152,7 +152,8 @@ class Tree:
 
     def between(self, base: str, tip: str, role: str = "tip") -> list[Joint]:
         """Joints on the path from the link `base` to the link `tip`, in this order."""
-        link, start = self.check_link(role, tip), self.check_link("base", base)
+        link = self.check_link(role, tip)
+        start = self.check_link("base", base)
         joints: list[Joint] = []
         # The joints are collected from the tip to the base, and reversed at the end.
         while link != start:
@@ -269,7 +270,8 @@ def _required_name(file: str, element: ET.Element) -> str:
 
 def _joint(file: str, element: ET.Element, links: Mapping[str, ET.Element]) -> Joint:
     """Make the joint of an XML element; its parent and child must be existing links."""
-    name, kind = _required_name(file, element), element.get("type") or ""
+    name = _required_name(file, element)
+    kind = element.get("type") or ""
     if kind not in JOINT_TYPES:
         raise InvalidInput(
             f"The type of joint {name} in {file} must be one of {', '.join(JOINT_TYPES)}, but is "

@@ -147,7 +147,8 @@ class _Connection(_Blend):
     def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         connections = connect(bounds.before, bounds.after, t)
         back, ahead = around_vertices(bounds.before, bounds.after)
-        x, peaks = connections.nearest, []
+        x = connections.nearest
+        peaks = []
         for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
             # Deviation of one half of the connection from the part of the path that it replaces.
             # Points at the same fractions of both are compared.
@@ -165,14 +166,16 @@ class _Connection(_Blend):
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         connections = connect(bounds.before, bounds.after, tangent)
-        nearest, curvature = connections.nearest, connections.largest_curvature
+        nearest = connections.nearest
+        curvature = connections.largest_curvature
         rows, corner, _ = draw_connections(connections, bounds.after.starts, nearest)
         rows = rows.replace(**combine_limits(bounds.before[corner], bounds.after[corner]))
         error = length(connections.begin + connections.evaluate(EVERY, nearest))
         return _make_curves(bounds, rows, corner, curvature, error, curvature)
 
 
-PAIR, CONNECTION = _Pair(), _Connection()
+PAIR = _Pair()
+CONNECTION = _Connection()
 
 
 def _make_curves(
@@ -195,11 +198,14 @@ def _make_curves(
 
 def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
     """Pairs of tangent arcs with given tangent lengths [m], (n,)."""
-    corner, inward = after.starts, after.tangents - before.end_tangents
+    corner = after.starts
+    inward = after.tangents - before.end_tangents
     # Points are relative to the corner, so even tiny blends have full precision.
     back, ahead = around_vertices(before, after)
-    p0, t0 = back.evaluate(EVERY, t), -unit(back.evaluate(EVERY, t, 1))
-    p1, t1 = ahead.evaluate(EVERY, t), unit(ahead.evaluate(EVERY, t, 1))
+    p0 = back.evaluate(EVERY, t)
+    t0 = -unit(back.evaluate(EVERY, t, 1))
+    p1 = ahead.evaluate(EVERY, t)
+    t1 = unit(ahead.evaluate(EVERY, t, 1))
     share = _tangent_length(back, t) / _tangent_length(ahead, t)
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = make_biarcs(p0, t0, p1, t1, share)

@@ -40,7 +40,10 @@ def merge_lines(path: Path, allowed: FloatArray) -> tuple[Path, IntArray, FloatA
     # `allowed`: largest distance of each vertex between segments from its line [m], (n - 1,).
     # Returns the path with m segments; the index of each of its inner vertices among those of the
     # given path, (m - 1,); and the distance of the given path from each of its segments [m], (m,).
-    rows, points, turns, orientation = path.segments, path.vertices, path.turns, path.orientation
+    rows = path.segments
+    points = path.vertices
+    turns = path.turns
+    orientation = path.orientation
     curved = (rows.curvatures > 0) | rows.is_transition
     # A movement of both ends of a line by `allowed` cannot explain the turn of a corner.
     corner = np.minimum(rows.lengths[1:], rows.lengths[:-1]) * np.sin(turns) > 4 * allowed
@@ -58,9 +61,11 @@ def merge_lines(path: Path, allowed: FloatArray) -> tuple[Path, IntArray, FloatA
     for k in count():
         if split.all():
             return path, np.arange(len(split)), np.zeros(len(path))
-        first, run = np.flatnonzero(np.append(True, split)), np.cumsum(np.append(0, split))
+        first = np.flatnonzero(np.append(True, split))
+        run = np.cumsum(np.append(0, split))
         chords = np.append(points[first[1:]], points[-1:], axis=0) - points[first]
-        lengths, number = length(chords)[run], np.bincount(run)[run]
+        lengths = length(chords)[run]
+        number = np.bincount(run)[run]
         lines = chords[run] / np.maximum(lengths, REPEATED_POINT)[:, None]
         offsets = points[:-1] - points[first[run]]
         distances = length(offsets - dot(offsets, lines)[:, None] * lines)

@@ -48,7 +48,8 @@ SPEED_SAMPLES = np.linspace(0.1, 0.9, 5)
 SAMPLES = np.linspace(0.0, 1.0, 33)
 # Limits for a connection without loops and cusps: smallest and largest speed divided by the mean
 # speed, smallest cosine of the angle to the mean direction, and largest curvature times mean speed.
-SLOWEST, FASTEST = 0.5, 1.6
+SLOWEST = 0.5
+FASTEST = 1.6
 SMALLEST_COSINE = np.cos(np.radians(72))
 LARGEST_CURVATURE = 10.0
 
@@ -83,7 +84,8 @@ class Connections:
         x = SAMPLES[1 + length(self.begin + self.evaluate(EVERY, parameters)).argmin(axis=0)]
         for _ in range(NEWTON_STEPS):
             offset = self.begin + self.evaluate(EVERY, x)
-            first, second = self.evaluate(EVERY, x, 1), self.evaluate(EVERY, x, 2)
+            first = self.evaluate(EVERY, x, 1)
+            second = self.evaluate(EVERY, x, 2)
             slope = np.maximum(dot(first, first) + dot(offset, second), 0.1 * dot(first, first))
             x = np.clip(x - dot(offset, first) / slope, SAMPLES[1], SAMPLES[-2])
         return np.asarray(x)
@@ -128,7 +130,8 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
     back, ahead = around_vertices(before, after)
     begin = [(-1) ** k * back.evaluate(every, t, k) for k in range(4)]
     end = [ahead.evaluate(every, t, k) for k in range(4)]
-    chord, size = end[0] - begin[0], 2 * t
+    chord = end[0] - begin[0]
+    size = 2 * t
     for _ in range(SCALE_ITERATIONS):
         scale = [size[:, None] ** k for k in range(4)]
         c = np.zeros((len(t), DEGREE + 1, chord.shape[1]))
@@ -196,10 +199,13 @@ def _draw_halves(
     # Parameters of the connections at the ends of the quintics.
     node = np.where(first, number, number - parts[owners])
     s = np.where(first, 0.0, half[owners]) + node * step
-    low, high = np.where(first, 0.0, middle[owners]), np.where(first, middle[owners], 1.0)
+    low = np.where(first, 0.0, middle[owners])
+    high = np.where(first, middle[owners], 1.0)
     x = low + (high - low) * node / parts[owners]
     inner = node > 0
-    i, parameter, goal = owners[inner], x[inner], s[inner]
+    i = owners[inner]
+    parameter = x[inner]
+    goal = s[inner]
     for _ in range(NEWTON_STEPS):
         error = connections.lengths_to(i, parameter) - goal
         parameter = np.clip(
@@ -236,7 +242,8 @@ def bound_deviation(
     h = drawn.lengths[row] / parts
     step = ((ends[1] - ends[0]) / parts)[row]
     low = ends[0][row] + number * step
-    segment, ratio = i[row], step / h
+    segment = i[row]
+    ratio = step / h
     distances = [
         length(
             drawn.evaluate(row, (number + share) * h) - old.evaluate(segment, low + share * step)

@@ -33,7 +33,8 @@ from armcontour.geometry.shaped_path import ShapedPath
 
 # Curvatures that differ by less than this fraction, or by less than the floor [1/m], count as
 # equal, because over a metre of path the floor turns the tangent by a nanoradian only.
-SAME_BEND, BEND_FLOOR = 1e-9, 1e-9
+SAME_BEND = 1e-9
+BEND_FLOOR = 1e-9
 # Deviation of a connection from the path at a small turn, divided by the square of its half length
 # and by the jump of the curvature.
 DEVIATION = 0.0077
@@ -44,13 +45,17 @@ WIDEST = 1.2
 SHORTEST = 1e-6
 # Largest number of iterations that shorten a connection outside the tolerance, largest factor of
 # one iteration, and safety factor for the length that the deviation requires.
-MAX_ITERATIONS, LARGEST_FACTOR, SAFETY = 20, 0.95, 0.99
+MAX_ITERATIONS = 20
+LARGEST_FACTOR = 0.95
+SAFETY = 0.99
 # Factor by which connections with a loop or a cusp are shortened.
 LOOP_FACTOR = 0.5
 # Numbers of parts of each quintic for the bound of the deviation: FEW_PARTS at first, and
 # MANY_PARTS if FEW_PARTS do not prove the tolerance. Largest number of connections that are
 # computed together.
-FEW_PARTS, MANY_PARTS, BATCH = 2, 16, 4000
+FEW_PARTS = 2
+MANY_PARTS = 16
+BATCH = 4000
 
 
 @checked
@@ -83,7 +88,8 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
 
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
     """Vertices where only the curvature jumps, tolerances, and connection lengths per side [m]."""
-    rows, orientation = path.segments, path.orientation
+    rows = path.segments
+    orientation = path.orientation
     vectors = [rows.evaluate(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
     jump = length(vectors[0][:-1] - vectors[1][1:])
     size = length(vectors[0][:-1]) + length(vectors[1][1:])
@@ -121,9 +127,11 @@ def _draw_within_tolerance(
         )
         good = deviations <= allowed[remaining]
         keep = good[owners]
-        drawn, done = [*drawn, rows[keep]], [*done, vertex[remaining[owners[keep]]]]
+        drawn = [*drawn, rows[keep]]
+        done = [*done, vertex[remaining[owners[keep]]]]
         first = [*first, before[keep]]
-        remaining, deviations = remaining[~good], deviations[~good]
+        remaining = remaining[~good]
+        deviations = deviations[~good]
         shorter = np.minimum(LARGEST_FACTOR, SAFETY * np.sqrt(allowed[remaining] / deviations))
         w[remaining] *= np.where(np.isfinite(deviations), shorter, LOOP_FACTOR)
         w[remaining[w[remaining] < SHORTEST]] = 0.0
@@ -178,7 +186,8 @@ def _insert_transitions(
         for x in (first, ~first)
     ]
     # Arc lengths on both paths of the start, the vertex and the end of each connection.
-    growth, s = sides[0] + sides[1] - 2 * w, path.breaks[vertex + 1]
+    growth = sides[0] + sides[1] - 2 * w
+    s = path.breaks[vertex + 1]
     old = np.stack([s - w, s, s + w], axis=1)
     steps = np.stack([0 * w, sides[0] - w, growth], axis=1)
     pairs = np.stack([old, old + (np.cumsum(growth) - growth)[:, None] + steps], axis=2).reshape(

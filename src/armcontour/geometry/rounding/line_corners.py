@@ -122,14 +122,16 @@ class LineCorner(CornerKind):
 
     def fit(self, bounds: CornerBounds) -> FloatArray:
         """Largest tangent lengths within bounds [m], (n,)."""
-        half, stretch = bounds.half, self.stretch(bounds.half)
+        half = bounds.half
+        stretch = self.stretch(bounds.half)
         turn = bounds.turn / (0.5 - self.length(half) / stretch * middle_fraction(self.smooth))
         wide = self._radius(bounds) * stretch
         return np.asarray(np.minimum(np.minimum(wide, turn), bounds.tangent))
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         """Curves with given tangent lengths [m], (n,)."""
-        stretch, radius = self.stretch(bounds.half), self._radius(bounds)
+        stretch = self.stretch(bounds.half)
+        radius = self._radius(bounds)
         shrunk = tangent < radius * stretch * (1 - 1e-12)
         radius = np.where(shrunk, tangent / stretch, radius)
         rows, corner = self.draw_with_radius(bounds, radius)
@@ -145,7 +147,9 @@ class LineCorner(CornerKind):
 
 def _draw_arcs(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """Draw one arc per corner, by (10)-(16)."""
-    before, after, half = bounds.before, bounds.after, bounds.half
+    before = bounds.before
+    after = bounds.after
+    half = bounds.half
     arcs = before.replace(
         starts=after.starts - (radius * np.tan(half))[:, None] * before.tangents,
         normals=unit_across(after.tangents, before.tangents),
@@ -160,7 +164,9 @@ def _draw_corner_parabolas(bounds: CornerBounds, radius: FloatArray) -> tuple[Se
     arcs, corner = _draw_parabolas(bounds.half)
     along, across = _axes(bounds)
     apex = bounds.after.starts + (radius * PARABOLA.gap(bounds.half))[:, None] * across
-    along, across, scale = along[corner], across[corner], radius[corner]
+    along = along[corner]
+    across = across[corner]
+    scale = radius[corner]
 
     def turned(v: FloatArray) -> FloatArray:
         return np.asarray(v[:, :1] * along + v[:, 1:] * across)
@@ -181,7 +187,8 @@ def _draw_smooth_curves(bounds: CornerBounds, radius: FloatArray) -> tuple[Segme
     parts = _count_quintics(half)
     corner, number = number_parts(2 * parts)
     along, across = (x[corner] for x in _axes(bounds))
-    h, size = half[corner], (half * PEAK_RATIO * radius)[corner]
+    h = half[corner]
+    size = (half * PEAK_RATIO * radius)[corner]
     x = [(number + end) / parts[corner] - 1 for end in (0, 1)]
 
     def turned(cos: FloatArray, sin: FloatArray) -> FloatArray:
@@ -333,10 +340,8 @@ def replace_vertices(
     - `after`: for each replacing segment, index of the segment in `rows` that is before its vertex.
     """
     n = len(rows)
-    starts, lengths = (
-        rows.starts + cut[:-1, None] * rows.tangents,
-        rows.lengths - cut[:-1] - cut[1:],
-    )
+    starts = rows.starts + cut[:-1, None] * rows.tangents
+    lengths = rows.lengths - cut[:-1] - cut[1:]
     shorter = rows.replace(starts=starts, lengths=lengths)
     later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.is_transition & (cut[1:] > 0))
     if later.any():

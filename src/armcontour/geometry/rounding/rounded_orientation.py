@@ -29,7 +29,8 @@ from armcontour.geometry.segments import Segments
 
 # In the middle of a blend of length l that replaces the length t of either piece, the polynomial f
 # of `Orientation` is `l MIDDLE - t / 2` for cubics and `l SMOOTH_MIDDLE - t / 2` for quintics.
-MIDDLE, SMOOTH_MIDDLE = 1 / 8, 5 / 32
+MIDDLE = 1 / 8
+SMOOTH_MIDDLE = 5 / 32
 # A remainder of a segment, or of constant rate, between two curves that is shorter than this is a
 # rounding error and is discarded [m].
 SLIVER = 1e-12
@@ -94,7 +95,8 @@ def round_orientation(
     # the axes.
     orientation = objective.orientation
     assert orientation is not None
-    lengths, n = objective.lengths, len(objective)
+    lengths = objective.lengths
+    n = len(objective)
     if not orientation.first.any() and not (orientation.jumps > SAME_ORIENTATION).any():
         one = Orientation.even(
             np.array([whole]),
@@ -103,7 +105,8 @@ def round_orientation(
             axis_only=orientation.axis_only,
         )
         return one, np.zeros(len(vertex))
-    cut, blend = np.zeros(n - 1), np.zeros(n - 1)
+    cut = np.zeros(n - 1)
+    blend = np.zeros(n - 1)
     cut[vertex] = tangent
     blend[vertex] = length
     angles = _middle_angles(orientation, vertex, tangent / 2 - length * middle_fraction(smooth))
@@ -187,7 +190,9 @@ def blend_kinks(
 def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> FloatArray:
     """Angle of the rotation `exp(k b) exp(-k a)` in the middle of each blend [rad], (k,)."""
     # For an orientation that prescribes the tool axis only, the angle is between the axes.
-    a, b, rotation = sharp.first[vertex], sharp.first[vertex + 1], sharp.starts[vertex + 1]
+    a = sharp.first[vertex]
+    b = sharp.first[vertex + 1]
+    rotation = sharp.starts[vertex + 1]
     middle = exp(k[:, None] * b) @ exp(-k[:, None] * a)
     return turns_between(middle @ rotation, rotation, axis_only=sharp.axis_only)
 
@@ -201,7 +206,8 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     # docs/guides/rounding.md.
     if sharp.fixed:
         return np.full(len(vertex), np.inf)
-    a, b = sharp.first[vertex], sharp.first[vertex + 1]
+    a = sharp.first[vertex]
+    b = sharp.first[vertex + 1]
     step = b - a
     size = np.linalg.norm(step, axis=1)
     # Rates that differ by rounding errors only do not limit k.
@@ -228,17 +234,23 @@ def _insert_blends(
     n = len(lengths)
     size = 2 * n - 1
     degree = 5 if smooth else sharp.f.shape[1] - 1
-    before, after = np.append(0.0, cut), np.append(cut, 0.0)
+    before = np.append(0.0, cut)
+    after = np.append(cut, 0.0)
     spans = np.zeros(size)
     spans[::2] = lengths - before - after
     spans[::2][spans[::2] <= SLIVER] = 0.0
     spans[1::2] = blend
-    starts, first, second = np.empty((size, 3, 3)), np.empty((size, 3)), np.zeros((size, 3))
-    f, g = np.zeros((size, degree + 1)), np.zeros((size, degree + 1))
+    starts = np.empty((size, 3, 3))
+    first = np.empty((size, 3))
+    second = np.zeros((size, 3))
+    f = np.zeros((size, degree + 1))
+    g = np.zeros((size, degree + 1))
     starts[::2] = exp(before[:, None] * sharp.first) @ sharp.starts
     starts[1::2] = sharp.starts[1:]
-    first[::2], first[1::2] = sharp.first, sharp.first[:-1]
-    second[::2], second[1::2] = sharp.second, sharp.first[1:]
+    first[::2] = sharp.first
+    first[1::2] = sharp.first[:-1]
+    second[::2] = sharp.second
+    second[1::2] = sharp.first[1:]
     f[::2], g[::2] = (raise_degree(x, degree) for x in (sharp.f, sharp.g))
     with np.errstate(divide="ignore", invalid="ignore"):
         f[1::2], g[1::2] = (
@@ -261,7 +273,8 @@ def _fade_polynomials(
     cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Coefficients of f, which fades out the rate before a vertex, and g, for the rate after it."""
-    none, one = np.zeros_like(cut), np.ones_like(cut)
+    none = np.zeros_like(cut)
+    one = np.ones_like(cut)
     if not smooth:
         return fit_cubics(blend, (-cut, one), (none, none)), fit_cubics(
             blend, (none, none), (cut, one)

@@ -52,7 +52,8 @@ Curve: TypeAlias = Literal["arc", "smooth", "parabola"]
 CURVES: dict[Curve, LineCorner] = {"arc": ARC, "smooth": SMOOTH, "parabola": PARABOLA}
 # Number of points from which the extent of a path is computed, and smallest tolerance that is
 # compared with the extent [m].
-SAMPLES, LARGE = 65, 0.02
+SAMPLES = 65
+LARGE = 0.02
 # Smallest tangent length of a blend with continuous curvature [m]. A shorter blend has too few
 # significant digits and saves no time compared with a full stop.
 SHORTEST_SMOOTH = 1e-6
@@ -61,7 +62,8 @@ SAME_PLANE = 1e-9
 # Largest distance of vertices from a line that replaces nearly collinear lines [m]: the rounding
 # error of coordinates with three decimals of a millimetre or four of an inch, as for
 # `ReadOptions.repair_vertices`. Largest fraction of this distance in the smallest corner error.
-PRINTED, PRINTED_SHARE = 2e-6, 0.1
+PRINTED = 2e-6
+PRINTED_SHARE = 0.1
 # Reasons for a stop at a corner.
 TURN_BACK = "turn-back"
 NO_TOLERANCE = "tolerance zero"
@@ -145,7 +147,8 @@ class RoundedPath(Path):
         Args:
             s: Arc lengths of the objective path [m], any shape.
         """
-        s, c = checks.floats("arc lengths", s, "m"), self.corners
+        s = checks.floats("arc lengths", s, "m")
+        c = self.corners
         if self.segments is self.objective.segments:
             return np.clip(s, 0.0, self.length)
         corner_s = self.objective.breaks[c.vertex]
@@ -222,7 +225,8 @@ def round_path(
         accelerations = checks.per_vertex("corner acceleration", acceleration, n, "m/s²")
         if n:
             checks.positive("corner acceleration", accelerations.min(), "m/s²")
-    turn, kinked = path.turns, find_kinks(path)
+    turn = path.turns
+    kinked = find_kinks(path)
     sharp = turn > TANGENT_TOLERANCE
     kinked = kinked[~sharp[kinked]]
     angle = check_angular_tolerance(path, angular_tolerance, kinked)
@@ -230,7 +234,9 @@ def round_path(
         # This shortcut saves time, because a program can have thousands of circles.
         return _without_corners(path)
     error = np.minimum(error, path.vertex_tolerances)
-    merged, vertex, moved = path, np.arange(n), np.zeros(n + 1)
+    merged = path
+    vertex = np.arange(n)
+    moved = np.zeros(n + 1)
     if (rounds := sharp & (error > 0)).any():
         largest = min(PRINTED, PRINTED_SHARE * error[rounds].min())
         merged, vertex, moved = merge_lines(path, np.where(sharp & ~rounds, 0.0, largest))
@@ -352,7 +358,8 @@ def _round(
     - `kinked`: vertices without a corner at which the angular rate jumps.
     - `angle`: angular tolerance [rad].
     """
-    n, rows = len(corner), path.segments
+    n = len(corner)
+    rows = path.segments
     *limits, acceleration = requirements
     bounds = CornerBounds(
         before=rows[corner],
@@ -375,20 +382,26 @@ def _round(
 
         kinds += [(CONNECTION, SHORTEST_SMOOTH)] if curve.smooth else []
         kinds.append((PAIR, 0.0))
-    fitted, minimum, parts = np.zeros(n), np.zeros(n), []
+    fitted = np.zeros(n)
+    minimum = np.zeros(n)
+    parts = []
     for kind, shortest in kinds:
         part = np.flatnonzero(free & (bent != isinstance(kind, LineCorner)))
         if len(part):
-            candidates, small = kind.fit(bounds[part]), kind.shortest(bounds.half[part])
+            candidates = kind.fit(bounds[part])
+            small = kind.shortest(bounds.half[part])
             fits = candidates > np.maximum(small, shortest)
             part = part[fits]
-            fitted[part], minimum[part], free[part] = candidates[fits], small[fits], False
+            fitted[part] = candidates[fits]
+            minimum[part] = small[fits]
+            free[part] = False
         parts.append(part)
     # Lengths of curves at corners and of blends at kinks are fitted together, because both replace
     # parts of the same segments.
     vertices = np.concatenate([corner, kinked])
     middle = middle_fraction(curve.smooth)
-    order, tangents = np.argsort(vertices), np.empty(len(vertices))
+    order = np.argsort(vertices)
+    tangents = np.empty(len(vertices))
     kinks = largest_blend(path, kinked, angle) / (0.5 - 2 * middle)
     tangents[order] = fit_lengths(
         np.concatenate([fitted, kinks])[order], vertices[order], rows.lengths
@@ -397,22 +410,30 @@ def _round(
     # sharp.
     tangent = tangents[:n]
     tangent[tangent <= minimum / 4] = 0.0
-    radius, error, length, shrunk = np.zeros(n), np.zeros(n), np.zeros(n), fitted > 0
-    tables, after = [rows[:0]], [NO_VERTICES]
+    radius = np.zeros(n)
+    error = np.zeros(n)
+    length = np.zeros(n)
+    shrunk = fitted > 0
+    tables = [rows[:0]]
+    after = [NO_VERTICES]
     for (kind, _), part in zip(kinds, parts, strict=True):
         part = part[tangent[part] > 0]
         if len(part):
             drawn = kind.draw(bounds[part], tangent[part])
-            radius[part], error[part], shrunk[part] = drawn.radius, drawn.error, drawn.shrunk
+            radius[part] = drawn.radius
+            error[part] = drawn.error
+            shrunk[part] = drawn.shrunk
             length[part] = np.bincount(drawn.corner, drawn.rows.lengths, minlength=len(part))
-            tables, after = [*tables, drawn.rows], [*after, corner[part[drawn.corner]]]
+            tables = [*tables, drawn.rows]
+            after = [*after, corner[part[drawn.corner]]]
     cut = np.zeros(len(path) + 1)
     cut[vertices + 1] = np.append(tangent, np.zeros(len(kinked)))
     table, source, _ = replace_vertices(rows, cut, Segments.join(tables), np.concatenate(after))
     table = table.check()
     ends = np.append(0.0, table.breaks[1:])[np.searchsorted(source, corner, side="right")]
     lengths = np.append(length, 2 * tangents[n:])
-    orientation, angular_errors = path.orientation, np.zeros(len(vertices))
+    orientation = path.orientation
+    angular_errors = np.zeros(len(vertices))
     if follows:
         cut[vertices + 1] = tangents
         orientation = follow_rounded(table, path, source, cut[:-1], angle, smooth=curve.smooth)

@@ -64,15 +64,18 @@ def repair_tangents(
     # A vertex and the lines next to it move by at most the tolerance together.
     near = np.maximum(moved[:-1], moved[1:])
     allowed = allowed[remaining] - near
-    rows, turns = merged.segments, merged.turns
+    rows = merged.segments
+    turns = merged.turns
     size = np.minimum(rows.lengths, 1 / np.maximum(rows.curvatures, 1 / rows.lengths))
     possible_turns = 2 * tolerance / size
     largest = np.minimum(possible_turns[:-1] + possible_turns[1:], LARGEST_KINK)
     vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= largest) & (allowed > 0))
-    repaired, inner = path.turns > TANGENT_TOLERANCE, None
+    repaired = path.turns > TANGENT_TOLERANCE
+    inner = None
     if len(vertex) or merged is not path:
         blended = blend_vertices(merged, vertex, turns[vertex], allowed[vertex])
-        corners, done = blended.corners, ~blended.corners.stopped
+        corners = blended.corners
+        done = ~blended.corners.stopped
         repaired[np.delete(remaining, vertex[done])] = False
         if repaired.any():
             error = (corners.error + near[vertex])[done]
@@ -120,7 +123,8 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
     # The replaced length starts at half of the shorter segment, and is halved until the deviation
     # is within the tolerance. Returns None if the path has no such vertex, or if this fails.
     rows = path.segments
-    first, last = rows[:1], rows[-1:]
+    first = rows[:1]
+    last = rows[-1:]
     kink = float(angle_between(last.end_tangents, first.tangents)[0])
     if len(rows) == 1 or not rows.closed or not allowed > 0:
         return None
@@ -148,9 +152,12 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
         size = size / 2
     else:
         return None
-    t, total = float(size[0]), path.length
-    begin, end = np.zeros(len(rows)), rows.lengths.copy()
-    begin[0], end[-1] = t, end[-1] - t
+    t = float(size[0])
+    total = path.length
+    begin = np.zeros(len(rows))
+    end = rows.lengths.copy()
+    begin[0] = t
+    end[-1] -= t
     ends = [
         x.replace(**row.limit_columns)
         for row, arcs in ((first, leaving), (last, arriving))

@@ -21,11 +21,14 @@ NEAREST = 0.995
 # The same share for vector rows, which limit the norm of a vector
 NEAREST_ROUND = 0.9
 # A step that violates a row by rounding is shortened by this factor, at most this many times.
-SHORTENING, MAX_SHORTENINGS = 0.5, 30
+SHORTENING = 0.5
+MAX_SHORTENINGS = 30
 # The barrier is reduced by the factor REDUCTION once Newton's decrement is below the share CENTERED
 # of the gap, and the steps of slacks and multipliers exceed the share LONG_STEP of Newton's step.
 # Faster reduction leads to tiny steps.
-REDUCTION, CENTERED, LONG_STEP = 0.15, 0.1, 0.3
+REDUCTION = 0.15
+CENTERED = 0.1
+LONG_STEP = 0.3
 # A tangent is moved if its rows retain at least this fraction of their slack.
 MIN_SLACK = 0.1
 # Gauss-Legendre nodes and weights on [0, 1] for the duration of a cell.
@@ -118,7 +121,9 @@ def _row_value(rows: FloatArray, c: int, r: int, i: int, d: FloatArray) -> float
 
 @compiled(inner=True, inline="always")
 def _axis_value(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray) -> float:
-    x, y, z = rows[c, r, k, 0], rows[c, r, k, 1], rows[c, r, k, 2]
+    x = rows[c, r, k, 0]
+    y = rows[c, r, k, 1]
+    z = rows[c, r, k, 2]
     return float(x * d[i] + y * d[i + 1] + z * d[i + 2])
 
 
@@ -144,9 +149,14 @@ def _round_slack(bound: float, vector: Any) -> float:
 
 @compiled(inner=True, allocates=True)
 def _new_blocks(p: JerkSection) -> _Blocks:
-    m, plain, curved, j = len(p.cell), p.plain.shape[1], p.curved.shape[1], p.raised.shape[1]
-    count, size = -(-m // LANES), RAISED + 3 * j * LANES
-    rows, tangents = np.zeros(count * (plain + curved) * ROW), np.zeros(count * size)
+    m = len(p.cell)
+    plain = p.plain.shape[1]
+    curved = p.curved.shape[1]
+    j = p.raised.shape[1]
+    count = -(-m // LANES)
+    size = RAISED + 3 * j * LANES
+    rows = np.zeros(count * (plain + curved) * ROW)
+    tangents = np.zeros(count * size)
     for c in range(count * LANES):
         first = c // LANES * (plain + curved) * ROW + c % LANES
         for r in range(plain):
@@ -249,7 +259,9 @@ def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
         p.about[c] = about = _mean(p, c, d)
         smallest = shares[i] if d[i + 1] > 0.0 else -1.0
         for r in range(p.plain.shape[1]):
-            f, low, high = _row_value(p.plain, c, r, i, d), p.low[c, r], p.high[c, r]
+            f = _row_value(p.plain, c, r, i, d)
+            low = p.low[c, r]
+            high = p.high[c, r]
             if high < math.inf:
                 smallest = min(smallest, (high - f) / max(abs(high), abs(f), TINY))
             if low > -math.inf:
@@ -307,12 +319,15 @@ def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: Floa
     n = len(p.width)
     total = 0.0
     for i in range(n):
-        first, last = _end_value(p.begin, i, d), _end_value(p.end, i, d)
+        first = _end_value(p.begin, i, d)
+        last = _end_value(p.end, i, d)
         h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         g = (0.0, 0.0, 0.0)
         for k in range(3):
             x = NODES[k]
-            b0, b1, b2 = (1.0 - x) * (1.0 - x), 2.0 * x * (1.0 - x), x * x
+            b0 = (1.0 - x) * (1.0 - x)
+            b1 = 2.0 * x * (1.0 - x)
+            b2 = x * x
             a = b0 * first + b1 * d[i + 1] + b2 * last
             part = WEIGHTS[k] * p.width[i] / math.sqrt(a)
             total += part
@@ -330,7 +345,8 @@ def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: Floa
         part = 3.0 * p.ramps[side] / math.sqrt(a)
         total += part
         row = (rows[i, 0], rows[i, 1], rows[i, 2])
-        h, g = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        g = (0.0, 0.0, 0.0)
         h, g = _accumulate(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
         _add_cell(bands, right, i, h, g)
     return total
@@ -341,25 +357,33 @@ def _add_barriers(
     p: JerkSection, iterate: _Iterate, mu: float, bands: FloatArray, right: FloatArray
 ) -> None:
     """Add the barriers of all rows; writes the inverse slacks of blocks."""
-    n, (d, blocks, slack, dual) = len(p.width), iterate
-    plain, curved, rows = p.plain.shape[1], p.curved.shape[1], blocks.rows
+    n = len(p.width)
+    d, blocks, slack, dual = iterate
+    plain = p.plain.shape[1]
+    curved = p.curved.shape[1]
+    rows = blocks.rows
     sums = np.empty(9 * LANES)
     for b in range(len(blocks.near) // (3 * LANES)):
         near = _load_row(blocks.near, b * 3 * LANES)
         zero = near[0] * 0.0
-        h, g = (zero, zero, zero, zero, zero, zero), (zero, zero, zero)
+        h = (zero, zero, zero, zero, zero, zero)
+        g = (zero, zero, zero)
         for r in range(plain + curved):
             at = (b * (plain + curved) + r) * ROW
-            slacks, row = _slacks(p, blocks, b, r, near), _load_row(rows, at)
+            slacks = _slacks(p, blocks, b, r, near)
+            row = _load_row(rows, at)
             below, above = 1.0 / slacks[0], 1.0 / slacks[1]
             store(rows, at + INVERSES, below)
             store(rows, at + INVERSES + LANES, above)
-            one, other = load(rows, at + DUALS) * below, load(rows, at + DUALS + LANES) * above
+            one = load(rows, at + DUALS) * below
+            other = load(rows, at + DUALS + LANES) * above
             if r < plain:
                 h, g = _accumulate(h, g, row, one + other, mu * (below - above))
                 continue
             _, slope, raised = _tangent_row(p, blocks.tangents, b, r - plain)
-            u, v, w = slope * raised[0], slope * raised[1], slope * raised[2]
+            u = slope * raised[0]
+            v = slope * raised[1]
+            w = slope * raised[2]
             h, g = _accumulate(h, g, (u + row[0], v + row[1], w + row[2]), one, mu * below)
             h, g = _accumulate(h, g, (u - row[0], v - row[1], w - row[2]), other, mu * above)
         for k in range(6):
@@ -372,10 +396,13 @@ def _add_barriers(
             _add_cell(bands, right, p.cell[b * LANES + lane], squares, (x[6], x[7], x[8]))
     for c in range(len(p.cell) if p.round.shape[1] else 0):
         i = p.cell[c]
-        squares, gradient = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        squares = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        gradient = (0.0, 0.0, 0.0)
         for r in range(p.round.shape[1]):
-            bound, vector = p.radius[c, r], _vector(p, c, r, i, d)
-            one, weight = 1.0 / slack.round[c, r], dual.round[c, r]
+            bound = p.radius[c, r]
+            vector = _vector(p, c, r, i, d)
+            one = 1.0 / slack.round[c, r]
+            weight = dual.round[c, r]
             slope = _round_slope(p, c, r, vector)
             squares, gradient = _accumulate(squares, gradient, slope, weight * one, mu * one)
             for k in range(2):
@@ -391,7 +418,9 @@ def _add_barriers(
 @compiled(inner=True, inline="always")
 def _round_slope(p: JerkSection, c: int, r: int, vector: Any) -> Any:
     """Derivatives of the slack `radius - |vector|² / radius` of a vector row, (x, y, z)."""
-    u, v, rows = vector[0] / p.radius[c, r], vector[1] / p.radius[c, r], p.round
+    u = vector[0] / p.radius[c, r]
+    v = vector[1] / p.radius[c, r]
+    rows = p.round
     return (
         -2.0 * (u * rows[c, r, 0, 0] + v * rows[c, r, 1, 0]),
         -2.0 * (u * rows[c, r, 0, 1] + v * rows[c, r, 1, 1]),
@@ -429,7 +458,8 @@ def _longest_round_step(bound: float, vector: Any, change: Any, slack: float) ->
 @compiled(inner=True)
 def _change_dual(rows: FloatArray, at: int, rise: Any, mu: float, decrease: Any) -> Any:
     """Write the change of a multiplier; returns the largest decreases of slack and multiplier."""
-    inverse, dual = load(rows, at + INVERSES), load(rows, at + DUALS)
+    inverse = load(rows, at + INVERSES)
+    dual = load(rows, at + DUALS)
     change = (mu - dual * rise) * inverse - dual
     store(rows, at + INVERSES, change)
     # Comparisons with NaN are false, so rows without a bound do not count.
@@ -441,8 +471,10 @@ def _dual_changes(
     p: JerkSection, iterate: _Iterate, step: FloatArray, mu: float, change: _Duals
 ) -> tuple[float, float]:
     """Write the changes of all multipliers; returns the longest steps of slacks and multipliers."""
-    n, (d, blocks, slack, dual) = len(p.width), iterate
-    plain, curved = p.plain.shape[1], p.curved.shape[1]
+    n = len(p.width)
+    d, blocks, slack, dual = iterate
+    plain = p.plain.shape[1]
+    curved = p.curved.shape[1]
     _spread(p, step, blocks.step)
     zero = load(blocks.near, 0) * 0.0
     decrease = (zero, zero)
@@ -450,13 +482,15 @@ def _dual_changes(
         far = _load_row(blocks.step, b * 3 * LANES)
         for r in range(plain + curved):
             at = (b * (plain + curved) + r) * ROW
-            rise, common = _dot(_load_row(blocks.rows, at), far), zero
+            rise = _dot(_load_row(blocks.rows, at), far)
+            common = zero
             if r >= plain:
                 _, slope, row = _tangent_row(p, blocks.tangents, b, r - plain)
                 common = slope * _dot(row, far)
             decrease = _change_dual(blocks.rows, at, common + rise, mu, decrease)
             decrease = _change_dual(blocks.rows, at + LANES, common - rise, mu, decrease)
-    one, other = highest(decrease[0]), highest(decrease[1])
+    one = highest(decrease[0])
+    other = highest(decrease[1])
     reach = (NEAREST / max(one, NEAREST), NEAREST / max(other, NEAREST))
     for c in range(p.round.shape[0]):
         i = p.cell[c]
@@ -464,7 +498,8 @@ def _dual_changes(
             vector = _vector(p, c, r, i, d)
             x, y, z = _round_slope(p, c, r, vector)
             rise_of = x * step[i] + y * step[i + 1] + z * step[i + 2]
-            room, old = slack.round[c, r], dual.round[c, r]
+            room = slack.round[c, r]
+            old = dual.round[c, r]
             new = (mu - old * rise_of) / room - old
             one, other = _longest_steps(room, old, 0.0, new, reach)
             change_of = _vector(p, c, r, i, step)
@@ -473,7 +508,8 @@ def _dual_changes(
             change.round[c, r] = new
     for i in range(n + 2):
         if slack.positive[i] > 0.0:
-            room, old = slack.positive[i], dual.positive[i]
+            room = slack.positive[i]
+            old = dual.positive[i]
             new = (mu - old * step[i]) / room - old
             reach = _longest_steps(room, old, step[i], new, reach)
             change.positive[i] = new
@@ -492,9 +528,12 @@ def _take_dual_step(rows: FloatArray, dual: _Duals, change: _Duals, share: float
 @compiled(inner=True, fastmath=FUSED, allocates=True)
 def _move_tangents(p: JerkSection, blocks: _Blocks) -> None:
     """Move the tangent of each part to d if every row retains the share MIN_SLACK of its slack."""
-    tangents, j, lanes = blocks.tangents, p.raised.shape[1], np.empty(3 * LANES)
+    tangents = blocks.tangents
+    j = p.raised.shape[1]
+    lanes = np.empty(3 * LANES)
     for b in range(len(blocks.near) // (3 * LANES)):
-        near, at = _load_row(blocks.near, b * 3 * LANES), b * (RAISED + 3 * j * LANES)
+        near = _load_row(blocks.near, b * 3 * LANES)
+        at = b * (RAISED + 3 * j * LANES)
         mean = near[0] * 0.0
         for k in range(j):
             mean = mean + _dot(_load_row(tangents, at + RAISED + 3 * k * LANES), near) / float(j)
@@ -508,7 +547,8 @@ def _move_tangents(p: JerkSection, blocks: _Blocks) -> None:
         for r in range(p.curved.shape[1]):
             before = _slacks(p, blocks, b, p.plain.shape[1] + r, near)
             old_level, old_slope, row = _tangent_row(p, tangents, b, r)
-            square, jerk = _dot(row, near), p.jerk[r]
+            square = _dot(row, near)
+            jerk = p.jerk[r]
             rise = jerk * (level + slope * square) - old_level - old_slope * square
             for k in range(2):
                 worst = lower(before[k] * (1.0 - MIN_SLACK) + rise, worst)
@@ -559,8 +599,14 @@ def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
 def _fix_ends(bands: FloatArray, right: FloatArray) -> None:
     """Fix both ends in Newton's system."""
     last = len(right) - 1
-    bands[0, 0], bands[1, 0], bands[2, 0], right[0] = 1.0, 0.0, 0.0, 0.0
-    bands[0, last], bands[1, last - 1], bands[2, last - 2], right[last] = 1.0, 0.0, 0.0, 0.0
+    bands[0, 0] = 1.0
+    bands[1, 0] = 0.0
+    bands[2, 0] = 0.0
+    right[0] = 0.0
+    bands[0, last] = 1.0
+    bands[1, last - 1] = 0.0
+    bands[2, last - 2] = 0.0
+    right[last] = 0.0
 
 
 @compiled(inner=True)
@@ -580,7 +626,8 @@ def _count_bounds(p: JerkSection, dual: _Duals) -> float:
 
 @compiled(inner=True)
 def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
-    flat, changes = dual.reshape(-1), change.reshape(-1)
+    flat = dual.reshape(-1)
+    changes = change.reshape(-1)
     for i in range(flat.size):
         flat[i] += share * changes[i]
 
@@ -592,9 +639,14 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
     `d` are the control points of a [m²/s²], (n + 2,); the ends are fixed.
     """
     n = len(p.width)
-    blocks, slack, dual, change = _new_blocks(p), _new_duals(p), _new_duals(p), _new_duals(p)
+    blocks = _new_blocks(p)
+    slack = _new_duals(p)
+    dual = _new_duals(p)
+    change = _new_duals(p)
     iterate = _Iterate(d, blocks, slack, dual)
-    bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.zeros(n + 2)
+    bands = np.zeros((3, n + 2))
+    right = np.zeros(n + 2)
+    trial = np.zeros(n + 2)
     _is_inside(p, d, blocks, slack)
     size = _add_durations(p, d, bands, right)
     bounds = _count_bounds(p, dual)
@@ -604,7 +656,8 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
     _dual_changes(p, iterate, trial, mu, change)
     _take_dual_step(blocks.rows, dual, change, 1.0)
     for iteration in range(max_iterations):
-        bands[:], right[:] = 0.0, 0.0
+        bands[:] = 0.0
+        right[:] = 0.0
         size = _add_durations(p, d, bands, right)
         _add_barriers(p, iterate, mu, bands, right)
         _fix_ends(bands, right)
@@ -619,7 +672,8 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
         halvings = 0
         while not _is_inside(p, trial, blocks, slack):
             # Rounding errors close to a bound can violate a row.
-            halvings, share = halvings + 1, share * SHORTENING
+            halvings = halvings + 1
+            share = share * SHORTENING
             if halvings > MAX_SHORTENINGS:
                 return iteration
             _take_step(d, right, share, trial)

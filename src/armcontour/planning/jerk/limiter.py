@@ -26,39 +26,56 @@ from armcontour.planning.topp.grid_plan import MotionBounds
 # Default number of cells: PER_BUILD_UP times the duration of non-uniform motion divided by the
 # build-up time of the acceleration, but at least FEWEST_CELLS plus FEWEST_PER_PIECE for each
 # polynomial of the joint path.
-PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
+PER_BUILD_UP = 2.0
+FEWEST_CELLS = 1000
+FEWEST_PER_PIECE = 3
 # If this number exceeds MAX_CELLS, the jerk is so large that fewer cells resolve its effect:
 # MANY_CELLS plus MANY_PER_PIECE for each polynomial. A section counts as PIECES_OF_SECTION more
 # polynomials, because of the cells at its ends.
-MAX_CELLS, MANY_CELLS, MANY_PER_PIECE, PIECES_OF_SECTION = 20_000, 4000, 8, 10
+MAX_CELLS = 20_000
+MANY_CELLS = 4000
+MANY_PER_PIECE = 8
+PIECES_OF_SECTION = 10
 # Motion is uniform if its path acceleration is below this fraction of the largest path
 # acceleration.
 UNIFORM = 0.01
 # The first pass has the number of cells divided by COARSER, but at least FEWEST cells.
-COARSER, FEWEST = 5, 60
+COARSER = 5
+FEWEST = 60
 # Relative duality gaps at which the first and the second pass end
-COARSE_GAP, FINE_GAP = 1e-2, 1e-4
+COARSE_GAP = 1e-2
+FINE_GAP = 1e-4
 # The second pass starts from ds² of the first plan times this factor.
 INSIDE = 0.9
 # A start, the initial ds² of a search, is reduced near violated rows by factors between MIN_FACTOR
 # and MAX_FACTOR, at most MAX_REDUCTIONS times. The factor rises with the distance from these rows
 # by at most the fraction RISE_SHARE of the slopes that jerk and acceleration allow.
-MIN_FACTOR, MAX_FACTOR, MAX_REDUCTIONS = 0.5, 0.95, 400
+MIN_FACTOR = 0.5
+MAX_FACTOR = 0.95
+MAX_REDUCTIONS = 400
 RISE_SHARE = 0.1
 # Smallest relative slack of a start.
 CLEAR = 1e-4
 # Margins are valid for ds², dds and slope up to these multiples of their values in the previous
 # plan. If rows need a lower bound of ds², it is the fraction LEAST of ds² in the previous plan.
-HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
+HEADROOM = 1.5
+HEADROOM_RATE = 2.0
+HEADROOM_SLOPE = 4.0
 LEAST = 0.3
 # Smallest bound of dds, as a fraction of the largest dds.
 LEAST_RATE = 0.02
 # The second pass is repeated with bounds that are wider by the factor WIDER, up to WIDEST, if
 # bounds closer to the plan than the fraction TOO_NEAR may cost more than the fraction LEAST_GAIN of
 # the duration. Distances below TINY are rounding errors.
-TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
+TOO_NEAR = 0.02
+WIDER = 2.0
+WIDEST = 16.0
+LEAST_GAIN = 1e-5
+TINY = 1e-9
 # Cells whose margins take more than this fraction of a limit are split.
-LARGEST_MARGIN, MAX_PARTS, MAX_SPLITS = 1e-2, 10, 6
+LARGEST_MARGIN = 1e-2
+MAX_PARTS = 10
+MAX_SPLITS = 6
 # Largest fraction of a limit that margins may take on cells of uniform jerk.
 MAX_AT_RAMPS = 0.5
 
@@ -84,14 +101,17 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
 def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
     """Second pass, for limits that need margins inside cells; `near`: plan of the first pass."""
     curved = any(x.curved for x in task.active)
-    splits, wider, best = 0, 1.0, None
+    splits = 0
+    wider = 1.0
+    best = None
     while True:
         bounds = _make_bounds(mesh, near, wider, curved)
         rows = _make_rows(task, mesh, near, bounds)
         narrow = (rows.lost > LARGEST_MARGIN) & (mesh.ramps[mesh.cell] == 0)
         if splits < MAX_SPLITS and narrow.any() and len(mesh.grid) < MAX_CELLS:
             parts = np.where(narrow, np.sqrt(rows.lost / LARGEST_MARGIN), 1)
-            mesh, splits = mesh.split(np.clip(parts, 1, MAX_PARTS)), splits + 1
+            mesh = mesh.split(np.clip(parts, 1, MAX_PARTS))
+            splits = splits + 1
             continue
         rows = _reduce_ramp_bounds(rows, task, near)
         try:
@@ -108,7 +128,8 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
             best = law
         if wider >= WIDEST or _estimate_gain(rows, bounds, law) < LEAST_GAIN:
             return best
-        near, wider = law, wider * WIDER
+        near = law
+        wider = wider * WIDER
 
 
 def _reduce_ramp_bounds(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
@@ -116,7 +137,8 @@ def _reduce_ramp_bounds(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
     # Cells of uniform jerk are not split. Their bounds limit the plan, and the margins decrease
     # with the bounds.
     for _ in range(MAX_SPLITS):
-        bounds, mesh = rows.bounds, rows.mesh
+        bounds = rows.bounds
+        mesh = rows.mesh
         tight = (rows.lost > MAX_AT_RAMPS) & (mesh.ramps[mesh.cell] != 0)
         if bounds is None or not tight.any():
             break
@@ -136,7 +158,8 @@ def _make_rows(
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
     """Default number of cells, in proportion to non-uniform time divided by build-up time."""
     acceleration, jerk = np.median([(x.acceleration, x.jerk) for y in ends for x in y], axis=0)
-    times, (_, dds, slope, _) = np.diff(law.breaks), law.rates
+    times = np.diff(law.breaks)
+    _, dds, slope, _ = law.rates
     largest = np.maximum(np.abs(dds), np.abs(dds + slope * np.diff(law.s)))
     active = float(times[largest > UNIFORM * acceleration].sum())
     with np.errstate(divide="ignore"):
@@ -165,7 +188,8 @@ def _make_bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> M
     s = mesh.grid.s
     first = np.searchsorted(near.s, s[:-1], side="right") - 2
     count = np.searchsorted(near.s, s[1:], side="left") + 1
-    first, count = np.clip(first, 0, len(width) - 1), np.clip(count, 1, len(width))
+    first = np.clip(first, 0, len(width) - 1)
+    count = np.clip(count, 1, len(width))
     touched = np.stack([first, np.maximum(count, first + 1)], axis=1).ravel()
 
     def largest(values: FloatArray) -> FloatArray:
@@ -190,7 +214,8 @@ def _estimate_gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
     # duration for all bounds. The multiplier times the bound is the time that a bound of twice the
     # width saves.
     inner = rows.mesh.ramps[rows.mesh.cell] == 0
-    square, (_, dds, slope, _) = law.speeds**2, law.rates
+    square = law.speeds**2
+    _, dds, slope, _ = law.rates
     low = np.minimum(square[:-1], square[1:])
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.stack(
@@ -207,7 +232,8 @@ def _estimate_gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
 
 def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
     """Fastest motion within the rows of all sections; `near` as in `_find_start`."""
-    mesh, solutions = rows.mesh, []
+    mesh = rows.mesh
+    solutions = []
     for k, (first, last) in enumerate(pairwise(mesh.sections)):
         p = rows.select_section(k)
         d = _find_start(p, mesh.nodes[first : last + 1], near, rows.allowed_slopes(k))
@@ -244,7 +270,8 @@ def _find_start(
         profile = power ** (4 / 3)
         limit_steps(profile, np.minimum(allowed_slopes[1][1:], allowed_slopes[1][:-1]) * spacing)
     ratio = RISE_SHARE * np.minimum(allowed_slopes[0] / profile**0.75, allowed_slopes[1] / profile)
-    steps, doubled = np.minimum(ratio[1:], ratio[:-1]) * spacing, np.ones(len(spacing))
+    steps = np.minimum(ratio[1:], ratio[:-1]) * spacing
+    doubled = np.ones(len(spacing))
     part = np.ones(len(middle))
     for _ in range(MAX_REDUCTIONS):
         # If ds² more than doubles between cells, the tangent may be negative at any scale.
@@ -267,8 +294,12 @@ def _find_start(
 
 def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
     """Make the time law from the control points of ds² of all sections, including their ends."""
-    mesh, begin, end = rows.mesh, rows.section.begin, rows.section.end
-    grid, width, ramps = mesh.grid, mesh.width, mesh.ramps
+    mesh = rows.mesh
+    begin = rows.section.begin
+    end = rows.section.end
+    grid = mesh.grid
+    width = mesh.width
+    ramps = mesh.ramps
     square = np.zeros((3, len(width)))  # control points of ds² on each cell
     for d, (first, last) in zip(solutions, pairwise(mesh.sections), strict=True):
         cells = slice(first + 1, last - 1)
@@ -281,13 +312,16 @@ def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
         # cell.
         square[2, first] = square[0, first + 1]
         square[0, last - 1] = square[2, last - 2]
-    i, n = mesh.cell, len(grid)
+    i = mesh.cell
+    n = len(grid)
     x, y = (np.clip((s - mesh.nodes[i]) / width[i], 0, 1) for s in (grid.s[:-1], grid.s[1:]))
-    first, last = ((square[1] - square[0]) / width)[i], ((square[2] - square[1]) / width)[i]
+    first = ((square[1] - square[0]) / width)[i]
+    last = ((square[2] - square[1]) / width)[i]
     slope = ((square[0] - 2 * square[1] + square[2]) / width**2)[i]
     dds = first + (last - first) * x
     ds, end_speed = (np.sqrt(_parabola(square[:, i], z)) for z in (x, y))
-    times, jerk = interval_times(grid.width, ds, end_speed, slope), np.zeros(n)
+    times = interval_times(grid.width, ds, end_speed, slope)
+    jerk = np.zeros(n)
     for sign, moving in ((1, 2), (-1, 0)):
         parts = np.flatnonzero(ramps[i] == sign)
         h = width[i[parts]]
@@ -296,8 +330,10 @@ def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
         whole = 3 * h / np.sqrt(square[moving, i[parts]])
         jerk[parts] = 6 * h / whole**3
         since, until = (whole * np.cbrt(z[parts] if sign > 0 else 1 - z[parts]) for z in (x, y))
-        ds[parts], dds[parts] = jerk[parts] * since**2 / 2, sign * jerk[parts] * since
-        slope[parts], times[parts] = 0.0, np.abs(until - since)
+        ds[parts] = jerk[parts] * since**2 / 2
+        dds[parts] = sign * jerk[parts] * since
+        slope[parts] = 0.0
+        times[parts] = np.abs(until - since)
     return PathLaw(
         joint_path=grid.joint_path,
         breaks=np.concatenate([[0.0], np.cumsum(times)]),

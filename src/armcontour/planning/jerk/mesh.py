@@ -17,7 +17,9 @@ from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 # Shares of the cells that are distributed evenly in time, evenly in arc length, and like the grid
 # of the plan without limits of jerk, which is finer where the joints turn
-OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
+OVER_TIME = 0.5
+OVER_LENGTH = 0.3
+OVER_TURNS = 0.2
 # Length of the cell at a rest, as a fraction of the build-up distance, in which acceleration builds
 # up
 FIRST_CELL = 0.3
@@ -26,7 +28,8 @@ RAMPS = 8.0
 # Farther away, the length of a cell increases by this fraction of the distance from the rest.
 GROWTH = 0.3
 # Largest and smallest length of the first cell, as fractions of a section.
-LONGEST_FIRST, SHORTEST_FIRST = 0.02, 1e-9
+LONGEST_FIRST = 0.02
+SHORTEST_FIRST = 1e-9
 # Smallest length of other cells, as a fraction of a section; below it the slope is a rounding
 # error.
 SHORTEST = 1e-9
@@ -40,7 +43,8 @@ SNAP = 0.2
 # A jump of d2q_ds2 requires a stop under two conditions. It exceeds the fraction KINK of the sum of
 # the values on both sides. At the speed of the plan and with the jerk limit, the change of
 # acceleration takes more than the fraction TOO_SHORT of the duration.
-KINK, TOO_SHORT = 1e-6, 1e-8
+KINK = 1e-6
+TOO_SHORT = 1e-8
 # Time that replaces the fraction TOO_SHORT in a long plan [s]: half of the time that `check`
 # tolerates as rounding
 ROUNDING_TIME = 5e-6
@@ -48,7 +52,8 @@ ROUNDING_TIME = 5e-6
 EVEN_BEND = 5e-4
 # dq_ds vanishes at an end if it is below the fraction VANISHED of dq_ds nearby. The first cell is
 # then at most the fraction FIRST_AT_VANISHED of the section.
-VANISHED, FIRST_AT_VANISHED = 0.1, 5e-4
+VANISHED = 0.1
+FIRST_AT_VANISHED = 5e-4
 # Distance from an end at which acceleration and jerk are evaluated, as a fraction of the section
 NEAR_REST = 5e-3
 
@@ -64,7 +69,8 @@ class End:
 
     def first_cell(self, length: float) -> float:
         """Length of the cell of uniform jerk at this end [m], in a section of a given length."""
-        shortest, longest = SHORTEST_FIRST * length, min(LONGEST_FIRST * length, self.even)
+        shortest = SHORTEST_FIRST * length
+        longest = min(LONGEST_FIRST * length, self.even)
         longest = max(shortest, longest)
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             time = min(
@@ -119,7 +125,8 @@ class JerkMesh:
         share = number / count[cells]
         nodes = np.append(self.nodes[cells] + self.width[cells] * share, self.nodes[-1])
         # A new node that differs from a break by rounding would leave an empty part.
-        snapped, new = _snap(nodes, self.grid.joint_path.breaks), np.append(number > 0, False)
+        snapped = _snap(nodes, self.grid.joint_path.breaks)
+        new = np.append(number > 0, False)
         nodes = np.where(new, snapped, nodes)
         return JerkMesh.through(self.grid.joint_path, nodes, before[self.sections])
 
@@ -150,7 +157,9 @@ def place_mesh(
     ends: list[tuple[End, End]],  # Start and stop of the motion in each section
 ) -> JerkMesh:
     """Place the cells for a plan that will be close to the plan `law`."""
-    node_rows, first, share = [], [0], _CellDistribution(law, turns)
+    node_rows = []
+    first = [0]
+    share = _CellDistribution(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
     for begin, end, both in zip(section_ends[:-1], section_ends[1:], ends, strict=True):
         nodes = _place_nodes(share, cells, (float(begin), float(end)), both, per_ramp)
@@ -177,9 +186,11 @@ def _place_nodes(
     mass = cells * share.before(s)
     for first, away, sign in zip(firsts, (s - begin, end - s), (1, -1), strict=True):
         mass += sign * _count_cells(first, away, per_ramp)
-    start, stop = begin + firsts[0], end - firsts[1]
+    start = begin + firsts[0]
+    stop = end - firsts[1]
     low, high = np.interp([start, stop], s, mass)
-    targets, last = [low], low
+    targets = [low]
+    last = low
     knot_mass = np.interp(knots, s, mass)
     while (k := int(np.searchsorted(knot_mass, last + NEAR_KNOT))) < len(knots):
         if knot_mass[k] > high - NEAR_KNOT:
@@ -210,7 +221,8 @@ def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
     if not len(knots) or len(nodes) < 3:
         return nodes
     i = np.clip(np.searchsorted(knots, nodes[1:-1]), 1, max(len(knots) - 1, 1))
-    before, after = knots[i - 1], knots[np.minimum(i, len(knots) - 1)]
+    before = knots[i - 1]
+    after = knots[np.minimum(i, len(knots) - 1)]
     inner = nodes[1:-1]
     nearest = np.where(inner - before < after - inner, before, after)
     room = np.minimum(np.diff(nodes)[:-1], np.diff(nodes)[1:])
@@ -240,7 +252,8 @@ def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
 
 def find_sections(law: PathLaw, task: Task) -> FloatArray:
     """Ends of the sections of a path between rests [m], (sections + 1,)."""
-    path, inner = law.joint_path, law.s[1:-1]
+    path = law.joint_path
+    inner = law.s[1:-1]
     stops = np.union1d(path.stops, _find_jumps(law, task))
     stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
     if len(inner):
@@ -250,10 +263,12 @@ def find_sections(law: PathLaw, task: Task) -> FloatArray:
 
 def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
     """Breaks [m] where accelerations with a jerk limit jump, at the planned speed."""
-    path, inner = law.joint_path, np.arange(1, len(law.joint_path.breaks) - 1)
+    path = law.joint_path
+    inner = np.arange(1, len(law.joint_path.breaks) - 1)
     breaks = path.breaks[inner]
     before, after = (path.on_interval(inner - side, breaks, 2) for side in (1, 0))
-    jump, size = np.abs(after - before), np.abs(before) + np.abs(after)
+    jump = np.abs(after - before)
+    size = np.abs(before) + np.abs(after)
     square = square_at(law, np.clip(breaks, law.s[0], law.s[-1]))[:, None]
     soon = min(TOO_SHORT * law.breaks[-1], ROUNDING_TIME) * task.jerk
     return np.asarray(breaks[((jump > KINK * size) & (jump * square > soon)).any(axis=1)])

@@ -47,10 +47,12 @@ class Basis(NamedTuple):
 
 def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
     """Make the basis from start and length of parts in their cell (0 to 1) and cell width [m]."""
-    x, second = start[:, None], np.array([2.0, -4.0, 2.0])
+    x = start[:, None]
+    second = np.array([2.0, -4.0, 2.0])
     value = np.concatenate([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     first = np.concatenate([-2 * (1 - x), 2 - 4 * x, 2 * x], axis=1)
-    y, h = share[:, None], width[:, None]
+    y = share[:, None]
+    h = width[:, None]
     square = np.stack([value, y * first, np.broadcast_to(y**2 * second / 2, value.shape)], axis=2)
     rate = np.stack([first, np.broadcast_to(y * second, first.shape)], axis=2) / (2 * h[..., None])
     return Basis(square, rate, second / (2 * h**2))
@@ -82,10 +84,12 @@ def motion_rows(
     - `rows`: output, (n, rows, 3) each.
     """
     taylor = np.zeros((3, HIGHEST + 1))
-    powers, points = np.empty((2, HIGHEST + 2, 3)), np.empty(3)
+    powers = np.empty((2, HIGHEST + 2, 3))
+    points = np.empty(3)
     cell, begin, end = cells
     for i in range(len(grid.piece)):
-        k, m = grid.piece[i], cell[i]
+        k = grid.piece[i]
+        m = cell[i]
         scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
         x = (grid.s[i] - grid.breaks[k]) * scale
         h = grid.s[i + 1] - grid.s[i]
@@ -94,19 +98,29 @@ def motion_rows(
             if first_rows[0][j] < 0 and first_rows[1][j] < 0:
                 continue
             at = 6 * k * grid.dof + j
-            c1, c2 = grid.coefficients[at + grid.dof], grid.coefficients[at + 2 * grid.dof]
-            c3, c4 = grid.coefficients[at + 3 * grid.dof], grid.coefficients[at + 4 * grid.dof]
+            c1 = grid.coefficients[at + grid.dof]
+            c2 = grid.coefficients[at + 2 * grid.dof]
+            c3 = grid.coefficients[at + 3 * grid.dof]
+            c4 = grid.coefficients[at + 4 * grid.dof]
             c5 = grid.coefficients[at + 5 * grid.dof]
             # Coefficients of q in powers of the fraction of the part
             t1 = dx * (c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5))))
             t2 = dx**2 * (c2 + x * (3 * c3 + x * (6 * c4 + x * 10 * c5)))
             t3 = dx**3 * (c3 + x * (4 * c4 + x * 10 * c5))
-            t4, t5 = dx**4 * (c4 + x * 5 * c5), dx**5 * c5
-            taylor[0, 0], taylor[0, 1], taylor[0, 2] = t1 / h, 2 * t2 / h, 3 * t3 / h
-            taylor[0, 3], taylor[0, 4] = 4 * t4 / h, 5 * t5 / h
-            taylor[1, 0], taylor[1, 1] = 2 * t2 / h**2, 6 * t3 / h**2
-            taylor[1, 2], taylor[1, 3] = 12 * t4 / h**2, 20 * t5 / h**2
-            taylor[2, 0], taylor[2, 1], taylor[2, 2] = 6 * t3 / h**3, 24 * t4 / h**3, 60 * t5 / h**3
+            t4 = dx**4 * (c4 + x * 5 * c5)
+            t5 = dx**5 * c5
+            taylor[0, 0] = t1 / h
+            taylor[0, 1] = 2 * t2 / h
+            taylor[0, 2] = 3 * t3 / h
+            taylor[0, 3] = 4 * t4 / h
+            taylor[0, 4] = 5 * t5 / h
+            taylor[1, 0] = 2 * t2 / h**2
+            taylor[1, 1] = 6 * t3 / h**2
+            taylor[1, 2] = 12 * t4 / h**2
+            taylor[1, 3] = 20 * t5 / h**2
+            taylor[2, 0] = 6 * t3 / h**3
+            taylor[2, 1] = 24 * t4 / h**3
+            taylor[2, 2] = 60 * t5 / h**3
             powers[:] = 0.0
             for b in range(3):
                 for r in range(HIGHEST):
@@ -144,7 +158,9 @@ class MeshRows:
         # parts of cells. They limit the plan, and determine the margins inside parts; None for no
         # margins. `about`: ds² on each part about which nonlinear limits are linearized if there
         # are no bounds, (m,).
-        self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
+        self.mesh = mesh
+        self.bounds = bounds
+        self.jerk = jerk
         grid = mesh.grid
         self.path = SampledJointPath(grid)
         width = mesh.width[mesh.cell]
@@ -177,15 +193,18 @@ class MeshRows:
 
     def _subtract_margins(self, limits: GridLimits, about: FloatArray) -> GridLimits:
         """Limits less their margins, with lines for friction; `lost` records the margins."""
-        none, bounds = np.zeros(len(about)), self.bounds
+        none = np.zeros(len(about))
+        bounds = self.bounds
         linearized = MotionBounds(about, about, none, none) if bounds is None else bounds
         if limits.friction.viscous.shape[2]:
             linearized = MotionBounds(*(kernel_array(x) for x in linearized))
-            width, margins = self.mesh.grid.width, bounds is not None
+            width = self.mesh.grid.width
+            margins = bounds is not None
             limits = limits._replace(rows=rows_with_friction(width, limits, linearized, margins))
         if bounds is None:
             return limits
-        ends, radius = limits.rows.ends.copy(), limits.rounds.radius
+        ends = limits.rows.ends.copy()
+        radius = limits.rounds.radius
         room = np.minimum(ends[..., HIGH], -ends[..., LOW]).min(axis=1)
         rows, squares, rounds = (margins_of(x.rise, bounds) for x in limits[:3])
         self._record_margins(rows, room)
@@ -224,8 +243,10 @@ class MeshRows:
 
     def select_section(self, k: int) -> JerkSection:
         """Rows of one section, without its cells of uniform jerk."""
-        mesh, p = self.mesh, self.section
-        first, last = mesh.sections[k] + 1, mesh.sections[k + 1] - 1
+        mesh = self.mesh
+        p = self.section
+        first = mesh.sections[k] + 1
+        last = mesh.sections[k + 1] - 1
         ramps = mesh.width[[first - 1, last]]
         start, end = np.searchsorted(mesh.cell, [first, last])
         cells = {name: getattr(p, name)[first:last] for name in ("width", "begin", "end")}
@@ -239,8 +260,10 @@ class MeshRows:
         """Slopes of ds^1.5 and ds² that use half of the limits of jerk and acceleration."""
         # The slopes assume a straight path. They are returned for the cells of a section except its
         # cells of uniform jerk, (n,) each.
-        mesh, slopes_by_cell = self.mesh, []
-        first, last = int(mesh.sections[k]) + 1, int(mesh.sections[k + 1]) - 1
+        mesh = self.mesh
+        slopes_by_cell = []
+        first = int(mesh.sections[k]) + 1
+        last = int(mesh.sections[k + 1]) - 1
         start, end = np.searchsorted(mesh.cell, [first, last])
         slopes = np.abs(self.path.derivatives[0][0][start:end]).max(axis=1)
         begins = np.searchsorted(mesh.cell[start:end], np.arange(first, last))
@@ -277,8 +300,10 @@ class MeshRows:
 
     def _motion_rows(self, cells: _Cells) -> tuple[FloatArray, FloatArray]:
         """Rows of the accelerations and jerks of the limited joints, in the order of the joints."""
-        dof, sizes = self.mesh.grid.joint_path.dof, (self.degree + 1, self.degree)
-        first, rows = np.full((2, dof), -1), []
+        dof = self.mesh.grid.joint_path.dof
+        sizes = (self.degree + 1, self.degree)
+        first = np.full((2, dof), -1)
+        rows = []
         for kind, (joints, size) in enumerate(zip(self.joints, sizes, strict=True)):
             first[kind, joints] = size * np.arange(len(joints))
             rows.append(np.empty((len(self.mesh.grid), size * len(joints), 3)))
@@ -292,11 +317,15 @@ class MeshRows:
         self, cells: _Cells, acceleration: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
-        n, bounds, basis = len(self.mesh.grid), self.bounds, self.basis
+        n = len(self.mesh.grid)
+        bounds = self.bounds
+        basis = self.basis
         none = np.full((n, 3), np.inf)
         top = np.minimum(self._speed_ceiling(), self._ceiling())
         ends = [basis.at_end(e) for e in range(2)]
-        rows, low, high = [basis.points], [-none], [top]
+        rows = [basis.points]
+        low = [-none]
+        high = [top]
         if bounds is not None:
             smallest = np.where(bounds.x_min > 0, bounds.x_min, -np.inf)
             low = [np.broadcast_to(smallest[:, None], (n, 3))]
@@ -315,14 +344,16 @@ class MeshRows:
         for sign, out in ((-1, low), (1, high)):
             bound = self.bounded[(sign + 1) // 2][:, self.joints[0]]
             out.append(np.repeat(sign * bound, self.degree + 1, axis=1))
-        bottom, top = np.concatenate(low, axis=1), np.concatenate(high, axis=1)
+        bottom = np.concatenate(low, axis=1)
+        top = np.concatenate(high, axis=1)
         self._bound_next_to_ramps(top)
         others = _localize(cells, np.concatenate(rows, axis=1))
         return np.concatenate([others, acceleration], axis=1), bottom, top
 
     def _vector_rows(self) -> tuple[FloatArray, FloatArray]:
         """Vector rows, (m, l, 2, 3), and radii, (m, l)."""
-        n, rounds = len(self.mesh.grid), self.limits.rounds
+        n = len(self.mesh.grid)
+        rounds = self.limits.rounds
         products = rounds.products
         vectors = [np.zeros((n, 0, 2, 3))]
         for r in range(rounds.radius.shape[1]):
@@ -345,13 +376,15 @@ class MeshRows:
         limited = np.isfinite(self.speeds).any(axis=0)
         if not limited.any():
             return np.full((len(self.mesh.grid), 3), np.inf)
-        width, limit = self.mesh.grid.width[:, None], self.speeds[:, limited]
+        width = self.mesh.grid.width[:, None]
+        limit = self.speeds[:, limited]
         (slopes, _), (third, _) = self.path.derivatives
         bulge = width**2 / 8 * third[:, limited]
         # |q'| divided by its limit is below a line. The tangent of `1 / line²` is a lower bound of
         # `1 / line²`.
         first, last = (np.abs(slopes[:, e, limited]) + bulge for e in range(2))
-        first, last = np.maximum(first / limit, 1e-150), np.maximum(last / limit, 1e-150)
+        first = np.maximum(first / limit, 1e-150)
+        last = np.maximum(last / limit, 1e-150)
         middle = (first + last) / 2
         change = (last - first) / middle
         level = 1 / np.maximum(first, last) ** 2
@@ -372,7 +405,8 @@ class MeshRows:
 
     def _bound_next_to_ramps(self, top: FloatArray) -> None:
         """Reduce the bounds of ds² so that adjacent cells of uniform jerk satisfy the limits."""
-        mesh, ramps = self.mesh, self.mesh.ramps
+        mesh = self.mesh
+        ramps = self.mesh.ramps
         largest = np.full(len(ramps), np.inf)
         parts = np.flatnonzero(ramps[mesh.cell])
         np.minimum.at(largest, mesh.cell[parts], self._largest_at_ramps(parts))
@@ -386,8 +420,10 @@ class MeshRows:
         # On a cell of length h from a rest, `ds² = A (s / h)^(4/3)`, where A is ds² at the moving
         # end. At this end dds is `2 A / (3 h)`, and the jerk is `2 A^1.5 / (9 h²)`. Each part is
         # bounded as if it had the speed and acceleration of the moving end.
-        width, h = self.mesh.grid.width[parts], self.mesh.width[self.mesh.cell[parts]]
-        ramp_column, width_column = h[:, None], width[:, None]
+        width = self.mesh.grid.width[parts]
+        h = self.mesh.width[self.mesh.cell[parts]]
+        ramp_column = h[:, None]
+        width_column = width[:, None]
         (slopes, bends), (third, fourth) = (x[:, parts] for x in self.path.derivatives)
         first = np.abs(slopes).max(axis=1) + width_column**2 / 8 * third
         second = np.abs(bends).max(axis=1) + width_column**2 / 8 * fourth
@@ -399,7 +435,8 @@ class MeshRows:
             bounds.append((self.bounded[:, parts].min(axis=0) / pull).min(axis=1))
             jerk = third + 2 * second / ramp_column + 2 / 9 * first / ramp_column**2
             bounds.append(((self.jerk / jerk) ** (2 / 3)).min(axis=1))
-            general, rounds = self.limits.rows.ends[parts], self.limits.rounds
+            general = self.limits.rows.ends[parts]
+            rounds = self.limits.rounds
             for sign, column in ((1, HIGH), (-1, LOW)):
                 coefficient = np.maximum(sign * general[..., A], 0).max(axis=1) * rate[:, None]
                 coefficient += np.maximum(sign * general[..., B], 0).max(axis=1)
@@ -436,9 +473,12 @@ def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
     width = mesh.width
     begin, end = np.zeros((2, len(width), 3))
     total = width[:-1] + width[1:]
-    begin[1:, 0], begin[1:, 1] = width[1:] / total, width[:-1] / total
-    end[:-1, 1], end[:-1, 2] = width[1:] / total, width[:-1] / total
-    first, last = mesh.sections[:-1], mesh.sections[1:] - 1
+    begin[1:, 0] = width[1:] / total
+    begin[1:, 1] = width[:-1] / total
+    end[:-1, 1] = width[1:] / total
+    end[:-1, 2] = width[:-1] / total
+    first = mesh.sections[:-1]
+    last = mesh.sections[1:] - 1
     for rows, ramp, step in ((begin, first, 1), (end, last, -1)):
         near = ramp + step
         rows[near] = 0

@@ -43,7 +43,8 @@ def solve_program(
     n, k = cost.shape
     first, ends, values, bound = _pack(rows, bounds)
     count = len(bound)
-    c, w = cost.ravel(), weight.ravel()
+    c = cost.ravel()
+    w = weight.ravel()
     largest = 0.0
     for a in range(n * k):
         largest = max(largest, abs(c[a]))
@@ -52,10 +53,14 @@ def solve_program(
     # Initial multipliers are proportional to the cost.
     dual = largest * 0.1 / slack
     matrix = np.empty((n * k, 3 * k))
-    step, primal = np.empty(n * k), np.empty(count)
-    d_slack, d_dual, complement = np.empty(count), np.empty(count), np.empty(count)
+    step = np.empty(n * k)
+    primal = np.empty(count)
+    d_slack = np.empty(count)
+    d_dual = np.empty(count)
+    complement = np.empty(count)
     for iteration in range(MAX_ITERATIONS):
-        gap, worst = 0.0, 0.0
+        gap = 0.0
+        worst = 0.0
         for r in range(count):
             primal[r] = _row_product(first, ends, values, x, r) + slack[r] - bound[r]
             complement[r] = slack[r] * dual[r]
@@ -109,11 +114,14 @@ def _pack(
     # among all coefficients, (p + 1,); the coefficients; and the bounds, (p,).
     n, m, width = rows.shape
     k = width // 3
-    first, ends = np.empty(n * m, dtype=np.int64), np.zeros(n * m + 1, dtype=np.int64)
-    values, bound = np.empty(n * m * width), np.empty(n * m)
+    first = np.empty(n * m, dtype=np.int64)
+    ends = np.zeros(n * m + 1, dtype=np.int64)
+    values = np.empty(n * m * width)
+    bound = np.empty(n * m)
     count = 0
     for i in range(n):
-        low, high = (k if i == 0 else 0), (2 * k if i == n - 1 else 3 * k)
+        low = k if i == 0 else 0
+        high = 2 * k if i == n - 1 else 3 * k
         for r in range(m):
             begin, end = low, high
             while begin < end and rows[i, r, begin] == 0.0:
@@ -125,7 +133,8 @@ def _pack(
             offset = ends[count]
             for j in range(begin, end):
                 values[offset + j - begin] = rows[i, r, j]
-            first[count], bound[count] = (i - 1) * k + begin, bounds[i, r]
+            first[count] = (i - 1) * k + begin
+            bound[count] = bounds[i, r]
             ends[count + 1] = offset + end - begin
             count += 1
     return first[:count], ends[: count + 1], values[: ends[count]], bound[:count]
@@ -159,7 +168,8 @@ def _normal_matrix(
         matrix[a, last] = weight[a]
     for r in range(len(slack)):
         ratio = dual[r] / slack[r]
-        begin, length = ends[r], ends[r + 1] - ends[r]
+        begin = ends[r]
+        length = ends[r + 1] - ends[r]
         for a in range(length):
             scaled = ratio * values[begin + a]
             row = matrix[first[r] + a]

@@ -29,14 +29,20 @@ LONG_PATH = 40
 # fixed nodes between chunks often leave no solution.
 CHUNKED = 400
 # Number of corners of a chunk, and number of corners by which cuts move in each iteration
-CORNERS, SHIFT = 8, 3
+CORNERS = 8
+SHIFT = 3
 # Trust region, the largest change of offsets divided by the tolerance: initial, largest and
 # smallest value, and factors after rejected, slower and faster iterations
-FIRST_TRUST, MAX_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
-SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
+FIRST_TRUST = 0.3
+MAX_TRUST = 0.5
+LEAST_TRUST = 1e-5
+SHRINK = 1 / 3
+EASE = 0.7
+GROW = 1.5
 # The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
 # duration.
-IDLE, LEAST_GAIN = 4, 1e-5
+IDLE = 4
+LEAST_GAIN = 1e-5
 # The search also ends after this many consecutive iterations in which the path leaves the tube.
 MAX_TIGHTENED = 12
 # Each consecutive rejection multiplies the proposed change by this factor.
@@ -82,15 +88,21 @@ def solve_in_chunks(
     if not len(cuts):
         return solve_program(cost, rows, bounds, weight)[0]
     n, k = cost.shape
-    begins, ends = np.append(0, cuts + 1), np.append(cuts + 1, n)
+    begins = np.append(0, cuts + 1)
+    ends = np.append(cuts + 1, n)
 
     def solve(begin: int, end: int) -> FloatArray:
         part = slice(begin, end)
-        chunk_cost, chunk_rows = cost[part].copy(), rows[part].copy()
+        chunk_cost = cost[part].copy()
+        chunk_rows = rows[part].copy()
         if begin > 0:
-            chunk_cost[0], chunk_rows[0, :, : 2 * k], chunk_rows[1, :, :k] = 0.0, 0.0, 0.0
+            chunk_cost[0] = 0.0
+            chunk_rows[0, :, : 2 * k] = 0.0
+            chunk_rows[1, :, :k] = 0.0
         if end < n:
-            chunk_cost[-1], chunk_rows[-1, :, k:], chunk_rows[-2, :, 2 * k :] = 0.0, 0.0, 0.0
+            chunk_cost[-1] = 0.0
+            chunk_rows[-1, :, k:] = 0.0
+            chunk_rows[-2, :, 2 * k :] = 0.0
         x, _ = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part])
         # A chunk without a solution does not change.
         return x if np.isfinite(x).all() else np.zeros_like(x)
@@ -130,7 +142,8 @@ class ShapeSearch:
         return self.nodes.q.size / float(self.nodes.group[-1] + 1)
 
     def __post_init__(self) -> None:
-        n, k = len(self.nodes), self.nodes.frames.shape[2]
+        n = len(self.nodes)
+        k = self.nodes.frames.shape[2]
         inside = np.full(n, INSIDE)
         self.state = _State(
             best=self.start,
@@ -146,7 +159,8 @@ class ShapeSearch:
         idle = tightened = 0
         while idle < IDLE and tightened < MAX_TIGHTENED:
             before = self.state.best.duration
-            trust, inside = self.state.trust.copy(), self.state.inside
+            trust = self.state.trust.copy()
+            inside = self.state.inside
             accepted = self._iterate()
             unchanged = np.array_equal(trust, self.state.trust) and inside is self.state.inside
             if not accepted and unchanged and self.nodes.group[-1] < CHUNKED:
@@ -160,7 +174,8 @@ class ShapeSearch:
     def _iterate(self) -> bool:
         """Propose a change and accept it if the exact timing is faster."""
         # Returns false if the path left the tube; the limits of the offsets are then reduced.
-        state, nodes = self.state, self.nodes
+        state = self.state
+        nodes = self.nodes
         try:
             offsets, h, drawn = self._draw_or_revert(*self._propose())
             judged = None if drawn is None else self._time_drawn(drawn)
@@ -179,7 +194,9 @@ class ShapeSearch:
             state.rejections = 0
             factor = np.where(slower, SHRINK, 1.0)
         elif better:
-            state.best, state.offsets, state.h = candidate, offsets, times
+            state.best = candidate
+            state.offsets = offsets
+            state.h = times
             self._update_near(candidate, drawn.knots)
             state.rejections = 0
             factor = np.where(slower, EASE, GROW)
@@ -249,7 +266,9 @@ class ShapeSearch:
             return False
         if drawn is None or judged is None or judged[0].duration >= self.state.best.duration:
             return False
-        self.state.best, self.state.offsets, self.state.h = judged[0], offsets, judged[1]
+        self.state.best = judged[0]
+        self.state.offsets = offsets
+        self.state.h = judged[1]
         self._update_near(judged[0], drawn.knots)
         return True
 
@@ -263,10 +282,12 @@ class ShapeSearch:
 
         `corners` is a mask, (groups,).
         """
-        group, state = self.nodes.group, self.state
+        group = self.nodes.group
+        state = self.state
         stays = 1.0 - corners
         edges = np.minimum(stays[1:], stays[:-1])
-        first, last = np.append(stays[0], edges)[group], np.append(edges, stays[-1])[group]
+        first = np.append(stays[0], edges)[group]
+        last = np.append(edges, stays[-1])[group]
         count = np.bincount(group)
         _, number = number_parts(count)
         share = first + (number + 0.5) / count[group] * (last - first)
@@ -281,7 +302,8 @@ class ShapeSearch:
         return JointSpline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
 
     def _propose(self) -> tuple[FloatArray, FloatArray]:
-        state, nodes = self.state, self.nodes
+        state = self.state
+        nodes = self.nodes
         n, k = state.offsets.shape
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
         rows, bounds = self._limit_rows(state.offsets, state.h, unit)
@@ -310,7 +332,8 @@ class ShapeSearch:
     def _limit_rows(
         self, offsets: FloatArray, h: FloatArray, unit: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        nodes, limits = self.nodes, self.timer.limits
+        nodes = self.nodes
+        limits = self.timer.limits
         spline = self._spline(offsets, h)
         steps = nodes.near.steps(spline.q, nodes.frames)
         assigned = self.tube.objective.assigned_speeds(limits.speed, nodes.s_objective)
@@ -320,7 +343,8 @@ class ShapeSearch:
 
     def _node_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rows of single nodes: tube, trust region, and smallest span time."""
-        state, nodes = self.state, self.nodes
+        state = self.state
+        nodes = self.nodes
         n, k = state.offsets.shape
         m = len(nodes.sides)
         rows = np.zeros((n, m + 2 * k + 1, 3 * (k + 1)))
@@ -380,7 +404,8 @@ class ShapeSearch:
         - `lacking`: distance outside the tube in the span of each node [m], (n,).
         - `excess`: distance of each corner from the path in excess of its tolerance [m], (k,).
         """
-        nodes, state = self.nodes, self.state
+        nodes = self.nodes
+        state = self.state
         lacking = lacking.copy()
         s_corners = self.tube.objective.breaks[self.tube.vertex]
         for k in np.flatnonzero(excess):
@@ -403,7 +428,8 @@ class ShapeSearch:
 
     def _nearly_stops(self, drawn: DrawnPath) -> bool:
         """Test whether the tool nearly stops, and reduce the trust region there."""
-        nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
+        nodes = self.nodes
+        lengths = np.diff(drawn.curve.breaks)
         tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
         if not len(tiny):
             return False
@@ -414,7 +440,8 @@ class ShapeSearch:
 
     def _make_path(self, drawn: DrawnPath) -> ShapedPath | None:
         """Make the shaped path of a drawing; None if its tool orientation deviates too much."""
-        options, objective = self.options, self.tube.objective
+        options = self.options
+        objective = self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
             objective=objective,

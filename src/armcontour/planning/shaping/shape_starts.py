@@ -25,10 +25,12 @@ TURN = 0.05
 MATCH_TOLERANCE = 0.05
 # Number of bisections of the rounding tolerance of corners that leave the tube. If such a corner
 # also leaves the tube with the tolerance that is found, the tolerance is multiplied by LESS.
-HALVINGS, LESS = 14, 0.9
+HALVINGS = 14
+LESS = 0.9
 # The tool stops at corners with smaller tolerances or radii [m], because no arm resolves such arcs,
 # and rounding errors would exceed limits.
-FINEST, SHARPEST = 1e-8, 1e-10
+FINEST = 1e-8
+SHARPEST = 1e-10
 # Largest distance along the objective between the exact and the approximate match of a point of a
 # start, divided by the tolerance
 REACH = 6.0
@@ -57,13 +59,15 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
     stretch = np.searchsorted(passed, s[: len(even) + 1])
     stretch = np.concatenate([stretch, corner, corner + 1])
     order = np.lexsort((stretch, s))
-    s, stretch = s[order], stretch[order]
+    s = s[order]
+    stretch = stretch[order]
     guess, around = (np.interp(s, matches[:, 1], x) for x in (matches[:, 0], reaches))
     corners = np.concatenate([[0.0], tube.objective.breaks[tube.vertex], [tube.breaks[-1]]])
     low = np.clip(guess - around, corners[stretch], corners[stretch + 1])
     high = np.clip(guess + around, corners[stretch], corners[stretch + 1])
     s_objective = np.maximum.accumulate(tube.nearest(path(s), low, high))
-    s_objective[0], s_objective[-1] = 0.0, tube.objective.length
+    s_objective[0] = 0.0
+    s_objective[-1] = tube.objective.length
     return np.stack([s_objective, s], axis=1)
 
 
@@ -159,10 +163,8 @@ def _round_within(
     path, matches, outside_corners = outside(requested)
     if not len(outside_corners):
         return path, matches
-    low, high = (
-        np.where(np.isin(np.arange(len(requested)), outside_corners), 0.0, requested),
-        requested.copy(),
-    )
+    low = np.where(np.isin(np.arange(len(requested)), outside_corners), 0.0, requested)
+    high = requested.copy()
     for _ in range(HALVINGS):
         middle = np.where(low < high, (low + high) / 2, low)
         outside_corners = outside(middle)[2]

@@ -123,7 +123,8 @@ class Shaping:
         Raises:
             ArmContourError: As `shape`.
         """
-        seed, moves = self.options.seed, list(program.moves)
+        seed = self.options.seed
+        moves = list(program.moves)
         for i, x in enumerate(moves):
             if isinstance(x, Contour):
                 contour = draw_with_arcs(x)
@@ -218,10 +219,8 @@ class Shaping:
             return arcs, arcs
 
         def least_duration(traced: Tracing) -> float:
-            tube, timer = (
-                Tube.around(program.path, self.options.tolerance),
-                self._timer(traced.joint_paths[0]),
-            )
+            tube = Tube.around(program.path, self.options.tolerance)
+            timer = self._timer(traced.joint_paths[0])
             candidates = _time_starts(program.path, tube, timer, self.options)
             return min((x.duration for x in candidates), default=np.inf)
 
@@ -247,7 +246,8 @@ class Shaping:
 
         The knots of a redundant arm depend on the rounding of the start, so `seed` itself is used.
         """
-        start, intervals = ends_of(joint_path)[0], self.options.intervals
+        start = ends_of(joint_path)[0]
+        intervals = self.options.intervals
         limits = reduce_limits(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
             return Timer(self.arm, limits, self.arm.configuration_of(start), None, intervals)
@@ -316,7 +316,9 @@ def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
 
 def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
     """Shape one contour; `report` is called with the fraction done."""
-    objective, timer, options = task.objective, task.timer, task.options
+    objective = task.objective
+    timer = task.timer
+    options = task.options
     tube = Tube.around(objective, options.tolerance)
     candidates = _time_starts(objective, tube, timer, options)
     if not candidates:
@@ -324,10 +326,12 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
         timer.time(timer.trace(objective))
     durations = {x.name: x.duration for x in candidates}
     first = min(candidates, key=lambda x: x.duration)
-    best, history = first, [first.duration]
+    best = first
+    history = [first.duration]
     note = explain_unshaped(objective, tube)
     searches = make_searches(objective, tube, timer, options) if note is None else iter(())
-    unfinished, work = False, float(WORK)
+    unfinished = False
+    work = float(WORK)
     for search in searches:
         if search is None:
             unfinished = True

@@ -23,7 +23,8 @@ AT_CORNER = 0.045
 GROWTH = 0.12
 # A corner has no node of its own if it turns by less than SHALLOW [rad] and is closer to another
 # corner than DENSE tolerances, because it is taken as a vertex between chords of a curve.
-SHALLOW, DENSE = 0.15, 4.0
+SHALLOW = 0.15
+DENSE = 4.0
 # Factor of the distance between nodes next to a rest.
 AT_REST = 0.12
 # Largest distance of the polygon of control points from its curve, divided by the tolerance.
@@ -39,7 +40,8 @@ EVEN = 1e-5
 # square root of the tolerance, so small tolerances make iterations slow.
 MAX_NODES = 4000
 # Number of samples of the distance between nodes: first between two marks, then per node
-SAMPLES, PER_NODE = 32, 8
+SAMPLES = 32
+PER_NODE = 8
 # Largest offset in tolerances, and search step as a fraction of the tolerance.
 FARTHEST = 2.5
 SEARCH_STEP = 1 / 24
@@ -113,7 +115,9 @@ class NearPath:
         if self.poses is None:
             return np.asarray(np.linalg.solve(self.arm.tool_jacobian(q), frames))
         assert isinstance(self.arm, SerialArm) and self.free is not None
-        n, dof, k = len(q), self.arm.dof, frames.shape[2]
+        n = len(q)
+        dof = self.arm.dof
+        k = frames.shape[2]
         full = self.arm.jacobian(q)
         matrix = np.empty((n, dof, dof))
         matrix[:, :3] = full[:, :3]
@@ -206,7 +210,8 @@ def _farthest(
     tolerance: FloatArray,
 ) -> FloatArray:
     """Largest offsets along directions for which all smaller offsets are inside [m], (n,)."""
-    low, inside = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
+    low = np.zeros(len(tolerance))
+    inside = np.ones(len(tolerance), dtype=bool)
     for share in np.arange(SEARCH_STEP, FARTHEST, SEARCH_STEP):
         inside &= is_inside(share * tolerance, direction)
         if not inside.any():
@@ -216,13 +221,16 @@ def _farthest(
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         good = is_inside(middle, direction)
-        low, high = np.where(good, middle, low), np.where(good, high, middle)
+        low = np.where(good, middle, low)
+        high = np.where(good, high, middle)
     return low
 
 
 def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | None) -> Nodes | None:
     """Nodes along the path of a start, dense at corners and rests; None if there are too many."""
-    path, matches, joint_path = start.path, start.places, start.joint_path
+    path = start.path
+    matches = start.places
+    joint_path = start.joint_path
     marks = _Marks.from_path(path, matches, tube)
     spread = _distribute_nodes(start, arm, tube, marks)
     if spread is None:
@@ -231,7 +239,8 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
     # At a rest between two stretches there are two nodes.
     row = np.repeat(np.arange(len(s)), 1 + np.isin(index, np.flatnonzero(marks.rest)[1:-1]))
     doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
-    s, mark = s[row], np.where(doubled[1:], -1, index[row])
+    s = s[row]
+    mark = np.where(doubled[1:], -1, index[row])
     corner = np.where(mark >= 0, marks.corner[mark], -1)
     s_objective = np.interp(s, matches[:, 1], matches[:, 0])
     s_objective[corner >= 0] = tube.objective.breaks[tube.vertex[corner[corner >= 0]]]
@@ -336,7 +345,9 @@ def _distribute_nodes(
 ) -> tuple[FloatArray, IntArray] | None:
     """Arc lengths of nodes, and the mark at each node or -1; None if there are too many nodes."""
     # From its value at a mark, the distance between nodes grows by the fraction GROWTH per node.
-    path, matches, joint_path = start.path, start.places, start.joint_path
+    path = start.path
+    matches = start.places
+    joint_path = start.joint_path
     rests = marks.s[marks.rest]
     samples, _ = _divide(marks.s, marks.s, np.full(len(marks.s) - 1, SAMPLES))
     median = max(float(np.median(_tool_curvature(joint_path, arm, samples))), 1e-3)

@@ -78,7 +78,9 @@ def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray)
     - `limits`: the limits, one value per joint.
     - `speeds`: assigned velocity at the end of every span [m/s], infinite if none, (n,).
     """
-    e, knots, h = spline.velocities, spline.knots, spline.h
+    e = spline.velocities
+    knots = spline.knots
+    h = spline.h
     a = np.diff(e, axis=0) / h[:, None]
     n, dof = spline.q.shape
     none = np.zeros((n, 0))
@@ -155,8 +157,11 @@ def _tool_acceleration_rows(
     """Rows of the tool acceleration in several directions, or of its part normal to the motion."""
     # The acceleration in direction d is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e. All rows are
     # multiplied by h_i.
-    arm, q, e = end.arm, end.q, end.dq
-    jacobian, rate = arm.tool_jacobian(q), arm.tool_jacobian_rate(q, e)
+    arm = end.arm
+    q = end.q
+    e = end.dq
+    jacobian = arm.tool_jacobian(q)
+    rate = arm.tool_jacobian_rate(q, e)
     velocity = np.einsum("nij,nj->ni", jacobian, e)
     acceleration = np.einsum("nij,nj->ni", jacobian, end.ddq) + np.einsum("nij,nj->ni", rate, e)
     speed = np.linalg.norm(velocity, axis=1)
@@ -260,7 +265,8 @@ def assemble(
     - `unit`: scale of the offsets of each node, 0 if fixed [m], (n,).
     """
     n, dof, k = steps.shape
-    e, h = spline.velocities, spline.h
+    e = spline.velocities
+    h = spline.h
     pair = np.ones(n + 1)
     pair[1:-1] = h[1:] + h[:-1]
     rate = np.where(spline.rest, 0.0, 2 / pair)
@@ -270,7 +276,8 @@ def assemble(
     for derivatives, first in ((rows.before, 0), (rows.after, 1)):
         # The velocity at this end depends on the nodes `first - 1` and `first`, counted from the
         # node of the row.
-        pace, ends = rate[first : n + first], e[first : n + first]
+        pace = rate[first : n + first]
+        ends = e[first : n + first]
         for node, sign in ((first - 1, -1.0), (first, 1.0)):
             column = (node + 1) * width
             near = np.clip(np.arange(n) + node, 0, n - 1)

@@ -21,7 +21,8 @@ CHANGE = 0.1
 MAX_PARTS = 8
 # Largest distance of arcs from the curve: the fraction NEAR of the tolerance, but at least NEAREST
 # [m]. Spans with larger distances are divided into more parts.
-NEAR, NEAREST = 1e-4, 1e-10
+NEAR = 1e-4
+NEAREST = 1e-10
 MAX_ROUNDS = 4
 # Largest turn of a part [rad].
 SHARPEST = 0.35
@@ -60,7 +61,8 @@ def draw(
         return drawn
     spans = np.arange(len(count))
     for rounds_left in reversed(range(MAX_ROUNDS - 1)):
-        spans, factor = spans[factor > 1], factor[factor > 1]
+        spans = spans[factor > 1]
+        factor = factor[factor > 1]
         count[spans] *= np.clip(np.ceil(factor), 2, MAX_PARTS).astype(np.intp)
         if not (rounds_left and len(spans)):
             break
@@ -146,15 +148,19 @@ def _evaluate_spline(spline: JointSpline, arm: Arm, span: IntArray, share: Float
 
     `share` is the time since the start of the span, divided by the span time, (m,).
     """
-    e, knots, h = spline.velocities, spline.knots, spline.h
+    e = spline.velocities
+    knots = spline.knots
+    h = spline.h
     a = (np.diff(e, axis=0) / h[:, None])[span]
     t = (share * h[span])[:, None]
-    q, dq = knots[span] + e[span] * t + a * t**2 / 2, e[span] + a * t
+    q = knots[span] + e[span] * t + a * t**2 / 2
+    dq = e[span] + a * t
     # A span next to a rest is straight, so its direction is that of the velocity at its other end,
     # even at the rest.
     for side, other in ((spline.rest[:-1], e[1:]), (spline.rest[1:], e[:-1])):
         adjacent = side[span]
-        dq[adjacent], a[adjacent] = other[span][adjacent], 0.0
+        dq[adjacent] = other[span][adjacent]
+        a[adjacent] = 0.0
     velocity, acceleration = arm.tool_motion(q, dq, a)
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
     tangent = velocity / speed

@@ -49,7 +49,8 @@ FOUND, FINER, STUCK, START, END, UNLIMITED = range(6)
 INSIDE = 1 - 1e-14
 LARGEST_X = 1e100  # initial x of Newton's method without a ceiling
 # A Newton step from x to less than the share FAR of x has an error of the share ROUNDED of x.
-FAR, ROUNDED = 1e-3, 1e-12
+FAR = 1e-3
+ROUNDED = 1e-12
 SLACK = 1e-9  # relative rounding error of the ends of a range of u
 END_TOLERANCE = 1e-7  # relative tolerance of x at the start and the end of the path
 ROUNDING = 2e-15  # rounding error of differences of x, as a fraction of x
@@ -173,11 +174,16 @@ def _write_half_plane(
     - `location`: interval, end and first line.
     - `motion`: length of the interval, and half of the change of u.
     """
-    (i, end, line), (w, turn), a, b = location, motion, row.a, row.b
+    i, end, line = location
+    w, turn = motion
+    a = row.a
+    b = row.b
     shift = turn - 2 * turn * end
     low, high = row.low + shift * a, row.high + shift * a
-    by_mean, bends = a + (2 * w * end) * b, 2 * w * size(b)
-    magnitude, threshold = size(by_mean), TINY * (size(a) + bends)
+    by_mean = a + (2 * w * end) * b
+    bends = 2 * w * size(b)
+    magnitude = size(by_mean)
+    threshold = TINY * (size(a) + bends)
     alone = size(a) - TINY * bends
     if lowest(lower(magnitude - threshold, alone)) <= 0.0:
         largest = choose(NEGLIGIBLE, size(b), higher(low / b, high / b), math.inf)
@@ -254,7 +260,8 @@ def bound_friction(
     - `towards`: 1 for the upper limit, -1 for the lower one.
     - `within`: the bracket of x.
     """
-    largest, sign = friction.within[i, j, LARGEST], friction.within[i, j, SIGN]
+    largest = friction.within[i, j, LARGEST]
+    sign = friction.within[i, j, SIGN]
     if sign == 0.0:
         return towards * largest * within.high, 0.0, 0.0
     total = within.low + within.high
@@ -280,7 +287,8 @@ def friction_rise(
 
     `w` is the length of the interval.
     """
-    v0, v1 = friction.viscous[i, 0, j], friction.viscous[i, 1, j]
+    v0 = friction.viscous[i, 0, j]
+    v1 = friction.viscous[i, 1, j]
     deviation = friction.within[i, j, DEVIATION]
     by_slope = slope * max(abs(v0), abs(v1)) * w * w / 4
     return slope * abs(v1 - v0) * w / 2, slope * deviation, by_slope, offset * deviation
@@ -312,11 +320,19 @@ def _write_conic(
         out[d] = 0.0
     # The factor of m is a at the start, and a + 2 w b at the end.
     step = 2 * w * end
-    a0, a1, a2 = ends[i, end, r, A, 0], ends[i, end, r, A, 1], ends[i, end, r, A, 2]
-    b0, b1, b2 = ends[i, end, r, B, 0], ends[i, end, r, B, 1], ends[i, end, r, B, 2]
-    e0, e1, e2 = a0 + step * b0, a1 + step * b1, a2 + step * b2
-    ee, eb = e0 * e0 + e1 * e1 + e2 * e2, e0 * b0 + e1 * b1 + e2 * b2
-    aa, bb = a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2
+    a0 = ends[i, end, r, A, 0]
+    a1 = ends[i, end, r, A, 1]
+    a2 = ends[i, end, r, A, 2]
+    b0 = ends[i, end, r, B, 0]
+    b1 = ends[i, end, r, B, 1]
+    b2 = ends[i, end, r, B, 2]
+    e0 = a0 + step * b0
+    e1 = a1 + step * b1
+    e2 = a2 + step * b2
+    ee = e0 * e0 + e1 * e1 + e2 * e2
+    eb = e0 * b0 + e1 * b1 + e2 * b2
+    aa = a0 * a0 + a1 * a1 + a2 * a2
+    bb = b0 * b0 + b1 * b1 + b2 * b2
     if ee <= TINY**2 * (aa + 4 * w * w * bb):
         # Without m, the limit is a ceiling of x at the start.
         out[2] = math.inf
@@ -325,11 +341,15 @@ def _write_conic(
             lines.cap[i, 0] = min(lines.cap[i, 0], max(largest, 0.0))
         return
     # The cross product e x b equals a x b. It has the rounding error of the vectors.
-    c0, c1, c2 = e1 * b2 - e2 * b1, e2 * b0 - e0 * b2, e0 * b1 - e1 * b0
+    c0 = e1 * b2 - e2 * b1
+    c1 = e2 * b0 - e0 * b2
+    c2 = e0 * b1 - e1 * b0
     spread = (c0 * c0 + c1 * c1 + c2 * c2) / (ee * ee)
-    out[0], out[4] = eb / ee, spread
+    out[0] = eb / ee
+    out[4] = spread
     if end == 0:
-        out[1], out[2] = -turn, square / ee
+        out[1] = -turn
+        out[2] = square / ee
     else:
         out[1] = turn * (1 - step * out[0])
         out[2] = square / ee - spread * (step * turn) ** 2
@@ -357,7 +377,8 @@ def _subtract_friction(
     - `towards`: 1 for the upper limit, -1 for the lower one.
     """
     largest, offset, slope = line
-    b, less = row.b + viscous * slope, viscous * offset + largest
+    b = row.b + viscous * slope
+    less = viscous * offset + largest
     if towards > 0.0:
         return Row(row.a, b, -math.inf, row.high - less)
     return Row(row.a, b, row.low - less, math.inf)
@@ -372,23 +393,31 @@ def _linear_row(
     Rows with friction come first: all upper limits, then all lower limits. `margins` adds the
     friction of joints that may reverse.
     """
-    friction, count = limits.friction, limits.friction.within.shape[1]
+    friction = limits.friction
+    count = limits.friction.within.shape[1]
     j = r if r < count else r - count
-    start, end = _row_end(limits.rows.ends, i, 0, j), _row_end(limits.rows.ends, i, 1, j)
+    start = _row_end(limits.rows.ends, i, 0, j)
+    end = _row_end(limits.rows.ends, i, 1, j)
     rise = limits.rows.rise
-    by_u, by_x = rise[i, j, BY_U], rise[i, j, BY_X]
-    by_slope, alone = rise[i, j, BY_SLOPE], rise[i, j, BY_CONSTANT]
+    by_u = rise[i, j, BY_U]
+    by_x = rise[i, j, BY_X]
+    by_slope = rise[i, j, BY_SLOPE]
+    alone = rise[i, j, BY_CONSTANT]
     if r < 2 * count:
-        towards, room = (1.0, min(start.high, end.high))
+        towards = 1.0
+        room = min(start.high, end.high)
         if r >= count:
-            towards, room = -1.0, min(-start.low, -end.low)
+            towards = -1.0
+            room = min(-start.low, -end.low)
         largest, offset, slope = bound_friction(friction, i, j, towards, room, within)
         line = largest * margins, offset, slope
         start = _subtract_friction(start, friction.viscous[i, 0, j], line, towards)
         end = _subtract_friction(end, friction.viscous[i, 1, j], line, towards)
         added = friction_rise(friction, i, j, offset, slope, w)
-        by_u, by_x = by_u + added[BY_U], by_x + added[BY_X]
-        by_slope, alone = by_slope + added[BY_SLOPE], alone + added[BY_CONSTANT]
+        by_u = by_u + added[BY_U]
+        by_x = by_x + added[BY_X]
+        by_slope = by_slope + added[BY_SLOPE]
+        alone = alone + added[BY_CONSTANT]
     return start, end, (by_u, by_x, by_slope, alone)
 
 
@@ -402,14 +431,16 @@ def rows_with_friction(
     - `bounds`: bounds of the plan, which include the range of x.
     - `margins`: true to add the friction of joints that may reverse.
     """
-    n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
+    n = len(width)
+    count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
     for i in range(n):
         within = bracket(bounds.x_min[i], bounds.x[i])
         for r in range(count):
             start, end, rise = _linear_row(limits, i, r, width[i], within, margins)
             for k in range(4):
-                rows.ends[i, 0, r, k], rows.ends[i, 1, r, k] = start[k], end[k]
+                rows.ends[i, 0, r, k] = start[k]
+                rows.ends[i, 1, r, k] = end[k]
                 rows.rise[i, r, k] = rise[k]
     return rows
 
@@ -428,11 +459,17 @@ def _write_ceilings(
     lines: LimitLines, limits: GridLimits, bounds: MotionBounds, i: int, w: float, margins: bool
 ) -> None:
     """Write the ceilings of x on interval i; arguments as in `_write_interval_limits`."""
-    squares, cap0, cap1 = limits.squares, limits.ceiling[i, 0], limits.ceiling[i, 1]
-    lowest, steepest = min(cap0, cap1), 0.0
+    squares = limits.squares
+    cap0 = limits.ceiling[i, 0]
+    cap1 = limits.ceiling[i, 1]
+    lowest = min(cap0, cap1)
+    steepest = 0.0
     for r in range(squares.largest.shape[1]):
-        b0, b1, largest = squares.ends[i, 0, r], squares.ends[i, 1, r], squares.largest[i, r]
-        room, steepest = 1.0, max(steepest, b0, b1)
+        b0 = squares.ends[i, 0, r]
+        b1 = squares.ends[i, 1, r]
+        largest = squares.largest[i, r]
+        room = 1.0
+        steepest = max(steepest, b0, b1)
         if margins:
             room -= _margin(squares.rise, i, r, bounds)
         if largest == 0.0 or room >= largest * max(cap0, cap1):
@@ -444,10 +481,12 @@ def _write_ceilings(
         at0, at1 = (room / b0, room / b1) if room > 0.0 else (0.0, 0.0)
         if margins and at0 + at1 < 2 * tight:
             at0 = at1 = tight
-        cap0, cap1 = min(cap0, at0), min(cap1, at1)
+        cap0 = min(cap0, at0)
+        cap1 = min(cap1, at1)
     # If u decreases in s, x exceeds its chord by up to `sag`.
     sag = max(-bounds.k[i], 0.0) * w * w / 4
-    lines.cap[i, 0], lines.cap[i, 1] = cap0 - sag, cap1 - sag
+    lines.cap[i, 0] = cap0 - sag
+    lines.cap[i, 1] = cap1 - sag
     lines.lost[i] = 0.0
     if steepest > 0.0 and lowest > 0.0:
         lines.lost[i] = 1.0 - min(cap0, cap1) / min(lowest, 1.0 / steepest)
@@ -465,8 +504,10 @@ def path_slopes(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, 
     k = grid.piece[i]
     scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
     x = (grid.s[i + end] - grid.breaks[k]) * scale
-    c1, c2 = _coefficients(grid, i, joint, 1), _coefficients(grid, i, joint, 2)
-    c3, c4 = _coefficients(grid, i, joint, 3), _coefficients(grid, i, joint, 4)
+    c1 = _coefficients(grid, i, joint, 1)
+    c2 = _coefficients(grid, i, joint, 2)
+    c3 = _coefficients(grid, i, joint, 3)
+    c4 = _coefficients(grid, i, joint, 4)
     c5 = _coefficients(grid, i, joint, 5)
     first = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + (5.0 * x) * c5)))
     second = 2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + (20.0 * x) * c5))
@@ -477,10 +518,13 @@ def path_slopes(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, 
 def _derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
     """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor expansion about its middle."""
     k = grid.piece[i]
-    scale, begin = 1.0 / (grid.breaks[k + 1] - grid.breaks[k]), grid.breaks[k]
+    scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
+    begin = grid.breaks[k]
     middle = ((grid.s[i] + grid.s[i + 1]) / 2 - begin) * scale
-    half, cube = (grid.s[i + 1] - grid.s[i]) / 2 * scale, scale * scale * scale
-    c3, c4 = _coefficients(grid, i, joint, 3), _coefficients(grid, i, joint, 4)
+    half = (grid.s[i + 1] - grid.s[i]) / 2 * scale
+    cube = scale * scale * scale
+    c3 = _coefficients(grid, i, joint, 3)
+    c4 = _coefficients(grid, i, joint, 4)
     c5 = _coefficients(grid, i, joint, 5)
     q5 = 120.0 * size(c5)
     q4 = size(24.0 * c4 + (120.0 * middle) * c5) + half * q5
@@ -507,21 +551,29 @@ def _write_joint_half_planes(
     """Write a group of joint bounds on interval i; `location` is the group and its first joint."""
     # With the derivatives q1 to q4 and the slope k of u, g = q1 u + q2 x has g'' = 5 q3 u + q4 x +
     # 4 q2 k, and h = q1² x has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
-    (group, joint), table = location, limits.joints
+    group, joint = location
+    table = limits.joints
     offset = ROWS * group
-    (a0, b0), (a1, b1) = path_slopes(grid, i, joint, 0), path_slopes(grid, i, joint, 1)
+    a0, b0 = path_slopes(grid, i, joint, 0)
+    a1, b1 = path_slopes(grid, i, joint, 1)
     q3, q4 = _derivative_bounds(grid, i, joint)
-    w, slope = grid.s[i + 1] - grid.s[i], bounds.k[i]
+    w = grid.s[i + 1] - grid.s[i]
+    slope = bounds.k[i]
     share = w * w / 8
     certain = share * q3
     q1 = higher(size(a0), size(a1)) + certain
     # A joint that may reverse must satisfy both bounds.
-    back, forth = load(table, offset + BACKWARD), load(table, offset + FORWARD)
+    back = load(table, offset + BACKWARD)
+    forth = load(table, offset + FORWARD)
     by = choose(higher(a0, a1), 0.0 - certain, back, higher(forth, back))
     by = choose(certain, lower(a0, a1), forth, by)
-    room, e0, e1 = 0.0 * q1, a0 * a0 * by, a1 * a1 * by
+    room = 0.0 * q1
+    e0 = a0 * a0 * by
+    e1 = a1 * a1 * by
     if margins:
-        u, x, k = bounds.u[i], bounds.x[i], abs(slope)
+        u = bounds.u[i]
+        x = bounds.x[i]
+        k = abs(slope)
         q2 = higher(size(b0), size(b1)) + w * q3
         room = (share * 5 * u) * q3 + (share * x) * q4 + (share * 4 * k) * q2
         room = room + (ROUNDING / w * x) * q1
@@ -529,21 +581,25 @@ def _write_joint_half_planes(
         rounding = ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
         room = room + (rounding * u) * q2 + (rounding * x) * q3
         second = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
-        remaining, largest, plain = 1.0 - share * by * second, q1 * q1 * by, higher(e0, e1)
+        remaining = 1.0 - share * by * second
+        largest = q1 * q1 * by
+        plain = higher(e0, e1)
         # Two conditions are sufficient: both ends satisfy their own limit with the margin
         # subtracted, or both ends satisfy the limit with the largest h / x of the interval. The
         # less strict one applies.
         chord = choose(2.0 * e0 * e1, remaining * (e0 + e1) * largest, 1.0, 0.0)
         chord = choose(0.0, remaining, chord, 0.0)
         over = choose(0.0, chord, remaining, 1.0)
-        e0, e1 = choose(0.0, chord, e0, largest) / over, choose(0.0, chord, e1, largest) / over
+        e0 = choose(0.0, chord, e0, largest) / over
+        e1 = choose(0.0, chord, e1, largest) / over
         gone = choose(0.0, plain, 1.0 - plain / higher(e0, e1), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(gone))
     # If u decreases in s, x exceeds its chord by up to `sag`.
     sag = max(-slope, 0.0) * w * w / 4
     lines.cap[i, 0] = min(lines.cap[i, 0], 1.0 / highest(e0) - sag)
     lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
-    low, high = load(table, offset + LOWEST), load(table, offset + HIGHEST)
+    low = load(table, offset + LOWEST)
+    high = load(table, offset + HIGHEST)
     rows = Row(a0, b0, low, high), Row(a1, b1, low, high)
     _write_half_planes(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
 
@@ -572,8 +628,11 @@ def _write_row_half_planes(
     """Write LANES rows of interval i from row `first` on, as half-planes."""
     # `by_lane` has LANES numbers for each coefficient of a row at its start, at its end, and for
     # its margin. Lanes without a row have no limit.
-    by_lane, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
-    within, at_end, at_margin = bracket(bounds.x_min[i], bounds.x[i]), 4 * LANES, 8 * LANES
+    by_lane = lines.scratch
+    count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
+    within = bracket(bounds.x_min[i], bounds.x[i])
+    at_end = 4 * LANES
+    at_margin = 8 * LANES
     for lane in range(LANES):
         start = end = Row(0.0, 0.0, -math.inf, math.inf)
         room = 0.0
@@ -583,7 +642,8 @@ def _write_row_half_planes(
                 by = rise[BY_U] * bounds.u[i] + rise[BY_X] * bounds.x[i]
                 room = by + rise[BY_SLOPE] * abs(bounds.k[i]) + rise[BY_CONSTANT]
         for k in range(4):
-            by_lane[k * LANES + lane], by_lane[at_end + k * LANES + lane] = start[k], end[k]
+            by_lane[k * LANES + lane] = start[k]
+            by_lane[at_end + k * LANES + lane] = end[k]
         by_lane[at_margin + lane] = room
     rows = _load_row(by_lane, 0), _load_row(by_lane, at_end)
     room_by_lane = load(by_lane, at_margin)
@@ -597,9 +657,11 @@ def _write_conics(
     lines: LimitLines, rounds: Rounds, bounds: MotionBounds, i: int, w: float, margins: bool
 ) -> None:
     """Write the conics of interval i; arguments as in `_write_interval_limits`."""
-    ends, turn = rounds.ends, bounds.k[i] * w / 2
+    ends = rounds.ends
+    turn = bounds.k[i] * w / 2
     for r in range(rounds.radius.shape[1]):
-        radius, room = rounds.radius[i, r], 0.0
+        radius = rounds.radius[i, r]
+        room = 0.0
         if margins:
             room = _margin(rounds.rise, i, r, bounds)
             by_u = math.sqrt(max(_square_of_a(ends, i, 0, r), _square_of_a(ends, i, 1, r)))
@@ -636,19 +698,24 @@ def _write_interval_limits(
 @compiled(inner=True, fastmath=FUSED)
 def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
     """Smallest and largest mean u of interval i for x at its start."""
-    table, count, slot = lines.table, lines.width, i & (len(lines.slot_interval) - 1)
+    table = lines.table
+    count = lines.width
+    slot = i & (len(lines.slot_interval) - 1)
     first = 3 * count * slot
     tilted = x * load(table, first)
-    bottom, top = load(table, first + count) - tilted, load(table, first + 2 * count) - tilted
+    bottom = load(table, first + count) - tilted
+    top = load(table, first + 2 * count) - tilted
     for line in range(first + LANES, first + count, LANES):
         tilted = x * load(table, line)
         bottom = higher(bottom, load(table, line + count) - tilted)
         top = lower(top, load(table, line + 2 * count) - tilted)
-    low, high = highest(bottom), lowest(top)
+    low = highest(bottom)
+    high = lowest(top)
     for k in range(lines.conics.shape[1]):
         p, q, d0, d1, d2 = lines.conics[slot, k]
         root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), MIN_DIVISOR))
-        low, high = max(low, -p * x - q - root), min(high, -p * x - q + root)
+        low = max(low, -p * x - q - root)
+        high = min(high, -p * x - q + root)
     return low, high
 
 
@@ -657,25 +724,38 @@ def _mean_range_slopes(
     lines: LimitLines, i: int, x: float
 ) -> tuple[float, float, float, float, int]:
     """Range of the mean u at x, negative slopes of its ends in x, and index of its lower line."""
-    table, count, slot = lines.table, lines.width, i & (len(lines.slot_interval) - 1)
-    low, high, below, above = -math.inf, math.inf, -1, -1
+    table = lines.table
+    count = lines.width
+    slot = i & (len(lines.slot_interval) - 1)
+    low = -math.inf
+    high = math.inf
+    below = -1
+    above = -1
     for k in range(3 * count * slot, 3 * count * slot + count):
         moved = table[k] * x
-        bottom, top = table[k + count] - moved, table[k + 2 * count] - moved
+        bottom = table[k + count] - moved
+        top = table[k + 2 * count] - moved
         if top < high:
-            high, above = top, k
+            high = top
+            above = k
         if bottom > low:
-            low, below = bottom, k
-    low_tilt, high_tilt = table[below] if below >= 0 else 0.0, table[above] if above >= 0 else 0.0
+            low = bottom
+            below = k
+    low_tilt = table[below] if below >= 0 else 0.0
+    high_tilt = table[above] if above >= 0 else 0.0
     for k in range(lines.conics.shape[1]):
         p, q, d0, d1, d2 = lines.conics[slot, k]
         root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), MIN_DIVISOR))
         tilt = (d1 - d2 * x) / root
-        bottom, top = -p * x - q - root, -p * x - q + root
+        bottom = -p * x - q - root
+        top = -p * x - q + root
         if top < high:
-            high, high_tilt = top, p - tilt
+            high = top
+            high_tilt = p - tilt
         if bottom > low:
-            low, low_tilt, below = bottom, p + tilt, -1
+            low = bottom
+            low_tilt = p + tilt
+            below = -1
     return low, high, low_tilt, high_tilt, below - 3 * count * slot
 
 
@@ -683,14 +763,16 @@ def _mean_range_slopes(
 def _fastest_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
     """ds² with the fastest motion on the first interval, if joints rest at the start at any ds."""
     # A ds² slightly below the largest one may allow a far larger u, because dq_ds is rounded.
-    best, fastest = ceiling[0], 0.0
+    best = ceiling[0]
+    fastest = 0.0
     for k in range(60, -1, -1):
         first = ceiling[0] * (1 - 0.5**k) if k < 60 else ceiling[0]
         _, high = _mean_range(lines, 0, first)
         last = min(first + 2 * w * high, ceiling[1])
         speeds = math.sqrt(first) + math.sqrt(max(last, 0.0))
         if speeds > fastest:
-            best, fastest = first, speeds
+            best = first
+            fastest = speeds
     return float(best)
 
 
@@ -709,11 +791,14 @@ def _largest_start(
     - `w`: length of the interval.
     - `below`: the line that limits the mean u from below on interval i + 1, or -1.
     """
-    steep, x, high = 0.5 / w, ceiling, 0.0
+    steep = 0.5 / w
+    x = ceiling
+    high = 0.0
     # The same line on interval i and the largest x at its end give a first upper bound of x.
     if below >= 0:
         line = 3 * lines.width * (i & (len(lines.slot_interval) - 1)) + below
-        tilt, bottom = lines.table[line], lines.table[line + lines.width]
+        tilt = lines.table[line]
+        bottom = lines.table[line + lines.width]
         if tilt < steep and last * steep - bottom < (steep - tilt) * x:
             x = max((last * steep - bottom) / (steep - tilt) * INSIDE, 0.0)
     for _ in range(MAX_STEPS):
@@ -725,9 +810,11 @@ def _largest_start(
             return x, high, below, FOUND
         low, high, low_tilt, high_tilt, below = _mean_range_slopes(lines, i, x)
         if (last - x) * steep < high:
-            high, high_tilt = (last - x) * steep, steep
+            high = (last - x) * steep
+            high_tilt = steep
         if -x * steep > low:
-            low, low_tilt = -x * steep, steep
+            low = -x * steep
+            low_tilt = steep
         following = x - (low - high) / (high_tilt - low_tilt)
         # Near zero, x is a difference of large numbers, so a step ends slightly above the root.
         x = following * INSIDE if following > FAR * x else max(following, 0.0) + ROUNDED * x
@@ -752,9 +839,13 @@ def _backward_forward_pass(
     - `state`: mask of the intervals to write, (n,), and true for limits with margins.
     - `squares`: output.
     """
-    (changed, margins), (cap, reachable, x) = state, squares
-    n, below, stuck = len(grid.piece), -1, -1
-    mean, slots = np.empty(n), len(lines.slot_interval) - 1
+    changed, margins = state
+    cap, reachable, x = squares
+    n = len(grid.piece)
+    below = -1
+    stuck = -1
+    mean = np.empty(n)
+    slots = len(lines.slot_interval) - 1
     # Interval i - 1 is written before interval i is planned, while the processor waits for data.
     for i in range(n, -1, -1):
         trial = math.inf
@@ -787,7 +878,8 @@ def _backward_forward_pass(
     if rules.start == math.inf:
         x[0] = _fastest_start(lines, grid.s[1] - grid.s[0], reachable)
     for i in range(n):
-        w, high = grid.s[i + 1] - grid.s[i], mean[i]
+        w = grid.s[i + 1] - grid.s[i]
+        high = mean[i]
         if x[i] < reachable[i]:
             if lines.slot_interval[i & slots] != i:
                 _write_interval_limits(grid, limits, bounds, i, margins, lines)
@@ -805,8 +897,11 @@ def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[fl
     """Smallest and largest u at one end of interval i within the limit r of a vector norm."""
     aa = ab = bb = 0.0
     for d in range(3):
-        a, b = rounds.ends[i, end, r, A, d], rounds.ends[i, end, r, B, d] * x
-        aa, ab, bb = aa + a * a, ab + a * b, bb + b * b
+        a = rounds.ends[i, end, r, A, d]
+        b = rounds.ends[i, end, r, B, d] * x
+        aa = aa + a * a
+        ab = ab + a * b
+        bb = bb + b * b
     if aa == 0.0:
         return -math.inf, math.inf
     root = math.sqrt(max(ab * ab - aa * (bb - rounds.radius[i, r] ** 2), 0.0))
@@ -826,11 +921,14 @@ def _joint_acceleration_range(
     a, b = path_slopes(grid, i, joint, end)
     magnitude = size(a)
     inverse = 1.0 / choose(NEGLIGIBLE, magnitude, a, 1.0)
-    smallest, largest = load(limits.joints, offset + LOWEST), load(limits.joints, offset + HIGHEST)
-    one, other = (smallest - x * b) * inverse, (largest - x * b) * inverse
+    smallest = load(limits.joints, offset + LOWEST)
+    largest = load(limits.joints, offset + HIGHEST)
+    one = (smallest - x * b) * inverse
+    other = (largest - x * b) * inverse
     bottom = choose(NEGLIGIBLE, magnitude, lower(one, other), -math.inf)
     top = choose(NEGLIGIBLE, magnitude, higher(one, other), math.inf)
-    low, high = highest(bottom), lowest(top)
+    low = highest(bottom)
+    high = lowest(top)
     # The active bounds are coded as twice the joint, plus one for an upper bound.
     lane = load(limits.joints, offset + LANE)
     below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
@@ -845,20 +943,30 @@ def acceleration_range(
 ) -> tuple[float, float, float, int, int]:
     """Smallest and largest u at one end of an interval, narrowest range, and both active bounds."""
     # The narrowest range is the range of u within the tightest single limit.
-    rows, viscous, rounds = limits.rows.ends, limits.friction.viscous, limits.rounds
-    low, high, wide, below, above = -math.inf, math.inf, math.inf, -1, -1
+    rows = limits.rows.ends
+    viscous = limits.friction.viscous
+    rounds = limits.rounds
+    low = -math.inf
+    high = math.inf
+    wide = math.inf
+    below = -1
+    above = -1
     joint = 0
     for group in range(len(limits.joints) // ROWS):
         first, last, range_, bottom, top = _joint_acceleration_range(
             grid, limits, (i, end, group, joint), x
         )
-        joint, wide = next_joint(grid, joint), min(wide, range_)
+        joint = next_joint(grid, joint)
+        wide = min(wide, range_)
         if first > low:
-            low, below = first, -2 - bottom
+            low = first
+            below = -2 - bottom
         if last < high:
-            high, above = last, -2 - top
+            high = last
+            above = -2 - top
     for r in range(rows.shape[2]):
-        a, by_x = rows[i, end, r, A], rows[i, end, r, B] * x
+        a = rows[i, end, r, A]
+        by_x = rows[i, end, r, B] * x
         if a == 0.0:
             continue
         if r < viscous.shape[2]:
@@ -867,20 +975,25 @@ def acceleration_range(
         wide = min(wide, (rows[i, end, r, HIGH] - rows[i, end, r, LOW]) * abs(inverse))
         first = (rows[i, end, r, LOW] - by_x) * inverse
         last = (rows[i, end, r, HIGH] - by_x) * inverse
-        bottom, top = 2 * r, 2 * r + 1
+        bottom = 2 * r
+        top = 2 * r + 1
         if inverse < 0.0:
             first, last, bottom, top = last, first, top, bottom
         if first > low:
-            low, below = first, bottom
+            low = first
+            below = bottom
         if last < high:
-            high, above = last, top
+            high = last
+            above = top
     for r in range(rounds.radius.shape[1]):
         first, last = _round_range(rounds, i, end, r, x)
         wide = min(wide, last - first)
         if first > low:
-            low, below = first, 2 * (rows.shape[2] + r)
+            low = first
+            below = 2 * (rows.shape[2] + r)
         if last < high:
-            high, above = last, 2 * (rows.shape[2] + r) + 1
+            high = last
+            above = 2 * (rows.shape[2] + r) + 1
     return low, high, wide, below, above
 
 
@@ -890,7 +1003,9 @@ def _choose_slopes(
 ) -> None:
     """Write slopes k with which u stays at its bound on the whole interval."""
     for i in range(len(grid.piece)):
-        w, x0, x1 = grid.s[i + 1] - grid.s[i], x[i], x[i + 1]
+        w = grid.s[i + 1] - grid.s[i]
+        x0 = x[i]
+        x1 = x[i + 1]
         bounds.k[i] = 0.0
         if not (0.0 < x0 < cap[i] * BELOW_CEILING and 0.0 < x1 < cap[i + 1] * BELOW_CEILING):
             continue
@@ -918,8 +1033,11 @@ def _motion_extent(
     width: FloatArray, x: FloatArray, k: FloatArray, i: int
 ) -> tuple[float, float, float]:
     """Largest and smallest x, and largest |u|, of a motion on interval i."""
-    w, first, last = width[i], x[i], x[i + 1]
-    mean, turn = (last - first) / (2 * w), abs(k[i]) * w / 2
+    w = width[i]
+    first = x[i]
+    last = x[i + 1]
+    mean = (last - first) / (2 * w)
+    turn = abs(k[i]) * w / 2
     sag = turn * w / 2
     return max(first, last) + sag, max(min(first, last) - sag, 0.0), abs(mean) + turn
 
@@ -931,11 +1049,13 @@ def _bound_motion(
     """Write bounds of x and u around a plan."""
     # The bound of u includes the neighbours of an interval, because switching points move between
     # plans.
-    n, fastest = len(width), 0.0
+    n = len(width)
+    fastest = 0.0
     rates = np.empty(n)
     for i in range(n):
         largest, smallest, rates[i] = _motion_extent(width, x, bounds.k, i)
-        bounds.x[i], bounds.x_min[i] = headroom * largest, smallest / headroom
+        bounds.x[i] = headroom * largest
+        bounds.x_min[i] = smallest / headroom
         fastest = max(fastest, rates[i])
     for i in range(n):
         largest_u = rules.floor * min(fastest, bounds.x[i] / width[i])
@@ -959,14 +1079,16 @@ def _prove_or_widen(
         largest, smallest, rate = _motion_extent(width, x, bounds.k, i)
         outside = largest > bounds.x[i] or rate > bounds.u[i]
         if has_friction and smallest < bounds.x_min[i]:
-            outside, bounds.x_min[i] = True, smallest / (rules.headroom * rules.headroom)
+            outside = True
+            bounds.x_min[i] = smallest / (rules.headroom * rules.headroom)
         if outside:
             bounds.x[i] = max(bounds.x[i], rules.headroom * largest)
             bounds.u[i] = max(bounds.u[i], 1.2 * rate)
         speeds = math.sqrt(x[i]) + math.sqrt(x[i + 1])
         # x would fall far below its values at the ends
         if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:
-            bounds.k[i], outside = 0.0, True
+            bounds.k[i] = 0.0
+            outside = True
         changed[i] = outside
         holds &= not outside
     return holds
@@ -1028,7 +1150,8 @@ def _drop_slopes(
     for i in range(len(lost)):
         changed[i] = lost[i] > max_margin and bounds.k[i] != 0.0
         if changed[i]:
-            bounds.k[i], dropped = 0.0, True
+            bounds.k[i] = 0.0
+            dropped = True
     return dropped
 
 
@@ -1037,14 +1160,18 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     # If `rules.tries` is 1, the result is the plan without margins, with the outcome FINER.
     # Numba takes longer to return an array than NumPy to make one.
     n = len(grid.piece)
-    x, k, lost = np.zeros(n + 1), np.zeros(n), np.zeros(n)
+    x = np.zeros(n + 1)
+    k = np.zeros(n)
+    lost = np.zeros(n)
     return GridPlan(x, k, lost, *write_plan(grid, limits, rules, x, k, lost))
 
 
 @compiled(inner=True, allocates=True)
 def _make_lines(limits: GridLimits, lost: FloatArray) -> LimitLines:
     """Lines for the limits, without any limit on an interval yet; `lost` is the field's array."""
-    n, slots, joint_groups = len(lost), 1, len(limits.joints) // ROWS
+    n = len(lost)
+    slots = 1
+    joint_groups = len(limits.joints) // ROWS
     while slots < min(n, BLOCK):
         slots *= 2
     rows = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
@@ -1064,7 +1191,8 @@ def _make_lines(limits: GridLimits, lost: FloatArray) -> LimitLines:
         table = lines.table.reshape((slots, 3, width))
         for slot in range(slots):
             for line in range(width):
-                table[slot, 0, line], table[slot, 1, line] = 0.0, -math.inf
+                table[slot, 0, line] = 0.0
+                table[slot, 1, line] = -math.inf
                 table[slot, 2, line] = math.inf
     return lines
 
@@ -1079,13 +1207,21 @@ def write_plan(
     lost: FloatArray,
 ) -> tuple[int, int, float]:
     """Write x, k and lost of a `GridPlan`, initially zero; return its other fields."""
-    n, friction_rows = len(grid.piece), limits.friction.within.shape[1]
-    width, cap, reachable = np.empty(n), np.empty(n + 1), np.empty(n + 1)
+    n = len(grid.piece)
+    friction_rows = limits.friction.within.shape[1]
+    width = np.empty(n)
+    cap = np.empty(n + 1)
+    reachable = np.empty(n + 1)
     squares = PassSquares(cap, reachable, x)
     bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), k)
-    changed, lines = np.ones(n, np.bool_), _make_lines(limits, lost)
-    x_best, k_best, lost_best, shortest = x, k, lost, math.inf
-    stage, tangents = FREE, 0
+    changed = np.ones(n, np.bool_)
+    lines = _make_lines(limits, lost)
+    x_best = x
+    k_best = k
+    lost_best = lost
+    shortest = math.inf
+    stage = FREE
+    tangents = 0
     none = Friction(np.empty((n, 2, 0)), np.empty((n, 0, 3)))
     free = GridLimits(
         limits.rows, limits.squares, limits.rounds, none, limits.ceiling, limits.joints
@@ -1093,7 +1229,8 @@ def write_plan(
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
     for _ in range(rules.tries):
-        used_limits, margins = free if stage == FREE else limits, stage == WITH_MARGINS
+        used_limits = free if stage == FREE else limits
+        margins = stage == WITH_MARGINS
         stuck = _backward_forward_pass(
             grid, used_limits, bounds, (changed, margins), lines, rules, squares
         )
@@ -1133,13 +1270,17 @@ def write_plan(
             better = duration < shortest * (1 - rules.gain)
             if duration < shortest:
                 shortest = duration
-                x_best, k_best, lost_best = x.copy(), k.copy(), lost.copy()
+                x_best = x.copy()
+                k_best = k.copy()
+                lost_best = lost.copy()
             if not better:
                 break
             _bound_motion(width, x, rules, rules.close, bounds)
             changed[:] = True
     if shortest < math.inf:
-        x[:], k[:], lost[:] = x_best, k_best, lost_best
+        x[:] = x_best
+        k[:] = k_best
+        lost[:] = lost_best
         return FOUND, -1, 0.0
     worst = _largest_margin(lines.lost)
     if lines.lost[worst] <= rules.max_margin:

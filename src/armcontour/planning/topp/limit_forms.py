@@ -28,7 +28,9 @@ BY_U, BY_X, BY_SLOPE, BY_CONSTANT = range(4)
 LOWEST, HIGHEST, BACKWARD, FORWARD, LANE, ROWS = range(0, 6 * LANES, LANES)
 # Rows of a group of `JointBounds` without limits, (rows, LANES)
 UNBOUNDED = np.zeros((ROWS // LANES, LANES))
-UNBOUNDED[0], UNBOUNDED[1], UNBOUNDED[4] = -np.inf, np.inf, 2.0 * np.arange(LANES)
+UNBOUNDED[0] = -np.inf
+UNBOUNDED[1] = np.inf
+UNBOUNDED[4] = 2.0 * np.arange(LANES)
 # Columns of `Friction.within`: largest absolute value, deviation from the chord, sign
 LARGEST, DEVIATION, SIGN = range(3)
 
@@ -193,7 +195,8 @@ def _without_rows(kind: type, n: int) -> Any:
 
 def largest_u(limits: GridLimits) -> FloatArray:
     """Largest |u| at rest on every interval, without friction and `JointBounds`, (n,)."""
-    ends, rounds = limits.rows.ends, limits.rounds
+    ends = limits.rows.ends
+    rounds = limits.rounds
     with np.errstate(divide="ignore"):
         rows = np.maximum(ends[..., HIGH], -ends[..., LOW]) / np.abs(ends[..., A])
         along = rounds.radius[:, None] / np.linalg.norm(rounds.ends[..., A, :], axis=-1)

@@ -46,10 +46,12 @@ def write_linear_rows(
     """
     a, b, c = terms
     low, high = bounds
-    n, count = len(grid.piece), a.shape[1]
+    n = len(grid.piece)
+    count = a.shape[1]
     second = np.empty((n, 3, count))
     for i in range(n):
-        w, last = grid.s[i + 1] - grid.s[i], after[i]
+        w = grid.s[i + 1] - grid.s[i]
+        last = after[i]
         # `second` is twice the deviation of the middle from the chord, divided by w².
         inverse = 2 / (w * w)
         for r in range(count):
@@ -57,16 +59,21 @@ def write_linear_rows(
             second[i, 1, r] = inverse * abs(b[n + i, r] - (b[i, r] + b[last, r]) / 2)
             second[i, 2, r] = inverse * abs(c[n + i, r] - (c[i, r] + c[last, r]) / 2)
     for i in range(n):
-        w, last = grid.s[i + 1] - grid.s[i], after[i]
+        w = grid.s[i + 1] - grid.s[i]
+        last = after[i]
         previous = i - 1 if i > 0 and grid.piece[i - 1] == grid.piece[i] else i
         next_ = i + 1 if i < n - 1 and grid.piece[i + 1] == grid.piece[i] else i
         for r in range(count):
             for end in range(2):
                 row = last if end else i
-                rows.ends[i, end, r, A], rows.ends[i, end, r, B] = a[row, r], b[row, r]
+                rows.ends[i, end, r, A] = a[row, r]
+                rows.ends[i, end, r, B] = b[row, r]
                 rows.ends[i, end, r, LOW] = low[r] - c[row, r]
                 rows.ends[i, end, r, HIGH] = high[r] - c[row, r]
-            a0, a1, b0, b1 = a[i, r], a[last, r], b[i, r], b[last, r]
+            a0 = a[i, r]
+            a1 = a[last, r]
+            b0 = b[i, r]
+            b1 = b[last, r]
             by_u = w * w * max(second[previous, 0, r], second[i, 0, r], second[next_, 0, r])
             by_x = w * w * max(second[previous, 1, r], second[i, 1, r], second[next_, 1, r])
             by_constant = w * w * max(second[previous, 2, r], second[i, 2, r], second[next_, 2, r])
@@ -82,12 +89,16 @@ def write_derivatives(grid: Intervals, ends: FloatArray, bounds: FloatArray) -> 
     for i in range(len(grid.piece)):
         k = grid.piece[i]
         scale = 1 / (grid.breaks[k + 1] - grid.breaks[k])
-        begin, end = grid.s[i] - grid.breaks[k], grid.s[i + 1] - grid.breaks[k]
-        middle, half = scale * (begin + end) / 2, (end - begin) / 2
+        begin = grid.s[i] - grid.breaks[k]
+        end = grid.s[i + 1] - grid.breaks[k]
+        middle = scale * (begin + end) / 2
+        half = (end - begin) / 2
         for j in range(grid.dof):
             at = 6 * k * grid.dof + j
-            c1, c2 = grid.coefficients[at + grid.dof], grid.coefficients[at + 2 * grid.dof]
-            c3, c4 = grid.coefficients[at + 3 * grid.dof], grid.coefficients[at + 4 * grid.dof]
+            c1 = grid.coefficients[at + grid.dof]
+            c2 = grid.coefficients[at + 2 * grid.dof]
+            c3 = grid.coefficients[at + 3 * grid.dof]
+            c4 = grid.coefficients[at + 4 * grid.dof]
             c5 = grid.coefficients[at + 5 * grid.dof]
             for e in range(2):
                 x = scale * (end if e else begin)
@@ -127,15 +138,18 @@ class SampledJointPath:
     def derivatives(self) -> tuple[FloatArray, FloatArray]:
         """dq_ds and d2q_ds2 at interval ends, and bounds of |d3q_ds3| and |d4q_ds4| inside."""
         # Their shapes are (2, n, 2, dof) and (2, n, dof).
-        n, dof = len(self), self.grid.joint_path.dof
-        ends, bounds = np.empty((2, n, 2, dof)), np.empty((2, n, dof))
+        n = len(self)
+        dof = self.grid.joint_path.dof
+        ends = np.empty((2, n, 2, dof))
+        bounds = np.empty((2, n, dof))
         write_derivatives(self.intervals, ends, bounds)
         return ends, bounds
 
     @cached_property
     def after(self) -> IntArray:
         """Index of the sample at the end of each interval, (n,)."""
-        piece, n = self.grid.piece, len(self)
+        piece = self.grid.piece
+        n = len(self)
         after = np.arange(1, n + 1)
         alone = np.append(np.flatnonzero((piece[1:] != piece[:-1]) | self.jumps), n - 1)
         after[alone] = 2 * n + np.arange(len(alone))
@@ -147,7 +161,9 @@ class SampledJointPath:
         # The samples are the starts of all intervals, the middles of all intervals, and the ends of
         # intervals that are not the start of an interval of the same piece. If quantities may jump,
         # they are the starts, the middles and the ends of all intervals.
-        s, piece, alone = self.grid.s, self.grid.piece, self.after >= len(self)
+        s = self.grid.s
+        piece = self.grid.piece
+        alone = self.after >= len(self)
         return (
             np.concatenate([piece, piece, piece[alone]]),
             np.concatenate([s[:-1], (s[:-1] + s[1:]) / 2, s[1:][alone]]),
@@ -166,7 +182,8 @@ class SampledJointPath:
         from twice the largest second derivative of the interval and both neighbours. `low` and
         `high`: bounds, (rows,) each.
         """
-        n, count = len(self), terms[0].shape[1]
+        n = len(self)
+        count = terms[0].shape[1]
         rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
         write_linear_rows(self.intervals, self.after, terms, (low, high), rows)
         return rows
@@ -177,8 +194,10 @@ class SampledJointPath:
 
     def round(self, a: FloatArray, b: FloatArray, radius: float) -> Rounds:
         """Limit `|a u + b x| <= radius` for vectors at all samples, (samples, 2 or 3) each."""
-        n, w = len(self), self.grid.width
-        ends, rise = np.zeros((n, 2, 1, 2, 3)), np.zeros((n, 1, 4))
+        n = len(self)
+        w = self.grid.width
+        ends = np.zeros((n, 2, 1, 2, 3))
+        rise = np.zeros((n, 1, 4))
         for column, vectors in ((A, a), (B, b)):
             ends[:, :, 0, column, : a.shape[1]] = self.at_ends(vectors)
         change = _length(ends[:, 1, 0] - ends[:, 0, 0])
@@ -190,8 +209,10 @@ class SampledJointPath:
 
     def square(self, b: FloatArray) -> Squares:
         """Limit `b x <= 1` for one b >= 0 at all samples, (samples,)."""
-        w, ends = self.grid.width, self.at_ends(b)
-        deviation, rise = self._chord_deviations(b[:, None]), np.zeros((len(self), 1, 4))
+        w = self.grid.width
+        ends = self.at_ends(b)
+        deviation = self._chord_deviations(b[:, None])
+        rise = np.zeros((len(self), 1, 4))
         rise[:, 0, BY_U] = np.abs(ends[:, 1] - ends[:, 0]) * w / 2
         rise[:, 0, BY_X] = deviation
         rise[:, 0, BY_SLOPE] = w * w / 4 * ends.max(axis=1)
@@ -199,10 +220,13 @@ class SampledJointPath:
 
     def _chord_deviations(self, values: FloatArray) -> FloatArray:
         """Bounds of the distances of vectors at all samples from their chords, (n,)."""
-        n, square, piece = len(self), self.grid.width**2, self.grid.piece
+        n = len(self)
+        square = self.grid.width**2
+        piece = self.grid.piece
         middle = values[n : 2 * n] - self.at_ends(values).mean(axis=1)
         second = 2 * _length(middle) / square
-        largest, alike = second.copy(), piece[1:] == piece[:-1]
+        largest = second.copy()
+        alike = piece[1:] == piece[:-1]
         largest[1:] = np.where(alike, np.maximum(largest[1:], second[:-1]), largest[1:])
         largest[:-1] = np.where(alike, np.maximum(largest[:-1], second[1:]), largest[:-1])
         return np.asarray(largest * square)

@@ -40,14 +40,16 @@ R = TypeVar("R")
 
 # From THREADED_POSES poses on, threads share the work, because starting them takes as long as 100
 # poses. PARTS is the number of groups of branches; some branches end early.
-THREADED_POSES, PARTS = 2000, 16
+THREADED_POSES = 2000
+PARTS = 16
 # Number of groups into which joint paths are divided for smoothing; NumPy smooths a group at once.
 SMOOTHED_PARTS = 4
 # Largest correction of joint positions in the last iteration at a followed pose [rad]. EXACTLY
 # distinguishes branches whose costs differ in the last digit. NEARLY is for the single branch of a
 # seed, which the solver corrects again; the error is about the square of this value times the
 # condition number of the Jacobian.
-EXACTLY, NEARLY = 1e-9, 1e-7
+EXACTLY = 1e-9
+NEARLY = 1e-7
 # Largest number of start configurations to follow.
 MAX_STARTS = 48
 # Largest number of different solutions of a redundant arm.
@@ -188,7 +190,9 @@ def _follow_level(
     max_correction: float,
 ) -> tuple[list[FloatArray], list[_Failure]]:
     """`_follow` for a positioner that turns the tool downwards; the arm follows from the floor."""
-    axes, count, robot = poses[:, :, 2], arm.chain.floor_link, arm.from_floor
+    axes = poses[:, :, 2]
+    count = arm.chain.floor_link
+    robot = arm.from_floor
     starts = None if seed is None else configurations(arm, poses[0], task, seed)
     positions = level_positions(arm, axes[0]) if starts is None else starts[:, :count]
     profile = follow_level(arm, axes, positions)
@@ -220,7 +224,8 @@ def follow_branches(
 
     A pose is reached if the correction of every joint is below `max_correction` [rad].
     """
-    q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
+    q = np.empty((len(starts), len(poses), arm.dof))
+    reached = np.empty(len(starts), np.intp)
     q[:, 0] = starts
 
     def follow(branches: slice) -> None:
@@ -286,7 +291,9 @@ class _DistinctSolutions:
 
     def __init__(self, arm: SerialArm, poses: FloatArray, task: int) -> None:
         # `poses`: rotations and positions of the tool, (n, 3, 4).
-        self.arm, self.poses, self.task = arm, poses, task
+        self.arm = arm
+        self.poses = poses
+        self.task = task
         self._known: list[FloatArray] = []
         # Null spaces of known solutions at a few knots, and at all knots for close comparisons
         self._rough: list[FloatArray] = []
@@ -320,7 +327,8 @@ class _DistinctSolutions:
         """Test whether joint positions differ from a known solution by null-space motion only."""
         if k not in self._spaces:
             self._spaces[k] = null_space(self.arm, self.poses, self.task, self._known[k])
-        apart, slides = q - self._known[k], self.arm.chain.slides
+        apart = q - self._known[k]
+        slides = self.arm.chain.slides
         deviation, size = _outside_null_space(self._spaces[k], apart, slides)
         return bool(deviation < SAME_SOLUTION * max(1.0, float(size)))
 
@@ -374,7 +382,8 @@ def _turn_into_range(
     if inside:
         return shifted
     lower, upper = arm.limits.joint_range(arm.dof)
-    below, above = shifted < lower, shifted > upper
+    below = shifted < lower
+    above = shifted > upper
     # Each joint gets the shift with which it stays in its range farthest along the path. Among
     # equal shifts, it gets the shift with the smallest excess at the first knot out of range.
     for joint in np.flatnonzero((below | above).any(axis=0) & ~arm.chain.slides):
@@ -385,7 +394,8 @@ def _turn_into_range(
         best = np.lexsort((beyond[first_outside, np.arange(len(turns))], -first_outside))[0]
         shifted[:, joint] = tried[:, best]
     row = int(np.argmax(((shifted < lower) | (shifted > upper)).any(axis=1)))
-    below, above = shifted < lower, shifted > upper
+    below = shifted < lower
+    above = shifted > upper
     worst = int(np.argmax((below | above)[row]))
     limit = float(lower[worst] if below[row, worst] else upper[worst])
     value = float(shifted[row, worst])

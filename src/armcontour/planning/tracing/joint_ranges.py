@@ -32,13 +32,15 @@ def check_joint_range(joint_path: JointPath, limits: Limits, arm: Arm) -> None:
     # coefficients.
     hull = np.matmul(BERNSTEIN, joint_path.coefficients)
     suspect = (hull.min(axis=1) < lower - ROUNDING) | (hull.max(axis=1) > upper + ROUNDING)
-    worst, largest = ROUNDING, None
+    worst = ROUNDING
+    largest = None
     for piece, joint in np.argwhere(suspect):
         for x in _extremum_candidates(joint_path.coefficients[piece, :, joint]):
             q = float(np.polynomial.polynomial.polyval(x, joint_path.coefficients[piece, :, joint]))
             beyond = max(lower[joint] - q, q - upper[joint])
             if beyond > worst:
-                worst, largest = float(beyond), (piece, joint, x, q)
+                worst = float(beyond)
+                largest = (piece, joint, x, q)
     if largest is not None:
         piece, joint, x, q = largest
         s = float(joint_path.breaks[piece] + x * np.diff(joint_path.breaks)[piece])
@@ -57,7 +59,8 @@ def out_of_range(
     - `edge`: end of the joint range that is exceeded [rad].
     - `also`: clause that is added to the message.
     """
-    name, unit = "upper" if q > edge else "lower", arm.chain.unit("rad", joint)
+    name = "upper" if q > edge else "lower"
+    unit = arm.chain.unit("rad", joint)
     return Unreachable(
         f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} {unit}, "
         f"{abs(q - edge):.3g} {unit} beyond its {name} limit of {edge:.6g} {unit}{also}. "

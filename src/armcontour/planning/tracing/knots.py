@@ -62,10 +62,14 @@ class Knots:
         """
         parent = np.repeat(np.arange(len(self)), 1 + mask)
         second = np.flatnonzero(np.diff(parent, prepend=-1) == 0)
-        u0, u1, s0 = self.u0[parent], self.u1[parent], self.s0[parent]
+        u0 = self.u0[parent]
+        u1 = self.u1[parent]
+        s0 = self.s0[parent]
         s0[second] = self.part(mask).arc_lengths(u)
-        u0[second], u1[second - 1] = u, u
-        segment, piece = self.segment[parent], self.piece[parent]
+        u0[second] = u
+        u1[second - 1] = u
+        segment = self.segment[parent]
+        piece = self.piece[parent]
         return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
 
     def cut(self, count: IntArray) -> tuple[Knots, IntArray]:
@@ -123,7 +127,8 @@ def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
 
 
 def _cells(path: Path) -> Knots:
-    n, orientation = len(path), path.orientation
+    n = len(path)
+    orientation = path.orientation
     whole = orientation is None or (len(orientation) == 1 and orientation.breaks[1] == path.length)
     if orientation is None or whole or np.array_equal(orientation.breaks, path.breaks):
         return Knots(
@@ -135,7 +140,8 @@ def _cells(path: Path) -> Knots:
         )
     s = np.union1d(path.breaks, orientation.breaks)
     middle = (s[:-1] + s[1:]) / 2
-    segment, piece = path.locate(middle), orientation.locate(middle)
+    segment = path.locate(middle)
+    piece = orientation.locate(middle)
     u0 = s[:-1] - path.breaks[segment]
     ends = s[1:] == path.breaks[segment + 1]
     u1 = np.where(ends, path.lengths[segment], s[1:] - path.breaks[segment])
@@ -241,7 +247,8 @@ def describe_fast_rotation(path: Path, s: float) -> str:
 
 def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
     """Rotation matrices and positions of the tool at distances `u` along segments, (n, 3, 4)."""
-    poses, orientation = np.empty((len(u), 3, 4)), path.orientation
+    poses = np.empty((len(u), 3, 4))
+    orientation = path.orientation
     poses[:, :, 3] = path.on_segment(knots.segment, u)
     if orientation is None:
         poses[:, :, :3] = np.eye(3)
@@ -257,7 +264,9 @@ def motion_at(path: Path, knots: Knots, u: FloatArray) -> tuple[FloatArray, Floa
     """Tool poses as `poses_at`, and their derivatives along the arc length, (n, 4, 3)."""
     # The rows of the derivatives are the tangent, its derivative, the angular rate [rad/m] and its
     # derivative.
-    poses, rates, orientation = poses_at(path, knots, u), np.zeros((len(u), 4, 3)), path.orientation
+    poses = poses_at(path, knots, u)
+    rates = np.zeros((len(u), 4, 3))
+    orientation = path.orientation
     rates[:, 0] = path.on_segment(knots.segment, u, 1)
     rates[:, 1] = path.on_segment(knots.segment, u, 2)
     if orientation is not None and not orientation.fixed:

@@ -16,9 +16,13 @@ from armcontour.robot.chain import floor_poses
 INNER_TILT = 0.7
 # Positions of the positioner at the start of a path: number of samples and largest number of
 # results, smallest distance of two results [rad].
-SAMPLES, MAX_POSITIONS, APART = 400, 6, 0.5
+SAMPLES = 400
+MAX_POSITIONS = 6
+APART = 0.5
 # Iterations at the start and at every other pose; damping of the steps [rad^-2].
-START_ROUNDS, ROUNDS, DAMPING = 50, 3, 1e-3
+START_ROUNDS = 50
+ROUNDS = 3
+DAMPING = 1e-3
 # Travel of the joints between angles from which the bound on the angle counts as the angle [rad]
 FINEST = 1e-6
 
@@ -41,7 +45,8 @@ def turn_down(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray]:
     - `q`: joint positions [rad], (n, floor_link) or more columns, which are ignored.
     """
     # `link_poses` computes all joints and takes four times as long.
-    turned, axes = np.tile(chain.base.rotation, (len(q), 1, 1)), np.empty((len(q), 0, 3))
+    turned = np.tile(chain.base.rotation, (len(q), 1, 1))
+    axes = np.empty((len(q), 0, 3))
     for k in range(chain.floor_link):
         turned = turned @ chain.rotations[k]
         axes = np.concatenate([axes, (turned @ chain.axes[k])[:, None]], axis=1)
@@ -67,7 +72,8 @@ def level_positions(arm: SerialArm, axis: FloatArray) -> FloatArray:
     """
     count = arm.chain.floor_link
     lower, upper = (x[:count] for x in arm.limits.joint_range(arm.dof))
-    low, high = np.maximum(lower, -np.pi), np.minimum(upper, np.pi)
+    low = np.maximum(lower, -np.pi)
+    high = np.minimum(upper, np.pi)
     samples = low + np.random.default_rng(0).uniform(size=(SAMPLES, count)) * (high - low)
     tried = _level(arm, samples, axis, START_ROUNDS)
     chords = np.linalg.norm(turn_down(arm.chain, tried)[0] - axis, axis=1)
@@ -97,7 +103,8 @@ def follow_level(arm: SerialArm, axes: FloatArray, start: FloatArray) -> FloatAr
 
 def _level(arm: SerialArm, positions: FloatArray, axis: FloatArray, rounds: int) -> FloatArray:
     """Turn a tool axis downwards by damped steps of the positioner within its range, (k, count)."""
-    count, q = arm.chain.floor_link, positions.copy()
+    count = arm.chain.floor_link
+    q = positions.copy()
     lower, upper = (x[:count] for x in arm.limits.joint_range(arm.dof))
     for _ in range(rounds):
         down, by_joint = turn_down(arm.chain, q)
@@ -115,7 +122,8 @@ def poses_from_floor(arm: SerialArm, poses: FloatArray, positions: FloatArray) -
     """
     chain = arm.chain
     q = np.pad(positions, ((0, 0), (0, arm.dof - positions.shape[1])))
-    floor, moved = floor_poses(chain, q), poses.copy()
+    floor = floor_poses(chain, q)
+    moved = poses.copy()
     moved[..., 3] -= floor[..., 3]
     return np.ascontiguousarray(np.swapaxes(floor[..., :3], 1, 2) @ moved)
 

@@ -89,9 +89,11 @@ class Guide:
         - `middle`: arc lengths inside the intervals that `s` belong to [m], (n,); at a knot they
           select the interval.
         """
-        interval, k = np.searchsorted(self.s, middle) - 1, np.arange(6)
+        interval = np.searchsorted(self.s, middle) - 1
+        k = np.arange(6)
         x = (s - self.s[interval])[:, None]
-        one, two = k * x ** np.maximum(k - 1, 0), k * (k - 1) * x ** np.maximum(k - 2, 0)
+        one = k * x ** np.maximum(k - 1, 0)
+        two = k * (k - 1) * x ** np.maximum(k - 2, 0)
         values = np.stack([x**k, one, two], axis=1) @ self.coefficients[interval]
         g, w = (np.ascontiguousarray(x) for x in np.split(values, [self.dof], axis=2))
         return w.reshape(len(s), 3, -1, self.dof), g
@@ -108,11 +110,15 @@ def _basis_rotations(w: FloatArray) -> FloatArray:
 
 def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
     """Coefficients of a cubic spline, or of quintics if it would overshoot, (n - 1, 6, values)."""
-    width, steps = np.diff(s)[:, None], np.diff(values, axis=0)
-    slopes, chord = _slopes(s, values), steps / width
+    width = np.diff(s)[:, None]
+    steps = np.diff(values, axis=0)
+    slopes = _slopes(s, values)
+    chord = steps / width
     curvature = (slopes[:-1] + slopes[1:] - 2 * chord) / width
     c = np.zeros((len(steps), 6, values.shape[1]))
-    c[:, 0], c[:, 1], c[:, 3] = values[:-1], slopes[:-1], curvature / width
+    c[:, 0] = values[:-1]
+    c[:, 1] = slopes[:-1]
+    c[:, 3] = curvature / width
     c[:, 2] = (chord - slopes[:-1]) / width - curvature
     largest = np.pad(np.abs(steps).max(axis=1), 1)
     largest = np.maximum(np.maximum(largest[:-2], largest[2:]), largest[1:-1])
@@ -129,14 +135,16 @@ def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
     # three points the spline is a parabola.
     h = np.diff(s)[:, None]
     chord = np.diff(values, axis=0) / h
-    first, last = h[0] + h[1], h[-1] + h[-2]
+    first = h[0] + h[1]
+    last = h[-1] + h[-2]
     if len(s) == 3:
         curvature = (chord[1] - chord[0]) / first
         return np.stack(
             [chord[0] - curvature * h[0], chord[0] + curvature * h[0], chord[1] + curvature * h[1]]
         )
     # Rows are scaled so that the matrix is symmetric.
-    bands, right = np.zeros((len(s), 2)), np.empty_like(values)
+    bands = np.zeros((len(s), 2))
+    right = np.empty_like(values)
     bands[1:-1, 0] = 2 / h[:-1, 0] + 2 / h[1:, 0]
     bands[[0, -1], 0] = np.concatenate([h[1] / (first * h[0]), h[-2] / (last * h[-1])])
     bands[:-1, 1] = 1 / h[:, 0]
@@ -152,9 +160,11 @@ def _pchip_quintics(s: FloatArray, values: FloatArray) -> FloatArray:
     # Returns coefficients of powers of the distance from the previous knot, (n - 1, 6, values).
     from scipy.interpolate import PchipInterpolator
 
-    slopes, width = PchipInterpolator(s, values)(s, 1), np.diff(s)
+    slopes = PchipInterpolator(s, values)(s, 1)
+    width = np.diff(s)
     zero = np.zeros_like(slopes[1:])
-    start, end = (values[:-1], slopes[:-1], zero), (values[1:], slopes[1:], zero)
+    start = (values[:-1], slopes[:-1], zero)
+    end = (values[1:], slopes[1:], zero)
     return np.asarray(quintic(width, start, end) / width[:, None, None] ** np.arange(6)[:, None])
 
 
@@ -179,15 +189,21 @@ def smooth(
     # joint velocities, and of the distances of joint positions outside the inner part of their
     # ranges, and of the angle between tool axis and gravity outside that of its range.
     # Returns the joint positions, (paths, n, dof), and their costs, (paths,).
-    cost, n, free = _Cost(arm, s, q, poses[:, :, 2]), len(s), arm.dof - task
-    smoothed, values, active = q.copy(), cost.values(q), np.arange(len(q))
+    cost = _Cost(arm, s, q, poses[:, :, 2])
+    n = len(s)
+    free = arm.dof - task
+    smoothed = q.copy()
+    values = cost.values(q)
+    active = np.arange(len(q))
     for _ in range(rounds):
-        q, count = smoothed[active], len(active)
+        q = smoothed[active]
+        count = len(active)
         targets = np.tile(poses, (count, 1, 1))
         w = null_space(arm, targets, task, q.reshape(-1, arm.dof)).reshape(count, n, free, arm.dof)
         bands, right = cost.equations(q, w)
         if start_stays:
-            right[:, :free], bands[:, :free] = 0.0, np.eye(1, 2 * free)
+            right[:, :free] = 0.0
+            bands[:, :free] = np.eye(1, 2 * free)
         solve_banded(bands.reshape(-1, 2 * free), right.reshape(-1, 1))
         change = (right.reshape(count, n, 1, free) @ w)[:, :, 0]
         size = np.abs(change).max(axis=(1, 2))
@@ -195,12 +211,14 @@ def smooth(
         better = np.zeros(count, dtype=np.bool_)
         for share in cost.shares:
             trial = q + share * change
-            rows, goals = w.reshape(-1, 1, free, arm.dof), trial.reshape(-1, 1, arm.dof).copy()
+            rows = w.reshape(-1, 1, free, arm.dof)
+            goals = trial.reshape(-1, 1, arm.dof).copy()
             moved = trial.reshape(-1, arm.dof)
             met = newton.newton(arm.link_table, task, moved, targets, rows, goals)
             fresh = cost.values(trial)
             gained = met.reshape(count, n).all(axis=1) & (fresh < values[active]) & ~better
-            smoothed[active[gained]], values[active[gained]] = trial[gained], fresh[gained]
+            smoothed[active[gained]] = trial[gained]
+            values[active[gained]] = fresh[gained]
             better |= gained
             if better.all():
                 break
@@ -224,10 +242,14 @@ class _Cost:
         # n, dof); `axes`: tool axes, (n, 3).
         lower, upper = arm.limits.joint_range(arm.dof)
         both = np.isfinite(lower) & np.isfinite(upper)
-        low, high = np.where(both, lower, 0.0), np.where(both, upper, 0.0)
-        self.middle, self.half = (high + low) / 2, np.where(both, (high - low) / 2, np.inf)
+        low = np.where(both, lower, 0.0)
+        high = np.where(both, upper, 0.0)
+        self.middle = (high + low) / 2
+        self.half = np.where(both, (high - low) / 2, np.inf)
         self.outside = RANGE_WEIGHT / np.sqrt(len(s))
-        self.arm, self.axes, tilt = arm, axes, tilt_of(arm.chain)
+        self.arm = arm
+        self.axes = axes
+        tilt = tilt_of(arm.chain)
         self.chord = None if tilt is None else chord_of(tilt)
         # Joints of the arm on its external axes, which stay away from singularities; only six or
         # more joints can.
@@ -245,7 +267,8 @@ class _Cost:
         # A joint with a larger weight moves less.
         pace = pace * np.asarray(arm.chain.weights)
         steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
-        whole, share = steps.sum(axis=1, keepdims=True), np.diff(s) / (s[-1] - s[0])
+        whole = steps.sum(axis=1, keepdims=True)
+        share = np.diff(s) / (s[-1] - s[0])
         both = share / 2 + steps / np.where(whole > 0.0, whole, 1.0) / 2
         self.weights = pace / np.sqrt(np.where(whole > 0.0, both, share))[..., None]
 
@@ -285,22 +308,27 @@ class _Cost:
 
     def _singularity(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Excess of the distance from singularities, as `_tilt`."""
-        own, chain = self.own, self.arm.chain
+        own = self.own
+        chain = self.arm.chain
         scale = np.linalg.norm(np.asarray(chain.positions)[own[1:]], axis=1).sum()
         jacobian = self.arm.jacobian(q)[..., own]
-        turning, moving = jacobian[..., 3:, :], jacobian[..., :3, :] / scale
+        turning = jacobian[..., 3:, :]
+        moving = jacobian[..., :3, :] / scale
         scaled = np.concatenate([moving, turning], axis=-2)
-        slopes, excess = np.zeros(q.shape), np.zeros(q.shape[:2])
+        slopes = np.zeros(q.shape)
+        excess = np.zeros(q.shape[:2])
         near = np.linalg.svd(scaled, compute_uv=False)[..., 5] < NEARLY_SINGULAR
         left, values, right = np.linalg.svd(scaled[near])
-        u, v = left[..., -1], right[..., 5, :]
+        u = left[..., -1]
+        v = right[..., 5, :]
         # A joint turns the axes of itself and of the joints after it, and moves their tool points;
         # the joints before it keep their axes, and their tool point moves.
         axes, points = (np.swapaxes(x[near], -1, -2) for x in (turning, moving))
         by_joint = np.zeros((len(u), q.shape[2]))
         for k, joint in enumerate(own):
             shifted, rotated = (np.cross(axes[:, k, None], x) for x in (points, axes))
-            shifted[:, :k], rotated[:, :k] = np.cross(axes[:, :k], points[:, k, None]), 0.0
+            shifted[:, :k] = np.cross(axes[:, :k], points[:, k, None])
+            rotated[:, :k] = 0.0
             change = np.concatenate([shifted, rotated], axis=-1) @ u[..., None]
             by_joint[:, joint] = (v * change[..., 0]).sum(axis=-1)
         # A heavy axis must not outweigh the cost.
@@ -317,7 +345,8 @@ class _Cost:
         share = (q - self.middle) / self.half
         beyond = np.maximum(np.abs(share) - INNER_RANGE, 0.0)
         slope = np.where(beyond > 0.0, self.outside / self.half, 0.0)
-        gradient, weight = slope * self.outside * np.copysign(beyond, share), slope**2
+        gradient = slope * self.outside * np.copysign(beyond, share)
+        weight = slope**2
         ahead = self.weights**2
         pull = ahead * (q[:, 1:] - q[:, :-1])
         gradient[:, :-1] -= pull

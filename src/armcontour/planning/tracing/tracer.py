@@ -129,7 +129,8 @@ class AnalyticSolver(Solver[PlanarTwoLink]):
                 f"has {arm.dimension}. Use a path with {arm.dimension} coordinates."
             )
         super().__init__(path, arm)
-        self.configuration, self.tolerance = configuration, tolerance
+        self.configuration = configuration
+        self.tolerance = tolerance
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
@@ -199,7 +200,8 @@ def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -
         knots, parent, second = knots.halve(too_coarse, u)
         start, end = _select(start, parent), _select(end, parent)
         for k in range(3):
-            start[k][second], end[k][second - 1] = between[k], between[k]
+            start[k][second] = between[k]
+            end[k][second - 1] = between[k]
         settled = (~too_coarse)[parent]
     path = solver.path
     breaks = np.append(knots.s0, path.length)
@@ -217,7 +219,8 @@ def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
     - `s`: arc length of the point [m].
     - `state`: state of the arm at the point, such as "is singular".
     """
-    path, point = solver.path, solver.path(s).tolist()
+    path = solver.path
+    point = solver.path(s).tolist()
     raise Unreachable(
         describe_fast_rotation(path, s)
         or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
@@ -241,11 +244,14 @@ class NumericSolver(Solver[SerialArm]):
         guide: Guide | None,  # Guide of a redundant arm
     ) -> None:
         super().__init__(path, arm)
-        self.task, self.tolerance, self._guide = task, tolerance, guide
+        self.task = task
+        self.tolerance = tolerance
+        self._guide = guide
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
-        q, (poses, rates) = np.array(guess, order="C"), motion_at(self.path, knots, u)
+        q = np.array(guess, order="C")
+        poses, rates = motion_at(self.path, knots, u)
         w, g = self._rows(knots, u)
         links = self.arm.link_table
         solved = newton.newton(links, self.task, q, poses, w, g)
@@ -271,7 +277,8 @@ class NumericSolver(Solver[SerialArm]):
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
         # The second axis is the order of the derivative along s, see `redundancy`.
-        n, dof = len(u), self.arm.dof
+        n = len(u)
+        dof = self.arm.dof
         if self._guide is None:
             return np.zeros((n, 3, 0, dof)), np.zeros((n, 3, dof))
         return self._guide.evaluate(
@@ -452,9 +459,11 @@ def _trace_serial(
     poses = row_of_poses(path, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
-        q, guide = solution.q, None
+        q = solution.q
+        guide = None
         if task < moving.dof:
-            w, s = null_space(moving, poses, task, q), np.append(knots.s0, path.length)
+            w = null_space(moving, poses, task, q)
+            s = np.append(knots.s0, path.length)
             guide = Guide.through(s, q, w, path.stops)
         numeric = NumericSolver(path, moving, task, tolerance, guide)
         joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))

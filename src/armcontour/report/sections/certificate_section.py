@@ -23,9 +23,11 @@ if TYPE_CHECKING:
 
 def certified(study: JobResult, certificate: Certificate) -> Front:
     """First screen of the report of a certificate."""
-    data, model = certificate.to_data(), capitalise(certificate.model)
+    data = certificate.to_data()
+    model = capitalise(certificate.model)
     rows = {x.name: x for x in data.shown()}
-    deviation, verdict = rows["off_drawing"], data["kept"]
+    deviation = rows["off_drawing"]
+    verdict = data["kept"]
     doubts = [x for x in data.warnings if x not in certificate.result.path.notes]
     sentences = [
         ("Valid for", f"{model}. It does not cover collisions and flexibility."),
@@ -47,7 +49,8 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
 
 def section_of(result: Certificate) -> Section:
     """Section with the parts of the error, the derating and the cost of a certificate."""
-    data, has_contours = result.to_data(), len(result.contours) > 1
+    data = result.to_data()
+    has_contours = len(result.contours) > 1
     contours = sorted(result.contours, key=lambda x: x.budget.left)
     table = Table.from_results("contours", [x.to_data() for x in contours[:MAX_ROWS]])
     return Section(
@@ -76,7 +79,8 @@ OF_PROGRAMS = (
 def _derating(certificate: Certificate) -> Figure:
     """Figure with the usable fraction of each joint acceleration limit along all contours."""
     starts = np.cumsum([0.0, *(x.path.length for x in certificate.contours)])
-    deratings, curves = [x.derating for x in certificate.contours], []
+    deratings = [x.derating for x in certificate.contours]
+    curves = []
     # The curves have a gap (NaN) after each contour.
     places = [
         np.append(start + (x.cells[:-1] + x.cells[1:]) / 2, start + x.cells[-1])
@@ -85,7 +89,8 @@ def _derating(certificate: Certificate) -> Figure:
     s = np.concatenate(places)
     for j in range(certificate.job.arm.dof):
         shares = [np.append(x.share[:, j], np.nan) for x in deratings]
-        y, colour = np.concatenate(shares) * 100, RUN_COLOURS[j % len(RUN_COLOURS)]
+        y = np.concatenate(shares) * 100
+        colour = RUN_COLOURS[j % len(RUN_COLOURS)]
         curves.append(Curve(x=s, y=y, name=f"joint {j + 1}", colour=colour, width=1.5))
     least = 100 * min(float(x.share.min()) for x in deratings)
     plot = Plot(

@@ -48,7 +48,8 @@ def _table(name: str, result: RunResult) -> TextTable:
         zip(result.path.contours, result.trajectory.contour_spans, strict=True)
     ):
         assert span.work is not None
-        length, time = work_length(contour), span.work[1] - span.work[0]
+        length = work_length(contour)
+        time = span.work[1] - span.work[0]
         label = f"{contour.number or k + 1}" + f": {contour.name}" * bool(contour.name)
         error = (errors[k].rms, errors[k].max) if errors else (None, None)
         rows.append((label, contour.layer, length, span.work[0], time, length / time, *error))

@@ -18,7 +18,8 @@ from armcontour.report.style import few
 def front(study: JobResult) -> Front:
     """First screen of a study, with the drawing of one run."""
     name = _shown(study)
-    data, result = study.figures[name], study.runs[name]
+    data = study.figures[name]
+    result = study.runs[name]
     alone = len(study.runs) == 1
     header, *rows = compare(study.figures, VERDICT, texts=True)
     drawing = draw_plan(result, study.job)
@@ -48,7 +49,8 @@ def _verdict_sentence(study: JobResult, data: Data) -> str:
     """Sentence on the deviation from the drawing, compared with the required accuracy."""
     if not study.simulated:
         return "This report has no errors, because only the plan was computed."
-    deviation, verdict = data["off_drawing"], data["kept"]
+    deviation = data["off_drawing"]
+    verdict = data["kept"]
     words = f"{figure(deviation)} {deviation.label}"
     if verdict.value is None:
         return f"{words}; the job specifies no accuracy and no corner tolerance."

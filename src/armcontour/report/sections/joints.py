@@ -47,9 +47,12 @@ def joints(study: JobResult) -> Section:
 
 def draw_joints(name: str, result: RunResult) -> Figure:
     """Figure with position, velocity and acceleration of every joint of a run."""
-    limits, n, plots = result.run.limits, result.arm.dof, []
+    limits = result.run.limits
+    n = result.arm.dof
+    plots = []
     bounds = limits.joint_range(n), limits.velocity_bounds(n), limits.acceleration_bounds(n)
-    motions, slides = list(_motions(result)), result.arm.chain.slides
+    motions = list(_motions(result))
+    slides = result.arm.chain.slides
     for j in range(n):
         for order, both in enumerate(bounds):
             low, high = (float(x[j]) for x in both)
@@ -97,13 +100,16 @@ def _range(curves: list[FloatArray], low: float, high: float) -> tuple[float, fl
     edge = max(0.12 * (top - bottom), 0.01)
     used = max(top / high if high else 0.0, bottom / low if low else 0.0)
     if used > WORTH_SHOWING:
-        bottom, top = min(bottom, 1.15 * low), max(top, 1.15 * high)
+        bottom = min(bottom, 1.15 * low)
+        top = max(top, 1.15 * high)
     return bottom - edge, top + edge
 
 
 def _table(result: RunResult) -> TextTable:
     """Table with range and largest values of every joint, and the used fractions of its limits."""
-    done, arm, limits = result.motion, result.arm, result.run.limits
+    done = result.motion
+    arm = result.arm
+    limits = result.run.limits
     plan = result.torques
     amounts = [
         ("velocity", "rad/s", _worst("joint_velocity", limits, done.dq)),

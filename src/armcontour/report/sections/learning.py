@@ -60,7 +60,8 @@ def _introduction(study: LearningStudy) -> str:
 
 def _over_runs(study: LearningStudy) -> Figure:
     """Figure with RMS and largest error against the run number, with noise."""
-    count, noise = len(study.lesson.runs), study.lesson.noise
+    count = len(study.lesson.runs)
+    noise = study.lesson.noise
     runs = np.arange(1.0, count + 1)
     rms, largest = 1e3 * np.array([study.errors(k) for k in range(count)]).T
     curves = [
@@ -68,7 +69,8 @@ def _over_runs(study: LearningStudy) -> Figure:
         Curve(x=runs, y=rms, name="RMS", colour=LINES["executed"], marked=True),
     ]
     if noise is not None:
-        level, name = np.full(count, noise * 1e3), "does not repeat"
+        level = np.full(count, noise * 1e3)
+        name = "does not repeat"
         curves.append(Curve(x=runs, y=level, name=name, colour=LINES["objective"], dash=LIMIT_DASH))
     if (expected := study.lesson.expected) is not None:
         y = np.array([rms[study.lesson.best], expected * 1e3])
@@ -87,7 +89,8 @@ def _over_runs(study: LearningStudy) -> Figure:
 
 def _over_time(study: LearningStudy) -> Figure:
     """Figure with the contour error over time in the first and in the best run."""
-    best, curves = study.lesson.best, []
+    best = study.lesson.best
+    curves = []
     shown = {0: LINES["planned"], best: LINES["executed"]} if best else {0: LINES["planned"]}
     for k, colour in shown.items():
         profile = study.profile(k)

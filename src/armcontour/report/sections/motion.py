@@ -21,7 +21,8 @@ from armcontour.report.style import DECADES, EXPERIMENT_DASH, LIMIT_DASH, run_co
 
 # Ratio of the largest errors of two runs above which the axis of errors is logarithmic, and share
 # of the allowed error above which it is drawn.
-VARIED, WORTH_SHOWING = 10.0, 0.3
+VARIED = 10.0
+WORTH_SHOWING = 0.3
 # If the largest speed on contours is below this fraction of the largest speed (of a rapid), the
 # speed axis is scaled to the contours.
 SQUEEZED = 0.5
@@ -64,10 +65,12 @@ def draw_over_time(
 
 def speed(study: JobResult) -> Plot:
     """Plot of the executed or planned tool speed of every run and of the assigned velocity."""
-    colours, widths = run_colours(study.runs), run_widths(study.runs)
+    colours = run_colours(study.runs)
+    widths = run_widths(study.runs)
     curves = []
     for name, result in study.runs.items():
-        t, y = result.motion.t, result.motion.tool_speed * 1e3
+        t = result.motion.t
+        y = result.motion.tool_speed * 1e3
         curves.append(Curve(x=t, y=y, name=name, colour=colours[name], width=widths[name]))
     visible = (0.0, 1.2 * _largest_on_contours(study) * 1e3) if _is_squeezed(study) else None
     return Plot(label="speed [mm/s]", curves=(*curves, *_assigned(study)), limits=visible)
@@ -94,7 +97,8 @@ def list_bars(bindings: Sequence[Binding], row: int) -> list[Bar]:
 
     Bars that are too short to be visible are joined; the longest one determines the limit.
     """
-    bars, shortest = list[Bar](), bindings[-1].t[1] / MAX_BARS
+    bars = list[Bar]()
+    shortest = bindings[-1].t[1] / MAX_BARS
     for x in bindings:
         kind = kind_of(x.limit)
         bar = Bar(*x.t, row, word_of(kind), x.name, colour_of(kind))
@@ -121,10 +125,12 @@ def error(study: JobResult) -> Plot | None:
     }
     limit = allowed.pop() if len(allowed) == 1 else None
     unit = limit / 100 if limit else 1e-3
-    colours, curves = run_colours(study.runs), []
+    colours = run_colours(study.runs)
+    curves = []
     for name, result, _, evaluation in tools_of(study):
         if evaluation is not None:
-            e, run = evaluation.contour_error, result.run.name
+            e = evaluation.contour_error
+            run = result.run.name
             dash = () if name == run else EXPERIMENT_DASH
             y = e.values / unit
             curves.append(Curve(x=e.t, y=y, name=name, colour=colours[run], dash=dash))
@@ -189,7 +195,8 @@ def _assigned(study: JobResult) -> list[Curve]:
 
 def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
     """Times [s] and assigned velocities [m/s], (n,) each; NaN between contours or if unassigned."""
-    parts, count = [np.empty((0, 2))], len(result.path.contours)
+    parts = [np.empty((0, 2))]
+    count = len(result.path.contours)
     for contour, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
         if span.trajectory is not None:
             times = np.linspace(*span.t, 2 + ASSIGNED_POINTS // count)

@@ -33,7 +33,8 @@ COLOURS = (
     ("#D55E00", "#f07b22"),
 )
 # Maximum number of enlarged corners, and size of the shown part as a multiple of the rounding.
-MAX_CORNERS, AROUND = 8, 5.0
+MAX_CORNERS = 8
+AROUND = 5.0
 
 
 def paths(study: JobResult) -> Section:
@@ -71,7 +72,8 @@ def tools_of(study: JobResult) -> list[Tool]:
 
 def draw_tool(tool: Tool, job: str) -> Drawing:
     """Drawing of the objective path and an executed path, with its error and enlarged corners."""
-    contours, prefix = tool.result.objective.contours, f"{slug(job)}-{slug(tool.name)}"
+    contours = tool.result.objective.contours
+    prefix = f"{slug(job)}-{slug(tool.name)}"
     points = np.concatenate([*(x.path.vertices for x in contours), tool.execution.tool])
     error = VISIBLE * float(np.ptp(points, axis=0).max())
     outline = [x.path(drawn_arc_lengths(x.path, error)) for x in contours]
@@ -107,14 +109,16 @@ def _scale(tool: Tool) -> tuple[float, str]:
     """Distance of 100 % [m] and its name: the allowed one, or else the largest one; 0 without."""
     if (e := _error(tool)) is None:
         return 0.0, ""
-    accuracy, tolerance = tool.result.run.accuracy, tool.result.tolerance
+    accuracy = tool.result.run.accuracy
+    tolerance = tool.result.tolerance
     allowed = (tolerance or 0.0) * (1 + DEFAULT_ACCURACY) if accuracy is None else accuracy
     return (allowed, "allowed") if allowed else (e.max, "largest")
 
 
 def _classes(tool: Tool, error: float) -> dict[int, list[FloatArray]]:
     """Executed curves along contours [m], by class of their largest error, in order."""
-    execution, points = tool.execution, tool.execution.tool
+    execution = tool.execution
+    points = tool.execution.tool
     shares = np.zeros(len(points))
     if (e := _error(tool)) is not None:
         known = np.isfinite(e.values)
@@ -153,7 +157,8 @@ def executed_contours(execution: Execution) -> list[tuple[int, int]]:
 
     Samples before and after the motion belong to the first and last contour.
     """
-    trajectory, last = execution.set_points.trajectory, len(execution.t)
+    trajectory = execution.set_points.trajectory
+    last = len(execution.t)
     indices = []
     for span in trajectory.contour_spans:
         start, end = np.searchsorted(execution.t, span.t).tolist()

@@ -15,15 +15,21 @@ if TYPE_CHECKING:
     from armcontour.studies.placement import Place, Placement
 
 # Colour of refused places, and colours of the shortest and the longest motion: ends of cividis.
-REFUSED, DARK, BRIGHT = "#9a9a9a", np.array([0, 34, 78]), np.array([254, 232, 56])
+REFUSED = "#9a9a9a"
+DARK = np.array([0, 34, 78])
+BRIGHT = np.array([254, 232, 56])
 # Width of the labels left of the map, maximum size of a place, and minimum distance of texts in a
 # row and in a column [px].
-LEFT, LARGEST, LEAST_TEXT, LEAST_ROW = 72.0, 84.0, 40.0, 18.0
+LEFT = 72.0
+LARGEST = 84.0
+LEAST_TEXT = 40.0
+LEAST_ROW = 18.0
 
 
 def placed(result: Placement) -> Front:
     """First screen: the best place and the map."""
-    best, data = result.best, result.to_data()
+    best = result.best
+    data = result.to_data()
     examples = {x.refusal: x.why_not for x in reversed(result.places) if x.refusal}
     refused = [
         (f"{k}: refused by {x} ({n})", examples[x])
@@ -57,10 +63,13 @@ def draw_map(result: Placement) -> Drawing:
     cells = []
     for key, place in best.items():
         if place.duration is None:
-            colour, text, ink = REFUSED, str(numbers[place.refusal]), "#000"
+            colour = REFUSED
+            text = str(numbers[place.refusal])
+            ink = "#000"
         else:
             share = (place.duration - low) / ((high - low) or 1.0)
-            colour, text = _heat(share), split(place.duration, "s")[0] * (size > LEAST_TEXT)
+            colour = _heat(share)
+            text = split(place.duration, "s")[0] * (size > LEAST_TEXT)
             ink = "#000" if share > 0.5 else "#fff"
         words = f"{place}: {place.why_not or number(place.duration, 's')}"
         row = rows.index(key[1]) if axes[1:] else 0

@@ -33,15 +33,20 @@ LARGEST_STEP = 1.0
 SLACK = 1 - 1e-9
 # Largest number of Taylor coefficients of a step, and relative size below which terms are
 # negligible.
-TERMS, NOTHING = 28, 1e-15
+TERMS = 28
+NOTHING = 1e-15
 INVERSE = tuple(1.0 / n for n in range(1, TERMS + 2))
 # Columns of a linear map: position minus command, velocity, rate and further coefficients of the
 # command; with an integrator also integral and lead. Rows: position minus command, velocity,
 # integral.
-RATE, INTEGRAL, LEAD, COLUMNS = 2, 5, 6, 7
+RATE = 2
+INTEGRAL = 5
+LEAD = 6
+COLUMNS = 7
 # Number of Taylor coefficients of a map, and its longest time before it is squared, as a multiple
 # of the shortest time constant.
-MAP_TERMS, MAP_LENGTH = 16, 0.25
+MAP_TERMS = 16
+MAP_LENGTH = 0.25
 # Number of cached maps of a joint.
 KEPT = 4
 # Times and time spans [s] that differ by less than this are equal; rounding errors are smaller.
@@ -53,10 +58,12 @@ ROUNDING = 1e-14
 CUBIC_ERROR = 0.005
 THIRD = 1 / 3
 # Precision of the times at which bounds are crossed and extrema are reached, relative to the step.
-PASSAGE, EXTREMUM = 1e-15, 1e-8
+PASSAGE = 1e-15
+EXTREMUM = 1e-8
 # Largest number of steps per time span, and of phases (free or saturated) per step; more are never
 # necessary, and more phases have durations that round to 0.
-MAX_STEPS, MAX_PHASES = 1e5, 100_000
+MAX_STEPS = 1e5
+MAX_PHASES = 100_000
 
 
 class Joints(NamedTuple):
@@ -143,7 +150,9 @@ def command_at(pieces: FloatArray, starts: FloatArray, piece: int, now: float) -
 @compiled(inner=True, fastmath=FUSED)
 def fastest_rate(servo: Servo) -> float:
     """Upper bound of the inverse of the shortest time constant [1/s]."""
-    kp, kv, ki = servo.kp, servo.kv, servo.ki
+    kp = servo.kp
+    kv = servo.kv
+    ki = servo.ki
     if kv == 0.0:
         return kp
     return max(kv, math.sqrt(kv * (kp + ki)), math.pow(kv * kp * ki, 1 / 3))
@@ -152,7 +161,9 @@ def fastest_rate(servo: Servo) -> float:
 @compiled(inner=True, fastmath=FUSED)
 def demand(servo: Servo, u: Command, q: float, w: float, x: float) -> tuple[float, float]:
     """Acceleration of the servo before saturation [rad/s²], and its unsaturated slope [rad/s³]."""
-    kp, kv, ki = servo.kp, servo.kv, servo.ki
+    kp = servo.kp
+    kv = servo.kv
+    ki = servo.ki
     if kv == 0.0:
         z = kp * (u.rate - kp * (u.value - q))
         return z, kp * (2 * u.second - z)
@@ -164,15 +175,24 @@ def demand(servo: Servo, u: Command, q: float, w: float, x: float) -> tuple[floa
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def series_of_map(servo: Servo) -> FloatArray:
     """Taylor coefficients of the linear map of a motion over time t, (MAP_TERMS, 3, COLUMNS)."""
-    kp, kv, ki = servo.kp, servo.kv, servo.ki
-    matrix, series = np.zeros((COLUMNS, COLUMNS)), np.zeros((MAP_TERMS, 3, COLUMNS))
-    matrix[0, RATE], matrix[RATE, RATE + 1], matrix[RATE + 1, RATE + 2] = -1.0, 2.0, 3.0
+    kp = servo.kp
+    kv = servo.kv
+    ki = servo.ki
+    matrix = np.zeros((COLUMNS, COLUMNS))
+    series = np.zeros((MAP_TERMS, 3, COLUMNS))
+    matrix[0, RATE] = -1.0
+    matrix[RATE, RATE + 1] = 2.0
+    matrix[RATE + 1, RATE + 2] = 3.0
     if kv == 0.0:
         matrix[0, 0] = -kp
     else:
         matrix[0, 1] = 1.0
-        matrix[1, 0], matrix[1, 1], matrix[1, INTEGRAL] = -kp * kv, -kv, kv * ki
-        matrix[INTEGRAL, 0], matrix[INTEGRAL, 1], matrix[INTEGRAL, LEAD] = -kp, -1.0, -kp
+        matrix[1, 0] = -kp * kv
+        matrix[1, 1] = -kv
+        matrix[1, INTEGRAL] = kv * ki
+        matrix[INTEGRAL, 0] = -kp
+        matrix[INTEGRAL, 1] = -1.0
+        matrix[INTEGRAL, LEAD] = -kp
     series[0, 0, 0] = series[0, 1, 1] = series[0, 2, INTEGRAL] = 1.0
     for k in range(1, MAP_TERMS):
         for i in range(COLUMNS):
@@ -191,9 +211,11 @@ def write_map(
     """Write the linear map of a motion over a time span [s] into maps[slot], (3, COLUMNS)."""
     # The last map is overwritten.
     rows, columns = (3, COLUMNS) if integrates else (2, INTEGRAL)
-    squarings, h = 0, span
+    squarings = 0
+    h = span
     while h * rate > MAP_LENGTH:
-        h, squarings = h / 2, squarings + 1
+        h = h / 2
+        squarings = squarings + 1
     for i in range(rows):
         for j in range(columns):
             value = 0.0
@@ -209,7 +231,8 @@ def write_map(
             for j in range(columns):
                 maps[slot, i, j] = a * maps[KEPT, 0, j] + b * maps[KEPT, 1, j]
             # The command at the half time.
-            r, s = maps[KEPT, i, RATE], maps[KEPT, i, RATE + 1]
+            r = maps[KEPT, i, RATE]
+            s = maps[KEPT, i, RATE + 1]
             maps[slot, i, RATE] += r
             maps[slot, i, RATE + 1] += s + 2 * h * r
             maps[slot, i, RATE + 2] += maps[KEPT, i, RATE + 2] + 3 * h * (s + h * r)
@@ -269,12 +292,14 @@ def find_passage(
     tolerance = high * (PASSAGE if order == 0 else EXTREMUM)
     t = low + (high - low) * start / (start - end)
     for _ in range(100):
-        value, slope = evaluate(a, terms, order, t) - level, evaluate(a, terms, order + 1, t)
+        value = evaluate(a, terms, order, t) - level
+        slope = evaluate(a, terms, order + 1, t)
         if (value > 0.0) == (end > 0.0):
             high = t
         else:
             low = t
-        last, t = t, t - value / slope if slope != 0.0 else low
+        last = t
+        t = t - value / slope if slope != 0.0 else low
         if not low < t < high:
             t = 0.5 * (low + high)
         if min(high - low, abs(t - last)) <= tolerance:
@@ -285,7 +310,8 @@ def find_passage(
 @compiled(inner=True, fastmath=FUSED)
 def count_terms(x: float) -> int:
     """Number of Taylor terms if the terms decrease like `x^k / k!`."""
-    term, n = 1.0, 0
+    term = 1.0
+    n = 0
     while term > NOTHING and n < TERMS - 3:
         term *= x * INVERSE[n]
         n += 1
@@ -304,7 +330,9 @@ def expand(
     - `x`: the first is input.
     - `z`: `terms` coefficients, output.
     """
-    kp, kv, ki = servo.kp, servo.kv, servo.ki
+    kp = servo.kp
+    kv = servo.kv
+    ki = servo.ki
     bound = servo.upper if side > 0.0 else servo.lower
     if kv == 0.0:
         q[1] = -kp * q[0]
@@ -329,45 +357,61 @@ def expand(
 def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m: Motion) -> Motion:
     """Simulate a step from event to event, where events are starts and ends of saturation."""
     q, w, x, saturated, lowest, highest = m
-    position, integral, demands = taylor[0], taylor[1], taylor[2]
+    position = taylor[0]
+    integral = taylor[1]
+    demands = taylor[2]
     now = side = 0.0
     known = False  # True if the last event determines the side.
     for _ in range(MAX_PHASES):
-        v, end = shift(u, now), h - now
+        v = shift(u, now)
+        end = h - now
         z, _ = demand(servo, v, q, w, x)
         scale = abs(v.value) + abs(q) + servo.ki * abs(x)
         tolerance = ROUNDING * (servo.kp * servo.kv * scale + abs(z))
         if not known:
             side = 1.0 if z > servo.upper + tolerance else 0.0
             side = -1.0 if z < servo.lower - tolerance else side
-        position[0], position[1], integral[0] = q - v.value, w, x
+        position[0] = q - v.value
+        position[1] = w
+        integral[0] = x
         # In saturation without an integrator, the demand is a cubic.
         n = 4 if side != 0.0 and servo.ki == 0.0 else count_terms(2 * fastest_rate(servo) * end)
         expand(servo, v, side, n, position, integral, demands)
         # The slope of the demand has at most one extremum in a step.
-        first, second = find_passage(demands, n, 1, 0.0, end, 0.0), end
+        first = find_passage(demands, n, 1, 0.0, end, 0.0)
+        second = end
         if first == end:
             turn = find_passage(demands, n, 2, 0.0, end, 0.0)
             first = find_passage(demands, n, 1, 0.0, turn, 0.0)
             second = find_passage(demands, n, 1, turn, end, 0.0)
-        lowest, highest, begin, following = min(lowest, z), max(highest, z), 0.0, side
+        lowest = min(lowest, z)
+        highest = max(highest, z)
+        begin = 0.0
+        following = side
         for t in (first, second, end):
             value = evaluate(demands, n, 0, t)
             if side == 0.0 and value > servo.upper + tolerance:
-                bound, following = servo.upper, 1.0
+                bound = servo.upper
+                following = 1.0
             elif side == 0.0 and value < servo.lower - tolerance:
-                bound, following = servo.lower, -1.0
+                bound = servo.lower
+                following = -1.0
             elif side > 0.0 and value < servo.upper:
-                bound, following = servo.upper, 0.0
+                bound = servo.upper
+                following = 0.0
             elif side < 0.0 and value > servo.lower:
-                bound, following = servo.lower, 0.0
+                bound = servo.lower
+                following = 0.0
             else:
-                lowest, highest, begin = min(lowest, value), max(highest, value), t
+                lowest = min(lowest, value)
+                highest = max(highest, value)
+                begin = t
                 continue
             end = find_passage(demands, n, 0, begin, t, bound)
             break
         saturated += end if side != 0.0 else 0.0
-        q, w = evaluate(position, n + 2, 0, end) + v.value, evaluate(position, n + 2, 1, end)
+        q = evaluate(position, n + 2, 0, end) + v.value
+        w = evaluate(position, n + 2, 1, end)
         x = evaluate(integral, n + 1, 0, end)
         known = following != side
         side = following
@@ -393,22 +437,32 @@ def respond(
     ddq = min(max(z, servo.lower), servo.upper)
     if z != ddq and servo.ki > 0.0:
         return respond_by_events(servo, taylor, h, u, m)
-    saturated, least, most = m.saturated, servo.lower, servo.upper
+    saturated = m.saturated
+    least = servo.lower
+    most = servo.upper
     if z == ddq:
         q, w, x = apply_map(servo, f, i, u, end, m.q, m.w, m.x)
     else:
-        q, w, x = m.q + h * (m.w + h / 2 * ddq), m.w + h * ddq, 0.0
+        q = m.q + h * (m.w + h / 2 * ddq)
+        w = m.w + h * ddq
+        x = 0.0
         saturated += h
         least, most = (servo.upper, math.inf) if z > ddq else (-math.inf, servo.lower)
     last, after = demand(servo, end, q, w, x)
     # The slope in saturation.
-    slope, after = slope + servo.kv * (z - ddq), after + servo.kv * (last - ddq) * (z != ddq)
-    low, high = min(m.lowest, z, last), max(m.highest, z, last)
+    slope = slope + servo.kv * (z - ddq)
+    after = after + servo.kv * (last - ddq) * (z != ddq)
+    low = min(m.lowest, z, last)
+    high = max(m.highest, z, last)
     # The demand is between its values at both ends and the inner control points of a cubic.
-    rise, a, b = last - z, h * slope, h * after
+    rise = last - z
+    a = h * slope
+    b = h * after
     margin = CUBIC_ERROR * (abs(a - rise) + abs(b - rise))
-    first, second = z + a * THIRD, last - b * THIRD
-    bottom, top = min(first, second) - margin, max(first, second) + margin
+    first = z + a * THIRD
+    second = last - b * THIRD
+    bottom = min(first, second) - margin
+    top = max(first, second) + margin
     # Most steps return here, without a start or end of saturation and without a new extreme.
     if least <= min(last, bottom) and max(last, top) <= most and low <= bottom and top <= high:
         return Motion(q, w, x, saturated, low, high)
@@ -432,9 +486,14 @@ def march_held(
     piece, by the equation above, before the demand is computed.
     """
     q, w, x, saturated, lowest, highest = m
-    first, last, now = servo.kv == 0.0, len(starts), times[0]
-    kp, kv, ki = servo.kp, servo.kv, servo.ki
-    z, drive_cycle = held, starts[1] - starts[0] if last > 1 else 0.0
+    first = servo.kv == 0.0
+    last = len(starts)
+    now = times[0]
+    kp = servo.kp
+    kv = servo.kv
+    ki = servo.ki
+    z = held
+    drive_cycle = starts[1] - starts[0] if last > 1 else 0.0
     if ki > 0.0 and piece > 0:
         # The integral follows from the demand of the last cycle and the position at its start.
         held = min(max(z, servo.lower), servo.upper)
@@ -448,25 +507,31 @@ def march_held(
             if piece < last and starts[piece] - now <= NEAR:
                 piece += 1
                 if first:
-                    held, z = kp * (pieces[piece, 0] - q), 0.0
+                    held = kp * (pieces[piece, 0] - q)
+                    z = 0.0
                 else:
                     if ki > 0.0:
                         x += drive_cycle * (kp * (pieces[piece, 0] - pieces[piece, 4] - q) - w)
                     z = kv * (kp * (pieces[piece, 0] - q) - w + ki * x)
                     held = min(max(z, servo.lower), servo.upper)
                     x -= drive_cycle * (z - held) / kv
-                lowest, highest = min(lowest, z), max(highest, z)
+                lowest = min(lowest, z)
+                highest = max(highest, z)
                 continue
             stop = starts[piece] if piece < last and starts[piece] < until - NEAR else until
             h = stop - now
             if first:
-                q, w = q + h * held, held
+                q = q + h * held
+                w = held
             else:
-                q, w = q + h * (w + h / 2 * held), w + h * held
+                q = q + h * (w + h / 2 * held)
+                w = w + h * held
                 saturated += h if z != held else 0.0
             now = stop
         now = until
-        out[row - 1, 0], out[row - 1, 1], out[row - 1, 2] = q, w, z
+        out[row - 1, 0] = q
+        out[row - 1, 1] = w
+        out[row - 1, 2] = z
     return Motion(q, w, x, saturated, lowest, highest), z if ki > 0.0 else held
 
 
@@ -493,17 +558,21 @@ def march(
     - `out`: position, velocity and demand, (m, 3).
     """
     extreme = 0.0 if kind in (COMPLETE, HELD) else math.inf
-    m, held = Motion(state[0], state[1], 0.0, 0.0, 0.0 - extreme, extreme), state[2]
-    last, now = len(starts), times[0]
+    m = Motion(state[0], state[1], 0.0, 0.0, 0.0 - extreme, extreme)
+    held = state[2]
+    last = len(starts)
+    now = times[0]
     # Number of pieces that have begun, by bisection.
-    piece, high = 0, last
+    piece = 0
+    high = last
     while piece < high:
         middle = (piece + high) // 2
         if starts[middle] < now - NEAR:
             piece = middle + 1
         else:
             high = middle
-    delays, rate = math.isinf(servo.kp), fastest_rate(servo)
+    delays = math.isinf(servo.kp)
+    rate = fastest_rate(servo)
     if kind == HELD and not delays:
         return march_held(servo, pieces, starts, times, held, m, piece, out)
     u = command_at(pieces, starts, piece, now)
@@ -512,8 +581,12 @@ def march(
         m = Motion(m.q, m.w, x, 0.0, m.lowest, m.highest)
     if not delays and (times[-1] - now) * rate > MAX_STEPS * LARGEST_STEP * len(times):
         return Motion(math.nan, math.nan, 0.0, 0.0, 0.0, 0.0), held
-    series, maps = series_of_map(servo), np.empty((KEPT + 1, 3, COLUMNS))
-    spans, oldest, slot, taylor = np.full(KEPT, -1.0), 0, 0, np.zeros((3, TERMS + 2))
+    series = series_of_map(servo)
+    maps = np.empty((KEPT + 1, 3, COLUMNS))
+    spans = np.full(KEPT, -1.0)
+    oldest = 0
+    slot = 0
+    taylor = np.zeros((3, TERMS + 2))
     for row in range(1, len(times)):
         until = times[row]
         while until - now > NEAR:
@@ -522,7 +595,8 @@ def march(
                 u = command_at(pieces, starts, piece, now)
                 continue
             stop = starts[piece] if piece < last and starts[piece] < until - NEAR else until
-            h, now = stop - now, stop
+            h = stop - now
+            now = stop
             if delays:
                 continue
             repeats = 1
@@ -535,7 +609,8 @@ def march(
                     if abs(spans[i] - h) <= NEAR:
                         slot = i
                 if slot < 0:
-                    slot, oldest = oldest, (oldest + 1) % KEPT
+                    slot = oldest
+                    oldest = (oldest + 1) % KEPT
                     write_map(series, servo.ki > 0.0, rate, h, maps, slot)
                     spans[slot] = h
             for _ in range(repeats):
@@ -549,12 +624,14 @@ def march(
         now = until
         if delays:
             u = command_at(pieces, starts, piece, now)
-            m, z = Motion(u.value, u.rate, 0.0, 0.0, m.lowest, m.highest), 0.0
+            m = Motion(u.value, u.rate, 0.0, 0.0, m.lowest, m.highest)
+            z = 0.0
             out[row - 1, 2] = 2 * u.second
         else:
             z, _ = demand(servo, u, m.q, m.w, m.x)
             out[row - 1, 2] = held = z
-        out[row - 1, 0], out[row - 1, 1] = m.q, m.w
+        out[row - 1, 0] = m.q
+        out[row - 1, 1] = m.w
     return m, held
 
 
@@ -577,6 +654,8 @@ def run_joints(
         lower, upper = joints.lower[j], joints.upper[j]
         servo = Servo(joints.kp[j], joints.kv[j], joints.ki[j], lower, upper)
         m, held[j] = march(servo, kind, commands[j], starts[j], times, states[:, j], out[j])
-        saturated[j], lowest[j], highest[j] = m.saturated, m.lowest, m.highest
+        saturated[j] = m.saturated
+        lowest[j] = m.lowest
+        highest[j] = m.highest
         stuck[j] = not math.isfinite(m.q + m.w)
     return JointMotions(out, saturated, lowest, highest, held, stuck)

@@ -48,11 +48,13 @@ MAX_TIME_CONSTANTS = 1000.0
 TRUSTED = 0.5
 # Valid range of logged velocities and accelerations [rad/s, rad/s²]. Motions that exceed a logged
 # value by more than this factor cause a warning.
-LOGGED, EXCEEDED = (0.0, 1e6), 1.02
+LOGGED = (0.0, 1e6)
+EXCEEDED = 1.02
 # Errors of fast reversals do not bound those of slow motion. In simulations of random plants, the
 # bounds held for frequency ratios up to 10, and often not above 16. MOVING_SHARE: a joint moves
 # if its largest velocity is at least this fraction of that of the fastest joint.
-MAX_FREQUENCY_RATIO, MOVING_SHARE = 13.0, 0.1
+MAX_FREQUENCY_RATIO = 13.0
+MOVING_SHARE = 0.1
 PER_JOINT = (
     *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),
     *("acceleration_feedforward", "friction", "offset", "model_error", "logged_velocity"),
@@ -362,7 +364,8 @@ class ServoModel(Checked):
         """
         if self.logged_velocity is None or self.logged_acceleration is None or not len(dq):
             return True
-        velocity, acceleration = np.abs(dq).max(axis=0), np.abs(ddq).max(axis=0)
+        velocity = np.abs(dq).max(axis=0)
+        acceleration = np.abs(ddq).max(axis=0)
         logged = self.logged_acceleration / np.maximum(self.logged_velocity, 1e-9)
         ratios = logged * velocity / np.maximum(acceleration, 1e-9)
         moving = velocity >= MOVING_SHARE * velocity.max()
@@ -401,7 +404,9 @@ class ServoModel(Checked):
         if not loop.any():
             return float(kp.min())
         ki = np.broadcast_to(self.ki, kp.shape)[loop]
-        kp, kv, alone = kp[loop], kv[loop], np.min(kp[~loop], initial=np.inf)
+        alone = np.min(kp[~loop], initial=np.inf)
+        kp = kp[loop]
+        kv = kv[loop]
         root = np.sqrt(np.maximum(kv * kv / 4 - kp * kv, 0.0))
         rate = np.where(root > 0, kp * kv / (kv / 2 + root), kv / 2)
         for j in np.flatnonzero(ki):
@@ -486,7 +491,8 @@ class ServoModel(Checked):
         Raises:
             InvalidInput: The accelerations are missing.
         """
-        position, rate = checks.floats("q", q, "rad"), checks.floats("dq", dq, "rad/s")
+        position = checks.floats("q", q, "rad")
+        rate = checks.floats("dq", dq, "rad/s")
         acceleration = 0.0 if ddq is None else checks.floats("ddq", ddq, "rad/s²")
         try:
             np.broadcast(position, rate, acceleration, self.kp, self.friction)

@@ -39,7 +39,10 @@ class ServoSimulation:
         *,
         steps: int = 1,
     ) -> None:
-        self.q, self.cycle, self.servo, self.steps = q, cycle, servo, steps
+        self.q = q
+        self.cycle = cycle
+        self.servo = servo
+        self.steps = steps
         free = np.full(len(servo.kp), np.inf)
         bounds = -free if lower is None else lower, free if upper is None else upper
         self.joints = _joints(servo, free, *bounds)
@@ -72,10 +75,12 @@ class ServoSimulation:
         if kind == HELD:
             commands, starts = self._cycles(times[0], times[-1])
         else:
-            commands, starts = self.commands, self.starts
+            commands = self.commands
+            starts = self.starts
         run = run_joints(self.joints, kind, commands, starts, times, np.stack(state))
         if run.stuck.any():
-            j, kv = int(np.argmax(run.stuck)), self.servo.kv
+            j = int(np.argmax(run.stuck))
+            kv = self.servo.kv
             gains = f"kp = {self.servo.kp[j]:g}" + ("" if kv is None else f" and kv = {kv[j]:g}")
             raise ExecutionError(
                 f"Joint {j + 1} cannot be simulated with {gains} 1/s and a cycle of "
@@ -102,7 +107,9 @@ class ServoSimulation:
 
     def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
         """Held commands of the drives between two times, and start times of the cycles [s]."""
-        drive_cycle, pieces, cycle = self.servo.drive_cycle, self.commands, self.cycle
+        drive_cycle = self.servo.drive_cycle
+        pieces = self.commands
+        cycle = self.cycle
         # The initial integral follows from the previous cycle.
         first = int(np.floor(begin / drive_cycle + SNAP)) - 1
         count = int(np.ceil(end / drive_cycle - SNAP)) - first + 1
@@ -121,7 +128,8 @@ def _joints(
     kv = np.broadcast_to(np.inf if servo.kv is None else servo.kv, like.shape)
     # Joints without a velocity loop do not saturate.
     loop = np.isfinite(kv)
-    lower, upper = np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
+    lower = np.where(loop, lower, -np.inf)
+    upper = np.where(loop, upper, np.inf)
     kp, ki = (np.array(np.broadcast_to(x, like.shape)) for x in (servo.kp, servo.ki))
     return Joints(kp, np.where(loop, kv, 0.0), ki, lower, upper)
 
@@ -135,7 +143,8 @@ def held_pieces(u: FloatArray, starts: FloatArray, servo: ServoModel | JointServ
     `starts`, (rows, count + 2).
     """
     width = starts[1] - starts[0]
-    du, ddu = np.diff(u, axis=1)[:, 1:] / width, np.diff(u, 2, axis=1) / width**2
+    du = np.diff(u, axis=1)[:, 1:] / width
+    ddu = np.diff(u, 2, axis=1) / width**2
     a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (*servo.lead, servo.friction))
     pieces = np.zeros((len(u), u.shape[1] - 1, 5))
     pieces[:, 1:, 4] = b * ddu - c * sliding(du)
@@ -208,7 +217,8 @@ def follow(
         count = int(np.ceil((command.t[-1] - origin) / drive_cycle - SNAP)) + 1
         times = origin + np.arange(first - 3, count) * drive_cycle
         u = np.stack([command.evaluate(times - delay) for delay in each.dead_time])
-        pieces, starts = held_pieces(u, times[2:], each), np.tile(times[2:], (rows, 1))
+        pieces = held_pieces(u, times[2:], each)
+        starts = np.tile(times[2:], (rows, 1))
     else:
         # Set-points before the first simulated one reach the joint before the motion.
         early = command.t[0] - np.max(each.dead_time)
@@ -216,7 +226,9 @@ def follow(
         pieces = add_feedforward(command.pieces, each, first)
         starts = command.knots[first:] + each.dead_time[:, None]
     states = np.zeros((3, rows))
-    states[0], states[1], states[2] = q0, dq0, ddq0
+    states[0] = q0
+    states[1] = dq0
+    states[2] = ddq0
     run = run_joints(joints, kind, pieces, starts, command.t, states)
     begin = np.where(np.isinf(each.kp), command.evaluate(command.t[0] - each.dead_time), states[0])
     positions = np.concatenate([begin[:, None], run.states[:, :, 0]], axis=1)
@@ -251,8 +263,11 @@ class LoggedCommand:
     def __init__(
         self, t: FloatArray, u: FloatArray, interpolation: str = "linear", begin: int = 0
     ) -> None:
-        self.knots, self.every, self.linear = np.array(t), np.array(u), interpolation == "linear"
-        self.t, self.u = self.knots[begin:], self.every[begin:]
+        self.knots = np.array(t)
+        self.every = np.array(u)
+        self.linear = interpolation == "linear"
+        self.t = self.knots[begin:]
+        self.u = self.every[begin:]
         self.pieces = command_pieces(self.every[:, None], np.diff(t), interpolation, rest=False)
 
     def evaluate(self, t: FloatArray) -> FloatArray:
@@ -282,10 +297,12 @@ def command_pieces(
 ) -> CommandPieces:
     """Command through set-points q [rad], (n, dof), which are `width` apart [s], (n - 1,)."""
     # Without rest, the command before the first set-point is unknown.
-    (n, dof), cubic = q.shape, interpolation == "cubic"
+    n, dof = q.shape
+    cubic = interpolation == "cubic"
     plain = np.zeros((dof, n + 1, 4))
     rate, bend = np.zeros((2, dof, n + 1, 3 if cubic else 1))
-    plain[:, 0, 0], plain[:, 1:, 0] = q[0], q.T
+    plain[:, 0, 0] = q[0]
+    plain[:, 1:, 0] = q.T
     pieces = CommandPieces(plain, rate, bend, np.zeros((dof, n + 1)))
     if n == 1:
         return pieces
@@ -302,7 +319,8 @@ def command_pieces(
     else:
         slope = np.zeros_like(q.T)
         slope[:, 1:-1] = (q[2:] - q[:-2]).T / (2 * width)
-        start, end = slope[:, :-1], slope[:, 1:]
+        start = slope[:, :-1]
+        end = slope[:, 1:]
         plain[:, inner, 1] = start
         plain[:, inner, 2] = (3 * chord - 2 * start - end) / width
         plain[:, inner, 3] = (start + end - 2 * chord) / width**2
@@ -368,7 +386,8 @@ def command_weights(
     index = np.clip(k[:, None] + np.arange(-1, 3), 0, count - 1)
     weight = np.zeros((len(t), 4))
     end = fraction * fraction * (3 - 2 * fraction)
-    weight[:, 1], weight[:, 2] = 1 - end, end
+    weight[:, 1] = 1 - end
+    weight[:, 2] = end
     # The slopes at the first and the last set-point are 0.
     slope = np.where(k > 0, fraction * (1 - fraction) ** 2, 0.0) / 2
     weight[:, 0] -= slope

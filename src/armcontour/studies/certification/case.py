@@ -109,14 +109,16 @@ class Case:
 
     def command_ratios(self, set_points: SetPoints) -> FloatArray:
         """Ratios of velocities of set-points to limits, (n,); infinite outside joint ranges."""
-        q, (lower, upper) = set_points.q, self.limits.joint_range(self.arm.dof)
+        q = set_points.q
+        lower, upper = self.limits.joint_range(self.arm.dof)
         rate = np.diff(q, axis=0, append=q[-1:]) / set_points.cycle
         ratio = use_of("joint_velocity", self.limits, rate).ratio.max(axis=1)
         return np.where(((q < lower) | (q > upper)).any(axis=1), np.inf, ratio)
 
     def compute_set_points(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
         """Set-points of a plan, by default with the cycle of the run [s]."""
-        servo, options = self.job.servo.for_joints(self.arm.dof), self.run.compensation
+        servo = self.job.servo.for_joints(self.arm.dof)
+        options = self.run.compensation
         cycle = self.run.cycle if cycle is None else cycle
         return unchecked_set_points(plan, servo, options, cycle=cycle, arm=self.arm)
 
@@ -139,11 +141,15 @@ class Move:
     @classmethod
     def without_derating(cls, case: Case, step: TracedMove, number: int | None) -> Self:
         """The fastest plan of a move."""
-        path, speed, arm = step.joint_path, case.program.rapid_speed, case.arm
+        path = step.joint_path
+        speed = case.program.rapid_speed
+        arm = case.arm
         assert path is not None
-        limits, options = case.limits, Optimal(intervals=intervals_of(case.program))
+        limits = case.limits
+        options = Optimal(intervals=intervals_of(case.program))
         if number is None:
-            limits, options = limits.of_joints, Optimal(intervals=RAPID_INTERVALS)
+            limits = limits.of_joints
+            options = Optimal(intervals=RAPID_INTERVALS)
             if speed is not None and path.tool_path is None:
                 options = replace(options, constraints=(RapidSpeed(speed, arm),))
         derating = Derating.nothing(path, options.intervals)
@@ -176,7 +182,8 @@ class Attempt:
     @classmethod
     def joined(cls, case: Case, moves: Sequence[Move]) -> Self:
         """Join the plans of all moves, and compensate them."""
-        joined, following = JoinedMoves(case.traced, case.arm), iter(moves)
+        joined = JoinedMoves(case.traced, case.arm)
+        following = iter(moves)
         for step in case.traced.steps:
             plan = None
             if step.joint_path is not None:

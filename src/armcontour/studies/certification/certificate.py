@@ -179,7 +179,8 @@ class ContourCertificate(Result):
 
     def to_data(self) -> Data:
         """Data of the error of the contour, its parts, and the derating."""
-        optimum, robots = number(self.optimum, "s"), [Row("robots", None)]
+        optimum = number(self.optimum, "s")
+        robots = [Row("robots", None)]
         if self.robots is not None:
             robots = [*self.robots.to_data().with_prefix("robots", FILE)]
         joint = f"joint {int(self.headroom.argmax()) + 1}"
@@ -259,7 +260,8 @@ class Certificate(Result):
 
     def to_data(self) -> Data:
         """Data of the verdict, the parts of the error, and the model."""
-        count, run = len(self.contours), self.result.run.name
+        count = len(self.contours)
+        run = self.result.run.name
         title = f"Certificate of {self.job.title}, run {run}, for independent servos"
         contours = Table.from_results(
             "contours", [x.to_data() for x in self.contours], TABLE if count > 1 else FILE
@@ -278,9 +280,13 @@ class Certificate(Result):
         """Rows of the guaranteed deviation from the drawing, the cost, and the remaining budget."""
         worst = max(self.contours, key=lambda x: x.budget.total)
         rounding = None if worst.shape is None else worst.budget.rounding
-        budget, tolerance, accuracy, allowed = worst.budget, None, None, None
+        budget = worst.budget
+        tolerance = None
+        accuracy = None
+        allowed = None
         if budget.allowed is None:
-            tolerance, accuracy = self.result.tolerance, self.result.run.accuracy
+            tolerance = self.result.tolerance
+            accuracy = self.result.run.accuracy
             allowed = budget.servo_allowed
         row = off_drawing(rounding, tolerance, {SERVO: budget.executed}, allowed, GUARANTEED)
         sums = {"certified within": budget.allowed, "the job allows": accuracy}
@@ -353,7 +359,8 @@ class Certificate(Result):
         """
         within = (x.budget.left >= -ROUNDING * x.budget.servo_allowed for x in self.contours)
         bodies = (self.experiment_error or 0.0) <= self.budget.servo_allowed
-        completed, valid = self.result.failure is None, self.check.verdict != "violated"
+        completed = self.result.failure is None
+        valid = self.check.verdict != "violated"
         return all(within) and bodies and completed and valid
 
     @property

@@ -52,7 +52,8 @@ SHORTEST = 1e-4
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
 # After that, the servo budget becomes this multiple of the servo error of the found plan, while the
 # plans become faster, and while the budget changes by this fraction of the tolerance.
-SERVO_MARGIN, LEAST_GAIN = 1.5, 1e-3
+SERVO_MARGIN = 1.5
+LEAST_GAIN = 1e-3
 
 
 @checked
@@ -132,7 +133,8 @@ def certify(
     free = chosen.rounding is not None and chosen.rounding.free
     intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None
     chosen = replace(chosen, timing=Optimal(intervals=intervals))
-    report, shapes = subprogress(progress), [chosen]
+    report = subprogress(progress)
+    shapes = [chosen]
     if free and chosen.rounding is not None:
         shapes.append(replace(chosen, rounding=chosen.rounding.with_arcs))
     best: tuple[Verdict, Uncertified] | None = None
@@ -196,7 +198,8 @@ def _find_fastest(
     budgets = [x * tolerance for x in SERVO_SHARES]
     if goal.servo_error is not None:
         budgets = [goal.servo_error]
-    largest, found = budgets[-1], None
+    largest = budgets[-1]
+    found = None
     while budgets:
         budget = budgets.pop(0)
         try:
@@ -208,7 +211,8 @@ def _find_fastest(
         if found is not None and verdict.duration >= found.duration:
             break
         # The servo gets more than its error, because another budget changes the plan.
-        found, needed = verdict, SERVO_MARGIN * verdict.largest_error + verdict.case.model_error
+        found = verdict
+        needed = SERVO_MARGIN * verdict.largest_error + verdict.case.model_error
         needed = min(needed, largest)
         budgets = [needed] if abs(needed - budget) > LEAST_GAIN * tolerance else []
     assert found is not None
@@ -246,11 +250,15 @@ def _make_certificate(
     plant: RigidBodyPlant | None,
 ) -> Certificate:
     """Evaluate a certified attempt, run the experiment, and make the certificate."""
-    case, job, chosen = verdict.case, verdict.case.job, verdict.case.run
-    set_points, objective = verdict.attempt.set_points, case.planned.objective
+    case = verdict.case
+    job = verdict.case.job
+    chosen = verdict.case.run
+    set_points = verdict.attempt.set_points
+    objective = case.planned.objective
     case.progress(Step(("evaluation",)))
     judged = replace(chosen, limits=case.limits)
-    experiment, failure = None, None
+    experiment = None
+    failure = None
     if plant is not None:
         case.progress(Step(("experiment",)))
         try:
@@ -259,7 +267,8 @@ def _make_certificate(
             )
         except ExecutionError as error:
             failure = error
-    trajectory, contours = verdict.attempt.trajectory, tuple(_make_contours(verdict, uncertified))
+    trajectory = verdict.attempt.trajectory
+    contours = tuple(_make_contours(verdict, uncertified))
     derated = DeratedLimits([(x.joint_path, x.derating) for x in contours], chosen.limits)
     return Certificate(
         job=job,
@@ -286,7 +295,8 @@ def _make_certificate(
 
 def _make_contours(verdict: Verdict, uncertified: Uncertified) -> Iterator[ContourCertificate]:
     """Make the certificates of all contours."""
-    case, attempt = verdict.case, verdict.attempt
+    case = verdict.case
+    attempt = verdict.attempt
     # An execution of nearly continuous set-points has the error of the servo without the error that
     # the cycle adds.
     cycle = max(case.run.cycle / CONTINUOUS, min(SHORTEST, case.run.cycle))
@@ -306,7 +316,8 @@ def _make_contours(verdict: Verdict, uncertified: Uncertified) -> Iterator[Conto
         )
         robots = verdict.robots[k] if verdict.robots else None
         worst = 0.0 if robots is None else float(robots.max.max())
-        derating, names = move.derating, case.arm.joint_names
+        derating = move.derating
+        names = case.arm.joint_names
         yield ContourCertificate(
             name=contour_called(case.program.contours[k], k),
             t=span.t,

@@ -27,7 +27,8 @@ CAUSES = ("acceleration", "speed", "tool", "error", "box")
 # LEAST_REDUCTION: a cell with a smaller reduction counts as not derated, because searches aim
 # slightly below limits. REPORTED_SHARE: a limit is reported if its largest reduction exceeds this
 # share.
-LEAST_REDUCTION, REPORTED_SHARE = 1e-5, 1e-3
+LEAST_REDUCTION = 1e-5
+REPORTED_SHARE = 1e-3
 # Derating along more than this fraction of a contour is described as along the whole contour.
 WHOLE_SHARE = 0.995
 # Reasons of derating by cause, as phrases after "because of".
@@ -136,11 +137,14 @@ class DeratedLimits(Constraint):
         """Used fraction of the derated speed and acceleration on each interval, (n, causes)."""
         derating = next(y for x, y in self.deratings if x is ends.law.joint_path)
         bounded = DeratedAcceleration(*self.limits.acceleration_bounds(ends.arm.dof), derating)
-        acceleration, cell = bounded.usage(ends).max(axis=1), derating.cell_of(ends.grid)
-        speed, cap = np.sqrt(ends.x.max(axis=1) / derating.cap[cell]), derating.cap[cell]
+        acceleration = bounded.usage(ends).max(axis=1)
+        cell = derating.cell_of(ends.grid)
+        speed = np.sqrt(ends.x.max(axis=1) / derating.cap[cell])
+        cap = derating.cap[cell]
         used = [np.where(derating.cap_by[x][cell] == cap, speed, 0.0) for x in CAUSES]
         for cause, share in derating.share_by.items():
-            derated, k = share[cell].min(axis=1) < 1 - LEAST_REDUCTION, CAUSES.index(cause)
+            derated = share[cell].min(axis=1) < 1 - LEAST_REDUCTION
+            k = CAUSES.index(cause)
             used[k] = np.maximum(used[k], acceleration * derated)
         return np.stack(used, axis=1)
 
@@ -192,7 +196,8 @@ def derated_intervals(
     `fastest`: the plan without derating. `start`: start of the contour in the whole motion [s].
     `names`: names of the joints.
     """
-    squares, contour = largest_squares(fastest, derating.cells), float(derating.cells[-1])
+    squares = largest_squares(fastest, derating.cells)
+    contour = float(derating.cells[-1])
     with np.errstate(divide="ignore", invalid="ignore"):
         remaining = [
             ("speed", cause, np.sqrt(np.where(cap > derating.cap, np.inf, cap) / squares)[:, None])
@@ -205,7 +210,8 @@ def derated_intervals(
         k, j = (int(x) for x in np.unravel_index(np.argmax(share), share.shape))
         if share[k, j] <= REPORTED_SHARE:
             continue
-        alike, derated = (share == share[:, :1]).all(), (share > LEAST_REDUCTION).any(axis=1)
+        alike = (share == share[:, :1]).all()
+        derated = (share > LEAST_REDUCTION).any(axis=1)
         s = float(derating.cells[k : k + 2].mean())
         intervals.append(
             DeratedInterval(

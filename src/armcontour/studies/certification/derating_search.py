@@ -48,7 +48,9 @@ SPEED_SLACK = 1e-3
 PARAMETERS = ("kp", "kv", "dead time")
 # Largest number of corners that are executed, and number of robots drawn from the box with the seed
 # SEED.
-MAX_CORNERS, DRAWN, SEED = 256, 100, 0
+MAX_CORNERS = 256
+DRAWN = 100
+SEED = 0
 # Time between two results of an execution [s]; peaks between them are evaluated.
 RESULT_STEP = 2e-3
 # Largest number of parameters of the worst robot in a summary.
@@ -71,7 +73,9 @@ LEAST_STEP = 0.49
 POWER_TRIALS = 5
 # MAX_TRIALS: largest number of attempts for a move between two verdicts. MAX_VERDICTS: largest
 # number of verdicts. CORRECTION: factor of a goal after a verdict against an attempt.
-MAX_TRIALS, MAX_VERDICTS, CORRECTION = 25, 30, 0.998
+MAX_TRIALS = 25
+MAX_VERDICTS = 30
+CORRECTION = 0.998
 # If the servo lags, the plan affects the tool for this time [time constants].
 TOOL_MEMORY = 8.0
 # Ratio of ds² that is assigned to a command outside the joint range. A lower speed cannot correct
@@ -194,7 +198,8 @@ def _contour_ratios(
     """Ratios of tool speed and contour error in the execution of a contour, by cause."""
     tool = float(piece.speed_ratios(case.limits.speed, between=True).max())
     if case.limits.speed is not None:
-        executed, during = piece.executed, slice(None)
+        executed = piece.executed
+        during = slice(None)
         if case.program.single_path is None:
             during = slice(*np.searchsorted(executed.t, attempt.trajectory.contour_spans[number].t))
         moved = case.arm.tool_velocity(executed.q[during], executed.dq[during])
@@ -217,7 +222,8 @@ def execute_box(case: Case, set_points: SetPoints) -> list[BoxErrors]:
         return []
     case.progress(Step(("robots of the box",)))
     half_widths = case.goal.box.half_widths(case.servo, case.arm.dof)
-    varies, shared = half_widths > 0, case.goal.box.dead_time_shared
+    varies = half_widths > 0
+    shared = case.goal.box.dead_time_shared
     if shared:
         varies[2, 1:] = False
 
@@ -246,7 +252,8 @@ def execute_box(case: Case, set_points: SetPoints) -> list[BoxErrors]:
         names[2] = "dead time"
     robots = deviations(np.concatenate([corners, drawn]))
     *contours, demand = np.concatenate([found, errors(drawn)]).T
-    kept, named = robots[:, varies.ravel()], tuple(names[varies].tolist())
+    kept = robots[:, varies.ravel()]
+    named = tuple(names[varies].tolist())
     return [
         BoxErrors(max=x, names=named, deviations=kept, robots=robots, demand=demand)
         for x in contours
@@ -303,12 +310,14 @@ def _search_corners(
     while len(corners) + k <= MAX_CORNERS:
         neighbours = np.where(np.eye(k, dtype=np.bool_), -best, best)
         tried = errors(neighbours)
-        corners, found = np.concatenate([corners, neighbours]), np.concatenate([found, tried])
+        corners = np.concatenate([corners, neighbours])
+        found = np.concatenate([found, tried])
         largest = tried[:, :-1].max(axis=1)
         i = int(np.argmax(largest))
         if largest[i] <= worst:
             break
-        best, worst = neighbours[i], largest[i]
+        best = neighbours[i]
+        worst = largest[i]
     random = np.random.default_rng(SEED).choice([-1.0, 1.0], size=(MAX_CORNERS - len(corners), k))
     return np.concatenate([corners, random]), np.concatenate([found, errors(random)])
 
@@ -336,7 +345,8 @@ def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
 
     The second column is infinite for segments with varying curvature, which the check samples.
     """
-    breaks, path = joint_path.breaks, joint_path.tool_path
+    breaks = joint_path.breaks
+    path = joint_path.tool_path
     bounds = np.full((len(breaks) - 1, 2), np.inf)
     if path is None:
         return bounds
@@ -402,7 +412,9 @@ def execute(case: Case, set_points: SetPoints, robots: Sequence[FloatArray]) -> 
 def _fastest_moves(case: Case, robots: Sequence[FloatArray]) -> list[Move]:
     """Moves without derating, and pauses in which the tool settles before contours."""
     moves: list[Move] = []
-    count, stood, since = 0, 0.0, 0
+    count = 0
+    stood = 0.0
+    since = 0
     for step in case.traced.steps:
         if step.joint_path is None:
             dwell = None if step.move is None else case.program.moves[step.move]
@@ -415,7 +427,8 @@ def _fastest_moves(case: Case, robots: Sequence[FloatArray]) -> list[Move]:
             if number is not None:
                 settling = _settling_time(case, moves[since:], robots) if moves else 0.0
                 move = replace(move, pause=max(settling - stood, 0.0))
-                count, since = count + 1, len(moves)
+                count = count + 1
+                since = len(moves)
             moves.append(move)
             stood = 0.0
     return moves
@@ -448,11 +461,13 @@ def _estimate_uses(
     case: Case, attempt: Attempt, runs: Sequence[Execution], pieces: Pieces, index: int
 ) -> Uses:
     """Estimate the ratios to limits and budget in the cells of a move."""
-    move, set_points = attempt.moves[index], attempt.set_points
+    move = attempt.moves[index]
+    set_points = attempt.set_points
     spans = [x for x in attempt.trajectory.spans if x.kind != "dwell"]
     start, end = spans[index].t
     # The move affects the cycle in which it ends, and the standstill after it.
-    cycle, first = set_points.cycle, set_points.start_time
+    cycle = set_points.cycle
+    first = set_points.start_time
     end = first + float(np.ceil((end - first) / cycle - PHASE_TOLERANCE)) * cycle
     end = max(end, spans[index + 1].t[0]) if index + 1 < len(spans) else np.inf
     window = (start if index else -np.inf), end
@@ -512,7 +527,8 @@ def _largest_in_cells(
 
     low, high = np.searchsorted(t, window)
     low = min(int(low), len(t) - 1)
-    t, values = t[low : max(high, low + 1)], values[low : max(high, low + 1)]
+    t = t[low : max(high, low + 1)]
+    values = values[low : max(high, low + 1)]
     step = float(edges[-1] - edges[0]) if len(t) < 2 else float(t[1] - t[0])
     count = max(1, int(np.ceil(around / step)))
     ahead = max(count, int(np.ceil(before / step)))
@@ -554,7 +570,8 @@ def _derate(case: Case, move: Move, uses: Uses, goals: Goals, tries: int) -> Mov
             derating = derating.with_share(np.sqrt(slow)[:, None], cause)
     if tries < MAX_TRIALS:
         with suppress(NotRealizable):
-            slower, slowest = move.derated(case.arm, derating), case.goal.slowest
+            slower = move.derated(case.arm, derating)
+            slowest = case.goal.slowest
             if move.number is None or slower.plan.duration < slowest * move.fastest.duration:
                 return slower
     _refuse(case, move, {cause: float(use.max()) for cause, use in uses.items()})
@@ -591,7 +608,9 @@ def worst_robots(robots: Sequence[BoxErrors], budget: float) -> list[FloatArray]
 def _refuse(case: Case, move: Move, ratios: Mapping[str, float]) -> NoReturn:
     """Raise NotRealizable with the limiting constraint of the last attempt, and remedies."""
     cause = max(ratios, key=lambda x: ratios[x])
-    ratio, compensation, cycle = ratios[cause], case.run.compensation, case.run.cycle
+    ratio = ratios[cause]
+    compensation = case.run.compensation
+    cycle = case.run.cycle
     held = case.servo.interpolation == "step"
     finer = "linear interpolation" if held else "a shorter cycle"
     advice = f"Use {finer}"
@@ -602,7 +621,8 @@ def _refuse(case: Case, move: Move, ratios: Mapping[str, float]) -> NoReturn:
     elif isinstance(compensation, InverseDynamics) and cause == "acceleration":
         finer = "compensation inverse (inverse_dynamics is for rigid bodies)"
     # Ratios of "tool" are those of squared speeds.
-    tool, error = (1 + SPEED_SLACK) * ratio**0.5, ratio * case.budget
+    tool = (1 + SPEED_SLACK) * ratio**0.5
+    error = ratio * case.budget
     over = " of the worst robot of the box" * (cause == "box")
     contour_error = (
         f"the largest contour error{over} must be at most {case.budget * 1e3:.3g} mm, but is at "

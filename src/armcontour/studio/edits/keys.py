@@ -31,11 +31,13 @@ REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs"
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that set a key: with `run`, for the shown run only; with `insert`, as a list item."""
-    keys, value = _keys_of_edit(edit, state), edit["value"]
+    keys = _keys_of_edit(edit, state)
+    value = edit["value"]
     if edit.get("run") is True and keys[0] in IN_RUN:
         return _set_in_run(keys, value, state)
     *outer, last = keys
-    values, now = value_at(state.data, tuple(outer)), value_at(state.data, keys)
+    values = value_at(state.data, tuple(outer))
+    now = value_at(state.data, keys)
     if edit.get("insert") is True:
         return [Change(keys, value, insert=True)]
     if isinstance(value, dict) and isinstance(now, dict):
@@ -50,9 +52,11 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         # For sharp corners, the file has `corners: sharp` instead of a shape and a tolerance.
         if value == SHARP or not isinstance(values, Mapping):
             arcs = {"shape": value, "tolerance": FIRST_TOLERANCE}
-            keys, value = tuple(outer), SHARP if value == SHARP else arcs
+            keys = tuple(outer)
+            value = SHARP if value == SHARP else arcs
     elif isinstance(last, int) and not isinstance(values, list | dict):
-        keys, value = tuple(outer), _list_joint_values(keys, value, values, state)
+        value = _list_joint_values(keys, value, values, state)
+        keys = tuple(outer)
     else:
         if now is None and keys[:2] == ("path", "contours"):
             # A number without a unit has that of the value which applies to all contours.
@@ -82,7 +86,8 @@ def _keys_of_edit(edit: Mapping[str, Any], state: EditState) -> Keys:
 
 def _set_in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
     """Changes that set a key of the job for the shown run only."""
-    changes, run_keys = list[Change](), ("runs", state.run, str(keys[0]))
+    changes = list[Change]()
+    run_keys = ("runs", state.run, str(keys[0]))
     shared = value_at(state.data, keys[:1])
     if len(keys) > 1 and keys[0] not in MERGED and isinstance(shared, Mapping):
         # The mapping of the run replaces the mapping of the job, so all its keys are copied first.
@@ -157,7 +162,8 @@ def _format_typed(number: str, old: Any, kind: Quantity) -> Any:
 
 def add_run(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that add a copy of the shown run."""
-    name, runs = edit["name"], state.data["runs"]
+    name = edit["name"]
+    runs = state.data["runs"]
     if name in runs:
         raise InvalidInput(f"The job already has a run {name}. Choose another name.")
     return [Change(("runs", name), deepcopy(runs[state.run]))]

@@ -32,7 +32,8 @@ DECIMALS = 9
 
 def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that move the part by `by` and rotate it about `about`, by default its centre."""
-    plane, frame = state.handles.plane, state.handles.frame
+    plane = state.handles.plane
+    frame = state.handles.frame
     by = uv_of("by", edit.get("by", [0, 0]))
     about = uv_of("about", edit.get("about", state.handles.centre))
     turn = checks.check_number("turn", edit.get("turn", 0.0), "rad")
@@ -84,7 +85,8 @@ def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | Non
     if tool_orientation is None:
         return None
     x, y, z = tool_orientation[2]
-    angle, towards = math.atan2(math.hypot(x, y), -z), math.atan2(y, x)
+    angle = math.atan2(math.hypot(x, y), -z)
+    towards = math.atan2(y, x)
     return {
         "angle": round(math.degrees(angle), DECIMALS),
         "towards": round(math.degrees(towards), DECIMALS) if math.hypot(x, y) > 1e-9 else 0.0,
@@ -93,7 +95,8 @@ def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | Non
 
 def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that tilt the tool axis to the angles of `tilt_of`, in degrees or with a unit."""
-    now, tool_orientation = tilt_of(state.handles, state.data), _find_orientation(state.data)
+    now = tilt_of(state.handles, state.data)
+    tool_orientation = _find_orientation(state.data)
     if now is None or tool_orientation is None:
         raise InvalidInput(
             "The tilt of the tool cannot be set here, because path.orientation is a list or the "
@@ -152,7 +155,8 @@ def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     bodies = value_at(state.data, keys) or []
     if action == "add":
         name = _free_name(edit.get("name") or edit["type"], bodies)
-        new, index = {"type": edit["type"], "name": name, **_body(edit)}, len(bodies)
+        new = {"type": edit["type"], "name": name, **_body(edit)}
+        index = len(bodies)
         values = {key: format_value(x, None, (*keys, index, key)) for key, x in new.items()}
         return [Change((*keys, index), values, insert=True)]
     index = checks.check_int("number of the obstacle", edit["index"], 0, len(bodies) - 1)

@@ -59,7 +59,8 @@ def set_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that insert a waypoint before the waypoint `index` of the edit, or at the end."""
-    handles, index = require_editable(state), edit["index"]
+    handles = require_editable(state)
+    index = edit["index"]
     ends = handles.ends
     checks.check_int("number of the waypoint", index, 0, len(ends))
     neighbour = ends[min(index, len(ends) - 1)]
@@ -97,13 +98,15 @@ def _insert_segment(index: int, coordinates: list[Any], state: EditState) -> lis
 
 def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that remove a waypoint at an end of a segment."""
-    handles, point = require_editable(state), _waypoint(edit, state, computed=True)
+    handles = require_editable(state)
+    point = _waypoint(edit, state, computed=True)
     if point.role not in (POINT, END):
         raise InvalidInput(
             f"Waypoint {point.index + 1} cannot be removed, because it is the {point.role} point "
             "of an arc. Remove the end of the arc instead."
         )
-    index, ends = point.index, handles.ends
+    index = point.index
+    ends = handles.ends
     if len(ends) <= 2:
         raise InvalidInput("The waypoint cannot be removed, because a path needs two points.")
     if handles.kind != SEGMENTS:
@@ -150,11 +153,13 @@ def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = Fal
 
 def draw(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Changes that append drawn segments: lines to points, arcs via points, circles by centre."""
-    handles, path = require_editable(state), state.data["path"]
+    handles = require_editable(state)
+    path = state.data["path"]
     drawn = edit["segments"]
     if not isinstance(drawn, list) or not all(isinstance(x, Mapping) for x in drawn):
         raise InvalidInput("`segments` of the edit draw must be a list of mappings.")
-    ends, start = handles.ends, uv_of("start", edit["start"])
+    ends = handles.ends
+    start = uv_of("start", edit["start"])
     like = next((x for x in reversed(ends) if x.role == POINT), handles.origin)
     normal = handles.frame.rotation.T @ handles.plane.normal
     segments: list[dict[str, Any]] = []

@@ -84,7 +84,8 @@ def _progress_frames(id: str, task: str, listener: Listener) -> Progress:
 
     def report(step: Step) -> None:
         nonlocal last
-        now, share = time.monotonic(), step.done
+        now = time.monotonic()
+        share = step.done
         if now < last + PROGRESS_INTERVAL:
             return
         last = now

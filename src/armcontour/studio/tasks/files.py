@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from armcontour.jobs.run_learning import LearningStudy
 
 # Format whose file names must be KRL identifiers, and the maximum length of these names.
-KUKA, MAX_LETTERS = "kuka", 24
+KUKA = "kuka"
+MAX_LETTERS = 24
 
 
 def report(request: Request) -> MessageFrame:
@@ -55,7 +56,8 @@ def certify(request: Request) -> MessageFrame:
     from armcontour.studies.certification import certify
     from armcontour.studies.certification.certification import goal_of
 
-    job, chosen = request.whole_job, request.job.runs[0]
+    job = request.whole_job
+    chosen = request.job.runs[0]
     if job.certificate is None and request.options.get("tolerance", chosen.accuracy) is None:
         raise InvalidInput(
             "Certify requires a tolerance, because the job does not specify one. Enter it next to "
@@ -100,7 +102,8 @@ def export(request: Request) -> MessageFrame:
         plan = replace(study.plan, set_points=study.lesson)
     else:
         plan = request.set_points
-    job, set_points = request.job, source != "planned"
+    job = request.job
+    set_points = source != "planned"
     format = format_named(kind, job.export)
     request.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
@@ -147,7 +150,8 @@ def identify(request: Request) -> MessageFrame:
 
     logs = read_logs(request, commanded=True)
     identification = identify(logs, ServoFit(kinematics=request.job.arm), progress=request.progress)
-    data, changes = identification.to_data(), []
+    data = identification.to_data()
+    changes = []
     if any(y.written for y in identification.joints):
         servo = servo_values(identification)
         edit = {"do": "set", "key": "servo", "value": servo}
@@ -210,7 +214,8 @@ def learn_from_logs(request: Request) -> LearningStudy:
     """Learn from the logs of successive runs; returns the learning study."""
     from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
 
-    job, progress = request.whole_job, request.progress
+    job = request.whole_job
+    progress = request.progress
     plan = plan_run(job, request.run, progress)
     lesson = learn_logs(job, plan, read_logs(request), progress=progress)
     return LearningStudy(job=job, plan=plan, lesson=lesson)
@@ -228,7 +233,8 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
             "This task requires a log of the robot. Drop a log on the page and select it."
         )
     request.progress(Step(("reading the log",)))
-    columns, names = str(request.option("columns", "")) or None, request.job.arm.joint_names
+    columns = str(request.option("columns", "")) or None
+    names = request.job.arm.joint_names
     try:
         return [read_run_log(y, names, columns=columns, commanded=commanded) for y in request.logs]
     except InvalidInput as error:

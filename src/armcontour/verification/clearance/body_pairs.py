@@ -34,12 +34,14 @@ from armcontour.robot.scene import (
     Sphere,
 )
 
-ENVIRONMENT, OWN = "environment", "own"
+ENVIRONMENT = "environment"
+OWN = "own"
 # Kind of the pairs of links with the mounting plane of the base.
 MOUNTING = "mounting"
 # Index of the first link whose height can change, and depth [m] from which a link counts as below
 # the mounting plane.
-FIRST_RAISED, BELOW = 2, 1e-3
+FIRST_RAISED = 2
+BELOW = 1e-3
 # Uncertainty of distances, due to the tolerance of the library's iteration [m].
 UNCERTAINTY = 2e-6
 REASON = "touching with all joints at 0, and in every other posture that was tried"
@@ -142,7 +144,8 @@ def _links_without_shape(chain: Chain, bodies: Sequence[LinkShape]) -> list[Left
 
 def _check_obstacles(bodies: Sequence[LinkShape], scene: Scene) -> None:
     """Check that obstacles are no moving links, and that `allow` names known bodies only."""
-    names, moving = {x.name for x in bodies} | {TOOL}, {x.name for x in bodies if x.link}
+    names = {x.name for x in bodies} | {TOOL}
+    moving = {x.name for x in bodies if x.link}
     if any(x.fixed_to == PART for x in scene.obstacles):
         names |= {x.name for x in scene.obstacles}
     end = max((x for x in bodies if not x.tool), key=lambda x: x.link, default=None)
@@ -167,7 +170,8 @@ def _obstacle_pairs(
 ) -> Iterable[tuple[LinkShape, LinkShape, str, float, bool]]:
     """Yield all pairs with an obstacle, with kind and margin, and True if they may touch."""
     # `chain.base` is the frame of the base or table (link 0) in the work frame.
-    floor, part = (chain.floor_link, chain.floor), (0, chain.base.inverse)
+    floor = (chain.floor_link, chain.floor)
+    part = (0, chain.base.inverse)
     placed = []
     for x in scene.obstacles:
         on_floor = x.fixed_to == BASE
@@ -221,7 +225,8 @@ def _make_pair(
 
 def _radii(chain: Chain, body: LinkShape) -> FloatArray:
     """`Pair.radii` of a body: largest distances of its points from the joint axes [m], (dof,)."""
-    radii, slides = np.zeros(len(chain)), chain.slides
+    radii = np.zeros(len(chain))
+    slides = chain.slides
     middle, size = body.shape.ball
     start = middle = body.place.position + body.place.rotation @ middle
     radius = size
@@ -234,7 +239,8 @@ def _radii(chain: Chain, body: LinkShape) -> FloatArray:
         along = chain.axes[k] * float(chain.axes[k] @ middle)
         radii[k] = radius = radius + float(np.linalg.norm(middle - along))
         middle = chain.positions[k] + chain.rotations[k] @ along
-    middle, radius = start, size
+    middle = start
+    radius = size
     for k in range(body.link, chain.floor_link):
         middle = chain.rotations[k].T @ (middle - chain.positions[k])
         along = chain.axes[k] * float(chain.axes[k] @ middle)
@@ -253,7 +259,8 @@ class Distances:
         # Bodies are compared by identity.
         bodies = {id(x): x for pair in pairs for x in (pair.first, pair.second)}
         places = {key: k for k, key in enumerate(bodies)}
-        self._links, self._base = link_table(chain), chain.base.matrix
+        self._links = link_table(chain)
+        self._base = chain.base.matrix
         self.slides = chain.slides
         # Frames of the bodies in the frames of joints, which have z along the joint axis.
         turns = [np.eye(3), *np.swapaxes(joint_frames(chain), 1, 2)]
@@ -282,7 +289,9 @@ class Distances:
         - `pair`: index of its pair, (m,).
         """
         turned, moved = self._relative(q, state, pair)
-        distances, placement, result = [], self._coal.Transform3s(), self._coal.DistanceResult()
+        distances = []
+        placement = self._coal.Transform3s()
+        result = self._coal.DistanceResult()
         for p, turn, move in zip(pair.tolist(), turned, moved, strict=True):
             placement.setTransform(turn, move)
             distances.append(self._distance(p, placement, result))
@@ -296,7 +305,8 @@ class Distances:
         every = np.arange(len(self._pairs))
         turned, moved = self._relative(q, every, every)
         # Each call has its own result object, because several threads may call.
-        points, result = np.empty((len(every), 2, 3)), self._coal.DistanceResult()
+        points = np.empty((len(every), 2, 3))
+        result = self._coal.DistanceResult()
         for k in range(len(every)):
             self._distance(k, self._coal.Transform3s(turned[k], moved[k]), result)
             points[k, 0] = result.getNearestPoint1()
@@ -335,7 +345,8 @@ class Distances:
         """Rotations (m, 3, 3) and positions (m, 3) of second bodies in the frames of first ones."""
         # The library reads contiguous arrays in half of the time.
         placed = self._placements(q)
-        first, second = placed[state, self._ends[pair, 0]], placed[state, self._ends[pair, 1]]
+        first = placed[state, self._ends[pair, 0]]
+        second = placed[state, self._ends[pair, 1]]
         back = np.swapaxes(first[:, :, :3], 1, 2)
         second[:, :, 3] -= first[:, :, 3]
         relative = back @ second
@@ -392,7 +403,8 @@ def _geometry(coal: Any, shape: Shape) -> Any:
 
 def _mesh(coal: Any, shape: Mesh) -> Any:
     """Make the library object of the triangles of a mesh, or of its convex hull without them."""
-    triangles, model = shape.triangles, coal.BVHModelOBBRSS()
+    triangles = shape.triangles
+    model = coal.BVHModelOBBRSS()
     model.beginModel(0 if triangles is None else len(triangles), len(shape.points))
     model.addVertices(np.ascontiguousarray(shape.points))
     if triangles is not None:

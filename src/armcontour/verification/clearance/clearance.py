@@ -34,7 +34,8 @@ from armcontour.verification.clearance.body_pairs import (
 FINEST = 1e-6
 # Search for the first time at which a margin is violated: accuracy of this time, as a travel [m];
 # number of pieces per window.
-STEP, PIECES = 1e-5, 16
+STEP = 1e-5
+PIECES = 16
 # Numbers of pieces per window, each with the largest number of windows for which it is used. If
 # there are more windows, each is divided into two pieces.
 FEW = {8: 25, 4: 100}
@@ -399,8 +400,10 @@ class _ClearanceSearch:
         self.evaluations = 0
         # If the resolution is infinite, only the first violation is determined [s]. A violation
         # until the time `enough` ends the search.
-        self.first_violation, self._enough = np.inf, enough
-        self._distances, self._resolution = distances, resolution
+        self.first_violation = np.inf
+        self._enough = enough
+        self._distances = distances
+        self._resolution = resolution
         self._motion = motion
         self._t, self._travel = joint_travel(motion)
         self._radii = np.array([x.radii for x in pairs])
@@ -418,7 +421,8 @@ class _ClearanceSearch:
             self._blur = self._radii @ (largest_accelerations(motion) * steps**2 / 8)
         n = len(pairs)
         # Per pair: lower bound of the distance, and smallest computed distance.
-        self._low, self._high = np.full(n, np.inf), np.full(n, np.inf)
+        self._low = np.full(n, np.inf)
+        self._high = np.full(n, np.inf)
         self._at = np.zeros(n)
 
     def run(self) -> bool:
@@ -467,7 +471,8 @@ class _ClearanceSearch:
         since the start of the part [rad], (n, dof).
         """
         pair = np.arange(len(self.pairs))
-        begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
+        begin = np.full(len(pair), t[0])
+        end = np.full(len(pair), t[-1])
         travelled = np.zeros(len(pair)), self._radii @ travel[-1]
         first = self._measure(pair, begin)
         distance = first, self._measure(pair, end) if travel[-1].any() else first
@@ -479,11 +484,11 @@ class _ClearanceSearch:
             goes_on = self._undecided(pair, begin, low, width)
             np.minimum.at(self._low, pair[~goes_on], low[~goes_on])
             self._record_violation(end, ~goes_on & (low < self._margins[pair]))
-            pair, begin, end = pair[goes_on], begin[goes_on], end[goes_on]
-            travelled, distance = (
-                (travelled[0][goes_on], travelled[1][goes_on]),
-                (distance[0][goes_on], distance[1][goes_on]),
-            )
+            pair = pair[goes_on]
+            begin = begin[goes_on]
+            end = end[goes_on]
+            travelled = (travelled[0][goes_on], travelled[1][goes_on])
+            distance = (distance[0][goes_on], distance[1][goes_on])
             # The time of an iteration with few windows is constant, so each window is divided into
             # more pieces.
             count = next((n for n, windows in FEW.items() if len(pair) <= windows), 2)
@@ -491,7 +496,8 @@ class _ClearanceSearch:
             shares = np.arange(count + 1) / count
             edges = begin[:, None] + (end - begin)[:, None] * shares
             edges[:, -1] = end
-            inner, inner_pair = edges[:, 1:-1].ravel(), np.repeat(pair, count - 1)
+            inner = edges[:, 1:-1].ravel()
+            inner_pair = np.repeat(pair, count - 1)
             middle = (
                 x.reshape(-1, count - 1)
                 for x in (
@@ -507,7 +513,8 @@ class _ClearanceSearch:
                 )
             )
             pair = np.repeat(pair, count)
-            begin, end = edges[:, :-1].ravel(), edges[:, 1:].ravel()
+            begin = edges[:, :-1].ravel()
+            end = edges[:, 1:].ravel()
 
     def _bound_approach(
         self, t: FloatArray, travel: FloatArray, times: FloatArray, pair: IntArray
@@ -531,7 +538,8 @@ class _ClearanceSearch:
             return np.asarray(unproven & (width > FINEST))
         smallest = np.full(self._kinds.max() + 1, np.inf)
         np.minimum.at(smallest, self._kinds, self._high)
-        margin, high = self._margins[pair], self._high[pair]
+        margin = self._margins[pair]
+        high = self._high[pair]
         unproven = (low < margin) & (high >= margin)
         coarse = low < smallest[self._kinds[pair]] - self._resolution
         return np.asarray((unproven & (width > FINEST)) | (coarse & (width > self._resolution)))
@@ -544,13 +552,15 @@ class _ClearanceSearch:
         order = np.argsort(-distances, kind="stable")
         better = order[distances[order] < self._high[pair[order]]]
         # Of several values for a pair, the last one is stored, which is the smallest.
-        self._high[pair[better]], self._at[pair[better]] = distances[better], t[better]
+        self._high[pair[better]] = distances[better]
+        self._at[pair[better]] = t[better]
         self._record_violation(t, distances < self._margins[pair])
         return np.asarray(distances - UNCERTAINTY - self._blur[pair])
 
     def _first_time(self, k: int, latest: float) -> float:
         """First time at which a pair may violate its margin [s], with an accuracy of STEP."""
-        travelled, margin = self._travel @ self._radii[k], self.pairs[k].margin
+        travelled = self._travel @ self._radii[k]
+        margin = self.pairs[k].margin
         windows = [(0.0, float(np.interp(latest, self._t, travelled)))]
         while windows:
             begin, end = windows.pop()

@@ -71,7 +71,8 @@ def arc_around(
 
     `dialect` is the unit of the program, "mm" or "inch", which selects the tolerances.
     """
-    radius, end_radius = abs(start - center), abs(end - center)
+    radius = abs(start - center)
+    end_radius = abs(end - center)
     if min(radius, end_radius) < RADIUS_TOLERANCE:
         raise Fault("an arc has no radius, because its centre is its start or end point")
     difference = abs(radius - end_radius)
@@ -193,7 +194,8 @@ def helix_points(
     step = min(step, math.pi / 2)
     n = max(1, math.ceil(arc.sweep / step))
     count_segments(n)
-    out, points = (arc.start - arc.center) / arc.radius, []
+    out = (arc.start - arc.center) / arc.radius
+    points = []
     for i in range(1, n):
         radius = arc.radius + i / n * (arc.end_radius - arc.radius)
         turned = out * cmath.rect(1.0, arc.turn * i / n * arc.sweep)

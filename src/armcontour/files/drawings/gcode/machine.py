@@ -27,7 +27,9 @@ from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.program.moves import SPINDLE_SPEED, Value
 
 # Letters of coordinates, of the offsets from the start of an arc to its centre, and of other axes.
-AXES, OFFSETS, OTHER_AXES = "XYZ", "IJK", "ABCUVW"
+AXES = "XYZ"
+OFFSETS = "IJK"
+OTHER_AXES = "ABCUVW"
 ARCS = (codes.CLOCKWISE, codes.COUNTER_CLOCKWISE)
 # Indices of the first and second axis of each plane, and of the axis normal to the plane. Seen from
 # the positive end of the normal, the second axis is 90° counter-clockwise from the first.
@@ -61,16 +63,19 @@ class Machine:
     """Executes lines: changes the modal state, and drafts the moves and events."""
 
     def __init__(self, options: ReadOptions, *, changes_tools: bool) -> None:
-        self.draft, self.notes = ProgramDraft(), Notes()
+        self.draft = ProgramDraft()
+        self.notes = Notes()
         self.outputs = Outputs(self.draft, t_changes_tool=not changes_tools)
         self.chord_tolerance = options.chord_tolerance
         self.unit = options.unit or MILLIMETRE  # Length of the program's unit [m]
         self.unit_specified = options.unit is not None
         self.plane = codes.XY
         self.motion: int | None = None  # Code of the active motion, None after G80
-        self.absolute, self.arc_absolute = True, False
+        self.absolute = True
+        self.arc_absolute = False
         # Maximum permitted corner error [m] and F [m/s]; NaN if not specified.
-        self.tolerance, self.feed = math.nan, math.nan
+        self.tolerance = math.nan
+        self.feed = math.nan
         self.position = [0.0, 0.0, 0.0]  # Programmed point [m]
         # The active coordinate system, and the system of the first coordinates (None before).
         self.system = codes.SYSTEMS[0]
@@ -100,7 +105,8 @@ class Machine:
         self, x: str | None, y: str | None, z: str | None, f: str | None
     ) -> None:
         """Execute a line with only X, Y, Z and F, after `accepts_plain_line` returned true."""
-        position, unit = self.position, self.unit
+        position = self.position
+        unit = self.unit
         if f is not None:
             self._set_feed(float(f), unit)
         if x is None and y is None and z is None:
@@ -115,7 +121,8 @@ class Machine:
 
     def execute(self, block: Block) -> bool:
         """Execute a line; True if it ends the program."""
-        g, words = block.g, block.words
+        g = block.g
+        words = block.words
         self._drop_words_without_motion(block)
         if "P" in words and codes.DWELL in g and codes.BLEND in g:
             raise Fault("the word P can belong to several codes of the line. Write separate lines")
@@ -177,7 +184,8 @@ class Machine:
     def _set_feed(self, value: float, unit: float) -> None:
         self.feed = value * unit / 60
         if not 0 <= self.feed <= FASTEST:
-            maximum, name = FASTEST * 60 / unit, "inch" if unit == INCH else "mm"
+            maximum = FASTEST * 60 / unit
+            name = "inch" if unit == INCH else "mm"
             raise Fault(
                 f"the feed rate F must be from 0 to {maximum:.3g} {name} per minute, but is "
                 f"{value:g}"
@@ -219,7 +227,8 @@ class Machine:
         """Set units, plane, distance modes, path control and offsets that a line selects."""
         unit = _selected_unit(block)
         if unit is not None:
-            self.unit, self.unit_specified = unit, True
+            self.unit = unit
+            self.unit_specified = True
         for code in block.g:
             if code in PLANES:
                 self.plane = code
@@ -297,7 +306,8 @@ class Machine:
         if self.absolute and coordinates:
             self.drawing_system = self.drawing_system or self.system
             if self.drawing_system != self.system:
-                second, first = g_name(self.system), g_name(self.drawing_system)
+                second = g_name(self.system)
+                first = g_name(self.drawing_system)
                 raise Fault(
                     f"the program has a coordinate {AXES[min(coordinates)]} in {second} after "
                     f"coordinates in {first}, but must have one coordinate system only, because "
@@ -358,8 +368,10 @@ class Machine:
     def _draw_arc(self, block: Block, target: list[float], coordinates: dict[int, float]) -> None:
         """Make an arc or helix in the active plane; remove its words from the line."""
         a, b, c = axes = PLANES[self.plane]
-        last, feed = self.draft.last, self._feed()
-        start, end = complex(last[a], last[b]), complex(target[a], target[b])
+        last = self.draft.last
+        feed = self._feed()
+        start = complex(last[a], last[b])
+        end = complex(target[a], target[b])
         arc = self._read_arc(block, start, end, bool({a, b} & coordinates.keys()))
         rise = target[c] - last[c]
         if abs(rise) <= SAME_HEIGHT:
@@ -369,12 +381,15 @@ class Machine:
         points = helix_points(arc, self.chord_tolerance, self.draft.count_segments)
         point = list(last)
         for i, x in enumerate(points, 1):
-            point[a], point[b], point[c] = x.real, x.imag, last[c] + i / len(points) * rise
+            point[a] = x.real
+            point[b] = x.imag
+            point[c] = last[c] + i / len(points) * rise
             self.draft.add_line(point[0], point[1], point[2], feed)
 
     def _read_arc(self, block: Block, start: complex, end: complex, has_end: bool) -> ProgrammedArc:
         """The arc of a line; `has_end`: whether the line has a coordinate in the plane."""
-        words, turn = block.words, 1 if self.motion == codes.COUNTER_CLOCKWISE else -1
+        words = block.words
+        turn = 1 if self.motion == codes.COUNTER_CLOCKWISE else -1
         a, b, c = PLANES[self.plane]
         both = f"{OFFSETS[min(a, b)]} and {OFFSETS[max(a, b)]}"
         # Some post-processors write all three offsets; a zero offset normal to the plane is valid.
@@ -419,14 +434,16 @@ class Outputs:
     """States of spindles, coolant, tool and outputs; each change becomes an event."""
 
     def __init__(self, draft: ProgramDraft, *, t_changes_tool: bool) -> None:
-        self.draft, self.t_changes_tool = draft, t_changes_tool
+        self.draft = draft
+        self.t_changes_tool = t_changes_tool
         self.states: dict[str, Value] = {}
         self.spindles = {0: "spindle"}
         self.selected: int | None = None
 
     def apply(self, block: Block) -> None:
         """Switch outputs as a line commands, in the order of the manual; removes the words used."""
-        m, words = block.m, block.words
+        m = block.m
+        words = block.words
         spindles = self._spindles(block)
         if "S" in words:
             speed = words.pop("S")
@@ -450,7 +467,8 @@ class Outputs:
                 self.set(name, SPINDLE[code])
         for code in m:
             if code in COOLANT:
-                value, current = COOLANT[code], self.states.get("coolant")
+                value = COOLANT[code]
+                current = self.states.get("coolant")
                 self.set("coolant", BOTH if value and current and current != value else value)
 
     def _spindles(self, block: Block) -> list[str]:

@@ -68,10 +68,13 @@ class ProgramDraft:
     def add_arc(self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed) -> None:
         """Add an arc in the plane of the first two of `axes` (axis indices)."""
         a, b, _ = axes
-        end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3
+        end = list(self.last)
+        tangent = [0.0] * 3
+        normal = [0.0] * 3
         parts = (end, piece.end), (tangent, piece.tangent), (normal, piece.normal)
         for point, x in parts:
-            point[a], point[b] = x.real, x.imag
+            point[a] = x.real
+            point[b] = x.imag
         chain = self._extend(feed, _point(end))
         number = len(chain.speeds) - 1
         arc = (number, _point(tangent), _point(normal), piece.curvature, piece.length)
@@ -206,10 +209,13 @@ def _path(points: array[float], dimension: int, chain: FeedChain | None = None) 
     lengths = np.linalg.norm(steps, axis=1)
     # A full circle ends at its start, so the length of its step is 0.
     tangents = steps / np.where(lengths > 0, lengths, 1.0)[:, None]
-    normals, curvatures = np.zeros_like(steps), np.zeros(len(steps))
+    normals = np.zeros_like(steps)
+    curvatures = np.zeros(len(steps))
     for i, tangent, normal, curvature, length in chain.arcs:
-        tangents[i], normals[i] = tangent[:dimension], normal[:dimension]
-        curvatures[i], lengths[i] = curvature, length
+        tangents[i] = tangent[:dimension]
+        normals[i] = normal[:dimension]
+        curvatures[i] = curvature
+        lengths[i] = length
     return Path(
         segments=Segments(
             starts=vertices[:-1],

@@ -68,13 +68,17 @@ class _Runner:
     """Executes the lines of a program in sequence on a machine."""
 
     def __init__(self, lines: list[str], source: str, machine: Machine) -> None:
-        self.lines, self.source, self.machine = lines, source, machine
+        self.lines = lines
+        self.source = source
+        self.machine = machine
         # Whether a percent sign opened the program, a word was read, and the program has ended.
         self.framed = self.has_words = self.ended = False
 
     def run(self, report_fraction: ReportFraction) -> None:
         """Execute all lines up to the end of the program."""
-        machine, notes, lines = self.machine, self.machine.notes, self.lines
+        machine = self.machine
+        notes = self.machine.notes
+        lines = self.lines
         plain = machine.accepts_plain_line()
         try:
             for i, line in enumerate(lines):
@@ -116,7 +120,8 @@ class _Runner:
             # A percent sign starts or ends the program; a name may follow the first one.
             if text != "%" and (self.framed or self.has_words):
                 machine.notes.skip("text after % on its line")
-            self.ended, self.framed = self.framed or self.has_words, True
+            self.ended = self.framed or self.has_words
+            self.framed = True
         elif text.startswith("/"):
             machine.notes.skip("lines with a slash (block delete)", "Skipped: {}.")
         elif text:

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 
 from armcontour.core.text import list_some
 
-MILLIMETRE, INCH = 1e-3, 0.0254
+MILLIMETRE = 1e-3
+INCH = 0.0254
 LEFT_OUT_NOTE = "Ignored because it causes no motion: {}."
 # Largest number of kinds that a note lists.
 MAX_KINDS = 12
@@ -37,15 +38,28 @@ TO_COMPACT = str.maketrans(
 )
 TOOL_CHANGE = re.compile(r"M0*6(?![0-9.])")
 # G codes are integers in tenths: G61.1 is 611.
-RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, DWELL = 0, 10, 20, 30, 40
+RAPID = 0
+LINE = 10
+CLOCKWISE = 20
+COUNTER_CLOCKWISE = 30
+DWELL = 40
 CANCEL_MOTION = 800
-XY, ZX, YZ = 170, 180, 190
-INCHES, MILLIMETRES = 200, 210
-REFERENCE, MACHINE, SHIFT = 280, 530, 920
+XY = 170
+ZX = 180
+YZ = 190
+INCHES = 200
+MILLIMETRES = 210
+REFERENCE = 280
+MACHINE = 530
+SHIFT = 920
 TOOL_LENGTH = 430
 SYSTEMS = (540, 550, 560, 570, 580, 590)
-EXACT_PATH, BLEND = 610, 640
-ABSOLUTE, RELATIVE, ARC_ABSOLUTE, ARC_RELATIVE = 900, 910, 901, 911
+EXACT_PATH = 610
+BLEND = 640
+ABSOLUTE = 900
+RELATIVE = 910
+ARC_ABSOLUTE = 901
+ARC_RELATIVE = 911
 MOTION = "motion"
 # The supported G codes by modal group (LinuxCNC manual, "G-code Overview", "Modal Groups"). Codes
 # without an effect select the only supported mode: no compensation of the cutter radius (G40), feed
@@ -134,7 +148,8 @@ class Block:
 
 def parse(line: str, notes: Notes) -> Block:
     """Parse a line into its words. The block is empty for a comment or a program number."""
-    text, block = line.translate(TO_COMPACT), Block()
+    text = line.translate(TO_COMPACT)
+    block = Block()
     if "O" in text and (match := O_WORD.match(COMMENTS.sub("", text))) is not None:
         if match[2] is None:
             raise unsupported(ascii(match[1][:SHOWN_CHARACTERS]))
@@ -168,7 +183,8 @@ def _add(block: Block, letter: str, number: str, position: int, notes: Notes) ->
         if position or number[0] in "+-":
             raise Fault("a line number N must be unsigned and must be the first word of the line")
         return
-    text, value = letter + number, float(number)
+    text = letter + number
+    value = float(number)
     if abs(value) > MAX_VALUE:
         raise Fault(f"the value of {text} is beyond the largest valid value, {MAX_VALUE:g}")
     if letter == "G":
@@ -242,7 +258,8 @@ def whole_number(value: float, word: str) -> int:
 def _explain_syntax_error(text: str, position: int) -> str:
     """Explain why no word or comment can be read at a position."""
     if text[position] == "(":
-        close, inner = text.find(")", position), text.find("(", position + 1)
+        close = text.find(")", position)
+        inner = text.find("(", position + 1)
         if close < 0 or inner < 0:
             return "a comment begins with ( but does not end. Close it with )"
         return "parentheses are not allowed within a comment ( ). Remove the inner parentheses"
