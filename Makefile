@@ -46,7 +46,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow newest lowest plain constraints check types layers page package release docs site links soak bench figures kernels vendor clean
+.PHONY: help demo test slow newest lowest plain constraints check packing types layers page package release docs site links soak bench figures kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -83,12 +83,16 @@ constraints: $(VENV)/bin/python  ## Write the newest versions to constraints.txt
 	sed -i.old "s/rev: v.*/rev: v$$(sed -n 's/^ruff==//p' constraints.txt)/" .pre-commit-config.yaml
 	rm .pre-commit-config.yaml.old
 
-check: $(VENV)/dev  ## Check format, lint, types and layers
+check: $(VENV)/dev  ## Check format, lint, packed statements, types and layers
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	@$(MAKE) --no-print-directory packing
 	@$(MAKE) --no-print-directory types
 	@$(MAKE) --no-print-directory layers
 	@$(MAKE) --no-print-directory page
+
+packing: $(VENV)/dev  ## Check that no assignment packs several statements into one
+	$(BIN)/python -m tools.packing
 
 types: $(VENV)/dev  ## Check the types of the package
 	$(BIN)/mypy

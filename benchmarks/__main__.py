@@ -36,8 +36,9 @@ PACKAGES = (
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # A load of each core by others from which the machine is called busy.
 BUSY = 0.5
-# How often a line is measured that seems slower than the baseline, and one for the baseline.
+# How often a line that seems slower than the baseline is measured again, at most.
 AGAIN = 2
+# How often a line is measured for a new baseline, unless `--times` says otherwise.
 TIMES = 3
 # Measurements of lines by their names.
 Found: TypeAlias = dict[str, list[Measured]]
@@ -115,15 +116,18 @@ def all_lines() -> list[Line]:
     return [x for name in MODULES for x in import_module(f"benchmarks.{name}").lines()]
 
 
+def _is_chosen(line: Line, only: Sequence[str], full: bool) -> bool:
+    """Return whether a line has one of the names, or begins with one and is not left out."""
+    if line.name in only:
+        return True
+    return (full or not line.full) and line.name.startswith(tuple(only))
+
+
 def chosen(lines: Iterable[Line], only: Sequence[str] | None, full: bool) -> list[Line]:
     """The lines whose names begin with one of those given; the longest only if wanted by name."""
     if not only:
         return [x for x in lines if full or not x.full]
-    selection = [
-        x
-        for x in lines
-        if x.name in only or ((full or not x.full) and x.name.startswith(tuple(only)))
-    ]
+    selection = [x for x in lines if _is_chosen(x, only, full)]
     if not selection:
         raise SystemExit(f"No line begins with {' or '.join(only)}: see --list.")
     return selection

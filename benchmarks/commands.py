@@ -19,11 +19,13 @@ from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, Taken, spawned, timed
 
 GASKET = Path(__file__).parents[1] / "examples" / "drawings" / "gasket.dxf"
-# Mean length of a line of G-code [mm], and the width of the noise on it.
+# Mean length of a line of G-code [mm].
 STEP = 0.5
+# Standard deviation of the noise on each coordinate of a line's end [mm].
 NOISE = 0.01
-# Distance of circles, and their smallest and largest radius [mm].
+# Mean distance of neighbouring circles' centres in a row and between rows [mm].
 APART = 6.0
+# Smallest and largest radius of circles [mm].
 RADII = (1.2, 2.2)
 # Runs of the reference work beside a command, at least.
 REFERENCES = 20

@@ -32,10 +32,11 @@ PATHS = {"held": "one orientation", "turning": "turning"}
 GUESSES = {"quintics": "quintics", "place": "the place before"}
 TURN = 0.3  # rad, between corners of the second path
 ANGULAR_TOLERANCE = 0.02  # rad
-# What is returned is right within these.
-# m, rad, of rates in m, rad and 1/m
+# Tolerance of the tool's position [m].
 TOOL = 1e-10
+# Tolerance of the elements of the tool's rotation matrix, which for small angles are in rad.
 TURNED = 1e-10
+# Tolerance of the derivatives of the tool's pose over arc length, as a share of the largest plus 1.
 DERIVATIVES = 1e-8
 
 

@@ -22,9 +22,11 @@ from benchmarks import reference
 
 # A side of a round takes about this long [s], if it is one of many short calls.
 SLICE = 0.03
+# Maximum number of calls per side of a round.
 MOST_CALLS = 60
-# A line takes about this long [s], in so many rounds; long work is measured once.
+# The rounds of a line together take about this long [s]; long work is measured once.
 BUDGET = 1.5
+# Maximum number of rounds of a line.
 MOST_ROUNDS = 20
 
 # Runs a process and prints what it took. A small process does so, as one begins with the peak
@@ -200,10 +202,11 @@ class Measured:
         """What it has of what its bar limits, in words."""
         bar = self.line.bar
         usual = self.converted
+        time_taken = usual.wall if bar.clock else usual.processor
         return str(
             Bar(
                 None if bar.ratio is None else self.usual_ratio,
-                None if bar.seconds is None else usual.wall if bar.clock else usual.processor,
+                None if bar.seconds is None else time_taken,
                 None if bar.memory is None else usual.memory,
                 bar.clock,
             )

@@ -26,20 +26,25 @@ from armcontour.planning.optimal_timing import constraints_of, time_optimal
 from armcontour.planning.path_grid import Grid
 from benchmarks.measured import Bar, Line, Missing, Pair, Taken, Timer, timed
 
+# Joints of the spline.
 JOINTS = 6
+# Waypoints of the spline.
 WAYPOINTS = 5
+# Numbers of grid points of the plans that are compared with those of the peers.
 POINTS = (200, 1000, 5000)
 SOURCE = Path(__file__).with_name("toppra_peer.cpp")
-# The same waypoints for every grid; the limits bind on every joint somewhere.
+# The same waypoints and limits for every grid, drawn in this order; the limits bind on every joint
+# somewhere.
 RNG = np.random.default_rng(1)
-WAY = RNG.uniform(-2, 2, (WAYPOINTS, JOINTS))
-VELOCITY = RNG.uniform(1, 3, JOINTS)
-ACCELERATION = RNG.uniform(1, 5, JOINTS)
+WAY = RNG.uniform(-2, 2, (WAYPOINTS, JOINTS))  # rad
+VELOCITY = RNG.uniform(1, 3, JOINTS)  # rad/s
+ACCELERATION = RNG.uniform(1, 5, JOINTS)  # rad/s²
 # Parameters from 0 to 1 on which every uniform grid above has a point.
 AT = np.linspace(0, 1, WAYPOINTS)
 # Bars of the ratio, by the number of points.
 CPP_BARS = {200: 0.65, 1000: 0.31, 5000: 0.21}
 PYTHON_BARS = {1000: 1 / 40, 5000: 1 / 60}
+# Grid points of the two plans whose times per grid point are compared.
 SMALL = 10_000
 LARGE = 1_000_000
 # Grids on which memory is measured.
@@ -63,17 +68,14 @@ def lines() -> list[Line]:
         ("toppra", "toppra (Seidel)", _against_python, PYTHON_BARS),
         ("cpp", "TOPP-RA C++ (Seidel)", _against_cpp, CPP_BARS),
     ]
-    entries = [
-        Line(
-            f"plan/{name}/{points}",
-            f"optimal plan, {points} points",
-            peer,
-            partial(against, points),
-            Bar(ratio=bars.get(points)),
-        )
-        for name, peer, against, bars in rows
-        for points in POINTS
-    ]
+    entries = []
+    for name, peer, against, bars in rows:
+        for points in POINTS:
+            title = f"optimal plan, {points} points"
+            bar = Bar(ratio=bars.get(points))
+            entries.append(
+                Line(f"plan/{name}/{points}", title, peer, partial(against, points), bar)
+            )
     title = f"optimal plan, a grid point of {LARGE:,}"
     return [*entries, Line("plan/grid", title, f"one of {SMALL:,}", _scaling, Bar(ratio=1.5))]
 
@@ -203,10 +205,9 @@ def _timer(program: Path, points: int) -> Timer:
 def _run(program: Path, points: int, times: int) -> tuple[list[float], float, np.ndarray]:
     """Times of so many runs [s], the duration [s], and ds² on the grid."""
     grid = np.linspace(0, 1, points)
-    numbers = [AT, WAY, VELOCITY, ACCELERATION, grid]
-    text = f"{JOINTS} {WAYPOINTS} {points} {times}\n" + "\n".join(
-        repr(float(x)) for values in numbers for x in np.ravel(values)
-    )
+    numbers = np.concatenate([np.ravel(x) for x in (AT, WAY, VELOCITY, ACCELERATION, grid)])
+    rows = "\n".join(repr(float(x)) for x in numbers)
+    text = f"{JOINTS} {WAYPOINTS} {points} {times}\n{rows}"
     outcome = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
     head, *rest = outcome.stdout.splitlines()
     duration, *taken = (float(x) for x in head.split())

@@ -62,7 +62,11 @@ def filled(text: str, lines: Sequence[Line], sessions: Sequence[Session]) -> str
 
 def named(text: str) -> list[str]:
     """With what the names of lines begin that a page has tables of."""
-    return [x for mark in MARK.finditer(text) if mark[2] == "lines" for x in mark[3].split()]
+    names = []
+    for mark in MARK.finditer(text):
+        if mark[2] == "lines":
+            names += mark[3].split()
+    return names
 
 
 def _table(lines: Iterable[Line], baselines: Mapping[str, Known]) -> str:

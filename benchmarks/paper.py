@@ -13,10 +13,9 @@ from benchmarks.measured import Bar, Line, Pair, timed
 
 CYCLE = 4e-3
 POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
-# m, m/s², m/s
-TOLERANCE = 5e-3
-ACCELERATION = 0.09
-SPEED = 0.15
+TOLERANCE = 5e-3  # m, corner error
+ACCELERATION = 0.09  # m/s², centripetal, of the limits and of the rounded corners
+SPEED = 0.15  # m/s, limit of the tool
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 

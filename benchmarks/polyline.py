@@ -20,8 +20,9 @@ from armcontour.core.checks import FloatArray
 from benchmarks.measured import Bar, Line, Missing, Pair, timed
 
 SEGMENTS = 10_000
-# Grid points a segment, and spline points a line or arc, for toppra.
+# Grid points of toppra per segment.
 GRID_POINTS = 5
+# Points of toppra's spline per line or arc of the rounded path.
 SPLINE_POINTS = 4
 TOLERANCE = 5e-5
 VELOCITY = (2.0, 2.0)
@@ -33,17 +34,14 @@ BARS = {("zigzag", "joints"): 1.1, ("zigzag", "tool"): 0.6}
 def lines() -> list[Line]:
     """Both shapes, with limits of the joints and with those of the tool too."""
     peer = "toppra, solver alone"
-    return [
-        Line(
-            f"polyline/{shape}/{limits}",
-            f"{shape} of {SEGMENTS:,} segments, {name}",
-            peer,
-            partial(_pair, shape, limits == "tool"),
-            Bar(ratio=BARS.get((shape, limits), 0.5)),
-        )
-        for shape in ("zigzag", "wavy")
-        for limits, name in (("joints", "joint limits"), ("tool", "tool limits too"))
-    ]
+    entries = []
+    for shape in ("zigzag", "wavy"):
+        for limits, name in (("joints", "joint limits"), ("tool", "tool limits too")):
+            title = f"{shape} of {SEGMENTS:,} segments, {name}"
+            prepare = partial(_pair, shape, limits == "tool")
+            bar = Bar(ratio=BARS.get((shape, limits), 0.5))
+            entries.append(Line(f"polyline/{shape}/{limits}", title, peer, prepare, bar))
+    return entries
 
 
 def _pair(shape: str, tool: bool) -> Pair:

@@ -12,9 +12,13 @@ NAME = "the reference work"
 COMPILED = "numba compiling the reference function"
 # What both take on the machine for which the bars in seconds are [s].
 SECONDS = {NAME: 12e-3, COMPILED: 2.5}
+# Rounds of the plain loop.
 LOOPS = 60_000
+# Rounds of calls of numpy on small arrays.
 CALLS = 2_500
+# Numbers in a large array.
 LARGE = 20_000
+# Rounds of calls of numpy on large arrays.
 LARGE_CALLS = 25
 
 

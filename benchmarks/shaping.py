@@ -12,9 +12,8 @@ from armcontour.geometry import ShapedPath
 from benchmarks import reference, ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 
-# m/s², m/s
-CENTRIPETAL = 0.09
-SPEED = 0.15
+CENTRIPETAL = 0.09  # m/s², limit of the tool
+SPEED = 0.15  # m/s, limit of the tool
 POINTS = {
     1: ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)),
     2: (
@@ -33,31 +32,27 @@ BARS = (
     (2, 0.1, (15.25, 15.1954), (14.75, None)),
 )
 LONGEST = {1: 2.0, 2: 6.0}
-# Corners of long paths, their tolerance and the lengths of their lines [m].
+# Numbers of corners of the two long paths whose times are compared.
 LONG = 1000
 SHORT = 100
+# Tolerance of both [m].
 LONG_TOLERANCE = 2e-3
+# Smallest and largest length of their lines [m].
 STEPS = (0.015, 0.040)
-# Distances from the first joint between which long paths stay [m].
+# Smallest and largest distance from the first joint between which they stay [m].
 NEAR = 0.15
 FAR = 0.42
 
 
 def lines() -> list[Line]:
     """Both jobs with their tolerances, the UR5e's square, and long paths."""
-    entries = [
-        _line(
-            f"{job}/{tolerance:g}mm",
-            f"job {job}, {tolerance:g} mm",
-            {"points": POINTS[job], "options": {"tolerance": tolerance / 1e3}},
-            cap,
-            bar,
-            oracle,
-            LONGEST[job],
-        )
-        for job, tolerance, *bars in BARS
-        for cap, (bar, oracle) in zip((CENTRIPETAL, None), bars, strict=True)
-    ]
+    entries = []
+    for job, tolerance, *bars in BARS:
+        name = f"{job}/{tolerance:g}mm"
+        title = f"job {job}, {tolerance:g} mm"
+        task = {"points": POINTS[job], "options": {"tolerance": tolerance / 1e3}}
+        for cap, (bar, oracle) in zip((CENTRIPETAL, None), bars, strict=True):
+            entries.append(_line(name, title, task, cap, bar, oracle, LONGEST[job]))
     longer = Bar(ratio=12, seconds=30)
     title = f"shaped: {LONG} corners, 2 mm"
     peer = f"{SHORT} corners"

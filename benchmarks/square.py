@@ -43,10 +43,9 @@ from benchmarks.measured import Bar, Line, Missing, Pair, Taken, timed
 
 PYTHON = "ARMCONTOUR_ROBOPLAN_PYTHON"
 PROGRAM = Path(__file__).with_name("roboplan_peer.py")
-# rad/s, rad/s², m/s
-VELOCITY = 3.14
-ACCELERATION = 8.0
-SPEED = 0.25
+VELOCITY = 3.14  # rad/s, limit of every joint
+ACCELERATION = 8.0  # rad/s², limit of every joint
+SPEED = 0.25  # m/s, limit of the tool
 JOINTS = ac.Limits.only(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
 # Places per interval at which a plan is judged.
 PLACES = 20

@@ -19,8 +19,9 @@ from armcontour.core.yaml_loader import load
 from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, timed
 
-# A waypoint moves by so much from one call to the next, in so many steps [m].
+# A waypoint moves by this much from one call to the next [m].
 STEP = 1e-5
+# After so many calls the changes begin again from the first one.
 STEPS = 1000
 
 Data = Mapping[str, Any]

@@ -32,11 +32,15 @@ from benchmarks.commands import gcode
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Mouse
 
-# How long each motion of the mouse lasts [s], and how often it moves [Hz].
+# How long each motion of the mouse lasts [s].
 SECONDS = 5.0
+# How often the mouse moves [Hz].
 RATE = 60.0
+# Lines of the G-code that is opened.
 LINES = 150_000
+# Segments of the drawing that is panned and zoomed.
 SEGMENTS = 10_000
+# Contours of the drawing that is planned and moved.
 CONTOURS = 2_000
 
 

@@ -22,15 +22,16 @@ from benchmarks.optimal import even_grid, plan_on
 POINTS = 1000
 # Places of a traced path that are toppra's waypoints.
 PLACES = 400
+# Waypoints of the spline.
 WAYPOINTS = 6
+# Largest joint position of a waypoint, in both directions [rad].
 REACH = 1.5
 AT = np.linspace(0, 1, WAYPOINTS)
 WAY = np.random.default_rng(3).uniform(-REACH, REACH, (WAYPOINTS, 6))
 # Less than the arm has, so that they bind, on two joints.
 TORQUE = np.array([60.0, 120.0, 60.0, 12.0, 8.0, 4.0])  # N m
-# rad/s, rad/s²
-VELOCITY = 3.14
-ACCELERATION = 40.0
+VELOCITY = 3.14  # rad/s, limit of every joint
+ACCELERATION = 40.0  # rad/s², limit of every joint
 
 
 def lines() -> list[Line]:

@@ -8,11 +8,14 @@ import numpy.typing as npt
 import armcontour as ac
 from armcontour.core.checks import FloatArray
 
-# A corner of the square [m], its side [m], and a tool that looks down.
+# First corner of the square [m].
 CORNER = (0.45, 0.08, 0.2)
+# Side of the square [m].
 SIDE = 0.1
+# Orientation of a tool that looks down, as a rotation matrix.
 DOWN = np.diag([1.0, -1.0, -1.0])
 CORNER_ERROR = 2.5e-4  # m
+# Names of the first and the last link in the URDF.
 BASE = "base"
 TOOL = "tool"
 

@@ -186,8 +186,9 @@ def ur5e(q):
 
 # Limits that are drawn.
 LIMITS = ("joint_velocity", "joint_acceleration", "joint_upper", "speed")
-# A violation is at least this large, as the digits of a file can hide smaller ones.
+# Smallest ratio of a violation to its limit: the digits of a file can hide smaller ones.
 LEAST = 1.01
+# Largest ratio of a violation to its limit.
 MOST = 1e6
 # Numbers that no joint and no clock has.
 WILD = ("1e308", "-1e308", "1e200", "-1e30", "9e9", "1e-308", "5e-324", "1e999", "-0.0")
@@ -306,7 +307,9 @@ def draw(seed, violating):
     dof = motion.q.shape[1]
     # Far positions in a column without a unit could be degrees, so that its unit is asked for.
     units = {"q": " [rad]"}
-    head = ["t", *(f"{x}{j + 1}{units.get(x, '')}" for x in texts for j in range(dof))]
+    head = ["t"]
+    for x in texts:
+        head += [f"{x}{j + 1}{units.get(x, '')}" for j in range(dof)]
     return Case(
         seed=seed,
         arm=name,

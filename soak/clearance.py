@@ -40,7 +40,9 @@ from soak import Outcome
 ARMS = ("ur5e", "ur10e", "panda")
 FINER = 100
 POSTURES = 50  # given to MuJoCo per seed
+# Laps of a random motion, each with a uniform acceleration.
 LAPS = 4
+# Duration of a lap [s].
 LAP = 0.3
 # How far apart bodies may be that touch for one of two programs only [m]: tolerances of both.
 EXCESS = 5e-6

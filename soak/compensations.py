@@ -16,11 +16,12 @@ from armcontour.control.compensation import METHODS
 from soak import Outcome
 
 NAMES = ("none", "inverse", "pole_placement", "inverse_dynamics")
-KP = 25.0
-KV = 150.0
-CYCLE = 4e-3
-# Gains of robots are within this share of the nominal ones; so many are drawn.
+KP = 25.0  # 1/s, nominal
+KV = 150.0  # 1/s, nominal
+CYCLE = 4e-3  # s, between set-points
+# Gains of robots differ from the nominal ones by at most this share.
 GAINS = 0.2
+# Number of robots with such gains.
 DRAWN = 6
 Plant = Callable[[ac.ServoModel], ac.ServoPlant | ac.RigidBodyPlant]
 

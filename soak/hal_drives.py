@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-# Largest acceleration of a drive [rad/s²], gains [1/s], cycle of the thread [s].
+# Largest acceleration of a drive [rad/s²].
 LIMIT = 0.72
+# Gain of the position loop [1/s].
 KP = 25.0
+# Gain of the velocity loop [1/s].
 KV = 150.0
+# Cycle of the thread [s].
 CYCLE = 1e-3
-# Links and base of the arm [m], corners of the path [m], corner error [m].
+# Place of the arm's first joint on the x axis [m].
 BASE = 0.135
+# Lengths of both links [m].
 FIRST = 0.250
 SECOND = 0.215
+# Vertices of the path [m].
 POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
+# Corner error [m].
 TOLERANCE = 5e-3
 
 

@@ -24,9 +24,11 @@ NAMES = {
     "limit": "acceleration_limit",
 }
 LIMIT = 20.0  # rad/s²
-# Noise [rad], and times of a sample of the kinds of logs and of drawn ones [s].
+# Standard deviation of the noise on measured positions of drawn logs [rad].
 NOISE = 1e-5
+# Time between samples of the kinds of logs [s].
 INTERVAL = 1e-3
+# Time between samples of drawn logs [s].
 SAMPLE = 2e-3
 
 

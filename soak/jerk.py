@@ -34,13 +34,17 @@ PLACES = 11
 STEP = 1e-9
 # A bend q'' jumps where its jump is this share of its largest value there.
 BEND = 1e-6
-# Means of the jerk over samples; those that rounding spoils by more than NOISE are not judged.
+# Sampling rates at which third differences of the positions are compared with the jerk limit [Hz].
 RATES = (1000.0, 8000.0)
+# Share of the limit by which these differences may exceed it.
 SLACK = 5e-3
+# Differences in which rounding errors may exceed this share of the limit are not judged.
 NOISE = 2e-3
+# Maximum number of samples of a plan; a longer plan is sampled at a lower rate.
 MOST_SAMPLES = 40_000
-# One problem in so many is planned again with searches that end after some iterations.
+# One problem in so many is planned again with searches that end early.
 AGAIN = 10
+# Numbers of iterations after which these searches end.
 EARLY = (1, 3, 8, 20)
 ORDERS = ("velocity", "acceleration", "jerk")
 GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(32)
@@ -334,8 +338,9 @@ CHANCE = 0.35
 LEAST = 1e-6
 # How a tool is held that looks down.
 DOWN = np.diag([1.0, -1.0, -1.0])
-# How many of the seeds have a tool that turns, and by about which angle at a waypoint [rad].
+# Share of the seeds that have a tool that turns.
 TURNING = 0.2
+# Standard deviation of the components of the tool's rotation vector at a waypoint [rad].
 TURN = 0.2
 
 
@@ -541,8 +546,9 @@ def run_tool(seed: int) -> Outcome:
     return Outcome(kind=problem.kind, result="planned", notes=notes, worst=worst)
 
 
-# The longest that a straight move may be, as a share of Ruckig's; it is never shorter.
+# A straight move may be longer than Ruckig's by at most this share of its duration.
 BAR = 1e-3
+# It may be shorter, by rounding errors alone, by at most this share.
 ROUNDING = 1e-9
 
 

@@ -172,17 +172,21 @@ def run_offset(seed: int) -> str:
 
 # Largest deviation of the part from the drawing, beside the tolerance of corners [m].
 ALLOWED = 1e-7
-# Distance of chords from arcs of the drawing [m], and largest spacing of points [m].
+# Largest distance of chords between sampled points from arcs of the drawing [m].
 SAGITTA = 5e-9
+# Largest spacing of sampled points [m].
 SPACING = 1e-4
-# Tolerance of corners of the plan [m], and time between points of its tool path [s].
+# Corner tolerance of the plan [m].
 CORNERS = 1e-4
+# Time between points of its tool path [s].
 STEP = 2e-4
-# Lengths of both links [m], and where plates lie [m].
+# Lengths of both links [m].
 LINKS = (0.5, 0.5)
+# Where plates lie [m].
 PLACE = (0.45, 0.2)
-# Largest size of a drawing [m], and length of contours up to which they are planned [m].
+# Largest size of a drawing [m]; larger drawings are scaled down.
 LARGEST = 0.3
+# Length of a program up to which it is planned [m]; of a longer one the path alone is judged.
 LONGEST = 10.0
 LAYERS = ("CUT", "HOLES", "PARTS", "0")
 
@@ -197,10 +201,12 @@ class Part:
     @property
     def waste(self) -> list[bool]:
         """Whether the waste is inside of each closed polyline."""
-        return [
-            sum(inside(x[:1], y)[0] for k, y in enumerate(self.closed) if k != i) % 2 == 1
-            for i, x in enumerate(self.closed)
-        ]
+        flags = []
+        for i, x in enumerate(self.closed):
+            others = [y for k, y in enumerate(self.closed) if k != i]
+            around = sum(inside(x[:1], y)[0] for y in others)
+            flags.append(around % 2 == 1)
+        return flags
 
 
 @dataclass

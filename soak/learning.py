@@ -20,18 +20,21 @@ from soak import Outcome
 
 ARMS = ("pmk3s", "ur5e", "panda")
 ARMATURE = 0.1  # kg m²
-# rad/s², of the square and of the paper's job
-ACCELERATION = 6.4
-SLOW = 0.72
-# N m, N m s/rad
-COULOMB = (6, 6, 4, 1.5, 1.5, 1.5)
-VISCOUS = (8, 8, 5, 2, 2, 2)
-# kg, and the mass of the UR5e
+ACCELERATION = 6.4  # rad/s², limit of the joints along the square
+SLOW = 0.72  # rad/s², limit of the joints in the paper's job
+COULOMB = (6, 6, 4, 1.5, 1.5, 1.5)  # N m, friction of the UR5e's joints
+VISCOUS = (8, 8, 5, 2, 2, 2)  # N m s/rad, friction of the UR5e's joints
+# Largest payload of the UR5e [kg]; other arms have one in proportion to their masses.
 PAYLOAD = 5.0
+# Mass of the UR5e [kg].
 MASS = 20.6
+# Smallest and largest noise of the encoders [rad].
 NOISES = (1e-6, 1e-4)
+# Gains kp differ from the nominal one by at most this share.
 GAINS = 0.1
+# Largest dead time [s].
 DEAD_TIME = 10e-3
+# The robot's clock is faster or slower by at most this share.
 CLOCK = 0.01
 INTERVAL = 1e-3
 # Drives that never saturate: saturation is another topic.
@@ -39,10 +42,13 @@ STRONG = ac.Limits(joint_torque=1e5)
 RUNS = 8
 # The error at last over that of noise, which nearly all robots keep.
 OVER_NOISE = 2.0
-# The last run may be worse than the best one by a factor, and by so many standard deviations of
-# noise or, with another servo, by an error [m].
+# The error of the last run may exceed LAST_TO_BEST times that of the best run by so many standard
+# deviations of noise.
 SURE = 3.0
+# Largest ratio of the error of the last run to that of the best run, beside noise.
 LAST_TO_BEST = 1.2
+# With another servo the error of the last run may exceed LAST_TO_BEST times that of the best run by
+# this instead [m]. Where all errors are above it, learning must not go on.
 SMALL = 5e-6
 POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
 

@@ -30,11 +30,15 @@ from armcontour.program import Analog, Lead, Switch, Tabs
 from soak import Outcome
 
 STEP = 1e-3
-# Time by which samples and events may differ [s], and distance from the contour [m].
+# Time by which an output may switch before or after the samples at work show it [s].
 SLACK = 2e-3
+# A tool within this distance of a contour is on it [m].
 ON = 1e-6
+# Side of the square cell in which a shape is drawn [m].
 CELL = 0.035
+# Lower left corner of the first cell [m].
 ORIGIN = np.array([0.27, 0.13])
+# Assigned speed of the tool [m/s].
 ASSIGNED = 0.06
 
 
@@ -118,7 +122,10 @@ def draw(rng: np.random.Generator, number: int, name: str, style: str) -> Shape:
         outline.off = outline.off[:1]
     if style == "none":
         outline.off = []
-    events = [ac.Event(name=name, value=bool(k), s=x[k]) for x in outline.off for k in (0, 1)]
+    events = []
+    for begin, end in outline.off:
+        events += [ac.Event(name=name, value=False, s=begin)]
+        events += [ac.Event(name=name, value=True, s=end)]
     if style == "late":
         outline.begin = 0.2 * length
         events = [ac.Event(name=name, s=0.2 * length), *events]
@@ -279,8 +286,9 @@ UNITS = {
 }
 CENTER = np.array([0.36, 0.16])
 TIMES = 20_001
-# Rounding errors of units and of plans, as a share [-] and as a length [m].
+# Share by which the durations of a job in two systems of units may differ by rounding errors.
 SAME = 1e-7
+# Rounding errors that are allowed in distances [m], and in the speed of a tool at rest [m/s].
 NEAR = 1e-8
 # Speeds of the tool and along its path differ by this share: the joint path is an interpolation.
 SPEED = 1e-5
@@ -386,7 +394,9 @@ def judge_job(seed: int) -> list[str]:
     other = plan(drawn.text(True))[1].trajectory.duration
     motion = run.trajectory
     spans = motion.contour_spans
-    ends = [y for x in spans for y in (*x.t, *(x.work or ()))]
+    ends = []
+    for x in spans:
+        ends += [*x.t, *(x.work or ())]
     t = np.unique(np.concatenate([np.linspace(0, motion.duration, TIMES), motion.breaks, ends]))
     point, speed = tool(motion(t), motion(t, 1))
     work = np.any([(t >= x.work[0]) & (t <= x.work[1]) for x in spans if x.work], axis=0)

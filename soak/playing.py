@@ -40,9 +40,11 @@ from armcontour.core.progress import Step
 from soak import Outcome
 from soak.hal_drives import CYCLE, KP, KV, LIMIT, distances, tool
 
-# Bars: distance from the path [m], demanded over allowed acceleration, speed at the end [rad/s].
+# Largest distance of the measured tool from the path [m].
 DISTANCE = 5e-6
+# Largest ratio of the demanded to the allowed acceleration of a drive.
 DEMAND = 1.0
+# Largest speed of a joint at the end [rad/s].
 REST = 1e-4
 # The servo is the one that `identify` finds in a log of these drives, whose loops have a cycle.
 JOB = """

@@ -27,10 +27,11 @@ servo: {kp: 20 1/s, kv: 120 1/s}
 runs:
   go: {timing: {reserve: 2 %}, compensation: {method: inverse}, cycle: 4 ms}
 """
-# Largest excess of the error over the predicted one, of the last of four runs, and of a robot that
-# the model does not describe [m].
+# Largest excess of the RMS contour error with the identified servo over the predicted one [m].
 BEYOND = 1e-7
+# Largest RMS contour error of the last run of learning [m].
 LEARNED = 1e-7
+# The same for a robot that the model does not describe [m].
 UNKNOWN = 1e-5
 ATTEMPTS = 5
 

@@ -25,29 +25,35 @@ from soak.kerf import shape
 from soak.timing import limit_ratios
 
 LEAK = 1e-9
-# Beside its share of the tolerance, a tool may be off by what tracing leaves [m], [rad].
+# Beside its share of the tolerance, a tool may be off by what tracing leaves [m].
 TRACED = 1.5e-10
+# A tool may be turned by what tracing leaves [rad].
 TURNED = 2e-9
 # Places this near to each other are one [m].
 SAME_PLACE = 1e-9
-# Places per segment of the path, and random ones per interval of the law.
+# Places per segment of the path at which a motion is judged.
 PLACES = 96
+# Random times per interval of the law at which it is judged.
 RANDOM = 4
-# Points of the tool are this part of the tolerance apart at most, but no more than so many.
+# Points of the tool are at most this part of the tolerance apart, unless they would be too many.
 STEP = 0.25
+# Maximum number of these points.
 MOST_POINTS = 30_000
-# Steps of a motion for differences, and what they may be off by beside rounding errors.
+# Steps of a motion for differences of positions.
 STEPS = 20_000
+# Share of the centripetal limit by which differences may be off, beside rounding errors.
 CURVED = 5e-3
 # A tool this slow [m/s] has no direction; and none that differences would show.
 SLOW = 2e-3
 PMK = ac.load_arm("pmk3s")
-# A tool that looks down, and an axis of one that is tilted.
+# Orientation of a tool that looks down, as a rotation matrix.
 DOWN = np.diag([1.0, -1.0, -1.0])
+# Axis of a tilted tool, of any length.
 AXIS = np.array([0.2, 0.1, -1.0])
-# Where paths lie [m]: distances from the first joint of the arm in the plane, and a box in space.
+# Smallest and largest distance of paths from the first joint of the arm in the plane [m].
 NEAR = 0.09
 FAR = 0.455
+# Lowest and highest corner of the box in which paths in space lie [m].
 BOX = np.array([(0.35, -0.25, 0.1), (0.65, 0.25, 0.4)])
 # Vertices between two stretches of which a tolerance is at most half [rad].
 SHARP = np.radians(30)

@@ -17,8 +17,9 @@ from tools.studio_page import Server, Studio, browsing, serving, write_job
 
 from soak import Outcome
 
-# How often something is done [Hz], and how much memory may grow [bytes].
+# How often something is done [Hz].
 RATE = 60.0
+# How much the memory of the server and of the page may each grow [bytes].
 GROWTH = 50e6
 SECONDS = 300.0
 # The share of the time after which memory is measured first: by then all is loaded.

@@ -22,8 +22,7 @@ OWNED = {
     "verification.clearance": "Cell Clearance",
 }
 # By name, without the version.
-PUBLIC = {name: getattr(ac, name) for name in ac.__all__ if name != "__version__"} | {
-    name: getattr(import_module(f"armcontour.{package}"), name)
-    for package, names in OWNED.items()
-    for name in names.split()
-}
+PUBLIC = {name: getattr(ac, name) for name in ac.__all__ if name != "__version__"}
+for package, names in OWNED.items():
+    module = import_module(f"armcontour.{package}")
+    PUBLIC |= {name: getattr(module, name) for name in names.split()}

@@ -99,7 +99,7 @@ def run_page(page, names):
 
 def write_log(file, t, u):
     """What a joint with gains of 25 and 150 1/s, 12 ms late, makes of a page's command."""
-    # 250 Hz is as good for this test and sooner done
+    # 250 Hz are as good for this test and sooner done.
     t = t[::4]
     u = u[::4]
     measured = move(t, u, kp=25.0, kv=150.0, delay=12e-3)
@@ -201,8 +201,9 @@ def test_commands_and_options_in_texts_exist():
     wrong = []
     for page, file in PAGES.items():
         tokens = MarkdownIt().enable("table").parse(file.read_text(encoding="utf-8"))
-        spans = [y for x in tokens for y in x.children or () if y.type == "code_inline"]
-        for words in (x.content for x in spans if x.content.startswith(("armcontour ", "--"))):
+        inline = [y for x in tokens for y in x.children or ()]
+        spans = [x.content for x in inline if x.type == "code_inline"]
+        for words in (x for x in spans if x.startswith(("armcontour ", "--"))):
             first, *arguments = shlex.split(words)
             is_command = first == "armcontour"
             options_available = (

@@ -12,16 +12,16 @@ UPPER = tuple(f"armcontour.{x}" for x in ("files", "report", "cli", "studio", "c
 
 def test_no_string_of_the_engine_names_an_upper_package():
     root = Path(ac.__file__).parent
-    files = [x for package in ENGINE.split() for x in (root / package).rglob("*.py")]
+    files = []
+    for package in ENGINE.split():
+        files += (root / package).rglob("*.py")
     assert len(files) > 150
-    found = [
-        f"{file.relative_to(root)}, line {node.lineno}: {node.value}"
-        for file in files
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Constant)
-        and isinstance(node.value, str)
-        and node.value.startswith(UPPER)
-    ]
+    found = []
+    for file in files:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            is_text = isinstance(node, ast.Constant) and isinstance(node.value, str)
+            if is_text and node.value.startswith(UPPER):
+                found.append(f"{file.relative_to(root)}, line {node.lineno}: {node.value}")
     assert not found
 
 

@@ -35,7 +35,8 @@ def offence(node: ast.AST, drives_a_browser: bool) -> str | None:
         return None
     if any(x.arg == "timeout" for x in node.keywords):
         return f"{name}(timeout=...)"
-    last = node.args[-1] if len(node.args) == (2 if name == "wait_for" else 1) else None
+    count = 2 if name == "wait_for" else 1
+    last = node.args[-1] if len(node.args) == count else None
     is_number = isinstance(last, ast.Constant) and type(last.value) in (int, float)
     is_method = isinstance(node.func, ast.Attribute) or name == "wait_for"
     return f"{name}({last.value})" if is_number and is_method and name in WAITS else None

@@ -27,11 +27,14 @@ del sys.argv[1:-1]
 # What typer needs to print help; its versions differ.
 TYPER = {"typer", "annotated_doc", "click", "colorama", "shellingham", "typing_extensions"}
 NOT_COUNTED = ("__editable", "_sysconfigdata")
-# Own modules: the package and its lazy names; for help also the commands and what they print with.
+# Maximum number of own modules that an import loads: the package and its lazy names.
 OWN_OF_IMPORT = 3
+# The same for `--help`: also the commands and what they print with.
 OWN_OF_HELP = 32
+# The same for the help of one command.
 OWN_OF_COMMAND = 21
-# Modules of the standard library. Python 3.14 needs more for the same imports than 3.11.
+# Maximum numbers of modules of the standard library that an import and `--help` load. Python 3.14
+# needs more for the same imports than 3.11.
 STANDARD_OF_IMPORT = 40
 STANDARD_OF_HELP = 125
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, TypeAlias
 
@@ -216,9 +216,7 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
         "unit": unit[1] if unit and any(x.get("type") != "string" for x in parts) else "",
         "example": examples[0] if examples else "",
         "default": _form_default(schema.get("default")),
-        "choices": [
-            y for x in parts for y in (*x.get("enum", ()), *([x["const"]] if "const" in x else ()))
-        ],
+        "choices": _choices(parts),
         "open": any("enum" not in x and "const" not in x and "type" in x for x in parts) or None,
         "tick": types == {"boolean"} or None,
         "plain": (bool(types & {"number", "integer"}) and "string" not in types) or None,
@@ -243,6 +241,16 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
         field["choices"] = list(arm_names())
     entries = {key: x for key, x in field.items() if x is not None and x not in EMPTY}
     return {"name": name, **entries}
+
+
+def _choices(alternatives: Iterable[Mapping[str, Any]]) -> list[Any]:
+    """Return the values that the schemas of the alternatives of a key list."""
+    values: list[Any] = []
+    for schema in alternatives:
+        values += schema.get("enum", ())
+        if "const" in schema:
+            values.append(schema["const"])
+    return values
 
 
 def _form_default(default: Any) -> Any:

@@ -68,12 +68,13 @@ def calls() -> set[str]:
     """Calls from Python to compiled functions of the package in this process."""
     from armcontour.core.kernel_cache import KERNELS
 
-    return {
-        f"{module}.{name}({to_text(arguments)})"
-        for (module, name), kernel in KERNELS.items()
-        if module.startswith("armcontour.") and not kernel.targetoptions["no_cpython_wrapper"]
-        for arguments in kernel.overloads
-    }
+    found = set()
+    for (module, name), kernel in KERNELS.items():
+        if not module.startswith("armcontour.") or kernel.targetoptions["no_cpython_wrapper"]:
+            continue
+        for arguments in kernel.overloads:
+            found.add(f"{module}.{name}({to_text(arguments)})")
+    return found
 
 
 def unlisted() -> set[str]:

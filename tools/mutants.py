@@ -16,6 +16,7 @@ import random
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -81,8 +82,7 @@ def mutants_of(package: str, file: Path) -> list[Mutant]:
             if not set(gap) & set("()#"):
                 add(second.lineno, begin, end, f" {text} ")
 
-    bodies = [x for x in ast.walk(ast.parse(source)) if isinstance(x, ast.FunctionDef)]
-    for node in [x for body in bodies for part in body.body for x in ast.walk(part)]:
+    for node in _nodes_of_functions(source):
         if isinstance(node, ast.BinOp):
             between(node.left, node.right, node.op)
         elif isinstance(node, ast.Compare):
@@ -100,6 +100,14 @@ def mutants_of(package: str, file: Path) -> list[Mutant]:
             if rows[node.lineno - 1][node.col_offset : end].replace(".", "").isdigit():
                 add(node.lineno, node.col_offset, end, f"({node.value!r} + 1)")
     return sorted(set(mutants))
+
+
+def _nodes_of_functions(source: str) -> Iterator[ast.AST]:
+    """Yield all nodes in the bodies of functions; those of inner functions more than once."""
+    for function in ast.walk(ast.parse(source)):
+        if isinstance(function, ast.FunctionDef):
+            for statement in function.body:
+                yield from ast.walk(statement)
 
 
 def draw(count: int, seed: int) -> list[Mutant]:

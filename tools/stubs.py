@@ -19,11 +19,10 @@ def stubs() -> dict[Path, str]:
     for file in sorted(SOURCE.rglob("__init__.py")):
         name = ".".join(("armcontour", *file.parent.relative_to(SOURCE).parts))
         home = getattr(import_module(name), "_HOME", {})
-        names = [
-            (module if module.startswith("armcontour.") else f"{name}.{module}", x)
-            for module, names in home.items()
-            for x in names.split()
-        ]
+        names = []
+        for module, words in home.items():
+            owner = module if module.startswith("armcontour.") else f"{name}.{module}"
+            names += [(owner, x) for x in words.split()]
         lines = [f"from {module} import {x} as {x}" for module, x in sorted(names)]
         if names:
             texts[file.with_suffix(".pyi")] = "\n".join([*lines, ""])

@@ -23,7 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "src/armcontour/"
 # Of the repository, but of no use to who has a source archive.
-NOT_IN_SOURCES = (".ci/", ".github/", ".pre-commit-config.yaml", "conda/")
+NOT_IN_SOURCES = (".ci/", ".git-blame-ignore-revs", ".github/", ".pre-commit-config.yaml", "conda/")
 # The licences of what the package contains from others, as they are called in the repository.
 LICENCES = (
     "LICENSE",

@@ -9,10 +9,10 @@ import sys
 
 from docs.figures import concepts, paper, style
 
+# Functions that draw figures, by the names of the figures.
 FIGURES = {
     name.removeprefix("draw_"): draw
-    for module in (paper, concepts)
-    for name, draw in vars(module).items()
+    for name, draw in (*vars(paper).items(), *vars(concepts).items())
     if name.startswith("draw_")
 }
 

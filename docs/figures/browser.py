@@ -21,9 +21,8 @@ from tools.studio_page import Studio, browsing, serving
 FOLDER = Path(__file__).parent
 GASKET = ROOT / "examples" / "drawings" / "gasket.dxf"
 DRAWN = 2000.0  # time in which plots draw themselves [ms]
-# of the moving picture
-FRAMES = 40
-SMALLER = (1080, 675)
+FRAMES = 40  # of the moving picture
+SMALLER = (1080, 675)  # size of the moving picture [px]
 COLOURS = 64  # of a picture of a report, which has few
 # The first plot of a report, or of a section.
 PLOT = ".plotted"

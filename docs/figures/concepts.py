@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 import armcontour as ac
 from armcontour.geometry import round_path
 
-# m, of the corner of 90°
-SIDE = 0.03
-ERROR = 5e-3
+SIDE = 0.03  # m, length of both lines of the corner of 90°
+ERROR = 5e-3  # m, corner error of the rounded corner of 90°
 VIEW = 3.2  # mm, half of the enlarged part
 LIMITING = {
     "joint 1 acceleration": style.BLUE,
@@ -155,9 +154,10 @@ STEPS = (
     ("robot", 10, 9),
     ("identify", 9, 8),
 )
-# distances of the boxes
+# Distances between the centres of neighbouring columns and of neighbouring rows of boxes.
 COLUMN = 38
 ROW = 23
+# Width and height of a box.
 BOX = (23, 9)
 THIN = {"color": style.BLACK, "lw": 1}
 

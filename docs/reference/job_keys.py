@@ -13,6 +13,7 @@ from armcontour.core import quantities
 from armcontour.robot.servo import ServoModel
 
 HERE = Path(__file__).parent
+# The two files that are written here: the JSON Schema and the page.
 SCHEMA = HERE / "job.schema.json"
 PAGE = HERE / "job_keys.md"
 HEAD = """# Keys of job files
@@ -23,18 +24,24 @@ in the unit of the table, or text with a unit, such as the example. The unit 1 i
 which may be in percent. "keys" means a mapping, whose keys have their own table. A key that is not
 required and has no default is optional. `NAME` is a name that you choose.
 """
-# The unit of SI for each example of a quantity. Quantities with one example have one unit.
+# Annotations of the values of keys, quantities among them.
 KINDS = (
     *vars(quantities).values(),
     *get_type_hints(ServoModel, include_extras=True).values(),
 )
-UNITS = {
-    x.example: x.unit
-    for kind in KINDS
-    for part in (kind, *get_args(kind))
-    for x in (kind, *getattr(part, "__metadata__", ()))
-    if isinstance(x, quantities.Quantity)
-} | {"10 deg": "rad, m"}
+
+
+def _quantities() -> Iterator[quantities.Quantity]:
+    """Yield the quantities among the annotations, and those that mark them or their parts."""
+    for kind in KINDS:
+        for part in (kind, *get_args(kind)):
+            for x in (kind, *getattr(part, "__metadata__", ())):
+                if isinstance(x, quantities.Quantity):
+                    yield x
+
+
+# The unit of SI for each example of a quantity. Quantities with one example have one unit.
+UNITS = {x.example: x.unit for x in _quantities()} | {"10 deg": "rad, m"}
 WORDS = {
     "boolean": "true or false",
     "integer": "whole number",

@@ -78,11 +78,11 @@ def _kinds(command: Any) -> dict[str, Any]:
 
 def _options(command: Any, kinds: dict[str, Any]) -> str:
     """The table of the options of a command."""
-    rows = [
-        _row("<br>".join(f"`{y}`" for y in (*x.opts, *x.secondary_opts)), x, kinds)
-        for x in command.params
-        if x.param_type_name == "option" and not x.hidden
-    ]
+    rows = []
+    for x in command.params:
+        if x.param_type_name == "option" and not x.hidden:
+            names = [f"`{name}`" for name in (*x.opts, *x.secondary_opts)]
+            rows.append(_row("<br>".join(names), x, kinds))
     return table("option", "value", "default", "effect", rows=[*rows, HELP])
 
 

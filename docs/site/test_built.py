@@ -135,13 +135,15 @@ def _bases(value: type) -> set[str]:
 
 def _members(value: type) -> list[str]:
     """Public methods and properties that the package itself defines."""
-    return [
-        name
-        for owner in value.__mro__
-        if owner.__module__.startswith("armcontour")
-        for name, x in vars(owner).items()
-        if not name.startswith("_") and (inspect.isroutine(x) or isinstance(x, property))
-    ]
+    members = []
+    for owner in value.__mro__:
+        if not owner.__module__.startswith("armcontour"):
+            continue
+        for name, x in vars(owner).items():
+            is_member = inspect.isroutine(x) or isinstance(x, property)
+            if is_member and not name.startswith("_"):
+                members.append(name)
+    return members
 
 
 def test_equations_are_drawn() -> None:

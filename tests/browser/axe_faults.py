@@ -32,9 +32,8 @@ def faults(page: Page, *, rules: Sequence[str] = RULES, without: Sequence[str] =
         "([options, exclude]) => axe.run({include: document, exclude}, options)",
         [options, [[x] for x in without]],
     )
-    return [
-        f"{x['id']}: {node['html'][:160]}"
-        for x in report["violations"]
-        if x["impact"] in GRAVE
-        for node in x["nodes"]
-    ]
+    found = []
+    for violation in report["violations"]:
+        if violation["impact"] in GRAVE:
+            found += [f"{violation['id']}: {node['html'][:160]}" for node in violation["nodes"]]
+    return found

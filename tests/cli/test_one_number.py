@@ -141,11 +141,10 @@ def check(data, done, folder):
         "command": printed,
         "report": text_of((folder / "out" / "report.html").read_text("utf-8")),
     }
-    values_by_place = {
-        (presenter, x): list(numbers(texts[presenter], LABELS[x]))
-        for presenter, figures in TEXTS.items()
-        for x in figures
-    }
+    values_by_place = {}
+    for presenter, figures in TEXTS.items():
+        for x in figures:
+            values_by_place[presenter, x] = list(numbers(texts[presenter], LABELS[x]))
     summary = json.loads((folder / "out" / "summary.json").read_text("utf-8"))["runs"][run]
     summary["time"] = {x["name"]: x["of_time"] for x in summary.get("time", ())}
     frame, time = studio(text, folder, run)

@@ -103,7 +103,10 @@ def test_a_stop_is_not_played_before_the_request(bench):
 
 
 def test_the_earliest_stop_that_can_still_begin_is_played(bench):
-    bench.send(*MOTION, *(y for k in (2, 8, 4) for y in (f"T {k}", *rows(10 * k), "E")), "G")
+    stops = []
+    for k in (2, 8, 4):
+        stops += [f"T {k}", *rows(10 * k), "E"]
+    bench.send(*MOTION, *stops, "G")
     bench.loop(2)  # four rows are sent: 2 is too late
     bench.send("S")
     bench.loop(3)

@@ -227,10 +227,18 @@ APART = ["unshare", "--ipc", sys.executable]
 needs_own_hal = pytest.mark.skipif(
     os.geteuid() != 0, reason="needs a HAL apart from that of the machine"
 )
-LINE, COMMANDS = (
-    next(x.text for x in blocks(PAGE) if word in (x.marks.get("file"), x.text.split(" ")[-1]))
-    for word in ("line.yaml", "identified\n")
-)
+
+
+def text_on_page(word):
+    """Return the text of the page's first block whose file or last word is this one."""
+    for block in blocks(PAGE):
+        if word in (block.marks.get("file"), block.text.split(" ")[-1]):
+            return block.text
+    raise LookupError(word)
+
+
+LINE = text_on_page("line.yaml")
+COMMANDS = text_on_page("identified\n")
 # Plays the job of the page without compensation at full speed, and prints what happened.
 OWN_FILE = """
 import json, sys

@@ -159,6 +159,7 @@ def test_invalid_paths_in_space_are_refused_in_one_sentence():
     refusals(read, BAD_PATHS, "job.yaml: ")
 
 
+# Angles of 90° and of 180° [rad].
 HALF = np.pi / 2
 TURN = np.pi
 VALUES = f"""

@@ -1,5 +1,6 @@
 """Obstacles of job files, descriptions and MoveIt scenes; meshes."""
 
+import itertools
 import struct
 
 import numpy as np
@@ -144,7 +145,7 @@ def test_built_in_cells_in_space_have_a_floor(tmp_path):
 
 
 # A box of 0.2 x 0.3 x 0.4 m, as corners and 12 triangles.
-CORNERS = np.array([[x, y, z] for x in (0, 0.2) for y in (0, 0.3) for z in (0, 0.4)])
+CORNERS = np.array(list(itertools.product((0, 0.2), (0, 0.3), (0, 0.4))))
 FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 TRIANGLES = [x for a, b, c, d in FACES for x in ((a, b, c), (a, c, d))]
 

@@ -11,8 +11,8 @@ from tests.geometry.tables import each, line, path_of, refused
 from armcontour.geometry import Arc, Path, SegmentLimits
 from armcontour.geometry.weave import Weave, weave_seam
 
-WIDTH = 4e-3
-PITCH = 5e-3
+WIDTH = 4e-3  # m, from edge to edge of the weave
+PITCH = 5e-3  # m, along the seam per wave
 SLOW = {"speed": 0.01, "tolerance": 1e-4, "tag": "weld"}
 LINE = path_of(line([0.1, 0.2], [0.15, 0.2], **SLOW))
 # A line and a quarter of a circle, tangent to each other.

@@ -13,11 +13,11 @@ from scipy import signal
 import armcontour as ac
 from armcontour.planning.paper_timing import run_laps
 
-# m, Sec. IV-A
+# Base offset and lengths of both links [m], Sec. IV-A.
 L0 = 0.135
 L1 = 0.250
 L2 = 0.215
-# 1/s, Sec. IV-A
+# Gains of the position and of the velocity loop [1/s], Sec. IV-A.
 KP = 25.0
 KV = 150.0
 LIMIT = 0.72  # rad/s², Sec. IV-A
@@ -297,10 +297,10 @@ def plain_laps(knots, velocity=(0.0, 0.0)):
 
 
 class TestMiddlePath:
-    # to the left and up, like line 2
+    # Start and end [m]: the path goes to the left and up, like line 2.
     p1 = np.array([0.36, 0.20])
     p2 = np.array([0.30, 0.27])
-    # m/s: it slows down
+    # Speeds at the start and at the end [m/s]: the tool slows down.
     v_f = 0.148
     v_r = 0.140
 
@@ -400,9 +400,9 @@ def printed_eq27(theta1, theta2, rate1, rate2):
 
 
 class TestMiddlePathAcceleration:
-    theta = np.array([0.31, 1.27])
-    rate = np.array([0.4, -0.7])
-    acceleration = np.array([0.15, 0.35])
+    theta = np.array([0.31, 1.27])  # rad
+    rate = np.array([0.4, -0.7])  # rad/s
+    acceleration = np.array([0.15, 0.35])  # rad/s²
 
     def tool_motion(self):
         """Tool velocity and acceleration by differences of (1) and (2)."""

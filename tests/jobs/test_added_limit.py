@@ -15,8 +15,9 @@ from armcontour.planning.explanation import BETWEEN
 from armcontour.robot.limit_use import States
 from armcontour.robot.limits import LIMITS, WITHOUT_CONSTRAINT
 
-# The limit of `added_limit.py`, and its value [m/s²].
+# Name of the limit that `added_limit.py` adds.
 NAME = "path_acceleration"
+# Its value [m/s²].
 LIMIT = 0.1
 # Bound of the differences of tool speeds, which are not exact.
 ROUNDING = 1e-5

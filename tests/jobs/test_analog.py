@@ -26,8 +26,8 @@ from armcontour.program import (
     prepare,
 )
 
-SLOW = 0.02
-FAST = 0.05
+SLOW = 0.02  # m/s, assigned to the first segment
+FAST = 0.05  # m/s, limit of the tool elsewhere
 LEAD = Lead(length=2e-3)
 POWER = Analog(name="power", rest=0.2, full=1.0)
 FLOW = Analog(name="flow", rest=0.0, full=8.0, speed=0.1, off=-1.0)
@@ -160,9 +160,13 @@ def test_analog_outputs_are_off_where_the_file_switches_them_off():
     functions = analog_outputs(program, trajectory, process, LIMITS)
     t = np.linspace(0, trajectory.duration, 3001)[1:-1]
     x = 1e3 * ARM.tool_position(trajectory(t))[:, 0]
-    travel, near = (
-        np.any([(x > a + gap) & (x < b - gap) for a, b in travels], axis=0) for gap in (0.01, -0.01)
-    )
+
+    def in_travel(gap):
+        """Return where the tool is in a travel, farther than a gap from both its ends [mm]."""
+        return np.any([(x > a + gap) & (x < b - gap) for a, b in travels], axis=0)
+
+    travel = in_travel(0.01)
+    near = in_travel(-0.01)
     work = (x > 310.01) & (x < 360) & ~near
     power = functions["power"](t)
     assert travel.sum() > 100 and not power[travel].any()

@@ -1,5 +1,7 @@
 """Laws and joint paths: closed forms, derivatives, proven bounds."""
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
@@ -137,11 +139,8 @@ def test_joint_splines_equal_those_of_scipy():
         points = rng.normal(size=(n, 2))
         parameters = np.cumsum(rng.uniform(0.1, 1, n))
         chords = np.cumsum([0, *np.linalg.norm(np.diff(points, axis=0), axis=1)])
-        for specified, s, ends in (
-            (specified, s, ends)
-            for specified, s in ((parameters, parameters), (None, chords))
-            for ends in ("natural", "clamped")
-        ):
+        ways = ((parameters, parameters), (None, chords))
+        for (specified, s), ends in itertools.product(ways, ("natural", "clamped")):
             path = ac.JointPath.spline(points, specified, ends=ends)
             reference = CubicSpline(s, points, bc_type=ends)
             u = np.linspace(s[0], s[-1], 77)
@@ -224,7 +223,8 @@ def dense(law):
     width = np.diff(law.breaks)[:, None]
     t = np.clip((law.breaks[:-1, None] + width * shares).ravel(), law.breaks[i], law.breaks[i + 1])
     ddq = law.on_interval(i, t, 2)
-    ends = [f(x, axis=0) for x in (ddq, law.on_interval(i, t, 1)) for f in (np.min, np.max)]
+    dq = law.on_interval(i, t, 1)
+    ends = [ddq.min(axis=0), ddq.max(axis=0), dq.min(axis=0), dq.max(axis=0)]
     return np.array(ends), law.path_position(i, t, 1).max()
 
 

@@ -174,7 +174,12 @@ class Interpreter:
         return False
 
     def set_feed(self, codes, v):
-        unit = 0.0254 if 20 in codes else 1e-3 if 21 in codes else self.unit
+        if 20 in codes:
+            unit = 0.0254
+        elif 21 in codes:
+            unit = 1e-3
+        else:
+            unit = self.unit
         if "F" in v:
             self.feed = v["F"] * unit / 60
 

@@ -23,25 +23,28 @@ CELLS = (250, 2000)
 # Share of the cells that is even in time; the rest is even in s.
 IN_TIME = 0.6
 # Time of a cell next to a rest, as part of the time in which the jerk reaches the limit of
-# acceleration or half of the speed. It is followed by cells that last this part of it.
+# acceleration or half of the speed.
 REST = 0.5
+# Time of each of the cells that follow it, as part of its time.
 RAMP = 0.05
 LONGEST = 0.05  # share of the path at most
 SMALLEST = 1e-6  # ds² is at least this part of where the search starts
 IPOPT = {"print_level": 0, "sb": "yes", "tol": 1e-8, "max_iter": 2000, "max_cpu_time": 200.0}
 WARM = {"mu_init": 1e-4}
-# The five splines: waypoints of six joints, and limits of every joint.
+# The five splines: seeds of the waypoints of six joints.
 SEEDS = range(5)
+# Ratios of the limits of jerk to those of acceleration with which each spline is solved [1/s].
 FACTORS = (10.0, 50.0)
+# Limits of the joints of the splines.
 VELOCITY = np.array([2.0, 2.0, 2.0, 3.0, 3.0, 3.0])  # rad/s
 ACCELERATION = np.array([4.5, 4.5, 7.5, 7.5, 9.0, 9.0])  # rad/s²
 
-# The paper's job: vertices [m], corner error [m], limits of the tool, and of jerk of both joints.
-POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
-CORNER_ERROR = 5e-3
-SPEED = 0.15
-CENTRIPETAL = 0.09
-PAPER_JERKS = (7.2, 36.0)  # rad/s³
+# The paper's job.
+POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))  # m, vertices
+CORNER_ERROR = 5e-3  # m
+SPEED = 0.15  # m/s, limit of the tool
+CENTRIPETAL = 0.09  # m/s², limit of the tool
+PAPER_JERKS = (7.2, 36.0)  # rad/s³, limits of both joints, solved one after the other
 # A curvature below this counts as this [1/m].
 FLAT = 1e-9
 # Where the integral of 1 / ds over a cell is taken.
@@ -205,9 +208,8 @@ class _Program:
         y = ca.SX.sym("y", n - 2)
         h = self.width[1:-1]
         node, middle = self._start(timing)
-        # ds² at inner nodes, and middle Bernstein coefficients
-        a = x * node
-        d = y * middle
+        a = x * node  # ds² at inner nodes
+        d = y * middle  # middle Bernstein coefficients of ds² on the inner cells
         # dds on both sides of the inner nodes, and its slope on the inner cells.
         right = ca.vertcat((d - a[:-1]) / h, -2 / 3 * a[-1] / self.width[-1])
         slopes = ca.vertcat(2 / 3 * a[0] / self.width[0], (a[1:] - d) / h)

@@ -25,9 +25,11 @@ STARTS = ("stops", *ARCS)
 SLOW = 1e-5
 # Steps per line.
 STEPS_OF_LINE = 180
-# Random jobs: corners, largest turn [rad], distances from the first joint [m].
+# Corners of a random job.
 CORNERS = 5
+# Largest turn at its corners, in both directions [rad].
 MOST_TURN = np.radians(150)
+# Smallest and largest distance of its vertices from the first joint [m].
 INSIDE = 0.12
 OUTSIDE = 0.44
 IPOPT = {

@@ -1,5 +1,6 @@
 """The reader of G-code against an independent interpreter, on the corpus and on random programs."""
 
+import itertools
 import math
 import random
 from pathlib import Path
@@ -214,7 +215,8 @@ class Author:
         begin = list(self.at)
         center = [begin[a] + radius * math.cos(turn), begin[b] + radius * math.sin(turn)]
         z = (begin[a] - center[0], begin[b] - center[1])
-        angle = 0.0 if full else sweep * (1 if way == 3 else -1)
+        sign = 1 if way == 3 else -1
+        angle = 0.0 if full else sweep * sign
         target = list(begin)
         target[a] = center[0] + z[0] * math.cos(angle) - z[1] * math.sin(angle)
         target[b] = center[1] + z[0] * math.sin(angle) + z[1] * math.cos(angle)
@@ -264,10 +266,11 @@ def test_random_programs_are_read_like_the_oracle_does():
 def test_random_g_code_programs_use_every_feature():
     texts = [Author(seed).text().upper() for seed in range(PROGRAMS)]
     programs = [oracle.interpret(x) for x in texts]
-    kinds = {s.kind for p in programs for m in p if hasattr(m, "segments") for s in m.segments}
+    moves = list(itertools.chain.from_iterable(programs))
+    with_segments = [x.segments for x in moves if hasattr(x, "segments")]
+    kinds = {x.kind for x in itertools.chain.from_iterable(with_segments)}
     assert kinds == {"line", "arc", "helix"}
-    moves = {oracle.Contour, oracle.Rapid, oracle.Dwell, oracle.Event}
-    assert {type(m) for p in programs for m in p} == moves
+    assert {type(x) for x in moves} == {oracle.Contour, oracle.Rapid, oracle.Dwell, oracle.Event}
     for feature in ("G20", "G91", "G90.1", "G18", "G19", "G61", "G64", "R-", "(", ";", "\n/"):
         assert any(feature in x.replace(" ", "") for x in texts)
     assert {read(x).dimension for x in texts} == {2, 3}

@@ -15,8 +15,8 @@ from armcontour.robot.serial import SerialArm
 pytest.importorskip("mujoco")
 pin = pinocchio()
 
-KP = np.array([20.0, 30.0, 40.0])
-KV = np.array([120.0, 150.0, 90.0])
+KP = np.array([20.0, 30.0, 40.0])  # 1/s
+KV = np.array([120.0, 150.0, 90.0])  # 1/s
 
 
 def skew_arm():

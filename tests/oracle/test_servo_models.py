@@ -88,8 +88,8 @@ def test_unsaturated_servos_match_scipy_lsim(arm, interpolation, cycle):
 @pytest.mark.parametrize("gains", GAINS)
 @pytest.mark.parametrize("interpolation", ["cubic", "linear", "step"])
 def test_saturated_servos_match_a_numerical_integration(arm, gains, interpolation):
-    # With and without dead time, in turn.
     kp, kv = gains
+    # With and without dead time, in turn.
     dead = 0.0137 if (gains == GAINS[1]) == (interpolation == "step") else 0.0
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation, dead_time=dead).for_joints(2)
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 0.72], [-1.0, 3.0]])

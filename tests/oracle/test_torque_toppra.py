@@ -24,7 +24,7 @@ from toppra.constraint import JointTorqueConstraint, JointVelocityConstraint  # 
 
 setup_logging("CRITICAL")
 
-# toppra's intervals; ours are 4000
+# Numbers of intervals of toppra's plans: 10 and 2.5 times our 4000.
 TEN_TIMES_FINER = 40_000
 FINE = 10_000
 REFERENCES = [(FINE, seed) for seed in range(12)]

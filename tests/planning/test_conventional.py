@@ -60,6 +60,7 @@ def test_conventional_timing_uses_the_speed_of_each_segment(arm, limits):
     np.testing.assert_allclose(speed, [0.02, 0.04, 0.04], rtol=1e-6)
 
 
+# Directions in which tools point.
 DOWN = (0.0, 0.0, -1.0)
 ASLANT = (0.4, 0.3, -1.0)
 
@@ -207,9 +208,9 @@ def test_stretched_durations_respect_gravity_and_friction():
 
 
 REACH = 0.250 + 0.215  # m, the PMK-3s stretched out
-# rad/s, rad/s²
-DQ = np.array([2.0, -1.5, 0.0])
-DDQ = np.array([0.3, -4.0, 5.0])
+# Velocity, acceleration and jerk of the joint that moves, in three states.
+DQ = np.array([2.0, -1.5, 0.0])  # rad/s
+DDQ = np.array([0.3, -4.0, 5.0])  # rad/s²
 DDDQ = np.array([7.0, 0.0, -3.0])  # rad/s³
 
 

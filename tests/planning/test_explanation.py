@@ -10,9 +10,8 @@ from armcontour.motion import Method, PathLaw, Rates
 from armcontour.planning import PlanOptions, explain
 from armcontour.planning.constraints import SecondOrder
 
-# m/s, m/s²
-SPEED = 0.1
-ACCELERATION = 0.2
+SPEED = 0.1  # m/s, assigned to the tool
+ACCELERATION = 0.2  # m/s², limit of the tool
 
 
 def explained(path, arm, limits, *, tiled=True, **options):
@@ -86,11 +85,11 @@ def test_the_slowest_joint_and_a_further_constraint_are_named():
     assert set(names(explanation)) == {"joint 1 torque"}
 
 
-# s, m/s³
-RAMP = 0.2
-JERK = 5.0
-SLOPE = 40.0  # 1/s²
-LENGTH = 2 * JERK * RAMP**3 / 6 + 2 * JERK * RAMP / SLOPE
+# The motion of `smooth_law`.
+RAMP = 0.2  # s, duration of each of the two parts with uniform jerk
+JERK = 5.0  # m/s³, of these parts
+SLOPE = 40.0  # 1/s², decrease of the path acceleration along s in the half wave
+LENGTH = 2 * JERK * RAMP**3 / 6 + 2 * JERK * RAMP / SLOPE  # m, of the whole path
 
 
 def smooth_law(points):

@@ -6,10 +6,9 @@ from scipy.optimize import brentq
 
 import armcontour as ac
 
-# m, rad/s²
-LINK = 0.25
-LIMIT = 0.72
-# m
+LINK = 0.25  # m, length of both links
+LIMIT = 0.72  # rad/s², of both joints
+# Distances of the ends of the path from the first joint [m].
 NEAR = 0.2
 FAR = 0.4
 

@@ -19,6 +19,7 @@ def circle(radius, center=CENTER):
     return ac.Path(segments=[ac.Arc.circle(start, center)])
 
 
+# Circles around the same centre: the hole of a part, and an island inside it.
 HOLE = circle(0.01)
 ISLAND = circle(0.004)
 OPEN = ac.Path.polyline([(0.05, 0.01), (0.09, 0.05)])

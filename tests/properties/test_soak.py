@@ -5,8 +5,11 @@ from collections import Counter
 import pytest
 from soak import check, corners, timing
 
+# Seeds of `soak.timing` per test.
 BATCH = 200
+# Seeds of `soak.check`.
 CHECKS = 25
+# Seeds of `soak.corners`.
 CORNERS = 150
 # Random times per interval of a law, in addition to its ends; `make soak` uses 8.
 PLACES = 3

@@ -12,7 +12,9 @@ DOWN = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
 REACH = {"ur5e": 0.35, "panda": 0.3, "ur10e": 0.5}
 KINDS = ["held", "per waypoint", "axis per waypoint", "pointing", "following", "axis following"]
 TORCH = Frame.rpy([0.05, 0, 0.15], [0, 0.7, 0])
+# Tests of random paths.
 BATCHES = 2
+# Random paths per test.
 PATHS = 7
 
 

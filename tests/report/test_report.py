@@ -223,11 +223,11 @@ def test_a_placement_map_shows_the_best_position_and_the_kind_of_refusals():
         (0.0, 0.0): (2.0, 3.0), (0.0, 0.1): (None, 2.5),
         (0.1, 0.0): (None, None), (0.1, 0.1): (4.0, 5.0),
     }  # fmt: skip
-    places = [
-        Place(values={"x": x, "y": y, "yaw": yaw}, duration=t, refusal="" if t else "reach")
-        for (x, y), durations in known.items()
-        for yaw, t in zip(yaws, durations, strict=True)
-    ]
+    places = []
+    for (x, y), durations in known.items():
+        for yaw, t in zip(yaws, durations, strict=True):
+            values = {"x": x, "y": y, "yaw": yaw}
+            places.append(Place(values=values, duration=t, refusal="" if t else "reach"))
     placement = Placement(
         job=job, run=job.runs[0], moved="part", about=np.zeros(3), own=places[0],
         axes={"x": np.array([0.0, 0.1]), "y": np.array([0.0, 0.1]), "yaw": np.array(yaws)},

@@ -12,10 +12,11 @@ from tests.geometry.tables import each, refused
 import armcontour as ac
 from armcontour.robot import SerialArm
 
-# m, paper Sec. IV-A
+# Base offset and lengths of both links [m], paper Sec. IV-A.
 L0 = 0.135
 L1 = 0.250
 L2 = 0.215
+# Edges of the reach: distances from the first joint [m].
 NEAR = L1 - L2
 FAR = L1 + L2
 BRANCHES = {"positive": 1, "negative": -1}

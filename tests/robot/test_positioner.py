@@ -326,13 +326,10 @@ def test_a_description_of_the_cell_is_the_arm_with_rail_and_positioner(tmp_path)
         np.testing.assert_allclose(described.forward(q), arm.forward(q), atol=1e-12)
         torques = [x.torque(q, dq, ddq) for x in (described, arm)]
         np.testing.assert_allclose(*torques, rtol=1e-12, atol=1e-9)
-        centers = [
-            [poses[x.link] @ [*x.place.position, 1] for x in shapes]
-            for shapes, poses in (
-                (found, link_poses(described.chain, q[None])[0]),
-                (expected, link_poses(arm.chain, q[None])[0]),
-            )
-        ]
+        centers = []
+        for shapes, chain in ((found, described.chain), (expected, arm.chain)):
+            poses = link_poses(chain, q[None])[0]
+            centers.append([poses[x.link] @ [*x.place.position, 1] for x in shapes])
         np.testing.assert_allclose(*centers, atol=1e-12)
     for name in ("lower", "upper", "velocity", "acceleration", "torque"):
         values = [getattr(x.limits, f"joint_{name}") for x in (described, arm)]

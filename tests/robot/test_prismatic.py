@@ -226,12 +226,12 @@ def test_exported_columns_have_the_units_of_their_joint_type(tmp_path):
         ac.export(plan, tmp_path / name, arm=arm, cycle=0.01)
     titles = (tmp_path / "plan.csv").read_text().splitlines()[0].split(",")
     kinds = [("q", "rad", "m"), ("dq", "rad/s", "m/s"), ("ddq", "rad/s^2", "m/s^2")]
-    expected = [
-        f"{quantity} {joint} [{length if slides else angle}]"
-        for quantity, angle, length in kinds
-        for joint, slides in zip(arm.joint_names, arm.chain.prismatic, strict=True)
-    ]
-    assert titles == ["t [s]", *expected]
+    expected = ["t [s]"]
+    for quantity, angle, length in kinds:
+        for joint, slides in zip(arm.joint_names, arm.chain.prismatic, strict=True):
+            unit = length if slides else angle
+            expected.append(f"{quantity} {joint} [{unit}]")
+    assert titles == expected
     for name in ("plan.csv", "plan.yaml"):
         samples = ac.read_trajectory(tmp_path / name, arm.joint_names)
         t = np.minimum(samples.t, plan.duration)

@@ -17,15 +17,15 @@ from armcontour.simulation import mujoco_model
 
 pytest.importorskip("mujoco")
 
-KP = 25.0
-KV = 150.0
-CYCLE = 4e-3
-MASS = 2.0
-LENGTH = 0.5
-ARMATURE = 0.1
-G = 9.81
-INERTIA = MASS * LENGTH**2 + ARMATURE
-WEIGHT = MASS * G * LENGTH  # torque against gravity where the pendulum lies
+KP = 25.0  # 1/s
+KV = 150.0  # 1/s
+CYCLE = 4e-3  # s
+MASS = 2.0  # kg, of the pendulum
+LENGTH = 0.5  # m, from the joint to the pendulum's mass
+ARMATURE = 0.1  # kg m²
+G = 9.81  # m/s²
+INERTIA = MASS * LENGTH**2 + ARMATURE  # kg m²
+WEIGHT = MASS * G * LENGTH  # torque against gravity where the pendulum lies [N m]
 WEIGHTLESS = np.zeros(3)
 
 

@@ -155,13 +155,11 @@ def test_the_recipe_has_the_requirements_of_the_project():
     needed = recipe["requirements"]
     assert needed["run"][0] == "python >=${{ python_min }}"
     assert set(needed["run"][1:]) == requirements(data["dependencies"])
-    extras = [
-        requirement
-        for name, added in data["optional-dependencies"].items()
+    extras = []
+    for name, added in data["optional-dependencies"].items():
         # The client of Franka is on the Python index only.
-        if name not in {*DEVELOPERS, "franka"}
-        for requirement in added
-    ]
+        if name not in {*DEVELOPERS, "franka"}:
+            extras += added
     assert set(needed["run_constraints"]) == requirements(extras)
     build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]
     assert requirements(build["requires"]) <= set(needed["host"])

@@ -125,9 +125,9 @@ def test_overshoot_is_measured_across_the_leaving_line():
         assert corners.overshoot == pytest.approx(0.01, rel=1e-9), turn
 
 
-FAST = 0.1
-SLOW = 0.02
-JOINT = 0.05
+FAST = 0.1  # m/s, assigned to the first of two segments
+SLOW = 0.02  # m/s, assigned to the second one
+JOINT = 0.05  # m, where they meet on the x axis
 
 
 def path(first=FAST, last=SLOW):

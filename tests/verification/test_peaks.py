@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 
-# Relative difference AGREE to errors of FINER times as many samples; a sampled kink is smaller.
+# Errors are compared with those of so many times as many samples.
 FINER = 50
+# Largest relative difference between both; a sampled kink is smaller.
 AGREE = 1e-6
 CORNERS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
 

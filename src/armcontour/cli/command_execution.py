@@ -15,6 +15,7 @@ from armcontour.cli.console import ProgressDisplay, print_lines
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import listen_to_compilation
 
+# File names of the report and of the JSON output in a result folder.
 REPORT = "report.html"
 SUMMARY = "summary.json"
 

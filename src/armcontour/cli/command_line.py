@@ -183,6 +183,15 @@ def command(topic: str, example: str, module: str = "") -> Callable[[type[T]], t
     return declare
 
 
+def _find_panels(options: Any) -> dict[str, str]:
+    """Return the panel of each inherited option: the first sentence of the base's docstring."""
+    panels: dict[str, str] = {}
+    for base in reversed(options.__mro__[1:]):
+        first_sentence = (base.__doc__ or "").partition(".")[0]
+        panels |= dict.fromkeys(vars(base).get("__annotations__", ()), first_sentence)
+    return panels
+
+
 def _parameters(options: Any) -> Iterator[Parameter]:
     """Arguments and options of a dataclass, as parameters that typer reads.
 
@@ -191,11 +200,7 @@ def _parameters(options: Any) -> Iterator[Parameter]:
     """
     hints = get_type_hints(options, include_extras=True)
     texts = describe_fields(options)
-    panels = {
-        name: (base.__doc__ or "").partition(".")[0]
-        for base in reversed(options.__mro__[1:])
-        for name in vars(base).get("__annotations__", ())
-    }
+    panels = _find_panels(options)
 
     def parameter(name: str, hint: Any, option: Any, default: Any = None) -> Parameter:
         kind = Parameter.KEYWORD_ONLY

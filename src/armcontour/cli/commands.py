@@ -18,7 +18,8 @@ from armcontour.cli.command_execution import Json, Results
 from armcontour.cli.command_line import INSTALLED, JUDGE, PREPARE, ROBOT, RUN, command, program_for
 
 __all__ = ["program_for"]
-# Topics of options that set job keys, as in `job_options.json`.
+# Topics of the options that set job keys, as in `job_options.json`: DRAWING (two topics), POSITION,
+# SPEED, FILES and POINTS.
 DRAWING = ("Drawing", "G-code")
 POSITION = "Cell and position of the drawing"
 SPEED = "Speed, corners and start"

@@ -28,8 +28,9 @@ from armcontour.program.moves import events_of
 from armcontour.robot.limit_use import use_of
 from armcontour.verification.evaluation import duration_row
 
-# Labels of exported set-points, and of the exported plan (without compensation).
+# Label of exported set-points.
 SET_POINTS = "set_points"
+# Label of the exported plan, which has no compensation.
 REFERENCE = "reference"
 # Ratio of an exported acceleration to its limit above which a warning is given.
 MAX_ACCELERATION_RATIO = 3.0
@@ -45,8 +46,9 @@ def check_exports(job: Job, options: Mapping[str, object]) -> None:
         formats.format_named(name, job.export)
     if not job.export.formats:
         exports = {x.name for x in dataclasses.fields(Exports)}
-        for name in (x for x, value in options.items() if x in exports and value is not None):
-            raise InvalidInput(f"{option_of(name)} requires --export.")
+        for name, value in options.items():
+            if name in exports and value is not None:
+                raise InvalidInput(f"{option_of(name)} requires --export.")
         return
     names = {*job.process.analog_names}
     names |= {x.name for x in events_of(job.program.moves)}

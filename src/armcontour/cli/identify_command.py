@@ -30,10 +30,11 @@ from armcontour.files.log_file import log_text, read_log
 from armcontour.motion import Log
 from armcontour.report.identification import render_identification
 
-# Exit codes. DONE: every joint has a valid model and the compensation is trusted. PROVISIONAL:
-# trusted for one program only. DOUBTFUL: otherwise. No error has the exit code 9.
+# Exit code: every joint has a valid model and the compensation is trusted.
 DONE = 0
+# Exit code: a joint has no valid model, or the compensation is not trusted.
 DOUBTFUL = 1
+# Exit code: the compensation is trusted for one program only. No error has this exit code.
 PROVISIONAL = 9
 
 
@@ -131,9 +132,12 @@ def _outcome(
         for name, log in logs.items():
             folder.write(f"{name}.csv", log_text(log))
         folder.write(REPORT, render_identification(fit))
+    lines = data_lines(data)
+    for x in further:
+        lines += data_lines(x)
     code = PROVISIONAL if fit.judgement.programs == 1 else DONE
     return Outcome(
-        lines=[*(y for x in (data, *further) for y in data_lines(x)), *servo],
+        lines=[*lines, *servo],
         page=plain(replace(data, rows=(*data.rows, *rows))),
         code=code if fit.trusted else DOUBTFUL,
     )

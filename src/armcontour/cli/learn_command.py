@@ -154,11 +154,11 @@ def _robot_lines(result: RobotLearning, options: Learn) -> list[str]:
     if options.out is None:
         return lines
     run = result.plan.run
-    robot = "".join(
-        f" --{name} {value}"
-        for name in ("address", "hal", "drives")
-        if (value := getattr(options, name)) is not None
-    )
+    robot = ""
+    for name in ("address", "hal", "drives"):
+        value = getattr(options, name)
+        if value is not None:
+            robot += f" --{name} {value}"
     reserve = f"runs.{run.name}.timing.reserve='{run.timing.reserve * 100:g} %'"
     return [
         *lines,

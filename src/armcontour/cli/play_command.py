@@ -24,8 +24,9 @@ from armcontour.files.log_file import log_text
 from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import Job
 
-# Exit codes. DONE: the motion was as simulated, or dry run. STOPPED: it was stopped or differs.
+# Exit code: the motion was as simulated, or this was a dry run.
 DONE = 0
+# Exit code: the motion was stopped, or it differs from the simulation.
 STOPPED = 1
 DRY = "Dry run: the robot has not moved. Add --execute to move the robot."
 

@@ -38,7 +38,9 @@ def run(options: Run, folder: files.ResultFolder, progress: Progress) -> Outcome
         if simulate or not job.export.formats:
             # Without simulation, the exports are written instead of the usual files.
             write_motions(folder, job, study.runs)
-        notes = [y for name, x in study.runs.items() for y in write_exports(folder, job, name, x)]
+        notes = []
+        for name, result in study.runs.items():
+            notes += write_exports(folder, job, name, result)
         if simulate:
             folder.write(REPORT, report.render_report(study))
         else:
@@ -67,7 +69,10 @@ def demo(options: Demo, folder: files.ResultFolder, progress: Progress) -> Outco
             page = plain(study.to_data()) | {"files": [*written, SUMMARY]}
             folder.write(f"{prefix}{SUMMARY}", files.to_json(page))
         folder.write(REPORT, report.render_demo(list(studies.values())))
-    return Outcome(lines=[y for x in studies.values() for y in _result_lines(x)])
+    lines: list[str] = []
+    for study in studies.values():
+        lines += _result_lines(study)
+    return Outcome(lines=lines)
 
 
 def built_in_job() -> jobs.Job:
@@ -117,7 +122,8 @@ def _result_lines(study: jobs.JobResult) -> Sequence[str]:
             lines.append(verdict(data))
             for table in (y for y in data.tables if y.level == VERDICT):
                 lines += lay_out("", cells(table)).splitlines()[1:]
-    lines += [x for result in study.runs.values() for x in result.remarks]
+    for result in study.runs.values():
+        lines += result.remarks
     lines += [f"Warning: {x}" for x in jobs.warnings_of(study.runs.values())]
     lines += [f"Note: {x}" for x in job.arm.notes]
     has_experiment = any(x.run.experiment is not None for x in study.runs.values())

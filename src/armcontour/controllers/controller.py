@@ -29,8 +29,9 @@ from armcontour.motion.nearest_commands import find_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.arm import unit_of
 
-# Timeouts of connecting, and of ending the feeder process, which may first stop the robot [s].
+# Timeout of connecting [s].
 CONNECTING = 20.0
+# Timeout of ending the feeder process, which may first stop the robot [s].
 CLOSING = 60.0
 # Period of reading new samples [s].
 PAUSE = 5e-3

@@ -23,8 +23,9 @@ EPS = 1e-3
 LOWER = np.array([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159])
 UPPER = np.array([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159])
 # Limits of libfranka 0.15.0, beyond which it changes or refuses joint positions:
-# include/franka/rate_limiting.h, kMaxJointAcceleration [rad/s²], kMaxJointJerk [rad/s³].
+# include/franka/rate_limiting.h, kMaxJointAcceleration [rad/s²].
 ACCELERATION = 10.0 - EPS
+# The same, kMaxJointJerk [rad/s³].
 JERK = 5000.0 - EPS
 # The same, computeUpperLimitsJointVelocity and computeLowerLimitsJointVelocity: the velocity limit
 # of a joint at q is `min(SPEED, sqrt(SLOPE (UPPER_ZERO - q)) - OFFSET)`, and for negative

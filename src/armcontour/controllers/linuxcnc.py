@@ -33,8 +33,9 @@ UNSUPPORTED = "dead_time drive_cycle friction velocity_feedforward acceleration_
 SEE = "The page LinuxCNC of the documentation has a complete HAL file."
 # Signal of a HAL file that enables the drives after the measured position has been commanded.
 ENABLE = "armcontour-enable"
-# Capacity of the FIFOs between the feeder and the servo thread [rows].
+# Capacity of the FIFO from the feeder to the servo thread [rows].
 STREAMER_DEPTH = 4000
+# Capacity of the FIFO from the servo thread to the feeder [rows].
 SAMPLER_DEPTH = 8000
 
 
@@ -210,6 +211,8 @@ def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: floa
         yield f"net x{j} iq{j}.out => q{j}.in0"
         yield f"net m{j} q{j}.out => p{j}.feedback sampler.0.pin.{dof + j + 1}"
     order = ["streamer.0", *(f"q{j}" for j in joints), "sampler.0"]
-    order += [f"{loop}{j}.do-pid-calcs" for loop in "pv" for j in joints]
-    order += [f"{prefix}{j}" for prefix in ("iv", "iq") for j in joints]
+    for loop in "pv":
+        order += [f"{loop}{j}.do-pid-calcs" for j in joints]
+    for integrator in ("iv", "iq"):
+        order += [f"{integrator}{j}" for j in joints]
     yield from (f"addf {x} servo" for x in order)

@@ -41,16 +41,21 @@ from armcontour.robot.servo.simulation import command_weights
 REST = 1.0
 # Tolerance between the set-points of a stop and those of the plan, before the stop begins [rad].
 SAME = 1e-7
-# Number of set-points by which the compensation looks ahead: the first guess is doubled up to the
-# maximum, until the set-points before the stop no longer change.
+# First guess of the number of set-points by which the compensation looks ahead. It is doubled until
+# the set-points before the stop no longer change.
 FORESIGHT = 16
+# Maximum number of set-points by which the compensation may look ahead.
 LONGEST_FORESIGHT = 256
 # Duration in which a stop reduces learned corrections to 0 [s].
 FADING = 0.2
-# Default band: a joint may differ from its prediction by LEAST [rad] and by the distance that it
-# moves in LAG [s] at its largest speed. UNKNOWN_LAG applies if the servo is unknown.
+# Default band: a joint may differ from its prediction by this distance [rad], and by the distance
+# of LAG. Also the tolerance of its positions before and after a motion, and the shortest motion
+# from which a drive that does not move is recognized.
 LEAST = 2e-3
+# Default band: a joint may also differ from its prediction by the distance that it moves in this
+# time at its largest speed [s].
 LAG = 0.05
+# The same if the servo is unknown, instead of LAG [s].
 UNKNOWN_LAG = 0.25
 SpeedFactor = Annotated[float, Quantity("1", "50 %", within=(1e-3, 1.0))]
 # Default speed factor, and largest speed factor of the motion to the start.
@@ -575,11 +580,11 @@ def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> 
 
 def _scaled(limits: Limits, factor: float) -> Limits:
     """Limits scaled by a speed factor; torques and ranges do not change."""
-    values = {
-        name: np.multiply(value, factor**x.power)
-        for name, x in LIMITS.items()
-        if x.power and (value := getattr(limits, name)) is not None
-    }
+    values = {}
+    for name, limit in LIMITS.items():
+        value = getattr(limits, name)
+        if limit.power and value is not None:
+            values[name] = np.multiply(value, factor**limit.power)
     return limits.replace(**values)
 
 

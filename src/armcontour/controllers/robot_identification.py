@@ -35,19 +35,22 @@ from armcontour.robot.limits import JOINT_LIMITS, LIMITS
 
 # Default reserve of the run, so that commanded accelerations do not saturate.
 GENTLE = 0.2
-# Names of the motions and of their logs.
+# Names of the two motions, and of their logs.
 RUN = "run"
 EXCITATION = "excitation"
 
-# Duration of the motion, and of the fade-in at its start and the fade-out at its end [s].
+# Duration of the excitation [s].
 DURATION = 12.0
+# Duration of the fade-in at its start, and of the fade-out at its end [s].
 FADING = 2.0
-# Frequencies of the first joint [Hz]. Those of joint j are higher by the fraction j * DETUNED, so
-# that motions of joints are not correlated.
+# Frequencies of the first joint in the excitation [Hz].
 FREQUENCIES = (0.31, 0.83, 1.9, 3.7)
+# The frequencies of joint j are higher by the fraction j * DETUNED, so that motions of joints are
+# not correlated.
 DETUNED = 0.17
-# Maximum amplitude [rad], and fraction of the limits that the motion uses.
+# Maximum amplitude of the excitation [rad].
 AMPLITUDE = 0.1
+# Fraction of the limits that the excitation uses.
 SHARE = 0.6
 # Interval between the states whose limits are checked [s].
 STEP = 2e-3
@@ -87,7 +90,10 @@ class RobotIdentification(Result):
         first = self.played[RUN]
         stopped = Row("stopped", self.stopped, "", "stopped", level=VERDICT)
         records = [x.record for x in self.played.values() if x.record is not None]
-        notes = [x for record in records if record.stopped is not None for x in record.notes]
+        notes: list[str] = []
+        for record in records:
+            if record.stopped is not None:
+                notes += record.notes
         title = f"Identification on {first.controller}"
         return Data(title, (*first.to_data().rows, stopped), notes=tuple(notes))
 
@@ -194,9 +200,10 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
     curve = make_interp_spline(t, moved * (room / np.abs(moved).max(axis=0)), k=5)
     columns = [curve(t, order) for order in range(4)]
     # Scale each joint by its own limits first, then all joints by the limits of the tool.
-    of_joints = (x for x in JOINT_LIMITS if LIMITS[x].power)
-    for some in (*(Limits.only(**{x: getattr(limits, x)}) for x in of_joints), limits.of_tool):
-        for use in States(job.arm, [columns[0] + start, *columns[1:]]).uses(some):
+    scaled = [x for x in JOINT_LIMITS if LIMITS[x].power]
+    of_joints = [Limits.only(**{x: getattr(limits, x)}) for x in scaled]
+    for group in (*of_joints, limits.of_tool):
+        for use in States(job.arm, [columns[0] + start, *columns[1:]]).uses(group):
             ratio = use.ratio.max(axis=0)
             columns = [x * np.minimum(SHARE / np.maximum(ratio, 1e-9), 1.0) for x in columns]
     for _ in range(HALVINGS):

@@ -31,10 +31,13 @@ from armcontour.motion import Log, SetPoints
 # Default of the minimum reserve: learned corrections need additional acceleration, and learning
 # assumes that drives do not saturate.
 CORRECTIONS = 0.2
+# Default of the number of runs.
 RUNS = 4
-# A run is stopped if a joint deviates from the plan by more than RUNAWAY times the maximum
-# deviation of the best earlier run, and by more than LEAST [rad].
+# A run is stopped if a joint deviates from the plan by more than this multiple of the maximum
+# deviation of the best earlier run, and by more than LEAST.
 RUNAWAY = 3.0
+# Deviations from the plan up to this are no reason to stop a run [rad], unless the specified band
+# is narrower.
 LEAST = 1e-3
 # Tolerance between the commands of a log and the set-points of its run [rad].
 SAME = 1e-6

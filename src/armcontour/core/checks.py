@@ -409,13 +409,17 @@ def check_type(name: str, value: Any, *kinds: type) -> Any:
     """Return a value that is an instance of one of the classes; raise InvalidInput otherwise."""
     if isinstance(value, kinds):
         return value
-    words = [
-        WORDS.get(x) or f"{'an' if x.__name__[0] in 'AEIO' else 'a'} {x.__name__}"
-        for x in kinds
-        if x is not np.bool_
-    ]
+    words = [_words_for(x) for x in kinds if x is not np.bool_]
     shown = show(value) if isinstance(value, PLAIN) else type(value).__name__
     raise InvalidInput(f"{name} must be {' or '.join(words)}, not {shown}.")
+
+
+def _words_for(kind: type) -> str:
+    """Write an instance of a class in words, such as "a number" or "an Arm"."""
+    if kind in WORDS:
+        return WORDS[kind]
+    article = "an" if kind.__name__[0] in "AEIO" else "a"
+    return f"{article} {kind.__name__}"
 
 
 def explained(function: Callable[P, R]) -> Callable[P, R]:
@@ -459,7 +463,9 @@ def _form_of_value(function: Callable[..., Any], slots: Mapping[str, Parameter],
     hints = {} if function.__name__ == "__init__" else get_type_hints(function)
     for argument, slot in slots.items():
         kinds: Any = [type(slot.default), hints.get(argument), *get_args(hints.get(argument))]
-        for kind in (x for x in kinds if is_dataclass(x) and isinstance(x, type)):
+        for kind in kinds:
+            if not is_dataclass(kind) or not isinstance(kind, type):
+                continue
             if name in _field_names(kind):
                 return f"write {argument}={kind.__name__}({name}=...)"
             if name == "method" and hasattr(kind, name):

@@ -64,12 +64,19 @@ def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> Co
     return CompiledKernels(len(listed), compiled, folder)
 
 
+def _kind_for(dimension: int | None) -> Which:
+    """Return which functions a run needs, by the dimension of its arm; None: unknown."""
+    if dimension is None:
+        return "usual"
+    return "plane" if dimension == 2 else "space"
+
+
 @contextmanager
 def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
     """Context in which other processes compile the functions of a usual run."""
     # If the run needs a function that is not compiled, the run waits, and this function is compiled
     # next. If the other processes fail, the run compiles the function itself.
-    kind: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
+    kind = _kind_for(dimension)
     folder = _folder()
     if folder is None or _find_compiled(kind) or not can_start():
         yield
@@ -270,9 +277,11 @@ def stamp(folder: FilePath, kind: Which, target: kernel_cache.Target | None = No
 
 def used_sources() -> set[FilePath]:
     """Return the sources on which the listed functions depend."""
-    modules = {module for module, _ in read_list("all")}
-    files = (ROOT.parent.joinpath(*module.split(".")).with_suffix(".py") for module in modules)
-    return {source for file in files for source in kernel_cache.sources(file)}
+    found: set[FilePath] = set()
+    for module in {module for module, _ in read_list("all")}:
+        file = ROOT.parent.joinpath(*module.split(".")).with_suffix(".py")
+        found |= kernel_cache.sources(file)
+    return found
 
 
 def _state(target: kernel_cache.Target) -> str:

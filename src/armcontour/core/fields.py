@@ -42,11 +42,13 @@ C = TypeVar("C")
 # checked value, or the value itself if no conversion was needed.
 Reader = Callable[[Any, str], Any]
 UNIONS = (Union, UnionType)
-# Shapes: one number; one number for all joints or one per joint; these, or two bounds per joint;
-# any array.
+# Shape of one number.
 SINGLE = (Axes(),)
+# Shapes of one number for all joints, or one per joint.
 PER_JOINT = (Axes(), Axes("joints"))
+# Shapes in PER_JOINT, and the shape of two bounds per joint.
 BOUNDED = (*PER_JOINT, Axes("joints", 2))
+# Shape of any array.
 ANY_SHAPE = (Axes(...),)
 # Largest number of values that Python compares faster than NumPy.
 FEW = 16
@@ -205,9 +207,9 @@ def _readers(kind: Any) -> tuple[list[tuple[str, str, Reader, Any]], list[tuple[
             if axes is not None:
                 shapes.append((name, axes))
     # Only shapes that share an axis with another field are needed.
-    names: Counter[Any] = Counter(
-        x for _, shape in shapes for x in shape.axes if isinstance(x, str)
-    )
+    names: Counter[Any] = Counter()
+    for _, shape in shapes:
+        names.update(x for x in shape.axes if isinstance(x, str))
     return readers, [(x, shape) for x, shape in shapes if any(names[n] > 1 for n in shape.axes)]
 
 
@@ -223,19 +225,29 @@ def _fits(default: Any, read: Reader) -> bool:
 def _readers_of_arguments(function: Callable[..., Any]) -> dict[str, Reader]:
     """Readers of the arguments of a function by name; the function checks arrays itself."""
     hints = get_type_hints(function, include_extras=True)
-    readers = {
-        name: reader_of(hint)
-        for name, hint in hints.items()
-        if name != "return" and np.ndarray not in [get_origin(x) for x in (hint, *get_args(hint))]
-    }
-    return {name: read for name, read in readers.items() if read is not None}
+    readers = {}
+    for name, hint in hints.items():
+        if name == "return" or _allows_array(hint):
+            continue
+        read = reader_of(hint)
+        if read is not None:
+            readers[name] = read
+    return readers
+
+
+def _allows_array(hint: Any) -> bool:
+    """Return whether an annotation is an array or a union with an array."""
+    return np.ndarray in [get_origin(x) for x in (hint, *get_args(hint))]
 
 
 def _noun(kind: type) -> str:
     """Name of a class in words, such as "a joint path"; a plural has no article."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
     is_plural = words.endswith(("s", "data")) and not words.endswith("ss")
-    return words if is_plural else f"{'an' if words[0] in 'aeio' else 'a'} {words}"
+    if is_plural:
+        return words
+    article = "an" if words[0] in "aeio" else "a"
+    return f"{article} {words}"
 
 
 def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
@@ -279,8 +291,13 @@ def _read_annotated(base: Any, marks: tuple[Any, ...]) -> Reader | None:
     quantity = _find(Quantity, marks)
     axes = _find(Axes, marks)
     if quantity is not None or (axes is not None and get_origin(base) is np.ndarray):
-        shapes: tuple[Axes, ...] = BOUNDED if quantity and quantity.bounds else PER_JOINT
-        shapes = SINGLE if base is float else (axes,) if axes is not None else shapes
+        shapes: tuple[Axes, ...] = PER_JOINT
+        if base is float:
+            shapes = SINGLE
+        elif axes is not None:
+            shapes = (axes,)
+        elif quantity is not None and quantity.bounds:
+            shapes = BOUNDED
         return _read_numbers(base, quantity, shapes)
     for mark in marks:
         if isinstance(mark, Choice):
@@ -320,7 +337,8 @@ def _read_union(parts: tuple[Any, ...]) -> Reader | None:
         return _read_kinds(sum(kinds, ())) if all(kinds) else None
     passing: tuple[type, ...] = (NoneType,) if NoneType in parts else ()
     passing += (bool, np.bool_) if bool in parts else ()
-    text, other = (reader_of(x[0]) if x else None for x in (texts, others))
+    text = reader_of(texts[0]) if texts else None
+    other = reader_of(others[0]) if others else None
 
     def read(value: Any, who: str) -> Any:
         if isinstance(value, passing):
@@ -347,8 +365,15 @@ def _read_list(parts: tuple[Any, ...]) -> Reader:
     names = [
         f"{x.__name__}{'es' if x.__name__.endswith('ch') else 's'}" for x in kinds if x is not str
     ]
-    plain = "texts" if kinds else "names" if _is_text(item) else "values"
-    noun = f"{f'{count} ' if count else ''}{' or '.join(names) or plain}"
+    if kinds:
+        plain = "texts"
+    elif _is_text(item):
+        plain = "names"
+    else:
+        plain = "values"
+    noun = " or ".join(names) or plain
+    if count:
+        noun = f"{count} {noun}"
 
     def read(value: Any, who: str) -> Any:
         values = checks.check_sequence(who, value, kinds or object, noun, count)
@@ -375,6 +400,11 @@ def _read_mapping(each: Reader | None) -> Reader:
     return read
 
 
+def _fixed_lengths(shape: Axes) -> list[tuple[int, int]]:
+    """List index and length of each axis with a fixed length."""
+    return [(i, n) for i, n in enumerate(shape.axes) if isinstance(n, int)]
+
+
 def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]) -> Reader:
     """Reader of a number, or of a read-only array of one of the shapes, within a range."""
     (low, high), unit = (quantity.range, quantity.words) if quantity else ((-np.inf, np.inf), "")
@@ -387,9 +417,7 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
         needed = f"be one value for all joints or one per joint{pair}"
 
     # The axes with a fixed length, by the number of axes.
-    lengths = {
-        len(x.axes): [(i, n) for i, n in enumerate(x.axes) if isinstance(n, int)] for x in shapes
-    }
+    lengths = {len(x.axes): _fixed_lengths(x) for x in shapes}
 
     # The range of texts is checked with that of numbers.
     written = replace(quantity, sign="any", within=None) if quantity and quantity.unit else None

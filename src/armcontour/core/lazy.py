@@ -19,7 +19,9 @@ def load_method(name: str) -> Callable[..., Any]:
 
 def lazy_names(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:
     """`__getattr__` and `__all__` of a package whose names are loaded and cached at first use."""
-    module_of = {name: module for module, names in home.items() for name in names.split()}
+    module_of: dict[str, str] = {}
+    for home_module, names in home.items():
+        module_of |= dict.fromkeys(names.split(), home_module)
 
     def load(name: str) -> Any:
         """Load a public name from its module at first use."""

@@ -294,7 +294,11 @@ def map_in_processes(
     """Apply work to all items in other processes; results are in the order of the items."""
     count = min(processes or processors(), len(items))
     in_process = count < 2 or len(items) < FEWEST or is_child()
-    workers = None if executor is not None else 0 if in_process else count
+    workers: int | None = count
+    if executor is not None:
+        workers = None
+    elif in_process:
+        workers = 0
     slices = split_evenly(len(items), max(PARTS, 4 * count))
     results_by_chunk: dict[int, list[R]] = {}
     number = 0
@@ -306,7 +310,10 @@ def map_in_processes(
                 done(number)
             results_by_chunk[start] = results
             number += len(results)
-    return [x for k in sorted(results_by_chunk) for x in results_by_chunk[k]]
+    in_order = []
+    for start in sorted(results_by_chunk):
+        in_order += results_by_chunk[start]
+    return in_order
 
 
 def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, None, None]:

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -33,12 +34,13 @@ SHOWN = {
 WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2": "kg m²"}
 # Times below this are shown in ms [s].
 SHORT = 0.1
-# Number of significant digits. Numbers below FINE are shown with six decimals.
+# Number of significant digits.
 DIGITS = 3
+# Numbers below this, in their display unit, are shown with six decimals.
 FINE = 1e-3
-# Widest value that counts for the column in which notes begin, and widest line of a table
-# [characters].
+# Widest value that counts for the column in which notes begin [characters].
 WIDEST_FIGURE = 16
+# Widest line of a table [characters].
 WIDEST_TABLE = 118
 # Longest list in a JSON file.
 MAX_LISTED = 10_000
@@ -147,17 +149,17 @@ def compare(
     results: Mapping[str, Data], level: int = FIRST, *, texts: bool = False
 ) -> list[tuple[str, ...]]:
     """Several results as rows of text: the header, then a row per result."""
-    rows = {
-        name: {
-            x.label: figure(x) for x in data.shown(level) if texts or not isinstance(x.value, str)
-        }
-        for name, data in results.items()
-    }
+    rows = {}
+    for name, data in results.items():
+        compared = (x for x in data.shown(level) if texts or not isinstance(x.value, str))
+        rows[name] = {x.label: figure(x) for x in compared}
     # The result with the most values determines the order of the columns.
     longest = sorted(rows.values(), key=len, reverse=True)
-    labels = list(dict.fromkeys(label for row in longest for label in row))
-    table = [(name, *(row.get(x, "-") for x in labels)) for name, row in rows.items()]
-    return [("run", *labels), *table]
+    labels = list(dict.fromkeys(chain.from_iterable(longest)))
+    table: list[tuple[str, ...]] = [("run", *labels)]
+    for name, row in rows.items():
+        table.append((name, *(row.get(x, "-") for x in labels)))
+    return table
 
 
 def plain(data: Data) -> dict[str, Any]:
@@ -192,8 +194,12 @@ def units(results: Iterable[Data]) -> dict[str, str]:
     """Units of all values by name, for JSON; names of values in parts with and without the part."""
     units_by_name: dict[str, str] = {}
     for data in results:
-        named = [*data.walk(), *((y.name, y) for x in data.tables for y in x.columns)]
-        units_by_name |= {name: x.unit for name, x in named if x.unit and x.unit != JUDGED}
+        named = list(data.walk())
+        for table in data.tables:
+            named += [(x.name, x) for x in table.columns]
+        for name, row in named:
+            if row.unit and row.unit != JUDGED:
+                units_by_name[name] = row.unit
         units_by_name |= units(data.parts.values())
     return units_by_name
 

@@ -70,8 +70,11 @@ class Table:
     def as_dicts(self, maximum: int | None = None) -> list[dict[str, Any]]:
         """Rows as mappings by the names of the columns."""
         names = [x.name for x in self.columns]
-        values = ([y.value if isinstance(y, Row) else y for y in x] for x in self.rows[:maximum])
-        return [nest(zip(names, x, strict=True)) for x in values]
+        mappings = []
+        for row in self.rows[:maximum]:
+            values = [x.value if isinstance(x, Row) else x for x in row]
+            mappings.append(nest(zip(names, values, strict=True)))
+        return mappings
 
     @staticmethod
     def from_rows(name: str, rows: Sequence[Sequence[Row]]) -> Table:
@@ -81,10 +84,12 @@ class Table:
     @staticmethod
     def from_results(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
         """Table with one result per row and equal columns; columns up to `FIRST` are shown."""
-        columns = tuple(
-            replace(x, value=None, label=x.label if x.level <= FIRST else "")
-            for x in (results[0].rows if results else ())
-        )
+        columns: tuple[Row, ...] = ()
+        if results:
+            columns = tuple(
+                replace(x, value=None, label=x.label if x.level <= FIRST else "")
+                for x in results[0].rows
+            )
         return Table(name, columns, [[x.value for x in data.rows] for data in results], level)
 
 

@@ -72,10 +72,11 @@ def _size(builder: Any, a: Any) -> Any:
     return builder.bitcast(builder.and_(builder.bitcast(a, bits), mask), _KIND)
 
 
+# Lane by lane: the lower and the higher one of two numbers, and the absolute value.
 lower = _lanewise(_pick("<"), 2)
 higher = _lanewise(_pick(">"), 2)
 size = _lanewise(_size, 1)
-# `c if a < b else d`.
+# Lane by lane: `c if a < b else d`.
 choose = _lanewise(
     lambda builder, a, b, c, d: builder.select(builder.fcmp_ordered("<", a, b), c, d), 4
 )
@@ -131,6 +132,7 @@ def _across(sign: str) -> Any:
     return intrinsic(across)
 
 
+# Lowest and highest number of a vector.
 lowest = _across("<")
 highest = _across(">")
 

@@ -31,10 +31,13 @@ LONGEST = 100
 CLOSE = 0.65
 # Names that users write for the names of arguments.
 SAME = {"delay": "dead_time", "link_lengths": "links", "lengths": "links"}
-# Widest line and widest name of a row [characters], and most lines.
+# Widest line of a table, by default, and of its title [characters].
 WIDTH = 98
+# Widest first cell of a table row [characters].
 WIDEST_NAME = 60
+# Largest number of lines of a table.
 MAX_LINES = 60
+# Space before every cell of a table row.
 GAP = "  "
 # Largest number of values of an array, or members of a list, that `repr` shows.
 FEW = 6

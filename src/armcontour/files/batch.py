@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -23,20 +23,20 @@ from armcontour.core.pool import open_executor, run_all
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import compare, jsonable, lay_out
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
-from armcontour.core.text import count_noun, short_repr, show
+from armcontour.core.text import Keys, count_noun, short_repr, show
 from armcontour.files.job_file import read_job
 from armcontour.files.job_patch import Patch, key_of
 from armcontour.jobs import Job, run
 
-# Results of the jobs as lines of JSON, in the order in which they are done; and the final table.
+# Name of the file with the results of the jobs as lines of JSON, in the order of their completion.
 LINES = "results.jsonl"
+# Name of the file with the final table.
 TABLE = "results.csv"
-# Statuses of a job. REFUSED: this library raised an error. INVALID: the job cannot be read. FAILED:
-# any other error.
+# Statuses of a job:
 DONE = "done"
-REFUSED = "refused"
-INVALID = "invalid"
-FAILED = "failed"
+REFUSED = "refused"  # This library raised an error.
+INVALID = "invalid"  # The job cannot be read.
+FAILED = "failed"  # Any other error.
 # Result of a job: status, and either runs or a sentence.
 Line = dict[str, Any]
 # Number of a job, from 1, and its values by key path.
@@ -83,16 +83,8 @@ class Batch:
 
     def table(self) -> list[dict[str, Any]]:
         """Rows as mappings with equal keys, for CSV files and pandas; values are in SI units."""
-        rows = [
-            {"job": x.job, **x.values, "run": x.run, "status": x.status}
-            | {
-                y.name if y.unit in ("", JUDGED) else f"{y.name} [{y.unit}]": y.value
-                for y in x.data.rows
-            }
-            | {"error": x.error}
-            for x in self.rows
-        ]
-        names = sorted(dict.fromkeys(y for x in rows for y in x), key="error".__eq__)
+        rows = [_plain_row(x) for x in self.rows]
+        names = sorted(dict.fromkeys(chain.from_iterable(rows)), key="error".__eq__)
         return [{name: x.get(name) for name in names} for x in rows]
 
     def cells(self) -> list[tuple[str, ...]]:
@@ -183,13 +175,8 @@ def batch(
             words = [f"{counts.total()} of {len(tasks)} jobs"]
             words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
             report(Step((", ".join(words),), counts.total() / len(tasks)))
-        varied = [key for key in keys if len({json.dumps(x[key]) for x in patches}) > 1]
-        rows = [
-            row
-            for k, patch in tasks
-            for row in _rows(k, {".".join(map(str, x)): patch[x] for x in varied}, lines[k])
-        ]
-        result = Batch(title=f"{file.name}: {count_noun(len(tasks), 'job')}", rows=tuple(rows))
+        rows = _collect_rows(keys, tasks, lines)
+        result = Batch(title=f"{file.name}: {count_noun(len(tasks), 'job')}", rows=rows)
         if out is not None:
             _write_table(FilePath(out) / TABLE, result.table())
         return result
@@ -235,6 +222,32 @@ class _Reader:
 
 def _lost_job(error: str) -> Line:
     return {"status": FAILED, "error": error}
+
+
+def _plain_row(row: BatchRow) -> dict[str, Any]:
+    """Return a row as a mapping; the keys of values with a unit end with the unit."""
+    results = {}
+    for x in row.data.rows:
+        name = x.name if x.unit in ("", JUDGED) else f"{x.name} [{x.unit}]"
+        results[name] = x.value
+    start = {"job": row.job, **row.values, "run": row.run, "status": row.status}
+    return {**start, **results, "error": row.error}
+
+
+def _collect_rows(
+    keys: Sequence[Keys], tasks: Sequence[tuple[int, Patch]], lines: Mapping[int, Line]
+) -> tuple[BatchRow, ...]:
+    """Collect the rows of all jobs, with the values of those keys that vary."""
+    varied = []
+    for key in keys:
+        texts = {json.dumps(patch[key]) for _, patch in tasks}
+        if len(texts) > 1:
+            varied.append(key)
+    rows = list[BatchRow]()
+    for number, patch in tasks:
+        values = {".".join(map(str, key)): patch[key] for key in varied}
+        rows += _rows(number, values, lines[number])
+    return tuple(rows)
 
 
 def _rows(number: int, values: Mapping[str, Any], line: Line) -> Iterator[BatchRow]:

@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 from typing import (
     Annotated,
     Any,
@@ -160,6 +161,12 @@ def _forms(leaf: Any) -> tuple[type, ...]:
     return () if form is None else (form,)
 
 
+def _forms_of_items(leaf: Any) -> list[type]:
+    """Return the forms of the items of an alternative that is a list."""
+    base, _ = _mark(leaf)
+    return list(chain.from_iterable(map(_forms, leaves(get_args(base)[0]))))
+
+
 def _form_of(data: Any) -> type | None:
     """Form of data; None for None."""
     return next((x for x in FORMS if isinstance(data, (int, float) if x is float else x)), None)
@@ -172,14 +179,17 @@ def _select(every: Sequence[Any], data: Any) -> Any:
     if form is list and data and len(fitting) > 1:
         # Alternatives with lists differ in the form of their items.
         inner = _form_of(data[0])
-        items = [[y for z in leaves(get_args(_mark(x)[0])[0]) for y in _forms(z)] for x in fitting]
-        fitting = [x for x, forms in zip(fitting, items, strict=True) if inner in forms] or fitting
+        fitting = [x for x in fitting if inner in _forms_of_items(x)] or fitting
     if not fitting:
-        forms = dict.fromkeys(y for x in every for y in _forms(x))
+        forms = dict.fromkeys(chain.from_iterable(map(_forms, every)))
         but = "but is empty" if data is None else f"not {show(data)}"
         raise ValueError(f"must be {' or '.join(FORMS[x] for x in forms)}, {but}")
     # A text is a choice if it is one of the choices, otherwise a quantity or a name.
-    return next((x for x in fitting if form is str and data in choices(x)), fitting[-1])
+    if form is str:
+        for leaf in fitting:
+            if data in choices(leaf):
+                return leaf
+    return fitting[-1]
 
 
 def choices(leaf: Any) -> tuple[str, ...]:
@@ -290,9 +300,15 @@ def _read_method(mark: Methods, data: Any, keys: Keys) -> Any:
 @cache
 def method_fields(mark: Methods) -> dict[str, KeyField]:
     """Keys of all methods, in alphabetical order: the fields that have an `About`."""
-    every = {key: x for kind in mark.kinds for key, x in key_fields(kind).items()}
-    marked = (x for x in every if any(isinstance(y, About) for y in parts_of(every[x].hint)))
-    return {key: every[key] for key in sorted(marked)}
+    every: dict[str, KeyField] = {}
+    for kind in mark.kinds:
+        every |= key_fields(kind)
+    return {key: every[key] for key in sorted(every) if _has_about(every[key])}
+
+
+def _has_about(field: KeyField) -> bool:
+    """Return whether the annotation of a key contains an `About`."""
+    return any(isinstance(x, About) for x in parts_of(field.hint))
 
 
 def methods_with(mark: Methods, key: str) -> str:
@@ -374,14 +390,22 @@ def kinds_of_keys(leaf: Any) -> tuple[Any, ...]:
     return (kind,) if dataclasses.is_dataclass(kind) else ()
 
 
+def _keys_of(hints: Sequence[Any]) -> list[str]:
+    """Return the keys of all alternatives, in order; common keys of several occur repeatedly."""
+    keys = list[str]()
+    for kind in chain.from_iterable(map(kinds_of_keys, hints)):
+        keys += key_fields(kind)
+    return keys
+
+
 def _suggest_key(hint: Any, keys: Keys) -> str:
     """Suggestion for an unknown key: advice, the most similar known key, or all known keys."""
     *outer, name = keys
     hints = tuple(leaves(hint))
-    top = [key for leaf in hints for kind in kinds_of_keys(leaf) for key in key_fields(kind)]
+    top = _keys_of(hints)
     for part in outer:
         hints = _inside(hints, part)
-    names = [key for leaf in hints for kind in kinds_of_keys(leaf) for key in key_fields(kind)]
+    names = _keys_of(hints)
     if len(outer) == 2 and outer[0] == "runs" and name in top:
         return (
             f"{name} applies to the whole job, so write it at the top level, next to runs; to "
@@ -390,11 +414,8 @@ def _suggest_key(hint: Any, keys: Keys) -> str:
     if str(name)[:1].isdigit():
         # YAML reads {tolerance: 0,2 mm} as a mapping with the keys tolerance and 2 mm.
         return "a comma ends a value in braces, so write decimals with a point, such as 0.2 mm"
-    inner = [
-        f"{key}.{name}"
-        for key in ([] if outer else names)
-        if any(name in key_fields(y) for x in _inside(hints, key) for y in kinds_of_keys(x))
-    ]
-    if inner:
+    outer_keys = [] if outer else [x for x in names if name in _keys_of(_inside(hints, x))]
+    if outer_keys:
+        inner = [f"{x}.{name}" for x in outer_keys]
         return f"did you mean {' or '.join(inner)}?"
     return suggest(str(name), names, f"the known keys are {', '.join(names)}")

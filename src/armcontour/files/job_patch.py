@@ -21,16 +21,29 @@ from armcontour.files.job_text_edits import REMOVE, Change, change_data, value_a
 from armcontour.jobs.job import ARC, FREE
 from armcontour.motion import Method
 
-IN_JOB, IN_RUN = ({x.name for x in fields(model)} for model in (JobModel, RunModel))
+# Top-level keys of a job.
+IN_JOB = {x.name for x in fields(JobModel)}
+# Keys of a run.
+IN_RUN = {x.name for x in fields(RunModel)}
 # For these keys, the mapping of a run is merged with the mapping of the job. For other keys, the
 # value of a run replaces the value of the job.
 MERGED = ("limits", "command_limits")
-# Keys that are valid only with one method or shape, with the name of this method or shape.
-TIMING_OPTIONS, COMPENSATION_OPTIONS = (
-    {key: str(kind.method) for kind in methods.values() for key in kind.__annotations__}
-    for methods in (planning.METHODS, compensation.METHODS)
-)
-# The keys above, by the last two keys of the key path of their method or shape.
+
+
+def _options_of(methods: Mapping[Any, Any]) -> dict[str, str]:
+    """Return the keys that are valid only with one of the methods, with the name of this method."""
+    options = dict[str, str]()
+    for kind in methods.values():
+        options |= dict.fromkeys(kind.__annotations__, str(kind.method))
+    return options
+
+
+# Keys of a timing that are valid only with one method, with the name of this method.
+TIMING_OPTIONS = _options_of(planning.METHODS)
+# Keys of a compensation that are valid only with one method, with the name of this method.
+COMPENSATION_OPTIONS = _options_of(compensation.METHODS)
+# Keys that are valid only with one method or shape, with the name of this method or shape, by the
+# last two keys of the key path of their method or shape.
 CHOICES: dict[Keys, dict[str, str]] = {
     ("timing", "method"): TIMING_OPTIONS,
     ("compensation", "method"): COMPENSATION_OPTIONS,

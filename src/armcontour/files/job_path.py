@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -191,12 +192,14 @@ def _repeat(program: Program, grid: RepeatModel, names: Sequence[str] | None) ->
     if names is None:
         return copies
     drawn = {x.name for x in program.contours}
-    cells = [(row, column) for row in range(grid.rows) for column in range(grid.columns)]
-    chosen = [
-        [name_copy(name, row, column) for row, column in cells] if name in drawn else [name]
-        for name in names
-    ]
-    return copies.selected(names=[x for names in chosen for x in names])
+    chosen = []
+    for name in names:
+        if name in drawn:
+            cells = product(range(grid.rows), range(grid.columns))
+            chosen += [name_copy(name, row, column) for row, column in cells]
+        else:
+            chosen.append(name)
+    return copies.selected(names=chosen)
 
 
 def _orient_contours(program: Program, orientation: OrientationModel) -> Program:

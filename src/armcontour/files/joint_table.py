@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path as FilePath
 from typing import NamedTuple
 
@@ -72,8 +73,7 @@ FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
 }
 _PATTERNS = [
     (kind, role, rank, re.compile(pattern.replace("#", r"(\d{1,9})"), re.IGNORECASE))
-    for rows in FORMATS.values()
-    for kind, role, rank, pattern in rows
+    for kind, role, rank, pattern in chain.from_iterable(FORMATS.values())
 ]
 # SI units by kind of column.
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
@@ -211,11 +211,11 @@ def read_samples(
 def _filled_rows(table: CsvTable[Key], values: FloatArray, keys: Sequence[Key]) -> IntArray:
     """Indices of the rows with values in `keys`; omits rows with values in other columns only."""
     used = {table.columns[x].index for x in keys}
-    spare = [
-        i
-        for i in np.flatnonzero(np.isnan(values[:, 1:]).all(axis=1)).tolist()
-        if any(x for k, x in enumerate(table.cells(i)) if k not in used)
-    ]
+    spare = []
+    for i in np.flatnonzero(np.isnan(values[:, 1:]).all(axis=1)).tolist():
+        other_cells = [x for k, x in enumerate(table.cells(i)) if k not in used]
+        if any(other_cells):
+            spare.append(i)
     every = np.arange(len(values))
     rows = every if len(spare) == len(every) else np.delete(every, spare)
     empty = np.argwhere(np.isnan(values[rows]))

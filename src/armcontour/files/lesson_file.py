@@ -43,11 +43,7 @@ def write_lesson(file: FilePath, lesson: LearningResult) -> None:
         "version": VERSION,
         "armcontour": __version__,
         "lesson": plain,
-        "servo": {
-            x.name: value.tolist() if isinstance(value, np.ndarray) else value
-            for x in dataclasses.fields(lesson.servo)
-            for value in [getattr(lesson.servo, x.name)]
-        },
+        "servo": _plain_servo(lesson.servo),
         "runs": runs,
     }
     # Equal lessons give identical files, because neither NumPy nor ZipInfo writes the present time.
@@ -57,6 +53,15 @@ def write_lesson(file: FilePath, lesson: LearningResult) -> None:
         target.writestr(
             zipfile.ZipInfo(JSON_ENTRY), json.dumps(about, indent=1), zipfile.ZIP_DEFLATED
         )
+
+
+def _plain_servo(servo: ServoModel) -> dict[str, Any]:
+    """Return the fields of a servo with lists instead of arrays."""
+    plain = {}
+    for field in dataclasses.fields(servo):
+        value = getattr(servo, field.name)
+        plain[field.name] = value.tolist() if isinstance(value, np.ndarray) else value
+    return plain
 
 
 def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:

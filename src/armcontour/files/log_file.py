@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from functools import partial
+from itertools import product
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -78,7 +79,9 @@ def log_text(log: Log) -> str:
     """CSV text of a log with all digits and its notes, which `read_log` can read."""
     text = io.StringIO()
     units = joint_units("rad", log.prismatic)
-    titles = [f"{kind} {j} [{unit}]" for kind in ROLES for j, unit in enumerate(units, start=1)]
+    titles = ["t [s]"]
+    for role in ROLES:
+        titles += [f"{role} {j} [{unit}]" for j, unit in enumerate(units, start=1)]
     comments = [] if log.interpolation is None else [f"interpolation: {log.interpolation}"]
     comment = "".join(f"# {x}\n" for x in (*comments, *log.notes))
     np.savetxt(
@@ -86,7 +89,7 @@ def log_text(log: Log) -> str:
         np.column_stack([log.t, log.command, log.measured]),
         delimiter=",",
         fmt="%.17g",
-        header=f"{comment}{','.join(['t [s]', *titles])}",
+        header=f"{comment}{','.join(titles)}",
         comments="",
     )
     return text.getvalue()
@@ -141,7 +144,8 @@ def _read_log(
         notes = list[str]()
     else:
         names, notes = _pair_joints(table, joints)
-    samples = read_samples(table, [Key("q", x, y) for x in roles for y in names], *window)
+    keys = [Key("q", role, name) for role, name in product(roles, names)]
+    samples = read_samples(table, keys, *window)
     columns_of_roles = np.hsplit(samples.values, len(roles))
     slides = []
     for name in names:

@@ -13,6 +13,7 @@ import json
 import os
 import stat
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -125,7 +126,8 @@ class ResultFolder:
             )
         written = manifest["files"]
         names = present & {MANIFEST, *(x.split("/")[0] for x in written)}
-        files = [x for name in names for x in _files_below(self._target, name) if x != MANIFEST]
+        below = chain.from_iterable(_files_below(self._target, x) for x in names)
+        files = [x for x in below if x != MANIFEST]
         changed = [x for x in files if not _is_unchanged(self._target / x, written.get(x))]
         if changed:
             raise InvalidInput(
@@ -170,7 +172,10 @@ def _files_below(folder: FilePath, name: str) -> list[str]:
     location = folder / name
     if location.is_symlink() or not location.is_dir():
         return [name]
-    return [y for x in sorted(_names_in(location)) for y in _files_below(folder, f"{name}/{x}")]
+    files = list[str]()
+    for inner in sorted(_names_in(location)):
+        files += _files_below(folder, f"{name}/{inner}")
+    return files
 
 
 def _manifest(folder: FilePath) -> dict[str, Any]:

@@ -223,12 +223,12 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
     # An interval starts at every break except the last one of a curve, and ends at the next break.
     starts = np.delete(np.arange(len(row)), last)
     (t0, slack0), (t1, slack1) = _tangents(curves, breaks, row, starts, size[starts])
-    # `after`: index of the next interval. After the last interval of a curve, this is the first one
-    # if the curve is closed, or else -1.
     n = len(starts)
     curve = row[starts]
     begin = np.flatnonzero(np.diff(curve, prepend=-1))
     end = np.append(begin[1:], n) - 1
+    # `after`: index of the next interval. After the last interval of a curve, this is the first one
+    # if the curve is closed, or else -1.
     after = np.arange(1, n + 1)
     after[end] = np.where(closed, begin, -1)
     before = np.flatnonzero(after >= 0)

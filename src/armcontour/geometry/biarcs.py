@@ -185,12 +185,11 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     count = np.maximum(np.ceil(need), 1).astype(np.intp)
     row, number = number_parts(count)
     step = (lengths / count)[row]
-    ends = [
-        evaluate(quintics[row], lengths[row], k * step, order)
-        for k in (number, number + 1)
-        for order in (0, 1)
-    ]
-    ends[1::2] = (unit(x) for x in ends[1::2])
+    # Points and unit tangents at the start and at the end of each part.
+    ends: list[FloatArray] = []
+    for k in (number, number + 1):
+        ends.append(evaluate(quintics[row], lengths[row], k * step, 0))
+        ends.append(unit(evaluate(quintics[row], lengths[row], k * step, 1)))
     with np.errstate(invalid="ignore"):  # A straight quintic has no normal.
         halves = make_biarcs(*ends)
     source = np.flatnonzero(bent)[row]

@@ -245,9 +245,9 @@ def bound_bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v
     bend_h = turn_h * (v1 - v0)
     if bend_g == 0.0 or bend_h == 0.0 or abs(turn_g) + abs(turn_h) > 1.0:
         return (bend_g + bend_h) / 8
-    # Squared differences of the unit normals at both ends, and of the axes about which the tangents
-    # turn.
+    # Squared difference of the unit normals, the larger one of both ends.
     apart2 = 0.0
+    # Squared difference of the axes about which the tangents turn.
     plane2 = 0.0
     for u, v in ((u0, v0), (u1, v1)):
         cg = math.cos(g[9] * u)
@@ -302,11 +302,11 @@ def bound_excess(
             depth = depths[top]
             top -= 1
             count += 1
-            # The excess at both ends, a bound over the whole part and the tolerance of its piece.
             u0 = part[0]
             u1 = part[3]
             p = point_at(g, u0)
             q = point_at(g, u1)
+            # The excess at both ends, a bound over the whole part and the tolerance of its piece.
             at_start = np.inf
             at_end = np.inf
             bound = np.inf

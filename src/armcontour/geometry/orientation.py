@@ -30,7 +30,9 @@ RATE_FLOOR = 1e-9
 ROUNDING = 1e-15
 # Coefficients of f(u) = u.
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
+# Fields of `Orientation` with rotations: one matrix or one rotation vector per piece.
 ROTATIONS = ("starts", "first", "second")
+# Fields of `Orientation` with the coefficients of polynomials, one row per piece.
 POLYNOMIALS = ("f", "g")
 
 

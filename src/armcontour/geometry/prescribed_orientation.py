@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -208,13 +208,9 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
         out = -np.arcsin(dot(t1, axis).clip(-1, 1))[:, None]
         change = _shared_changes(segments)
         tilted = np.cos(turn) * tilt - np.sin(turn) * t0
-        rate, rate_change = (
-            [
-                np.stack([dot(x, y), dot(x, axis)], axis=1)
-                for x, y in zip(pair, (tilt, tilted), strict=True)
-            ]
-            for pair in (rates, (change[bent], change[bent + 1]))
-        )
+        tilts = (tilt, tilted)
+        rate = _along_tilt_and_axis(rates, tilts, axis)
+        rate_change = _along_tilt_and_axis((change[bent], change[bent + 1]), tilts, axis)
         angles = np.hstack([out, turn])
         none = np.zeros_like(angles)
         turned = quintic(
@@ -225,6 +221,16 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
         first[bent] = tilt
         second[bent] = axis
     return {"first": first, "second": second, "f": f, "g": g}
+
+
+def _along_tilt_and_axis(
+    vectors: Sequence[FloatArray], tilts: Sequence[FloatArray], axis: FloatArray
+) -> list[FloatArray]:
+    """Return the components along the tilt and the axis, (k, 2), of vectors at both ends."""
+    return [
+        np.stack([dot(x, tilt), dot(x, axis)], axis=1)
+        for x, tilt in zip(vectors, tilts, strict=True)
+    ]
 
 
 def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:

@@ -125,11 +125,11 @@ def _build_tree(segments: Segments) -> Tree:
 
 def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     """Divide segments into pieces of up to a quarter circle; returns segment indices and boxes."""
-    # The box of a piece of length l has an area of approximately l² / pi. If a path of length L in
-    # an area A has N pieces, a point lies in approximately L² / (pi A N) boxes.
     n = len(segments)
     lengths = segments.lengths
     curvatures = segments.curvatures
+    # The box of a piece of length l has an area of approximately l² / pi. If a path of length L in
+    # an area A has N pieces, a point lies in approximately L² / (pi A N) boxes.
     extent = np.sort(np.ptp(np.concatenate([segments.starts, segments[-1:].ends]), axis=0))[-2:]
     area = max(extent[0], 1e-3 * extent[1]) * extent[1]
     pieces = lengths.sum() ** 2 / (np.pi * max(area, 1e-300) * OVERLAP)

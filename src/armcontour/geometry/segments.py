@@ -254,9 +254,9 @@ class Segments:
         angle = k * u
         if order == 0:
             half = angle / 2
-            # Chord length divided by arc length: sin(half) / half, or 1 if half is 0.
             sine = np.sin(half)
             bent = half != 0
+            # Chord length divided by arc length: sin(half) / half, or 1 if half is 0.
             share = np.divide(sine, half, out=np.ones_like(half), where=bent)
             chord = u * share
             along = chord * np.cos(half)

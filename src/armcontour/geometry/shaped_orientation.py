@@ -36,18 +36,21 @@ from armcontour.geometry.shaped_path import check_correspondence
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
-# Fractions of the angular tolerance that the smooth arc lengths and the blends may use. Their
-# errors do not add up, because the smooth arc lengths are exact at the vertices, where blends have
-# their largest error.
+# Fraction of the angular tolerance that the smooth arc lengths may use.
 PLACES = 0.5
+# Fraction of the angular tolerance that the blends may use. It may exceed 1 - PLACES, because the
+# errors do not add up: the smooth arc lengths are exact at the vertices, where blends have their
+# largest error.
 BLENDS = 0.95
-# Smallest and largest permitted angular error of the smooth arc lengths, and permitted error if no
-# tolerance is specified [rad].
+# Smallest permitted angular error of the smooth arc lengths [rad].
 LEAST_ANGLE = 1e-5
+# Largest permitted angular error of the smooth arc lengths [rad].
 MAX_ANGLE = 1e-2
+# Permitted angular error of the smooth arc lengths if no tolerance is specified [rad].
 SMALL_ANGLE = 1e-3
-# Factor by which blends outside the tolerance are shortened, and number of trials.
+# Factor by which a blend outside the tolerance is shortened in each trial.
 SHORTENING = 0.8
+# Largest number of trials in which blends outside the tolerance are shortened.
 TRIES = 8
 # Largest number of halvings between two knots of the smooth arc lengths.
 HALVINGS = 12
@@ -245,11 +248,11 @@ def _insert_blends(
     second = np.zeros((len(begin), 3))
     starts = runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
-    # Along a blend, the rate before the vertex decreases to zero, and the rate after the vertex
-    # rises from zero.
     vertex_s = runs.objective_s[1:-1][blended]
     none = np.zeros(len(i))
     width = end[i] - begin[i]
+    # Along a blend, the rate before the vertex decreases to zero, and the rate after the vertex
+    # rises from zero.
     f[i] = fit_cubics(width, (mapping(begin[i]) - vertex_s, mapping(begin[i], 1)), (none, none))
     g[i] = fit_cubics(width, (none, none), (mapping(end[i]) - vertex_s, mapping(end[i], 1)))
     first[i] = runs.rates[blended]

@@ -21,7 +21,8 @@ from armcontour.geometry.path import Path
 SHAPED = "shaped"
 # Number of evenly spaced points at which the distance from the objective is evaluated.
 PLACES = 15_000
-# Names of the shapes from which a search starts.
+# Names of the shapes from which a search starts: corners replaced by arcs, corners replaced by
+# parabolas, and the objective path, which stops at its corners.
 ARCS = "arcs"
 PARABOLAS = "parabolas"
 STOPS = "stops"

@@ -19,25 +19,29 @@ from armcontour.geometry.path import Path, cut_path
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
 UP = checks.frozen_array([0.0, 0.0, 1.0])
-# Initial number of points of a sine per pitch, largest number of doublings, and largest number of
-# points.
+# Number of points of a sine per pitch at first; it is doubled until the tolerance is satisfied.
 SAMPLES = 64
+# Largest number of doublings of the points of a sine.
 MAX_DOUBLINGS = 6
+# Largest number of points of a sine.
 MAX_POINTS = 2_000_000
 # Smallest sine of the angle between the tool axis and the tangent. Below it, the direction of the
 # weave is undefined.
 PARALLEL = 1e-6
 # Fractions between two samples at which the sine is compared with its spline.
 TEST_FRACTIONS = np.array([0.25, 0.5, 0.75])
-# A vertex is a corner of the seam if its turn exceeds CORNER [rad], or exceeds both SMALL_CORNER
-# [rad] and CORNER_RATIO times the turns of its neighbours. Other vertices are waypoints of a smooth
-# seam.
+# A vertex with a larger turn than this [rad] is a corner of the seam. A vertex that is not a corner
+# is a waypoint of a smooth seam.
 CORNER = np.radians(30.0)
+# A vertex with a larger turn than this [rad] is a corner of the seam if its turn also exceeds
+# CORNER_RATIO times the turns of its neighbours.
 SMALL_CORNER = np.radians(5.0)
+# Ratio to the turns of its neighbours above which the turn of a vertex stands out as a corner.
 CORNER_RATIO = 3.0
-# Waypoints closer than CLOSE_WAYPOINTS times the pitch are removed if the smooth seam deviates from
-# them by at most SEAM_DEVIATION times the width.
+# Waypoints closer than this multiple of the pitch are removed, if the smooth seam passes close
+# enough to them; see SEAM_DEVIATION.
 CLOSE_WAYPOINTS = 0.25
+# Largest distance of the smooth seam from removed waypoints, as a fraction of the weave's width.
 SEAM_DEVIATION = 0.005
 # Largest turn of an arc between two waypoints [rad].
 MAX_TURN = np.radians(10.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import floor, inf, log10
 from types import MappingProxyType
 from typing import Any
@@ -25,28 +26,35 @@ from armcontour.planning.explanation import DWELLS, RAPIDS
 from armcontour.robot.limits import LIMITS
 from armcontour.verification import evaluate
 
-# Maximum number of listed changes, and of groups of changes that are tried to save time.
+# Maximum number of listed changes.
 MAX_LISTED = 3
+# Maximum number of groups of changes that are tried.
 MAX_PLANNED = 6
-# Factors by which limits and corner tolerances are increased.
+# Factor by which a limit, or the travel speed of a weave, is increased.
 LIMIT_FACTOR = 1.2
+# Factor by which a corner tolerance is increased.
 TOLERANCE_FACTOR = 2.0
 # Minimum fraction of the duration that a listed change saves.
 MIN_SAVING = 2e-3
-# Speed factors and reserves that are tried to repair a run, the smallest change first.
+# Factors of the assigned velocity that are tried to repair a run, the smallest change first.
 SPEED_FACTORS = (0.8, 0.6, 0.4, 0.2)
+# Reserves for the servo that are tried to repair a run, as fractions of acceleration, the smallest
+# change first.
 RESERVES = (0.1, 0.2, 0.4)
 # Minimum reserve for the servo, as a fraction of acceleration.
 LEAST_RESERVE = 0.02
 # Fraction of the accuracy that a repair uses, so that rounding errors do not determine the verdict.
 ACCURACY_SHARE = 0.98
-# Maximum number of segments in all runs of a job for which all changes are planned by default, and
-# number of segments in all planned changes of a larger job. A change takes a third of a run's time.
+# Maximum number of segments in all runs of a job for which all changes are planned by default.
 SMALL = 50
+# Maximum number of segments in all planned changes of a larger job. A change takes a third of a
+# run's time.
 SEGMENTS = 200
-# Conditions of changes: for limits of drives, for limits that the user has set, and for tolerances.
+# Condition of a change that raises a limit of one joint, which is a limit of its drive.
 IF_DRIVE = "the drive allows it"
+# Condition of a change that raises another limit, or the travel speed of a weave.
 IF_PROCESS = "the process allows it"
+# Condition of a change that raises the corner tolerance.
 IF_PART = "the part allows it"
 # Name of the step in progress messages.
 STEP = "changes"
@@ -178,13 +186,15 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     kinds = why.kinds
     joints = {x.name: x.joint for x in why.bindings}
     for part in why.shares:
-        yield from (
-            [y] for y in _raised_limit(job, run, part.kind, joints.get(part.name), part.of_time)
-        )
+        joint = joints.get(part.name)
+        for candidate in _raised_limit(job, run, part.kind, joint, part.of_time):
+            yield [candidate]
     assigned = kinds.get(ASSIGNED, 0.0)
     cornering = 1 - assigned - sum(kinds.get(x, 0.0) for x in (RAPIDS, DWELLS))
-    changes = (_faster_weave(job, result, assigned), _wider_corners(job, result, cornering))
-    yield from ([x] for change in changes for x in change)
+    weaves = _faster_weave(job, result, assigned)
+    corners = _wider_corners(job, result, cornering)
+    for candidate in chain(weaves, corners):
+        yield [candidate]
     if run.timing.reserve > LEAST_RESERVE:
         # The smallest reserve is tried first, because it saves most if the servo can follow.
         reserves = sorted({LEAST_RESERVE, max(_rounded(run.timing.reserve / 2), LEAST_RESERVE)})
@@ -319,6 +329,7 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         yield [_reserve(job, run, x) for x in RESERVES if x > run.timing.reserve]
     speed = run.limits.speed
     if speed is not None:
+        slower = [_rounded(speed * factor) for factor in SPEED_FACTORS]
         yield [
             _Candidate(
                 label=f"Lower the assigned velocity {_describe_change(speed, x, 'm/s')}",
@@ -326,5 +337,5 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
                 job=job,
                 run=replace(run, limits=run.limits.replace(speed=x)),
             )
-            for x in (_rounded(speed * factor) for factor in SPEED_FACTORS)
+            for x in slower
         ]

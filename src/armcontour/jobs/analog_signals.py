@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -52,10 +53,12 @@ def _output(process: Process, name: str) -> Analog | None:
 
 def check_analog(program: Program, process: Process, limits: Limits) -> None:
     """Raise InvalidInput if an analog output depends on a velocity or S that is missing."""
-    events = [*events_of(program.moves), *(x for own in process.variants for x in own.events)]
+    events = list(events_of(program.moves))
+    for variant in process.variants:
+        events += variant.events
     s_words = [x.value for x in events if x.name == SPINDLE_SPEED]
     largest = max((float(x) for x in s_words if not isinstance(x, str)), default=None)
-    for output in (x for own in process.variants for x in own.analog):
+    for output in chain.from_iterable(variant.analog for variant in process.variants):
         if output.full_s is not None and (largest is None or largest > output.full_s):
             found = "no S" if largest is None else f"S up to {largest:g}"
             raise InvalidInput(
@@ -139,14 +142,12 @@ class _States:
             events.setdefault(event.name, []).append(event)
         # By output: times of its events [s], (n,), and its state before, between and after the
         # events, (n + 1,). The state before the first event is the opposite of its value.
-        self.outputs = {
-            name: (
-                np.array([x.due for x in own]),
-                np.array([not own[0].value, *(bool(x.value) for x in own)]),
-            )
-            for name, own in events.items()
-            if any(isinstance(x.value, bool | np.bool_) for x in own)
-        }
+        self.outputs: dict[str, tuple[FloatArray, BoolArray]] = {}
+        for name, own in events.items():
+            if any(isinstance(x.value, bool | np.bool_) for x in own):
+                dues = np.array([x.due for x in own])
+                states = np.array([not own[0].value, *(bool(x.value) for x in own)])
+                self.outputs[name] = (dues, states)
         own = events.get(SPINDLE_SPEED, [])
         self._s_words = (
             np.array([x.due for x in own]),
@@ -155,7 +156,8 @@ class _States:
         self.process = process
         self.switches = {x.switch.name for x in process.variants if x.switch is not None}
         self.drawn = set(self.outputs) - COOLANT
-        self.drawn -= {x.name for own in process.variants for x in own.events}
+        for variant in process.variants:
+            self.drawn -= {x.name for x in variant.events}
 
     def s_words(self, t: FloatArray) -> FloatArray:
         """The word S of G-code at increasing times [s]; 0 before the first one."""

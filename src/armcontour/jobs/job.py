@@ -60,8 +60,9 @@ ENDINGS = {
 # Extension of a template of the user.
 TEMPLATE = ".j2"
 PointTolerance = Annotated[float, Quantity("rad", "0.1 mrad", "positive")]
-# Sections of the help for options that set these keys.
+# Section of the help for the options that export files for robot controllers.
 FILES = "Files for robot controllers"
+# Section of the help for the options that set the points of these files.
 POINTS = "Points of these files"
 # Maximum length of a title, which is a line in reports [characters].
 LONGEST_TITLE = 200

@@ -393,9 +393,8 @@ def _program_rows(result: RunRecord) -> Iterator[Row]:
     path = result.path
     objective = result.objective
     works = [x.work for x in result.trajectory.contour_spans if x.work is not None]
-    rapids, dwells = (
-        sum(x.t[1] - x.t[0] for x in spans if x.kind == kind) for kind in ("rapid", "dwell")
-    )
+    rapids = sum(x.t[1] - x.t[0] for x in spans if x.kind == "rapid")
+    dwells = sum(x.t[1] - x.t[0] for x in spans if x.kind == "dwell")
     length = sum(map(work_length, path.contours))
     time = sum(end - start for start, end in works)
     pierces = sum(map(pierce_length, path.contours))

@@ -152,14 +152,14 @@ def _capped(program: Program, run: Run) -> Iterator[str]:
         ("speed", "limits.speed", "m/s", run.limits.speed, lambda x: x.speeds),
         ("corner tolerance", "corners.tolerance", "m", tolerance, tolerances),
     ):
+        if cap is None:
+            continue
         largest = {
             contour_called(x, i): float(np.fmax.reduce(values(x.path), initial=0.0))
             for i, x in enumerate(program.contours)
         }
-        above = [
-            name for name, x in largest.items() if cap is not None and x > cap * (1 + SAME_VALUE)
-        ]
-        if above and cap is not None:
+        above = [name for name, x in largest.items() if x > cap * (1 + SAME_VALUE)]
+        if above:
             requested = max(largest[x] for x in above)
             yield (
                 f"the {label} of up to {number(requested, unit)} of {list_some(above, MAX_NAMES)} "
@@ -299,9 +299,8 @@ def _worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) ->
         )
     if run.experiment is not None and run.experiment.unknown:
         why += f"; the compensation does not model {run.experiment.unknown}"
-    rms, largest, *others = (
-        figure(x) for error in (compensated, without) for x in error.to_data().shown()
-    )
+    shown = [*compensated.to_data().shown(), *without.to_data().shown()]
+    rms, largest, *others = (figure(x) for x in shown)
     return (
         f"with rigid bodies, the contour error is {rms} RMS and {largest} at most; without "
         f"compensation, it is {' and '.join(others)}. The compensation {run.compensation.method} "

@@ -52,8 +52,9 @@ LONGER = 1.25
 PLACES = 401
 # Keys of the process that are ignored while automatic leads are determined.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
-# Names of the first step of a run: rounding of corners, or shaping for corners of shape free.
+# Name of the first step of a run, in which corners are rounded.
 ROUNDING = "rounding"
+# Name of the first step of a run with corners of shape free, in which contours are shaped.
 SHAPING = "shaping"
 
 

@@ -146,7 +146,8 @@ def _jtc(points: _Points) -> Mapping[str, Any]:
         return _fields("lines", points.t, _powers(q[:-1], np.diff(q, axis=0)))
     if ddq is None:
         return _fields("cubics", points.t, _cubics(points.t, q, dq))
-    begin, end = ([x[k] for x in (q, dq, ddq)] for k in (slice(None, -1), slice(1, None)))
+    begin = [x[:-1] for x in (q, dq, ddq)]
+    end = [x[1:] for x in (q, dq, ddq)]
     return _fields("quintics", points.t, quintic(np.diff(points.t), begin, end))
 
 

@@ -30,8 +30,9 @@ WHOLE_CYCLES = 1e-9
 # Smallest and largest cycle [s]. Shorter cycles approach rounding errors of times; longer cycles do
 # not determine the motion between set-points.
 INTERVALS = (1e-6, 1.0)
-# Time between samples of an execution made from a plan [s], and their largest number.
+# Time between samples of an execution made from a plan [s]; longer for a plan of many samples.
 PLANNED_STEP = 1e-3
+# Largest number of samples of an execution made from a plan.
 MAX_PLANNED = 20_000
 # Longest cycle of a controller [s]; industrial controllers have cycles of 1 to 40 ms.
 LONGEST_CLOCK = 0.1

@@ -31,10 +31,12 @@ MAX_NAMED = 8
 LONGEST_REPEAT = 10
 # Smallest fraction of repeated positions in motion.
 LEAST_REPEATED = 0.1
-# A joint that repeats positions because of a coarse encoder or of sticking friction is slow: the
-# next position differs by less than RESOLUTIONS times the smallest difference of the log, or by
-# less than SLOW times the difference of two positions without repeats (medians).
+# A slow joint repeats positions because of a coarse encoder or of sticking friction. A joint is
+# slow if the position after a repeat differs by less than this multiple of the smallest difference
+# of the log (median).
 RESOLUTIONS = 4.0
+# A joint is also slow if the position after a repeat differs by less than this fraction of the
+# difference of two positions without repeats (medians).
 SLOW = 0.5
 # Differences of positions up to this fraction of their range are rounding errors.
 ROUNDING = 1e-9
@@ -291,7 +293,8 @@ def raise_other_joints(
     notes: Sequence[str] = (),
 ) -> NoReturn:
     """Raise InvalidInput for joints that an arm does not have; `titles` are names for --columns."""
-    have, arm = (list_some([show(x) for x in y], MAX_NAMED) for y in (names, joint_names))
+    have = list_some([show(x) for x in names], MAX_NAMED)
+    arm = list_some([show(x) for x in joint_names], MAX_NAMED)
     fix = "Add the other joints to the file"
     if len(names) >= len(joint_names):
         fix = "Name the joints in the file like those of the arm"

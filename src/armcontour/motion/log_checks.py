@@ -34,9 +34,11 @@ MAX_GAPS = 0.05
 # Joint positions [rad] above this require a unit in the column title, because they may be degrees.
 # No arm of the library turns by more than two turns.
 MAX_ANGLE = 4 * math.pi
-# Times require a unit in the column title if they increase by LONG_STEP [s] or more per sample and
-# all joints are slower than MIN_SPEED [rad/s], because the times may be milliseconds.
+# Times that increase by this [s] or more per sample (median) may be milliseconds. They require a
+# unit in the column title if the joints would be slow; see MIN_SPEED.
 LONG_STEP = 1.0
+# With long steps, times require a unit in the column title if all joints are slower than this
+# [rad/s].
 MIN_SPEED = 0.01
 # A jump that differs from a whole turn by less than this angle [rad] indicates a wrapped angle.
 NEAR_A_TURN = 0.6

@@ -24,10 +24,11 @@ COMMAND_LIMITS = (*BY_ORDER[1:], *JOINT_RANGE)
 DECIMALS = 12
 # Maximum number of iterations; 12 to 30 are usual.
 MAX_STEPS = 80
-# Tolerances of a solution: violation relative to the bounds, and duality gap relative to the
-# objective; a gap of ROUNDED is accepted if rounding errors end the search.
+# Tolerance of a solution's violation of its bounds, relative to half the distance between them.
 EXACT = 1e-10
+# Tolerance of a solution's duality gap, relative to the sum of the squared changes of the values.
 OPTIMAL = 1e-9
+# Tolerance of the same gap, relative to the same sum, if rounding errors end the search.
 ROUNDED = 1e-5
 # Initial product of slack and multiplier if a bound is exceeded by at least half the distance
 # between the bounds.
@@ -61,11 +62,12 @@ def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatA
     - `q`: set-points [rad], (n, dof), constant before and after.
     - `cycle`: cycle [s].
     """
-    return {
-        name: use_of(name, limits, differences(q, order) / cycle**order).largest
-        for order, name in enumerate(BY_ORDER)
-        if name and getattr(limits, name) is not None
-    }
+    use = {}
+    for order, name in enumerate(BY_ORDER):
+        if name and getattr(limits, name) is not None:
+            derivative = differences(q, order) / cycle**order
+            use[name] = use_of(name, limits, derivative).largest
+    return use
 
 
 class Excess(NamedTuple):

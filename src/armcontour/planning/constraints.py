@@ -178,9 +178,11 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
 def limits_on(path: SampledJointPath, active: Sequence[Constraint]) -> GridLimits:
     """Discretize the constraints on a grid."""
     n = len(path)
-    return combine_forms(
-        [check_form(form, n, x.name) for x in active for form in x.discretize(path)], n
-    )
+    forms = []
+    for constraint in active:
+        for form in constraint.discretize(path):
+            forms.append(check_form(form, n, constraint.name))
+    return combine_forms(forms, n)
 
 
 class SecondOrder(Constraint):

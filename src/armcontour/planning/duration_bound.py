@@ -11,9 +11,9 @@ from armcontour.core.kernel_cache import compiled
 from armcontour.motion import JointPath
 from armcontour.robot import Limits
 
-# A joint path is divided into approximately EVEN_PARTS equal parts. A piece along
-# which the direction changes has one more part for each TURN [rad].
+# A joint path is divided into approximately this many equal parts.
 EVEN_PARTS = 100
+# A piece has one more part for each change of its direction by this angle [rad].
 TURN = 0.1
 
 

@@ -42,12 +42,14 @@ REST_SPEED = 1e-6
 MARGIN = 0.01
 # Number of grid intervals of a stop without limits of jerk
 INTERVALS = 200
-# Stop with limits of jerk: numbers of states in the first and the second check of a stop, and first
-# duration that is tried [s]
+# Stop with limits of jerk: numbers of states in the first and the second check of a stop.
 CHECKED_STATES = (40, 500)
+# Stop with limits of jerk: first duration that is tried [s].
 FIRST_DURATION = 0.02
-# Number of iterations of Newton's method, and rounding error of dtau/dt
+# Number of iterations of Newton's method.
 NEWTON = 2
+# Rounding error of dtau/dt, of speeds as fractions of the initial speed of a stop, and of times as
+# fractions of its duration.
 ROUNDING = 1e-6
 
 

@@ -25,10 +25,11 @@ from armcontour.robot.limits import JOINT_RANGE, LIMITS, reduce_limits
 # A limit is active on an interval if its used fraction is at least this. Margins of the planner may
 # use the remainder. Below this fraction, the plan is in transition between two limits.
 ACTIVE = 0.99
-# Margins are larger on wide intervals. Next to an interval with an active limit, the same limit is
-# active from the fraction ACTIVE_ADJACENT on, if it is the most used limit on more than
-# MAX_TRANSITION intervals in a row. A transition takes at most MAX_TRANSITION intervals.
+# Used fraction from which a limit is active next to an interval on which it is active anyway,
+# because margins are larger on wide intervals.
 ACTIVE_ADJACENT = 0.9
+# Largest number of consecutive intervals of a transition between two limits. On more intervals in a
+# row, the most used limit is active from the fraction ACTIVE_ADJACENT on.
 MAX_TRANSITION = 2
 # Value of ACTIVE for plans with limits of jerk. Their intervals are longer, so the used fraction of
 # a limit changes more along an interval.
@@ -39,16 +40,16 @@ REACHED = 0.999
 FLAT = 0.01
 # Label of the parts with the limit "nothing".
 BETWEEN = "between two limits"
-# Labels of the time outside contours, by kind of move
+# Label of the time of rapid moves.
 RAPIDS = "rapids between contours"
+# Label of the time of dwells.
 DWELLS = "dwells"
+# Labels of the time outside contours, by kind of move.
 IDLE = {"rapid": RAPIDS, "dwell": DWELLS}
 # Limits that an explanation considers, those of the default constraints first. If used fractions
 # of two limits are equal, the first one is active.
 DEFAULT_ORDER = [name for kind in FROM_LIMITS for name in kind.serves]
 EXPLAINED = (*DEFAULT_ORDER, *(x for x in LIMITS if x not in (*DEFAULT_ORDER, *JOINT_RANGE)))
-# Fields of `_LawExplanation` that are summed over contours: lengths and times.
-SUMMED = ("with_assigned", "reached")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,17 +217,19 @@ class Explanation(Result):
         """Time of each limit and each kind of move, the longest first; the sum is the duration."""
         sums: dict[tuple[str, str], FloatArray] = {}
         for binding in self.bindings:
-            key = (
-                (BETWEEN, BETWEEN) if binding.limit == "nothing" else (binding.limit, binding.name)
-            )
+            if binding.limit == "nothing":
+                key = (BETWEEN, BETWEEN)
+            else:
+                key = (binding.limit, binding.name)
             part = np.array([binding.s[1] - binding.s[0], binding.t[1] - binding.t[0], 1.0])
             sums[key] = sums.get(key, np.zeros(3)) + part
         length, time, _ = np.sum([np.zeros(3), *sums.values()], axis=0).tolist()
         time += sum(map(sum, self.idle.values()))
         rows = [(*key, *x.tolist()) for key, x in sums.items()]
         rows += [(key, key, None, sum(x), len(x)) for key, x in self.idle.items()]
-        limit_shares = (
-            LimitShare(
+        limit_shares = []
+        for kind, name, part_length, t, count in rows:
+            share = LimitShare(
                 kind=kind,
                 name=name,
                 length=part_length,
@@ -235,8 +238,7 @@ class Explanation(Result):
                 of_time=t / (time or 1.0),
                 count=int(count),
             )
-            for kind, name, part_length, t, count in rows
-        )
+            limit_shares.append(share)
         return tuple(sorted(limit_shares, key=lambda x: -x.time))
 
 
@@ -302,7 +304,8 @@ class _LawExplanation:
 
 
 def _join(parts: Sequence[_LawExplanation]) -> Explanation:
-    total, reached = (np.sum([getattr(x, name) for x in parts], axis=0) for name in SUMMED)
+    total = np.sum([x.with_assigned for x in parts], axis=0)
+    reached = np.sum([x.reached for x in parts], axis=0)
     shares = [None, None] if total[0] == 0 else (reached / total).tolist()
     return Explanation(
         bindings=tuple(x for part in parts for x in part.bindings),

@@ -96,11 +96,8 @@ def check_limits(
     remedy: str,  # Last sentence of the error message, without a period
 ) -> None:
     """Raise NotRealizable if a law exceeds a limit at a sample; joint ranges are not checked."""
-    limited = [
-        name
-        for name, x in LIMITS.items()
-        if x.order and name not in ignored and getattr(limits, name) is not None
-    ]
+    names = (name for name, x in LIMITS.items() if x.order and name not in ignored)
+    limited = [name for name in names if getattr(limits, name) is not None]
     start = t
     for law in laws if limited else ():
         states = law_states(law, arm)

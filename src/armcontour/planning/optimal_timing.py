@@ -51,38 +51,44 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
 AT_BOUND = 0.02  # u is at its bound within this fraction of its range
-# Lost share of the time of an interval per unused share of the range of u, inside the motion and at
-# rest. The factors were measured against finer grids; they are too large where the range is small
-# compared with u.
+# Lost share of the time of an interval per unused share of the range of u, inside the motion. The
+# factor was measured against finer grids; it is too large where the range is small compared with u.
 BY_GAP = 0.25
+# The same factor for an interval that begins or ends at rest.
 BY_GAP_AT_REST = 1.5
-# If u is at its lower bound at one end of an interval and at its upper bound at the other end,
-# because of different limits, at least the share CROSSED of the range is unused, and x times
-# LARGER_X allows a range of u at both ends, then x is too low by an unknown factor, and the time to
-# reach a higher x may be lost.
+# Let u be at its lower bound at one end of an interval and at its upper bound at the other end,
+# because of different limits. If at least this share of the range of u is then unused, x may be too
+# low by an unknown factor, and the time to reach a higher x may be lost.
 CROSSED = 0.4
+# Such a time counts as lost only if x times this factor allows a range of u at both ends.
 LARGER_X = 1.02
 REACH = 0.05  # this loss extends over this share of the length in which x changes by its own value
 INSIDE = 0.02  # a new grid point closer to an interval end than this share saves no time
-# The grid is refined while the margin for maxima inside intervals exceeds the share LARGEST_MARGIN
-# of a limit, at most MAX_REFINEMENTS times. The share grows by the factor MARGIN_GROWTH with each
-# refinement, up to LAST_MARGIN, because a finer grid is expensive with thousands of
-# corners. With fewer intervals than COARSE, the first share is FIRST_MARGIN, to save time.
+# The grid is refined while the margin for maxima inside intervals exceeds this share of a limit.
 LARGEST_MARGIN = 3e-3
+# Share of a limit that replaces LARGEST_MARGIN on a first grid with fewer intervals than COARSE, to
+# save time.
 FIRST_MARGIN = 1e-2
+# Number of intervals of a first grid from which LARGEST_MARGIN applies instead of FIRST_MARGIN.
 COARSE = 500
+# The share of a limit that margins may take grows by this factor with each refinement, because a
+# finer grid is expensive with thousands of corners.
 MARGIN_GROWTH = 2.0
+# Largest share of a limit that margins may take after refinements.
 LAST_MARGIN = 0.2
+# Largest number of refinements of the grid.
 MAX_REFINEMENTS = 12
 # The grid is also refined while the estimated loss of time exceeds this share of the duration. This
 # is the share for DEFAULT_INTERVALS; it is smaller if more intervals are requested. The estimate is
 # accurate within a factor of about three.
 LARGEST_LOSS = 1e-4
+# Largest number of parts into which a refinement for loss divides an interval.
 MAX_PARTS_AT_ONCE = 8
 # Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
-# grid is larger. Close to this number, a refinement for loss must increase the number of intervals
-# at least by the factor LEAST_GROWTH.
+# grid is larger.
 MAX_REFINED = 300_000
+# With more than half of MAX_REFINED intervals, a refinement for loss must increase the number of
+# intervals by at least this factor.
 LEAST_GROWTH = 1.1
 
 

@@ -319,17 +319,14 @@ class PaperLine:
 
     def _refuse_incomplete_pass(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
         """Raise NotRealizable if a pass ended at a joint limit before the assigned velocity."""
-        incomplete = [
-            (run, place)
-            for run, end, place in (
-                (forward, last, forward.done),
-                (reverse, count, len(self.s) - 1 - reverse.done),
-            )
-            if run.joint >= 0 and end == run.done
-        ]
-        if not incomplete:
+        if forward.joint >= 0 and forward.done == last:
+            run = forward
+            knot = forward.done
+        elif reverse.joint >= 0 and reverse.done == count:
+            run = reverse
+            knot = len(self.s) - 1 - reverse.done
+        else:
             return
-        run, knot = incomplete[0]
         s = float(self.s[knot])
         point = self.arm.tool_position(self.q[knot]).tolist()
         allowed = float(self.limit[run.joint])

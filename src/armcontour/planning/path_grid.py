@@ -14,8 +14,9 @@ from armcontour.core.kernel_cache import compiled
 from armcontour.motion import JointPath
 from armcontour.motion.kernels import value_and_slopes
 
-# Default number of intervals of a grid, and smallest number per piece of the joint path.
+# Default number of intervals of a grid.
 DEFAULT_INTERVALS = 4000
+# Smallest number of intervals per piece of the joint path.
 FEWEST_PER_PIECE = 2
 # Largest number of intervals of a grid, which needs several GB for an arm with six joints.
 MAX_INTERVALS = 5_000_000
@@ -111,8 +112,12 @@ def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) 
         width = breaks[i + 1] - breaks[i]
         c = coefficients[i]
         for k in range(3):
-            middle = (breaks[i] + breaks[i + 1]) / 2
-            s = breaks[i] if k == 0 else middle if k == 1 else breaks[i + 1]
+            if k == 0:
+                s = breaks[i]
+            elif k == 1:
+                s = (breaks[i] + breaks[i + 1]) / 2
+            else:
+                s = breaks[i + 1]
             x = (s - breaks[i]) / width
             first = second = 0.0
             for j in range(dof):

@@ -31,9 +31,10 @@ from armcontour.robot.limits import reduce_limits
 
 # Options that apply to a single path only, because a program rests between its paths.
 SINGLE_PATH_OPTIONS = ("start_speed", "end_speed")
-# Default for programs of many contours: largest total number of grid intervals, and smallest number
-# per contour. Their contours are shorter than a single path.
+# Default total number of grid intervals of a program of many contours. Each contour has fewer
+# intervals than a single path, because it is shorter.
 MAX_TOTAL_INTERVALS = 40_000
+# Smallest default number of grid intervals per contour of such a program.
 FEWEST_INTERVALS = 500
 
 

@@ -31,14 +31,16 @@ SAME_POSITION = 1e-9
 COARSE_PLAN = Optimal(intervals=400)
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
 MAX_PLANNED = 8_000
-# A path of more segments than LONG_PATH is compared on parts of about PART_SEGMENTS segments, one
-# part per PART_EVERY segments, at most MAX_PARTS. Durations of parts are accurate to a few
-# thousandths only. Therefore all configurations that are slower than the fastest one on the parts
-# by at most MAX_SLOWER are traced along the whole path.
+# On paths of more segments than this, configurations are compared on parts of the path.
 LONG_PATH = 20_000
+# Approximate number of segments of such a part.
 PART_SEGMENTS = 200
+# A long path has one such part for each of this many segments.
 PART_EVERY = 2500
+# Largest number of such parts.
 MAX_PARTS = 40
+# Configurations that are slower than the fastest one on the parts by at most this fraction are
+# traced along the whole path, because durations of parts are accurate to a few thousandths only.
 MAX_SLOWER = 0.01
 # Configurations whose durations on the parts differ by less than this fraction differ by a turn of
 # the wrist only, and are equally fast on the whole path.

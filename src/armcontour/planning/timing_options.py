@@ -33,15 +33,17 @@ Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MAX_INTERVALS)]
 # Marks a field that is a key of a job; the other fields have a key elsewhere, or no key.
 KEY = About()
 PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
-# Smallest and largest number of intervals per line of the paper's method. With fewer, a short line
-# from rest to rest has none left for its motion. More intervals need several GB for an arm with six
-# joints.
+# Smallest number of intervals per line of the paper's method. With fewer, a short line from rest to
+# rest has none left for its motion.
 FEWEST_LAPS = 8
+# Largest number of intervals per line of the paper's method, which needs several GB for an arm with
+# six joints.
 MAX_LAPS = 5_000_000
 # Largest number of iterations of each pass with limits of jerk.
 MAX_ITERATIONS = 150
-# Default and largest number of iterations of shaping.
+# Default number of iterations of shaping.
 DEFAULT_ITERATIONS = 60
+# Largest number of iterations of shaping.
 MAX_SHAPES = 10_000
 
 

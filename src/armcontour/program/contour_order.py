@@ -22,10 +22,11 @@ from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
 # A function that makes the contour of an option, and its first and last point [m], (2, dimension).
 Option = tuple[Callable[[], Contour], FloatArray]
 
-# Number of possible start points of a closed contour. It is reduced, to at least FEWEST_PLACES, if
-# all contours together would have more than MAX_PLACES.
+# Number of possible start points of a closed contour, unless the program has many contours.
 PLACES = 24
+# Smallest number to which the possible start points of a closed contour are reduced.
 FEWEST_PLACES = 4
+# If all contours together would have more start points than this, each has fewer than PLACES.
 MAX_PLACES = 20_000
 # Largest product of the number of first contours that the search for a short tour tries and the
 # square of the number of contours, which limits the time to about 0.5 s.
@@ -96,7 +97,8 @@ def order_contours(program: Program, process: Process) -> Program:
     if len(orders) > 1:
         groups = [[x for x in contours if x.order == number] for number in orders]
         arranged = [order_contours(replace(program, moves=tuple(x)), process) for x in groups]
-        joined = replace(program, moves=tuple(y for x in arranged for y in x.contours))
+        sorted_contours = itertools.chain.from_iterable(x.contours for x in arranged)
+        joined = replace(program, moves=tuple(sorted_contours))
         return _add_order_note(joined, process)
     from armcontour.program.nesting import find_nesting
 
@@ -362,13 +364,15 @@ def close_contour(
         _check_end_orientations(contour)
     contour = move_start(contour, start, outputs)
     longer = _add_overlap(contour.path, extra_length)
-    # Events at the drawn end move to the end of the overlap. Events between both ends are repeated
-    # in every lap.
     slack = REPEATED_POINT
     last = longer.length
+    # Events at the drawn end move to the end of the overlap.
     moved = [replace(x, s=last) if x.s >= lap - slack else x for x in contour.events]
+    # Events between both ends are repeated in every lap.
     along = [x for x in contour.events if slack < x.s < lap - slack]
-    repeated = [replace(x, s=x.s + k * lap) for k in range(1, process.passes) for x in along]
+    repeated: list[Event] = []
+    for k in range(1, process.passes):
+        repeated += [replace(x, s=x.s + k * lap) for x in along]
     events = (*moved, *repeated)
     return replace(contour, path=longer, events=events, ring=True)
 

@@ -17,7 +17,7 @@ from armcontour.core.quantities import Quantity
 from armcontour.core.text import capitalise
 from armcontour.geometry import Path, RoundedPath, round_path
 from armcontour.geometry.rounding.rounded_path import describe_large_tolerance
-from armcontour.program.moves import Contour, Program, put_on_path
+from armcontour.program.moves import Contour, Move, Program, put_on_path
 
 # Continuity of a rounded path: only the tangent is continuous, or also the curvature.
 Continuity: TypeAlias = Literal["tangent", "curvature"]
@@ -103,10 +103,13 @@ def round_corners(
             warnings.warn(capitalise(doubt), stacklevel=3)
         return rounded_path
     program = Program.from_path(path)
-    moves = [
-        put_on_path(x, to := rounded(x.path), to.place) if isinstance(x, Contour) else x
-        for x in program.moves
-    ]
+    moves: list[Move] = []
+    for move in program.moves:
+        if isinstance(move, Contour):
+            rounded_path = rounded(move.path)
+            moves.append(put_on_path(move, rounded_path, rounded_path.place))
+        else:
+            moves.append(move)
     return replace(program, moves=tuple(moves))
 
 

@@ -625,11 +625,11 @@ def reroute(
     if (moved <= REPEATED_POINT).all():
         return rapid
     if rapid.path.curvatures.any():
-        gaps = ((first, vertices[0]), (vertices[-1], last))
-        before, after = (
-            [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in gaps
-        )
-        parts = [*before, replace(rapid.path, orientation=None), *after]
+        parts = [replace(rapid.path, orientation=None)]
+        if np.linalg.norm(vertices[0] - first) > REPEATED_POINT:
+            parts.insert(0, Path.polyline((first, vertices[0])))
+        if np.linalg.norm(last - vertices[-1]) > REPEATED_POINT:
+            parts.append(Path.polyline((vertices[-1], last)))
         return Rapid(path=parts[0].joined(*parts[1:]))
     points = np.array([first, *vertices[1:-1], last])
     if (np.linalg.norm(points - first, axis=1) <= REPEATED_POINT).all():

@@ -32,9 +32,9 @@ X, Y, TX, TY, CURVATURE, LENGTH = range(6)
 # Rounding error of the distance between a part and the contour [m]. Points of a path have errors up
 # to REPEATED_POINT.
 SLACK = 3e-9
-# Gaps above WIDE_GAP are narrowed to NARROW_GAP [m], because gaps of a path must not exceed
-# REPEATED_POINT.
+# Gaps wider than this are narrowed [m], because gaps of a path must not exceed REPEATED_POINT.
 WIDE_GAP = 0.9e-9
+# Width to which gaps wider than WIDE_GAP are narrowed [m].
 NARROW_GAP = 0.5e-9
 # A closed part with a smaller ratio of area to length [m] consists of coinciding lines.
 THIN = 1e-8
@@ -187,10 +187,10 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
         np.abs(1 / ka) - np.abs(1 / kb) >= -SAME_POINT
     )
     together = np.where(ka == 0, parallel & (np.abs(constant) <= SAME_POINT), one_circle)
-    ends = [x[together] for x in (a, b)]
-    points[together] = np.stack(
-        [y for x in ends for y in (x[:, :2], points_at(x, x[:, LENGTH]))], axis=1
-    )
+    ends: list[FloatArray] = []
+    for pieces in (a[together], b[together]):
+        ends += [pieces[:, :2], points_at(pieces, pieces[:, LENGTH])]
+    points[together] = np.stack(ends, axis=1)
     return points
 
 

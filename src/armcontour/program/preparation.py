@@ -35,7 +35,7 @@ from armcontour.program.moves import (
     put_on_path,
     reroute,
 )
-from armcontour.program.process import Leads, Process, Switch
+from armcontour.program.process import Lead, Leads, Process, Switch
 from armcontour.program.tabs import add_tabs
 
 if TYPE_CHECKING:
@@ -215,28 +215,33 @@ def _link_moves(
 def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:
     """Lead lengths of contour `number` [m]: those of the process, or else those in `lengths`."""
     automatic = Leads() if lengths is None else lengths[number]
-    before, after = (
-        0.0 if lead is None else length if lead.length is None else lead.length
-        for lead, length in (
-            (process.lead_in, automatic.before),
-            (process.lead_out, automatic.after),
-        )
+    return Leads(
+        before=_lead_length(process.lead_in, automatic.before),
+        after=_lead_length(process.lead_out, automatic.after),
     )
-    return Leads(before=before, after=after)
+
+
+def _lead_length(lead: Lead | None, automatic: float) -> float:
+    """Return the length of a lead [m], `automatic` if none is specified, or 0 without a lead."""
+    if lead is None:
+        return 0.0
+    return automatic if lead.length is None else lead.length
 
 
 def set_limits(path: Path, segment_limits: SegmentLimits, *, override: bool = False) -> Path:
     """Set speed and tolerance of those segments of a path that have none, or of all segments."""
-    speeds, tolerances = (
-        values if limit is None else np.where(np.isnan(values) | override, limit, values)
-        for values, limit in (
-            (path.speeds, segment_limits.speed),
-            (path.tolerances, segment_limits.tolerance),
-        )
-    )
+    speeds = _fill_in(path.speeds, segment_limits.speed, override)
+    tolerances = _fill_in(path.tolerances, segment_limits.tolerance, override)
     # `SegmentLimits` has checked the values, so the segments count as checked.
     segments = path.segments.replace(speeds=speeds, tolerances=tolerances, checked=True)
     return replace(path, segments=segments)
+
+
+def _fill_in(values: FloatArray, limit: float | None, override: bool) -> FloatArray:
+    """Replace missing values, or all values, by a limit; None keeps the values."""
+    if limit is None:
+        return values
+    return np.where(np.isnan(values) | override, limit, values)
 
 
 def _start_contour(
@@ -422,10 +427,10 @@ class OutputStates:
         # Current values of all outputs that the program switches.
         self.values: dict[str, Value] = {}
         first: dict[str, Event] = {}
-        for event in events_of(
-            x for x in moves if self.in_order and not (isinstance(x, Event) and x.changes_tool)
-        ):
-            first.setdefault(event.name, event)
+        if self.in_order:
+            kept = (x for x in moves if not (isinstance(x, Event) and x.changes_tool))
+            for event in events_of(kept):
+                first.setdefault(event.name, event)
         # An output is off before the first event that switches it on.
         self.states = {k: replace(x, value=False) for k, x in first.items() if x.value}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field, fields, replace
+from itertools import chain
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
@@ -56,11 +57,13 @@ UP = checks.frozen_array([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, SegmentLimits] = MappingProxyType({})
 # Values for null in a layer, for fields of the process that cannot be None.
 NULL_VALUES: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "analog": ()}
-# Start point of a closed contour: "auto" moves it away from a corner, "drawn" keeps it.
+# Start point of a closed contour that is moved away from a corner.
 AUTO = "auto"
+# Start point or direction of a contour that is kept as it is drawn.
 DRAWN = "drawn"
-# Largest number of laps and tabs of a contour; a larger number is a mistake in a unit or digit.
+# Largest number of laps of a contour; a larger number is a mistake in a unit or digit.
 MAX_PASSES = 1000
+# Largest number of tabs of a contour; a larger number is a mistake in a unit or digit.
 MAX_TABS = 1000
 ORDERS = ("auto", "drawn", "inside_first", "nearest", "shortest")
 # Side of the tool in the direction of travel, for a spindle that turns clockwise (M3).
@@ -405,13 +408,14 @@ class Process(Checked, LayerProcess):
     @property
     def analog_names(self) -> tuple[str, ...]:
         """Names of the analog outputs of all contours."""
-        return tuple(dict.fromkeys(x.name for variant in self.variants for x in variant.analog))
+        outputs = chain.from_iterable(variant.analog for variant in self.variants)
+        return tuple(dict.fromkeys(x.name for x in outputs))
 
     @property
     def leads(self) -> tuple[Lead, ...]:
         """The leads of all contours."""
         pairs = ((x.lead_in, x.lead_out) for x in self.variants)
-        return tuple(x for pair in pairs for x in pair if x is not None)
+        return tuple(lead for lead in chain.from_iterable(pairs) if lead is not None)
 
     @property
     def begins_on(self) -> bool:

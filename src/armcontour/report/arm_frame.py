@@ -38,8 +38,9 @@ from armcontour.robot.scene import (
 SIDES = 24
 # Meshes with more triangles are drawn as convex hulls.
 MAX_TRIANGLES = 4_000
-# Half side length of a table, as a factor of the arm's reach, and its thickness [m].
+# Half side length of a table, as a factor of the arm's reach.
 TABLE_SIZE = 1.1
+# Thickness of a table [m].
 TABLE_THICKNESS = 0.02
 
 

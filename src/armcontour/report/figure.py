@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 
     from armcontour.report.section import Chapter
 
-# Significant digits of drawn values, which are finer than a pixel, and of their abscissae.
+# Significant digits of drawn values, so that their rounding is finer than a pixel.
 DIGITS = 5
+# Significant digits of the abscissae of drawn values.
 X_DIGITS = 7
 # Height of a plot [px].
 HEIGHT = 150
@@ -180,18 +181,18 @@ def _without_noise(value: Any) -> Any:
 def _packed(pictures: Mapping[str, Picture]) -> dict[str, str]:
     """Packed data of pictures and the code that draws them, by name."""
     figures = {key: x for key, x in pictures.items() if isinstance(x, Figure)}
-    frames = {
-        f"{key}-{frame.kind}": pack(frame.pack())
-        for key, x in pictures.items()
-        for frame in x.frames
-    }
+    frames = {}
+    for key, picture in pictures.items():
+        for frame in picture.frames:
+            frames[f"{key}-{frame.kind}"] = pack(frame.pack())
     found = {"figures": pack(to_json(figures).encode())} if figures else {}
     code = UPLOT * bool(figures) + VIEWER * bool(frames)
     return {**found, **frames, **{FilePath(x).stem: _code(x) for x in code}}
 
 
-# Modules that draw figures, and those that draw arms.
+# Modules that draw figures.
 UPLOT = ("vendor/uplot.js",)
+# Modules that draw arms.
 VIEWER = ("vendor/three.js", "kinematics.js", "message_frame.js", "viewer.js")
 
 

@@ -11,8 +11,9 @@ from armcontour.core.text import capitalise
 from armcontour.report.figure import Curve, Figure, Plot, render_page
 from armcontour.report.section import Chapter, Front, Section, Tile, text_table, tiles
 
-# Gap between successive logs in the figures [s], and height of the plots of a joint [px].
+# Gap between successive logs in the figures [s].
 APART = 1.0
+# Height of each plot of a joint [px].
 HEIGHT = 56
 SOURCE = "predicted from the other parts, where not fitted"
 USE = (
@@ -54,12 +55,10 @@ def _front(result: Identification, data: Data) -> Front:
 def _sections(identification: Identification, data: Data) -> list[Section]:
     """Sections with motion and residuals, and with the errors and notes of the joints."""
     joints = next(x for x in data.tables if x.level <= TABLE)
-    of_joints = (
-        f"{x.title}: {y}"
-        for x in (joint.to_data() for joint in identification.joints)
-        for y in x.notes
-        if y not in data.notes
-    )
+    of_joints = list[str]()
+    for joint in identification.joints:
+        of_joint = joint.to_data()
+        of_joints += [f"{of_joint.title}: {x}" for x in of_joint.notes if x not in data.notes]
     motion = Section(
         key="motion",
         title="Motion and residuals",

@@ -19,10 +19,11 @@ from armcontour.report.message_frame import MessageFrame
 from armcontour.report.plan_drawing import pieces_of, rapid_paths
 from armcontour.report.view import essential_points, in_space, simplify, to_float32
 
-# Spacing [s] and maximum number of the sampled postures, of which those are stored between which
-# linear interpolation has an error of at most POSTURE_ERROR [rad].
+# Maximum spacing of the sampled postures [s], unless there would be more than MAX_SAMPLES.
 SPACING = 10e-3
+# Maximum number of sampled postures.
 MAX_SAMPLES = 50_000
+# Maximum error of the linear interpolation between those sampled postures that are stored [rad].
 POSTURE_ERROR = 1e-3
 # Factor of times, so that distances from chords are those at equal times [rad/s].
 STEEP = 1e3

@@ -19,26 +19,33 @@ from armcontour.program import Contour, Process, contour_called, cut_parts, idle
 from armcontour.report.figure import Picture, render
 from armcontour.report.view import drawn_arc_lengths, drawn_curve, points_at, simplify
 
-# Width, maximum and minimum height, and margin of the drawing [px].
+# Width of the drawing [px].
 WIDTH = 800.0
+# Maximum height of the drawing [px].
 HEIGHT = 700.0
+# Minimum height of the drawing [px].
 FLATTEST = 190.0
+# Margin of the drawing [px].
 EDGE = 34.0
-# Maximum deviation of the drawn path [px], and length below which a piece gets the colour of the
-# previous piece [px].
+# Maximum deviation of a drawn line from its curve [px].
 VISIBLE = 0.3
+# Minimum visible length [px]. A shorter piece gets the colour of the previous piece, shorter leads
+# are not drawn, and smaller rounding errors do not require the contours as drawn.
 SHORTEST = 1.0
 # Fraction of the size of a path below which its height along z is ignored.
 FLAT = 0.02
 # Unit vectors to the right and up in the view of other paths in space.
 OBLIQUE = np.array([[0.806, 0.591, 0.0], [-0.257, 0.351, 0.9]])
-# Number of points of each rapid, and approximate minimum distance of marks of the same kind [px].
+# Number of points of each rapid.
 RAPID_PLACES = 24
+# Approximate minimum distance of marks of the same kind [px].
 APART = 7.0
-# Maximum number of contours for which numbers are drawn, their places relative to the start of the
-# contour, and room that keeps two numbers apart [px].
+# Maximum number of contours for which numbers are drawn.
 MAX_NUMBERED = 60
+# The place of a number is free if it is at least this far, horizontally or vertically, from the
+# other numbers and from the starts of the other contours [px].
 FREE = 22.0
+# Places of a number relative to the start of its contour, in order of preference [px].
 BESIDE = 15.0 * np.array([[1.0, -1.0], [-1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # An axis is not drawn if its projection is shorter than this fraction of it.
 SHORT_AXIS = 0.25
@@ -424,16 +431,19 @@ def _stops(result: RunResult) -> list[Mark]:
 def _events(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[Mark]:
     """Marks at the points at which outputs are switched, without those of tabs."""
     words = {True: "on", False: "off"}
-    ends = np.array([start + x for _, start, *both in tabs for x in both])
-    return [
-        Mark(
-            np.asarray(x.point),
-            f"{x.name} = {words[x.value] if isinstance(x.value, bool) else x.value}, "
-            f"t = {number(x.t, 's')}, s = {number(x.s, 'm')}",
-        )
-        for x in result.trajectory.events
-        if (x.value is not False) == on and not np.isclose(x.s, ends, rtol=0, atol=1e-9).any()
-    ]
+    ends = list[float]()
+    for _, offset, begin, end in tabs:
+        ends += [offset + begin, offset + end]
+    marks = []
+    for event in result.trajectory.events:
+        if (event.value is not False) != on:
+            continue
+        if np.isclose(event.s, ends, rtol=0, atol=1e-9).any():
+            continue
+        value = words[event.value] if isinstance(event.value, bool) else event.value
+        place = f"t = {number(event.t, 's')}, s = {number(event.s, 'm')}"
+        marks.append(Mark(np.asarray(event.point), f"{event.name} = {value}, {place}"))
+    return marks
 
 
 def _tabs(result: RunResult, process: Process) -> list[Tab]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -39,8 +40,10 @@ from armcontour.report.view import (
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import use_of
 
-# Approximate maximum number of drawn points: of any path, and of simple paths.
+# Approximate maximum number of drawn points of any path.
 MAX_POINTS = 20_000
+# Approximate maximum number of drawn points of simple paths. Each point that the shape of a path
+# needs allows two more, up to MAX_POINTS.
 MIN_POINTS = 1_200
 # The interval of an active limit is always drawn if it is longer than this factor times the drawing
 # tolerance.
@@ -48,15 +51,18 @@ VISIBLE_STRETCH = 8.0
 # Limit index of points without an active limit.
 NO_LIMIT = 255
 
-# Number of points per rapid, and approximate maximum for all rapids.
+# Number of points per rapid.
 RAPID_POINTS = 16
+# Approximate maximum number of points of all rapids.
 MAX_RAPID_POINTS = 50_000
-# Maximum number of corners with handles, and of listed speed shortfalls.
+# Maximum number of rounded corners with handles; with more, no corner has a handle.
 MAX_CORNERS = 400
+# Maximum number of listed speed shortfalls.
 MAX_SHORTFALLS = 60
-# Maximum number of breaks at which joint usage is evaluated, and approximate maximum number of
-# times with extreme usage that are drawn in addition to evenly spaced times.
+# Maximum number of breaks at which joint usage is evaluated.
 MAX_BREAKS = 2_000
+# Approximate maximum number of times with extreme joint usage that are drawn in addition to evenly
+# spaced times.
 MAX_TIMES = 1_000
 # Minimum fraction of the duration above which the legend lists a kind of limit.
 MIN_SHARE = 5e-5
@@ -440,7 +446,7 @@ def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, A
     }
     if limits.joint_torque is not None and arm.has_bodies:
         shares["usage_torque"] = signed_shares("joint_torque", limits, arm.torque(q, dq, ddq))
-    rows = [x for share in shares.values() for x in share.T]
+    rows = list(chain.from_iterable(x.T for x in shares.values()))
     is_even[select_points(np.zeros(len(t)), rows, MAX_TIMES)] = True
     indices = np.flatnonzero(is_even)
     return {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from types import MappingProxyType
 from typing import Any
 
@@ -115,20 +116,24 @@ def side_by_side(results: Mapping[str, Data], caption: str = "") -> tuple[TextTa
     """
     header, *rows = compare(results, TABLE, texts=True)
     columns = list(zip(header, *rows, strict=True))[1:]
-    figures = [
-        x
-        for x in columns
-        if max(map(len, x[1:])) <= LONGEST and any(y.split()[0] not in ("0", "-") for y in x[1:])
-    ]
+    figures = [x for x in columns if _is_shown(x[1:])]
     if len(rows) > 1:
         return (TextTable(header=("figure", *results), rows=tuple(figures), caption=caption),)
-    notes = {x.label: x.note for data in results.values() for x in data.shown()}
+    values = chain.from_iterable(x.shown() for x in results.values())
+    notes = {x.label: x.note for x in values}
     figures = [(*x, notes[x[0]]) for x in figures]
     half = (len(figures) + 1) // 2
     return tuple(
         TextTable(header=("figure", "value", ""), rows=tuple(x), caption=caption, half=True)
         for x in (figures[:half], figures[half:])
     )
+
+
+def _is_shown(texts: Sequence[str]) -> bool:
+    """Return whether the values of a row are short texts that are not all 0 or missing."""
+    if max(map(len, texts)) > LONGEST:
+        return False
+    return any(x.split()[0] not in ("0", "-") for x in texts)
 
 
 def text_table(table: result.Table, caption: str = "") -> TextTable:

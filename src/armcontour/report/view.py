@@ -13,24 +13,28 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path, Segments
 from armcontour.program import Program
 
-# Spacing [s] and maximum number of evenly spaced times of a motion. With this spacing, linear
-# interpolation has an error of 0.3 mrad at 20 rad/s².
+# Maximum spacing of evenly spaced times of a motion [s], unless there would be more than
+# MAX_SAMPLES. With this spacing, linear interpolation has an error of 0.3 mrad at 20 rad/s².
 MAX_SPACING = 10e-3
+# Maximum number of evenly spaced times of a motion.
 MAX_SAMPLES = 2_000
-# Ratio of the size of a picture to the maximum deviation of its lines, and minimum size [m].
+# Ratio of the size of a picture to the maximum deviation of its lines.
 PICTURE_FINENESS = 20_000
+# Smaller pictures have the maximum deviation of a picture of this size [m].
 MIN_SIZE = 1e-4
-# Maximum angle between adjacent points of a curve [rad], and maximum number of points of an arc.
+# Maximum angle between adjacent points of a curve [rad].
 TURN = 0.06
+# Maximum number of points of an arc.
 MAX_PER_ARC = 20_000
-# Accumulated change of direction after which a point is always drawn [rad], and maximum number of
-# such points.
+# Accumulated change of direction after which a point is always drawn [rad].
 CORNER_TURN = 0.4
+# Default maximum number of points that are always drawn because of a change of direction.
 MAX_CORNERS = 100_000
 # Minimum number of evenly spaced times of a motion.
 MIN_SAMPLES = 200
-# Maximum number of points in a drawing, and of points from which they are selected.
+# Default approximate maximum number of points in a drawing.
 MAX_DRAWN = 20_000
+# Approximate maximum number of points from which the drawn points are selected.
 MAX_CANDIDATES = 200_000
 
 

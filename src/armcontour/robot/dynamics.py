@@ -30,12 +30,12 @@ class Dynamics:
         if chain.masses is None:
             raise InvalidInput("Dynamics require the masses of the links, but the chain has none.")
         self.chain = chain
-        # Bodies of different branches do not act on each other. Columns of the joints of each
-        # branch, its links, and gravity
         arm = chain.arm_branch
         part = chain.part_branch
         first = chain.floor_link
         rest = np.arange(first, len(chain))
+        # Columns of the joints of each branch, its links, and gravity. Bodies of different branches
+        # do not act on each other.
         self._branches = [(rest, _link_data(arm), np.array(arm.gravity))]
         if part is not None:
             reversed_columns = np.arange(first)[::-1]

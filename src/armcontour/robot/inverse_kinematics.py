@@ -9,24 +9,27 @@ from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.robot import newton
 from armcontour.robot.arm import MET, Arm
 
-# Task dimensions, as in `newton.py`: of the whole pose, and of the tool point only.
-WHOLE = 6
-POINT = 3
+# Task dimensions, as in `newton.py`:
+WHOLE = 6  # The whole tool pose.
+POINT = 3  # The tool point only.
 # Number of initial joint positions of the search. With this number the search found all eight
 # configurations of a common six-joint arm in each of thousands of random poses.
 SEEDS = 400
-# Weight of a radian relative to a metre [m/rad]: in the search for solutions, and in the search for
-# the reachable tool point nearest to a pose.
+# Weight of a radian relative to a metre in the search for solutions [m/rad].
 SEARCH_WEIGHT = 0.5
+# Weight of a radian relative to a metre in the search for the reachable tool point nearest to a
+# pose [m/rad].
 REACH_WEIGHT = 10.0
+# Largest number of steps of both searches.
 MAX_STEPS = 200
 # Number of initial joint positions of the search for the nearest reachable tool point.
 REACH_SEEDS = 60
 # Number of parts of the search, each in its own thread.
 PARTS = 8
-# Two solutions are distinct if they differ by more than this [rad or m]. The second value is for
-# redundant arms. It is large, because they have infinitely many solutions.
+# Two solutions are distinct if they differ by more than this [rad or m].
 APART = 1e-3
+# Two solutions of a redundant arm are distinct if they differ by more than this [rad or m]. It is
+# large, because redundant arms have infinitely many solutions.
 APART_REDUNDANT = 0.5
 
 

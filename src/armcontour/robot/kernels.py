@@ -22,10 +22,10 @@ Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, flo
 
 # Number of states per block.
 B = 32
-# Pi as a sum of two parts of 33 bits. Multiples of the parts are exact for angles below EXACT_TO
-# [rad].
+# Pi is the sum of these two parts of 33 bits [rad].
 HALF_TURN = 3.1415926534682512
 REST_OF_IT = 1.2154201012607932e-10
+# Multiples of both parts of pi are exact for angles below this [rad].
 EXACT_TO = 1e6
 # Adding this number and subtracting it again rounds a value to a whole number.
 TO_WHOLE = 6755399441055744.0
@@ -35,16 +35,16 @@ SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(10, -1, -1))
 COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(11, -1, -1))
 # Number of rows per joint: cosine and sine of its position, then its first to third derivative.
 JOINT_ROWS = 5
-# First rows of parts of a state: position, vector from the previous joint, axis, motion; rows 0 to
-# 8 are the columns of the rotation. The motion is velocity and angular velocity, and their first
-# and second derivatives. STATE_ROWS is the number of rows.
+# First rows of the parts of a state; rows 0 to 8 are the columns of the rotation.
 POSITION = 9
-LEVER = 12
+LEVER = 12  # Vector from the previous joint.
 AXIS = 15
-MOTION = 18
+MOTION = 18  # Velocity and angular velocity, then their first and second derivatives.
+# Number of rows of a state.
 STATE_ROWS = 36
-# Column of the table of links that is 1 for a prismatic joint, for kinematics and for dynamics.
+# Column of the table of links for kinematics that is 1 for a prismatic joint.
 SLIDES = 12
+# Column of the table of links for dynamics that is 1 for a prismatic joint.
 DYNAMIC_SLIDES = 24
 IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # Number of rows of a link: cosine and sine of its joint (rows 0 and 1); first and second derivative

@@ -59,8 +59,6 @@ class Use:
 
     def ratios(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Ratios of values to limits, lower bounds of the ratios, and bounds on their errors."""
-        # NaN is replaced by an infinite ratio with an infinite error. The error bound of exact
-        # values is [0.0].
         error = np.asarray(self.error)
         used = self.value
         room = np.asarray(self.limit)
@@ -71,9 +69,11 @@ class Use:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             ratio = np.asarray(used / room)
             if not error.any() and not np.isnan(ratio).any():
+                # The error bound of exact values is [0.0].
                 return ratio, ratio, np.zeros(1)
             certain = (used - error) / room
             slack = np.asarray(error / room)
+            # NaN is replaced by an infinite ratio with an infinite error.
             return (
                 np.where(np.isnan(ratio), np.inf, ratio),
                 np.where(np.isnan(certain), -np.inf, certain),

@@ -154,12 +154,13 @@ class Limits(Checked):
 
     def __str__(self) -> str:
         """The limits that are specified or removed, with their units."""
-        specified = {x: getattr(self, x) for x in UNITS}
-        rows = [
-            (x, "none" if values is None else self._list_values(x, values))
-            for x, values in specified.items()
-            if values is not None or x in self.removed
-        ]
+        rows = []
+        for name in UNITS:
+            values = getattr(self, name)
+            if values is not None:
+                rows.append((name, self._list_values(name, values)))
+            elif name in self.removed:
+                rows.append((name, "none"))
         return format_table("Limits" if rows else "Limits: none", rows)
 
     __repr__ = short_repr
@@ -435,11 +436,11 @@ def reduce_limits(limits: Limits, reserve: float) -> Limits:
     """Reduce the limits of joint acceleration and torque by a fraction from 0 to below 1."""
     if not reserve:
         return limits
-    reduced = {
-        name: (1 - reserve) * value
-        for name, limit in LIMITS.items()
-        if limit.reserved and (value := getattr(limits, name)) is not None
-    }
+    reduced = {}
+    for name, limit in LIMITS.items():
+        value = getattr(limits, name)
+        if limit.reserved and value is not None:
+            reduced[name] = (1 - reserve) * value
     return limits.replace(**reduced) if reduced else limits
 
 

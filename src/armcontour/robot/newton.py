@@ -20,11 +20,13 @@ from armcontour.robot.kernels import SLIDES, Vector, add, cross, write_frames
 # Newton's method ends when its step is below this [rad or m], because the next step would be about
 # the square of this step times the condition number of the Jacobian.
 ARRIVED = 1e-10
+# Largest number of steps of Newton's method.
 MAX_STEPS = 15
 # Longest step of a joint [rad]; longer steps are reduced.
 LONGEST_STEP = 0.5
-# `follow`: longest correction of any joint [rad], and largest number of corrections per step.
+# `follow`: longest correction of any joint [rad].
 FOLLOW_STEP = 0.15
+# `follow`: largest number of corrections per step.
 FOLLOW_CORRECTIONS = 6
 # `follow` gives up after it has halved the step between two poses this many times.
 MAX_HALVINGS = 12

@@ -121,9 +121,9 @@ class Drives:
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Mass, damping (with viscous friction) and stiffness of the loops, (n, dof, dof) each."""
-        # The gravity torque that the controller feeds forward cancels the arm's gravity torque.
         fed = self.gravity_feedforward
         differs = self.controller is not None
+        # The gravity torque that the controller feeds forward cancels the arm's gravity torque.
         stiffness, damping, mass = self.arm.dynamics.derivatives(
             q, dq, ddq, gravity=differs or not fed
         )
@@ -225,14 +225,17 @@ class Response(Frozen):
         loop_terms = -delay * damping, damping - delay * stiffness, stiffness
         driven = self._steps(*(np.broadcast_to(x, mass.shape) for x in loop_terms))
         bodies = self._steps(mass, slow, stiff) - driven
-        filters = [
-            integrator_filter(x, self.step, servo.drive_cycle)
-            if x
-            else (np.eye(2)[0], np.eye(2)[0])
-            for x in servo.ki
-        ]
+        filters = [self._integrator_filter(x) for x in servo.ki]
         alone, both = (self._filters(np.array(x)) for x in zip(*filters, strict=True))
         return Equations(alone @ bodies + both @ driven, both @ means, alone @ means)
+
+    def _integrator_filter(self, ki: float) -> tuple[FloatArray, FloatArray]:
+        """Return numerator and denominator, in z, of a joint's filter for its integrator gain."""
+        if ki:
+            return integrator_filter(ki, self.step, self.servo.drive_cycle)
+        # Without an integrator, the filter does not change its input.
+        unfiltered = np.array([1.0, 0.0])
+        return unfiltered, unfiltered
 
     def _filters(self, weights: FloatArray) -> csc_array:
         """Matrix of the joint filters, from the weights of the present and the previous value."""

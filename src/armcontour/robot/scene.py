@@ -15,17 +15,17 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Axes, Choice, Distance, Length, Name, Quantity, Size
 
-# A mesh whose largest size [m] is outside this range was probably read in another unit.
+# Range of the largest size of a mesh [m]. A mesh outside this range was probably read in another
+# unit.
 SMALLEST = 1e-3
 LARGEST = 20.0
-# Radius of the capsule that replaces a tool without shapes, and distance of its end from the tool
-# point [m].
+# Radius of the capsule that replaces a tool without shapes [m].
 ASSUMED_RADIUS = 0.01
+# Distance from the end of this capsule to the tool point [m].
 ASSUMED_GAP = 0.02
-# Frames to which obstacles are fixed: the base of the arm, or the part, which has the frame of the
-# paths.
-BASE = "base"
-PART = "part"
+# Frames to which obstacles are fixed:
+BASE = "base"  # The base of the arm.
+PART = "part"  # The part, which has the frame of the paths.
 # Name of the tool in `allow` of an obstacle.
 TOOL = "tool"
 # Name of the obstacle that represents a floor of a specified height. The values `AT_BASE` and
@@ -310,7 +310,11 @@ class Scene(Checked):
     @property
     def has_mounting_plane(self) -> bool:
         """True if links should stay above the mounting plane of the base."""
-        return self.floor == AT_BASE and not any(
-            isinstance(x.shape, HalfSpace) and x.fixed_to == BASE and x.place.rotation[2, 2] > 0.5
-            for x in self.obstacles
-        )
+        return self.floor == AT_BASE and not any(_is_ground(x) for x in self.obstacles)
+
+
+def _is_ground(obstacle: Obstacle) -> bool:
+    """Return whether an obstacle is a half-space fixed to the base, with its plane facing up."""
+    if not isinstance(obstacle.shape, HalfSpace) or obstacle.fixed_to != BASE:
+        return False
+    return bool(obstacle.place.rotation[2, 2] > 0.5)

@@ -94,9 +94,9 @@ class SerialArm(Arm):
     @cached_property
     def moves_in_a_plane(self) -> bool:
         """True if the joints move the tool in a plane only."""
-        # The columns of the angular part of the Jacobian are the axes of the revolute joints.
         jacobian = self.jacobian(np.zeros(self.dof))
         slides = self.chain.slides
+        # The columns of the angular part of the Jacobian are the axes of the revolute joints.
         axes = jacobian[3:, ~slides]
         paths = jacobian[:3, slides]
         rank = np.linalg.matrix_rank(axes, tol=PARALLEL) if axes.size else 0

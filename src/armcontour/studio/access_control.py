@@ -18,8 +18,9 @@ App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 ADDRESS = "127.0.0.1"
 # Number of random bytes of the token: 128 bits cannot be guessed.
 TOKEN_BYTES = 16
-# Maximum size of an upload, and of a message from a page [bytes].
+# Maximum size of an upload [bytes].
 MAX_UPLOAD = 64 * MEGABYTE
+# Maximum size of a message from a page [bytes].
 MAX_MESSAGE = 16 * MEGABYTE
 # Required header of POST requests. Pages of other servers can send it only after a CORS preflight
 # request, which this server refuses.

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,10 @@ def slider_rows(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[s
 
     A quantity whose joint values differ has one row per joint, with the joint index in the key.
     """
-    return dict(x for keys in slider_ranges() for x in _quantity(keys, data, job, run))
+    rows = dict[str, dict[str, Any]]()
+    for keys in slider_ranges():
+        rows.update(_quantity(keys, data, job, run))
+    return rows
 
 
 def _quantity(
@@ -254,5 +258,5 @@ def settings(
 
 def usual_ranges() -> dict[Keys, tuple[float, float]]:
     """Usual ranges of quantities of a job and its runs in SI units, by key path."""
-    every = (x for model in (JobModel, RunModel) for x in settings(model))
+    every = chain(settings(JobModel), settings(RunModel))
     return {keys: about.usual for keys, about, *_ in every if about.usual[1]}

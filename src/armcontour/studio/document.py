@@ -47,8 +47,8 @@ class Document:
         origin: tuple[FilePath, str | None] | None = None,
         is_start: bool = False,
     ) -> None:
-        # Name and folder of a document without a file are given.
         self.file = file
+        # Name and folder of a document without a file are given.
         self.source = source if file is None else file.name
         self.folder = folder or (FilePath() if file is None else file.parent)
         # Job file, or drawing and cell, that opens the document again.

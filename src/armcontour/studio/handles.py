@@ -30,6 +30,7 @@ from armcontour.robot.scene import BASE, HalfSpace, Obstacle
 
 # Role, keys, position in the part frame [m] (None if computed) and coordinates as written.
 PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
+# Quantities of the values that users write in a job:
 LENGTH = Quantity("m", "1 mm")
 ANGLE = Quantity("rad", "90 deg")
 # Maximum distance at which a point counts as lying on a plane or line [m].
@@ -40,15 +41,18 @@ AXES = frozen_array(np.eye(3))
 PLANAR = Plane(origin=np.zeros(3), x=AXES[0], y=AXES[1])
 # Maximum rounding error of written coordinates [m].
 EXACT = 1e-13
+# Kinds of a path, which are also its keys in the job file:
 POINTS = "points"
 SEGMENTS = "segments"
 FILE = "file"
+# Roles of a waypoint, see `Waypoint.role`:
 POINT = "point"
 VIA = "via"
 CENTER = "center"
 END = "end"
-# Kind of an empty path, and the side length of its picture [m].
+# Kind of an empty path.
 BLANK = "blank"
+# Side length of the picture of an empty path [m].
 BLANK_SIDE = 0.2
 FROM_FILE = "The contours come from {file}, so their points cannot be moved."
 COMPUTED = "The centre and the angle of its arc determine this end. Move the centre instead."

@@ -19,18 +19,20 @@ from armcontour.files.job_text_edits import Change
 from armcontour.studio.document import Document, decode
 from armcontour.studio.recent import all_recent, make_private, state_folder
 
-# Drawings that cards of the start page open, by card. The other cards open the job of the paper or
-# an empty plane.
+# Drawings that cards of the start page open, by card.
 DRAWINGS = {"drawing": "plate.svg", "gcode": "slot.ngc", "weld": "seam.svg"}
+# Card of the start page that opens the job of the paper.
 PAPER = "paper"
+# Card of the start page that opens an empty plane.
 EMPTY = "empty"
 WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
 # Extensions of robot descriptions.
 ROBOTS = (".urdf",)
 # Maximum length of a file name [characters].
 MAX_NAME = 100
-# Extensions of logs of a robot, and maximum number of stored logs.
+# Extensions of logs of a robot.
 LOGS = (".csv", ".txt", ".log")
+# Maximum number of stored logs.
 MAX_LOGS = 8
 # Age above which folders of other sessions are deleted [s]. Servers of newer sessions may still
 # run.

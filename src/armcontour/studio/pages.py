@@ -12,8 +12,9 @@ from armcontour.report.message_frame import MessageFrame, without_options
 
 # A message of a page.
 PageMessage: TypeAlias = Mapping[str, Any]
-# Maximum number and total size [bytes] of stored files for download; the newest file always stays.
+# Maximum number of stored files for download.
 MAX_FILES = 20
+# Maximum total size of the stored files [bytes]; the newest file always stays.
 MAX_BYTES = 200_000_000
 # Kinds of frames of which a page needs only the newest one.
 NEWEST_ONLY = {*("arm", "document", "executed", "figures", "picture", "refusal")}

@@ -50,9 +50,9 @@ from armcontour.verification.contour_errors import ContourExecution, pieces_of, 
 # Maximum duration of a simulated motion times the number of joints [s], so that the simulation
 # takes seconds and 150 MB.
 MAX_SIMULATED = 2400.0
-# If a program has more segments, its outline is shown before its plan. A contour counts as at least
-# so many segments, because each contour is planned separately.
+# If a program has more segments than this, its outline is shown before its plan.
 LONG_PROGRAM = 5_000
+# A contour counts as at least so many segments, because each contour is planned separately.
 CONTOUR_SEGMENTS = 50
 # Minimum cycle of a preview [s].
 MIN_CYCLE = 4e-3
@@ -109,8 +109,9 @@ class CoarsePlanner:
     def forget(self) -> None:
         """Clear the cache, because files of the job may have changed."""
         self._cache = StepCache()
-        # Arm and start configuration of the last plan.
+        # Arm of the last plan.
         self._arm: Arm | None = None
+        # Start configuration of the last plan.
         self._start: FloatArray | None = None
 
     def may_execute(self, planned: Preview) -> bool:

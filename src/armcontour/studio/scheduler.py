@@ -52,8 +52,9 @@ SLOW_PLAN = 0.5
 MAX_OBSOLETE_PLAN = 0.5
 # Computing time after which a newer state cancels exact figures [s].
 MAX_OBSOLETE_FIGURES = 2.0
-# Delay of the first progress frame, and minimum interval of further progress frames [s].
+# Delay of the first progress frame [s].
 PROGRESS_DELAY = 0.7
+# Minimum interval of further progress frames [s].
 PROGRESS_INTERVAL = 0.1
 # Tasks that a page can start.
 TASKS = tuple(x for x in dispatch.TASKS if x != "figures")
@@ -196,8 +197,8 @@ class Scheduler:
         with self._lock:
             if self._newest is not None:
                 self._end_progress(self._newest)
-            # Work that is still running refers to the results of the previous document.
             self._newest = None
+            # Work that is still running refers to the results of the previous document.
             self._results = ShownResults()
 
     def show_again(self) -> None:
@@ -254,8 +255,8 @@ class Scheduler:
 
     def _plan(self, state: DocumentState, stale: StaleCheck, explain: bool) -> None:
         """Compute and show the preview of a state; `explain`: as for `CoarsePlanner.plan`."""
-        # Computing time is CPU time, so that plans are not cancelled because the machine is busy.
         results = state.results
+        # Computing time is CPU time, so that plans are not cancelled because the machine is busy.
         begin = time.thread_time()
 
         def report(step: Step) -> None:

@@ -179,13 +179,13 @@ class Server:
 
 def page_files() -> dict[str, FilePath]:
     """Static files of the page, by name."""
-    files = {
-        x.relative_to(folder).as_posix(): x
-        for folder in (SHARED, STATIC)
-        for x in folder.rglob("*")
-        if x.suffix in CONTENT_TYPES
-    }
-    return {**files, PALETTE_FILE.name: PALETTE_FILE}
+    files = {}
+    for folder in (SHARED, STATIC):
+        for file in folder.rglob("*"):
+            if file.suffix in CONTENT_TYPES:
+                files[file.relative_to(folder).as_posix()] = file
+    files[PALETTE_FILE.name] = PALETTE_FILE
+    return files
 
 
 def serve(

@@ -8,9 +8,9 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 # Default number of results of each step in the cache, for a few runs that a user compares.
 RESULTS = 4
-# Maximum number of results with samples in the cache, and maximum number of samples in all results
-# of a step; the newest result always stays.
+# Maximum number of results of a step in the cache if the results have samples.
 LARGE_RESULTS = 2
+# Maximum number of samples in all results of a step; the newest result always stays.
 MAX_SAMPLES = 200_000
 
 

@@ -20,22 +20,26 @@ from armcontour.geometry.orientation import turns_between
 from armcontour.geometry.projection import find_nearest, pack_segments, pad_to_space
 
 # A value between samples is a peak only if it exceeds the highest sample by more than this fraction
-# of the sample plus this amount [m or rad].
+# of the sample plus ROUNDING.
 CLOSE = 3e-7
+# Differences of errors or of arc lengths up to this are rounding errors [m or rad].
 ROUNDING = 1e-13
-# Number of parts per searched interval, and largest number of subdivisions.
+# Number of parts per searched interval.
 PARTS = 32
+# Largest number of subdivisions of a searched interval.
 MAX_CUTS = 12
 # If the path turns by more than this between two samples [rad], the error may have a peak there
 # that no sample shows.
 SHARP = 0.2
 # Sample times of the first search for the maximum of a smooth function, as fractions of the
-# interval, and number of searches, each with steps 16 times shorter than the previous one.
+# interval.
 FEW = np.arange(9) / 8
+# Number of these searches, each with steps 16 times shorter than the previous one.
 CLOSER = 3
-# Sample times of an interval, and of the next search relative to the estimated peaks, as fractions
-# of the width of the interval.
+# Sample times of an interval, as fractions of its width.
 SHARES = np.arange(PARTS + 1) / PARTS
+# Sample times of the next search relative to the estimated peaks, as fractions of the width of the
+# interval.
 AROUND = np.array([0.0, -0.03, 0.03])[:, None, None]
 # Smallest distance of sample times from the ends of an interval, as a fraction of its width; the
 # values at the ends are known.
@@ -43,11 +47,13 @@ NEAR = 0.01
 # Number of largest angles in the first batch; each further batch has four times as many.
 FIRST = 100
 
-# The first leash is SLACK times the largest of these: the largest distance of about SOME points
-# from the path, the longest step of the tool, and SHORTEST [m]. The leash is doubled until it
+# The first leash is this multiple of the largest of three lengths: the largest distance of some
+# points from the path, the longest step of the tool, and SHORTEST. The leash is doubled until it
 # suffices.
 SLACK = 4.0
+# Approximate number of points whose distances from the path determine the first leash.
 SOME = 500
+# Smallest of the lengths that determine the first leash [m].
 SHORTEST = 1e-7
 # Indices of samples after which an error may have a peak, (m,), and bounds on the height of the
 # peaks above the mean of the samples on both sides, (m,).

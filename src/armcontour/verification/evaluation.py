@@ -24,6 +24,7 @@ from armcontour.robot import Limits, resolve_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import use_of
 from armcontour.verification.contour_errors import (
+    ContourExecution,
     CornerDeviation,
     evaluated_times,
     pieces_of,
@@ -299,11 +300,7 @@ def evaluate(
             default=None,
         ),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
-        corners=tuple(
-            replace(x, contour=None if program.single_path is not None else number)
-            for number, piece in enumerate(pieces, start=1)
-            for x in piece.corners
-        ),
+        corners=_join_corners(pieces, is_program=program.single_path is None),
         contours=contours,
         speed=max(float(x.speed.max()) for x in pieces),
         speed_ratio=ratio if ratio > 0 else np.nan,
@@ -344,9 +341,22 @@ def _join_known(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
     return ErrorProfile.join(known_profiles) if known_profiles else None
 
 
+def _join_corners(
+    pieces: Sequence[ContourExecution], *, is_program: bool
+) -> tuple[CornerDeviation, ...]:
+    """Join the deviations at the corners of all pieces, with contour numbers in a program."""
+    corners: list[CornerDeviation] = []
+    for k, piece in enumerate(pieces, start=1):
+        contour = k if is_program else None
+        corners += [replace(x, contour=contour) for x in piece.corners]
+    return tuple(corners)
+
+
 def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
     """Largest first and second values of the pairs that are not None; None if all are None."""
-    along, across = (max((x[i] for x in errors if x), default=-1.0) for i in (0, 1))
+    known = [x for x in errors if x]
+    along = max((x[0] for x in known), default=-1.0)
+    across = max((x[1] for x in known), default=-1.0)
     return None if along < 0 else (along, across)
 
 
@@ -364,14 +374,13 @@ def _time_at_limit(executed: Execution, limits: Limits, duration: float) -> floa
 
 def executed_jerk(executed: Execution) -> FloatArray:
     """Largest mean jerk of each joint over any cycle [rad/s³], (dof,)."""
-    # The mean is over the cycle that ends at each time.
     t = executed.t
     ddq = executed.ddq
     if len(t) < 2:
         return np.zeros(ddq.shape[1])
     step = float(t[-1] - t[0]) / (len(t) - 1)
     k = max(1, round(executed.set_points.cycle / step))
-    # The arm is at rest before the first sample.
+    # The mean is over the cycle that ends at each time. The arm rests before the first sample.
     before = np.concatenate([np.zeros((k, ddq.shape[1])), ddq])[: len(ddq)]
     return np.asarray(np.abs((ddq - before) / (k * step)).max(axis=0))
 

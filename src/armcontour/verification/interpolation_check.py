@@ -24,10 +24,11 @@ from armcontour.robot.limit_use import use_of
 from armcontour.verification.limit_verdict import VERDICTS, LimitUse, PathDeviation
 from armcontour.verification.trajectory_check import TimeSamples, check
 
-# Number of times per interval of a law at which the distance from the path is computed, and total
-# number of times above which fewer are used. With 32 times per interval, the peak of a smooth error
-# exceeds the largest computed value by at most 0.3 %.
+# Largest number of times per interval of a law at which the distance from the path is computed.
+# With 32 times per interval, the peak of a smooth error exceeds the largest computed value by at
+# most 0.3 %.
 MAX_PER_INTERVAL = 32
+# Total number of times above which intervals have fewer times than MAX_PER_INTERVAL.
 MAX_TIMES = 400_000
 # Interpolations whose velocity is discontinuous at the points.
 IN_STEPS = ("lines", "held", "next point")

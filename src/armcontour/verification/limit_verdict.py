@@ -22,12 +22,14 @@ from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, LIMITS
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
 from armcontour.verification.error_profile import maximize_smooth, smallest_angles
 
-# Number of evaluated times per interval of a law, including its ends: as many as give ENOUGH times
-# in all intervals together, but from MIN_PER_INTERVAL to MAX_PER_INTERVAL. All intervals together
-# always have at least FEWEST times.
+# Smallest number of evaluated times per interval of a law, including its ends.
 MIN_PER_INTERVAL = 3
+# Largest number of evaluated times per interval of a law, unless FEWEST requires more.
 MAX_PER_INTERVAL = 20
+# Smallest number of evaluated times in all intervals of a law together.
 FEWEST = 4000
+# Number of evaluated times in all intervals of a law together that is enough: intervals have no
+# more times than it requires, but at least MIN_PER_INTERVAL.
 ENOUGH = 12_000
 # Number of the highest estimated peaks that are refined.
 PEAKS = 12
@@ -285,15 +287,12 @@ class LimitUseAccumulator:
             uses = [replace(x, s=float(at)) for x, at in zip(uses, s, strict=True)]
         certain = uses[: len(self._certain)]
         highest = uses[len(self._certain) :]
-        return tuple(
-            LimitUse(
-                name=name,
-                highest=most,
-                verdict=decide_verdict(x.certain, most, tolerance),
-                **{y.name: getattr(x, y.name) for y in fields(x)},
-            )
-            for name, x, most in zip(self._certain, certain, highest, strict=True)
-        )
+        judged = []
+        for name, use, most in zip(self._certain, certain, highest, strict=True):
+            verdict = decide_verdict(use.certain, most, tolerance)
+            occurrence = {x.name: getattr(use, x.name) for x in fields(use)}
+            judged.append(LimitUse(name=name, highest=most, verdict=verdict, **occurrence))
+        return tuple(judged)
 
 
 class TimeLaw(Protocol):
@@ -366,10 +365,8 @@ def uses_of_law(
         after = law.motion(right_times, order)
         before = law.motion(left_times, order, side="left")
     else:
-        after, before = (
-            tuple(law(at, k, side=side) for k in range(order + 1))
-            for at, side in ((right_times, "right"), (left_times, "left"))
-        )
+        after = tuple(law(right_times, k, side="right") for k in range(order + 1))
+        before = tuple(law(left_times, k, side="left") for k in range(order + 1))
     columns = []
     for name, *sides in zip(ORDERS[: order + 1], after, before, strict=True):
         values = np.concatenate(sides)

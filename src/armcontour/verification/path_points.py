@@ -17,8 +17,9 @@ EQUAL = 1e-9
 # Largest number of reachable path intervals; further intervals are merged with the last one.
 MAX_STRETCHES = 64
 # Search of a path part for the point farthest from the tool: largest number of subintervals on the
-# stack, and accuracy of the distance [m].
+# stack.
 MAX_SUBINTERVALS = 64
+# Search of a path part for the point farthest from the tool: accuracy of the distance [m].
 DISTANCE_ACCURACY = 1e-10
 # Approximate number of point-segment pairs per batch, to bound the memory.
 PAIRS = 50_000

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -76,8 +76,7 @@ class SampledMotion:
 
 def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
     """Record the values at the samples, and lower bounds of the peaks between samples."""
-    rates = () if log.dq is None else (log.dq,) if log.ddq is None else (log.dq, log.ddq)
-    states = States(tally.arm, (log.q, *rates), log.errors)
+    states = States(tally.arm, _known_derivatives(log), log.errors)
     tally.record_states(log.t, states)
     if log.dq is None and log.ddq is not None:
         tally.record_rates("joint_acceleration", log.t, log.ddq, log.q, log.errors[2])
@@ -105,6 +104,15 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
             tally.record_pose(
                 between, CubicHermiteSpline(log.t, log.q, log.dq)(between), position_error
             )
+
+
+def _known_derivatives(log: SampledMotion) -> tuple[FloatArray, ...]:
+    """Return the positions, and the derivatives up to the first one that the log does not have."""
+    if log.dq is None:
+        return (log.q,)
+    if log.ddq is None:
+        return (log.q, log.dq)
+    return (log.q, log.dq, log.ddq)
 
 
 def _mean_rows(
@@ -211,7 +219,7 @@ def _record_peaks(
         # The components of tool vectors in one direction bound their length.
         first = ends[0][0][0]
         along = first / np.maximum(length(first), np.finfo(np.float64).tiny)[:, None]
-        ends = [[(np.sum(x * along, axis=1, keepdims=True), e) for x, e in y] for y in ends]
+        ends = [_components(x, along) for x in ends]
     for name, ((shift, error), (change, changed)) in zip(names, ends, strict=False):
         if getattr(limits, name) is None:
             continue
@@ -224,7 +232,7 @@ def _record_peaks(
     if of_joints and limits.joint_jerk is not None:
         stretch = span / np.maximum(span - time_error, 1e-6 * span)
         moments = list[Column]()
-        parts = [ends[0][0], *(x for y in ends[1:] for x in y)]
+        parts = [ends[0][0], *chain.from_iterable(ends[1:])]
         for (x, error), scale, order in zip(parts, (16, 4, 2), (3, 2, 1), strict=False):
             moment = scale * x / span**order
             error = scale * error * (stretch / span) ** order
@@ -235,6 +243,11 @@ def _record_peaks(
         jerk, error = _smallest_jerk(moments)
         tally.record_rates("joint_jerk", t, np.maximum(jerk, 0.0), q, error)
         tally.updates_highest = True
+
+
+def _components(columns: list[Column], along: FloatArray) -> list[Column]:
+    """Return the components of vectors along unit vectors, with the error bounds of the vectors."""
+    return [(np.sum(x * along, axis=1, keepdims=True), error) for x, error in columns]
 
 
 def _smallest_factor(

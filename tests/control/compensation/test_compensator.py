@@ -11,8 +11,8 @@ from armcontour.motion import PathLaw, Rates
 
 from .motions import laps
 
-KP = np.array([25.0, 20.0])
-KV = np.array([150.0, 100.0])
+KP = np.array([25.0, 20.0])  # 1/s
+KV = np.array([150.0, 100.0])  # 1/s
 UNEVEN = ac.ServoModel(kp=KP, kv=KV)
 NAMES = ("none", "inverse", "pole_placement")
 

@@ -14,8 +14,8 @@ from armcontour.robot.nominal_robot import Drives
 from armcontour.robot.servo.simulation import command_pieces, sample_command
 
 pytest.importorskip("mujoco")
-DURATION = 0.4
-CYCLE = 4e-3
+DURATION = 0.4  # s, of the swing
+CYCLE = 4e-3  # s, between set-points
 START = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
 SIZE = np.array([0.2, -0.1, 0.15, 0.2, 0.0, -0.3])
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)

@@ -9,15 +9,16 @@ from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 SERVO = JointServo(kp=25.0, kv=150.0, dead_time=6e-3)
 
 
+def followed(command):
+    """Return the positions of joints that follow their commands, (n, joints)."""
+    joints = [follow(LoggedCommand(T, u.copy(), "linear"), SERVO, u[0], 0.0) for u in command.T]
+    return np.stack([x.ravel() for x in joints], 1)
+
+
 def test_a_servo_contains_the_largest_velocity_of_its_logs():
     logs = [ac.Log(t=T, command=program(k), measured=program(k)) for k in (1, 2)]
     rates = np.max([np.abs(np.gradient(x.command, T, axis=0)).max(axis=0) for x in logs], axis=0)
-    moved = [
-        np.stack(
-            [follow(LoggedCommand(T, u.copy(), "linear"), SERVO, u[0], 0.0).ravel() for u in x.T], 1
-        )
-        for x in (y.command for y in logs)
-    ]
+    moved = [followed(x.command) for x in logs]
     fit = ac.identify(
         [ac.Log(t=T, command=x.command, measured=q) for x, q in zip(logs, moved, strict=True)]
     )

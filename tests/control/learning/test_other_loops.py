@@ -11,8 +11,9 @@ import armcontour as ac
 
 from .robots import SERVO, gentle_plan, rods, rounded
 
-CYCLE = 4e-3
-STEP = 1e-3
+CYCLE = 4e-3  # s, between set-points
+STEP = 1e-3  # s, between simulated positions
+# Steps of the simulation per position.
 SUBSTEPS = 5
 RUNS = 5
 # Smallest error that may be called noise [m].

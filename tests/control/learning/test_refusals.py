@@ -53,10 +53,13 @@ def test_logs_in_other_units_or_orders_are_refused(run, refuses):
     arm, set_points, log = run
     _, another = executed(arm, [(0.7, 0.4), (0.2, 1.1), (0.6, 0.5), (0.0, 0.4)])
     t = np.arange(log.t[0], log.t[-1], 25e-3)
-    rows = [
-        np.stack([np.interp(t, log.t, x) for x in y.T], axis=1) for y in (log.command, log.measured)
-    ]
-    coarse = Recording(t=t, command=rows[0], q=rows[1], source="run1.csv")
+
+    def resampled(values):
+        return np.stack([np.interp(t, log.t, x) for x in values.T], axis=1)
+
+    coarse = Recording(
+        t=t, command=resampled(log.command), q=resampled(log.measured), source="run1.csv"
+    )
     plain = ac.compensate(set_points.trajectory, SERVO, ac.Inverse())
     for wrong, words in (
         (other(log, measured=np.degrees(log.measured)), "another unit, sign or order"),

@@ -184,19 +184,21 @@ CONTROL = [tuple(x) for x in np.column_stack([RANDOM.uniform(0, 100, (9, 2)), np
 
 def test_splines_of_all_kinds_are_read():
     document, space = drawing()
-    moved = [[(x + a, y + b, z) for x, y, z in CONTROL] for a in (0, 200) for b in (0, 200)]
+    moved = []
+    for a, b in itertools.product((0, 200), (0, 200)):
+        moved.append([(x + a, y + b, z) for x, y, z in CONTROL])
     space.add_open_spline(moved[0])
     space.add_rational_spline(moved[1], [1, 2, 1, 0.3, 5, 1, 1, 2, 1])
     space.add_open_spline(moved[2], degree=2)
     space.add_open_spline(moved[3], degree=5)
-    contours = [(x, read(document, chord_tolerance=x).contours) for x in (1e-4, 1e-6)]
-    table = [(x, *y) for x, point in contours for y in zip(space, point, strict=True)]
-    for tolerance, entity, contour in table:
-        tool = entity.construction_tool()
-        points = [tuple(p) for p in tool.points(np.linspace(0, tool.max_t, 4001))]
-        near([contour.path], [points], tolerance)
-        # Inside, a spline of degree 2 or more has no corner.
-        assert contour.path.turns.max() < 1e-8
+    for tolerance in (1e-4, 1e-6):
+        contours = read(document, chord_tolerance=tolerance).contours
+        for entity, contour in zip(space, contours, strict=True):
+            tool = entity.construction_tool()
+            points = [tuple(p) for p in tool.points(np.linspace(0, tool.max_t, 4001))]
+            near([contour.path], [points], tolerance)
+            # Inside, a spline of degree 2 or more has no corner.
+            assert contour.path.turns.max() < 1e-8
     # Splines that are circles, that are closed, and with more knots than they need.
     weights = [1, np.sqrt(0.5), 1, np.sqrt(0.5), 1]
     knots = [0, 0, 0, 1, 1, 2, 2, 2]

@@ -130,7 +130,12 @@ def test_random_urdf_files_are_read_like_pinocchio_does(tmp_path, seed):
     links = ['<link name="l0"/>']
     joints = []
     for k in range(1, 16):
-        kind = "fixed" if k % 5 == 0 else "prismatic" if k % 4 == 3 else "revolute"
+        if k % 5 == 0:
+            kind = "fixed"
+        elif k % 4 == 3:
+            kind = "prismatic"
+        else:
+            kind = "revolute"
         name = "tcp" if k == 15 else f"l{k}"
         # These moments satisfy the triangle inequality.
         xx, yy = rng.uniform(0.02, 0.03, 2)

@@ -135,7 +135,9 @@ def drawn(case):
     return draw(spline, arm, objective, nodes.s_objective, nodes.tolerance), spline
 
 
+# Spans of the spline.
 N = 9
+# Step of the unknowns for differences.
 STEP = 1e-6
 NO_SPEEDS = np.full(N, np.inf)
 # Spans whose velocities are well above zero at both ends.

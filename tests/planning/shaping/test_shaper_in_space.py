@@ -7,8 +7,8 @@ import armcontour as ac
 from armcontour.core.frames import angle_between
 from armcontour.planning import shape
 
+TOLERANCE = 1e-3  # m
 # The third iteration gains the first half percent, the fifth much more.
-TOLERANCE = 1e-3
 ITERATIONS = 5
 POINTS = [(0.45, 0.08, 0.20), (0.51, 0.08, 0.20), (0.51, 0.13, 0.22)]
 DOWN = np.diag([1.0, -1.0, -1.0])

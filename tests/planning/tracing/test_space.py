@@ -263,11 +263,15 @@ def test_invalid_orientations_and_corners_are_refused(ur5e, refuses):
         "rotations": np.tile(np.eye(3), (3, 1, 1)),
     }
     parallel["positions"] = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0, 0]])
-    two, scara = (
-        Chain(joints=tuple("abc"[:n]), **{name: x[:n] for name, x in parallel.items()})
-        for n in (2, 3)
-    )
-    two, scara = (SerialArm(name="flat", chain=x, limits=ac.Limits()) for x in (two, scara))
+
+    def flat_arm(n):
+        """Return an arm with the first joints of `parallel`."""
+        values = {name: x[:n] for name, x in parallel.items()}
+        chain = Chain(joints=tuple("abc"[:n]), **values)
+        return SerialArm(name="flat", chain=chain, limits=ac.Limits())
+
+    two = flat_arm(2)
+    scara = flat_arm(3)
     level = ac.Path.polyline([(0.50, 0.10, 0.0), (0.55, 0.15, 0.0)])
     for motion, arm, options, words, data in (
         (path, ur5e, {}, "path.oriented", {}),

@@ -9,8 +9,8 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.motion import SetPoints
 
-CYCLE = 8e-3
-SLIDING = 5e-3
+CYCLE = 8e-3  # s, between set-points
+SLIDING = 5e-3  # rad/s, at which friction is 1/√2 of what it is at high speeds
 ARM = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
 T = np.arange(40) * CYCLE
 Q = np.stack([0.3 + 0.05 * np.sin(20 * T) * T / T[-1], 0.2 - 0.3 * T**2], axis=1)

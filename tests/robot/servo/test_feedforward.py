@@ -10,8 +10,8 @@ import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.motion import SetPoints
 
-CYCLE = 4e-3
-LATE = 5.3e-3
+CYCLE = 4e-3  # s, between set-points
+LATE = 5.3e-3  # s, dead time
 FEED = ("velocity_feedforward", "acceleration_feedforward")
 KINDS = {
     "linear": {"velocity_feedforward": 1.01, "acceleration_feedforward": 0.6},

@@ -8,8 +8,8 @@ import armcontour as ac
 from armcontour.motion import SetPoints
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
-CYCLE = 4e-3
-SLIDING = 5e-3
+CYCLE = 4e-3  # s, between set-points
+SLIDING = 5e-3  # rad/s, at which friction is 1/√2 of what it is at high speeds
 ARM = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
 T = np.arange(60) * CYCLE
 Q = np.stack([0.3 + 0.05 * np.sin(20 * T) * T / T[-1], 0.2 - 0.3 * T**2], axis=1)

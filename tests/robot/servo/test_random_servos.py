@@ -6,13 +6,14 @@ from numba import njit
 import armcontour as ac
 from armcontour.robot.servo.simulation import ServoSimulation
 
-CYCLE = 4e-3
-POINTS = 30
-AFTER = 20
+CYCLE = 4e-3  # s, between set-points
+POINTS = 30  # set-points
+AFTER = 20  # cycles that are simulated beyond the set-points
 JOINTS = 10
-SLIDING = 5e-3
-# Largest differences [rad], with and without saturation, at which the method of steps has kinks.
+SLIDING = 5e-3  # rad/s, at which friction is 1/√2 of what it is at high speeds
+# Largest difference of a joint that saturates, at which the method of steps has kinks [rad].
 SATURATED = 1e-7
+# Largest difference of a joint that never saturates [rad].
 LINEAR = 1e-10
 
 

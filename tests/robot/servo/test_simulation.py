@@ -5,8 +5,8 @@ import numpy as np
 import armcontour as ac
 from armcontour.robot.servo.simulation import ServoSimulation
 
-CYCLE = 1e-3
-BOUND = 3.0
+CYCLE = 1e-3  # s, between set-points
+BOUND = 3.0  # rad/s², at which the demand saturates
 
 
 def integrate(q, servo, every):

@@ -7,6 +7,7 @@ pytestmark = [needs_linuxcnc, needs_own_hal]
 # A motion in which this machine was late is repeated.
 TRIES = 5
 LATE = ("came late", "not ready in time", "received nothing")
+# Gains of the HAL file that convert to degrees and to rad.
 IN_DEGREES = "57.29577951308232"
 IN_RAD = "0.017453292519943295"
 # Replaced parts of the file, the verdict or the class of the error, and words of its message.

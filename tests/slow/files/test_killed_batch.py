@@ -8,7 +8,7 @@ import time
 
 from tests.files.test_batch import JOB
 
-SPEEDS = [0.02 + 0.002 * k for k in range(25)]
+SPEEDS = [0.02 + 0.002 * k for k in range(25)]  # m/s
 TOLERANCES = ["0.5 mm", "1 mm", "2 mm", "4 mm"]
 LINE = [
     *(sys.executable, "-c", "from armcontour.cli import main; main()", "batch", "job.yaml"),

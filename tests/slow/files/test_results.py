@@ -31,6 +31,17 @@ print("not killed")
 """
 
 
+def texts_in(folders, names):
+    """Return the texts of those files that are in any of the folders, by name."""
+    texts = {}
+    for folder in folders:
+        for name in names:
+            file = folder / name
+            if file.exists():
+                texts[name] = file.read_text()
+    return texts
+
+
 @pytest.mark.parametrize("moves", range(9))
 def test_a_killed_replacement_is_incomplete_and_loses_nothing(tmp_path, moves):
     out = tmp_path / "out"
@@ -44,14 +55,11 @@ def test_a_killed_replacement_is_incomplete_and_loses_nothing(tmp_path, moves):
         return
     assert (out / "summary.json").exists() == (moves == 0)
     hidden = out / ".armcontour-next" / ".old"
-    texts = {x: (p / x).read_text() for p in (out, hidden) for x in old if (p / x).exists()}
-    assert texts == old
+    assert texts_in((out, hidden), old) == old
     if moves:
         with pytest.raises(InvalidInput, match="was killed"):
             ResultFolder(out, force=True)
-        assert texts == {
-            x: (p / x).read_text() for p in (out, hidden) for x in old if (p / x).exists()
-        }
+        assert texts_in((out, hidden), old) == old
 
 
 def test_the_next_run_removes_the_files_of_a_killed_run(tmp_path):

@@ -21,7 +21,9 @@ runs:
   only: {{compensation: {{method: {method}}}}}
 certificate: {{servo_error: {servo}}}
 """
+# Where the three segments of a line along x begin and end [m].
 ENDS = [0.300, 0.312, 0.318, 0.330]
+# Their assigned speeds [m/s].
 SPEEDS = [0.15, 0.02, 0.10]
 
 

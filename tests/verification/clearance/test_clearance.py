@@ -1,5 +1,7 @@
 """Clearance of motions, distances between bodies, and ways around obstacles."""
 
+import itertools
+
 import numpy as np
 import pytest
 from tests.dynamics_extra import needs_dynamics
@@ -181,7 +183,7 @@ def test_a_mesh_is_checked_if_its_convex_hull_is_too_near():
     # A frame of four bars, whose hull is a full plate, around the ball.
     bars = [((-0.2, 0, 0), (0.02, 0.4, 0.02)), ((0.2, 0, 0), (0.02, 0.4, 0.02))]
     bars += [((0, -0.2, 0), (0.4, 0.02, 0.02)), ((0, 0.2, 0), (0.4, 0.02, 0.02))]
-    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
     faces = np.array(
         [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]]
         + [[0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]

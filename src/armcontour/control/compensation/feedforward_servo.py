@@ -16,8 +16,9 @@ from armcontour.robot.servo.simulation import ServoSimulation, add_feedforward, 
 SETTLED_DISTANCE = 1e-10
 # Simulated time after a truncated transient of an integrator [time constants of the servo].
 INTEGRATOR_SETTLING = 3.0
-# Cubic interpolation: largest number of iterations, and error at which they end [rad].
+# Cubic interpolation: largest number of iterations.
 MAX_CORRECTIONS = 50
+# Cubic interpolation: error at which the iterations end [rad].
 CORRECTION_TOLERANCE = 1e-13
 
 

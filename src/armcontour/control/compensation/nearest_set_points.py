@@ -22,9 +22,11 @@ from armcontour.robot.limits import LIMITS
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 
-# Set-points begin earlier and end later by TIME_CONSTANTS time constants of the slowest servo, plus
-# RAMPS times the duration of a jerk-limited ramp from zero to the acceleration limit.
+# Limited set-points begin earlier and end later by this number of time constants of the slowest
+# servo, plus the time of RAMPS.
 TIME_CONSTANTS = 2.0
+# Limited set-points also begin earlier and end later by this multiple of the duration of a
+# jerk-limited ramp from zero to the acceleration limit.
 RAMPS = 4.0
 # Set-points are changed to satisfy a limit of velocity or acceleration that the plan exceeds by at
 # most this fraction. A plan with a larger excess is rejected.
@@ -36,8 +38,6 @@ def limit_set_points(
     set_points: SetPoints, servo: ServoModel, limits: Limits, arm: Arm | None = None
 ) -> SetPoints:
     """Replace set-points by the nearest set-points within command limits."""
-    # If a limit is active, set-points begin earlier and end later, because a compensated command
-    # accelerates and decelerates faster than its joint.
     dof = set_points.q.shape[1]
     cycle = set_points.cycle
     limits = check_command_limits(limits, dof)
@@ -45,6 +45,8 @@ def limit_set_points(
     if find_excess(set_points.q, cycle, bounds) is None:
         return replace(set_points, command_limits=limits)
     _check_plan(set_points, bounds[:3], SMOOTHED_SHARE)
+    # If a limit is active, set-points begin earlier and end later, because a compensated command
+    # accelerates and decelerates faster than its joint.
     jerky = np.isfinite(bounds[2, 1])
     ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
     usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
@@ -74,7 +76,6 @@ def limit_set_points(
 
 def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
     """Raise an error if the plan exceeds bounds; bounds of derivatives are widened by `share`."""
-    # If the plan exceeds the bounds, set-points within the bounds would leave its path.
     plan = set_points.trajectory
     cycle = set_points.cycle
     # The times extend to the end of the plan, because set-points with a time advance end earlier.
@@ -82,6 +83,7 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     excess = find_excess(plan.with_rests(t), cycle, bounds, share)
     if excess is None:
         return
+    # The plan exceeds the bounds, so set-points within the bounds would leave its path.
     name = excess.name
     joint = excess.joint
     unit = unit_of(plan.arm, LIMITS[name].unit, joint)

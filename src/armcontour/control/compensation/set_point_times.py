@@ -16,9 +16,9 @@ SNAP = 1e-9
 # Set-points continue after the end of the motion for this number of time constants, so that the
 # transient of the compensation decays.
 SETTLING = 36.0
-# The transient of set-points after a motion is truncated after LONGEST_TAIL [s], or after the
-# fraction TAIL_SHARE of the duration of the motion if that is shorter.
+# The transient of set-points after a motion is truncated after this time at the latest [s].
 LONGEST_TAIL = 1.0
+# The transient is also truncated after this fraction of the duration of the motion.
 TAIL_SHARE = 0.2
 
 

@@ -36,9 +36,9 @@ RATIO_NOTE = (
     "of the error without compensation, on motion that was not fitted; trusted up to "
     f"{number(TRUSTED, '1')}"
 )
-# Significant digits of the numbers in a servo file, and a factor for upper bounds, so that they
-# remain bounds when they are rounded.
+# Significant digits of the numbers in a servo file.
 DIGITS = 6
+# Factor for upper bounds in a servo file, so that they remain bounds when they are rounded.
 ROUND_UP = 1 + 10.0 ** (1 - DIGITS)
 
 
@@ -237,11 +237,11 @@ class Identification(Result, Frozen):
         every = [x.to_data() for x in self.joints]
         rows = [(*x.rows, Row("parameters", x.tables[0].as_dicts())) for x in every]
         names = [x for x in UNITS if any(x in y.parameters for y in self.joints)]
-        parameters = [
-            (Row("joint", x.name, "", "joint"), *(getattr(x, name).row for name in names))
-            for x in self.joints
-            if x.parameters
-        ]
+        parameters = []
+        for joint in self.joints:
+            if joint.parameters:
+                estimates = [getattr(joint, name).row for name in names]
+                parameters.append((Row("joint", joint.name, "", "joint"), *estimates))
         return Table.from_rows("joints", rows), Table.from_rows("parameters", parameters)
 
     @property

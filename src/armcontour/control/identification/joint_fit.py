@@ -33,10 +33,10 @@ SKIPPED_TIME = 0.04
 SPEED_WINDOW = 0.1
 # Number of samples from which the initial velocity is estimated.
 START_SAMPLES = 20
-# REST_SHARE: a command slower than this fraction of the typical speed counts as rest.
-# TYPICAL_PERCENTILE: the typical speed is this percentile of the command speeds. Weights are
-# command speeds, but at most the typical speed.
+# A command slower than this fraction of the typical speed counts as rest.
 REST_SHARE = 0.02
+# The typical speed is this percentile of the command speeds. Weights are command speeds, but at
+# most the typical speed.
 TYPICAL_PERCENTILE = 95
 # Number of contiguous parts with equal motion into which a single log is divided.
 PARTS = 5
@@ -49,18 +49,22 @@ LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
 INITIAL_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
 # Step of numerical derivatives, as a fraction of these typical changes.
 DERIVATIVE_STEP = 1e-5
-# Search of the initial state of a segment with saturation: largest number of steps, fractions of a
-# step that are tried, and the ratio of singular values that counts as zero.
+# Search of the initial state of a segment with saturation: largest number of steps.
 MAX_STATE_STEPS = 8
+# Search of the initial state: fractions of a step that are tried, until one reduces the error.
 STEP_FRACTIONS = (1.0, 0.3, 0.1, 0.01)
+# Search of the initial state: singular values below this fraction of the largest one count as zero.
 NULL_RATIO = 1e-14
 # Fitted parameters up to this value are rounding errors at the bound 0.
 ROUNDING = 1e-9
-# Residuals are in mrad (MRAD per rad) and clipped to this magnitude, because trials can diverge.
+# Residuals are in mrad: number of mrad per rad.
 MRAD = 1e3
+# Residuals are clipped to this magnitude [mrad], because trials can diverge.
 MAX_RESIDUAL = 1e4
-# Bounds of the gains in the search [1/s]; velocity loops of drives have bandwidths below 160 Hz.
+# Lower bound of K_p and k_i in the search [1/s].
 MIN_GAIN = 0.1
+# Upper bound of K_p and K_v in the search [1/s], because velocity loops of drives have bandwidths
+# below 160 Hz. The upper bound of k_i is a tenth of it.
 MAX_GAIN = 1000.0
 # A linear unknown has no effect if its typical change changes the residuals by at most this norm
 # [mrad].
@@ -249,7 +253,6 @@ class Problem:
         self, unknowns: FloatArray, only: BoolArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Residuals [mrad], and their derivatives by all unknowns or by the unknowns of a mask."""
-        # Residuals are simulated less measured positions of the used samples.
         m = self.m
         b = self.b
         only = np.full(len(unknowns), True) if only is None else only
@@ -276,6 +279,7 @@ class Problem:
             block[column[first + later]] = (q[after:] - q[0]) / self.steps[m + later, None]
             if only[first]:
                 block[column[first]] = 1.0
+            # Residuals are simulated less measured positions of the used samples.
             block[0] = q[0] + unknowns[first] - s.y[used]
         every *= MRAD
         if not np.isfinite(every.sum()):
@@ -292,9 +296,8 @@ class Problem:
         # are normalized.
         linear = np.flatnonzero(self.linear)
         start, slopes = self.linearize(unknowns, self.linear)
-        if (
-            np.abs(start).max() >= MAX_RESIDUAL
-        ):  # The simulation diverged; an offset must not hide this.
+        if np.abs(start).max() >= MAX_RESIDUAL:
+            # The simulation diverged; an offset must not hide this.
             return unknowns, start, slopes[:, :0]
         slopes, size = normalize(slopes * self.scale[linear], LEAST_EFFECT)
         size /= self.scale[linear]
@@ -468,7 +471,8 @@ def estimate_parameters(
     for name, sd in zip(names, deviations.tolist(), strict=False):
         value = getattr(servo, name)
         other = getattr(cycled, name)
-        every, others = (np.array([getattr(y, name) for y in x]) for x in (without, rivals))
+        every = np.array([getattr(x, name) for x in without])
+        others = np.array([getattr(x, name) for x in rivals])
         others = np.append(others[np.isfinite(others)], value)
         shift = other - value
         if name in LOGARITHMIC:

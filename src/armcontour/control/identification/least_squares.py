@@ -21,15 +21,17 @@ from armcontour.robot.servo import ServoModel
 SAMPLE_SPACING = 8e-3
 # The correlation length is the sum of the autocorrelations before the first one below this value.
 LEAST_CORRELATION = 0.05
-# Whiteness test: significance level, and smallest number of spectral lines of its low band.
+# Significance level of the whiteness test.
 SIGNIFICANCE = 0.01
+# Smallest number of spectral lines of the low band of the whiteness test.
 FEWEST_LINES = 8
-# POSITION_ROUNDING: differences of positions up to this fraction of their range are rounding
-# errors. STEP_ROUNDING: largest relative deviation of a difference from a multiple of the encoder's
-# resolution. VARIANCE_SLACK: relative excess over the variance of quantization that is still
-# accepted.
+# Differences of positions up to this fraction of the range of the positions are rounding errors.
 POSITION_ROUNDING = 1e-9
+# Largest relative deviation of a difference of positions from a multiple of the encoder's
+# resolution.
 STEP_ROUNDING = 0.01
+# Residuals are quantized white noise if their variance in excess of the white noise exceeds the
+# variance of quantization by at most this fraction.
 VARIANCE_SLACK = 0.2
 # Largest standard deviation of a determined parameter, relative to its value.
 RELATIVE_SD = 0.10

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -27,17 +28,19 @@ from armcontour.motion.log import FEWEST
 from armcontour.robot.servo.simulation import JointServo
 
 # Derivatives are computed from parabolas through the fewest samples for which the noise is below
-# the fraction MAX_NOISE of the largest derivative, and through at most LONGEST_WINDOW seconds on
-# each side.
+# this fraction of the largest derivative.
 MAX_NOISE = 0.015
+# Longest time that such a parabola spans on each side of its sample [s].
 LONGEST_WINDOW = 0.04
-# TOP_PERCENTILE: the first guess of a limit is this percentile of the magnitudes of the derivative.
-# PLATEAU_RANGE: the limit is first searched within this fraction of the guess above and below it.
+# This percentile of the magnitudes of a derivative counts as the largest derivative, and is the
+# first guess of a limit.
 TOP_PERCENTILE = 99.0
+# A limit is first searched within this fraction of the guess above and below it.
 PLATEAU_RANGE = 0.1
-# A value is at a limit if it differs from the limit by at most the fraction PLATEAU_SHARE of the
-# limit, or by at most PLATEAU_SIGMAS standard deviations of the noise.
+# A value is at a limit if it differs from the limit by at most this fraction of the limit.
 PLATEAU_SHARE = 0.01
+# A value is also at a limit if it differs from the limit by at most this number of standard
+# deviations of the noise.
 PLATEAU_SIGMAS = 4.0
 # Searches: derivative, kind of the limit, range, and time before and after a plateau [s] in which
 # the limit also applies, because the joint accelerates to it. The narrow range finds a limit above
@@ -47,20 +50,24 @@ SEARCHES = (
     (2, "acceleration", 2 * PLATEAU_SHARE, 0.0),
     (1, "velocity", PLATEAU_RANGE, 0.05),
 )
-# Smallest number of successive samples of a plateau, and its shortest duration [s].
+# Smallest number of successive samples of a plateau.
 FEWEST_SAMPLES = 4
+# Shortest duration of a plateau [s].
 SHORTEST_PLATEAU = 5e-3
 # On a saturated plateau, the commanded acceleration exceeds the measured acceleration by more than
-# the fraction EXCESS of the largest acceleration, and by more than EXCESS_ERRORS times the RMS
-# error of the commanded acceleration at the unsaturated samples.
+# this fraction of the largest acceleration. Velocities less than this fraction below a velocity
+# limit are saturated too.
 EXCESS = 0.05
+# On a saturated plateau, the commanded acceleration also exceeds the measured acceleration by more
+# than this multiple of the RMS error of the commanded acceleration at the unsaturated samples.
 EXCESS_ERRORS = 4.0
-# Number of dead times that are tried for the commanded acceleration, and the longest of them [s].
+# Number of dead times that are tried for the commanded acceleration.
 DELAY_COUNT = 26
+# Longest dead time that is tried for the commanded acceleration [s].
 LONGEST_DELAY = 0.1
-# LEAST_SHARE: smallest fraction of saturated samples that counts as saturation.
-# FEWEST_FREE: smallest number of other samples to which the commanded acceleration is fitted.
+# Smallest fraction of saturated samples that counts as saturation.
 LEAST_SHARE = 2e-3
+# Smallest number of samples outside of plateaus to which the commanded acceleration is fitted.
 FEWEST_FREE = 50
 # Multiples of the measured limit that are tried: smallest, largest, and their number.
 LIMIT_MULTIPLES = (0.98, 1.06, 9)
@@ -68,17 +75,20 @@ LIMIT_MULTIPLES = (0.98, 1.06, 9)
 # determine no more than their initial state.
 FEWEST_UNSATURATED = 20
 # Largest number of segments that are fitted; the free initial states of more segments would explain
-# most of the motion. LONGEST_SEGMENTS: number of segments between samples at a velocity limit.
+# most of the motion.
 MAX_SEGMENTS = 40
+# Number of segments between samples at a velocity limit that are fitted: the longest ones.
 LONGEST_SEGMENTS = 10
-# If a joint is at its acceleration limit for more than the fraction MAX_LIMIT_TIME of the time,
-# models with undetermined K_p are rejected. If the unsaturated samples determine no model, the
-# times of the reversals must determine it. FEWEST_REVERSALS of them are sufficient, one for each of
-# K_p, K_v, feed-forward and dead time.
+# If a joint is at its acceleration limit for more than this fraction of the time, models with
+# undetermined K_p are rejected.
 MAX_LIMIT_TIME = 0.5
+# If the unsaturated samples of such a joint determine no model, the times of the reversals must
+# determine it. This number of reversals is sufficient, one for each of K_p, K_v, feed-forward and
+# dead time.
 FEWEST_REVERSALS = 4
 # Margin before and after saturated samples [s], because drives react up to one drive cycle later.
 MARGIN = 1e-3
+# Names of the parameters of a joint's servo, as in `JointServo`.
 KP = "kp"
 KV = "kv"
 KI = "ki"
@@ -103,11 +113,12 @@ CANDIDATES = (
 # Parameters that are removed from a P-PI cascade (model with k_i) if it is not significantly worse
 # without them.
 OPTIONAL = (ACCELERATION, FEED, FRICTION)
-# A richer model is selected under two conditions. The median over the parts of its error divided by
-# the error of the simpler model is below GAIN, or LIMIT_GAIN for models with an acceleration limit.
-# Its error is smaller on at least the fraction MIN_BETTER_PARTS of the parts.
+# A richer model is selected only if the median over the parts of its error divided by the error of
+# the simpler model is below this. Errors with a ratio above this are nearly the same.
 GAIN = 0.9
+# The same for models with an acceleration limit, instead of GAIN.
 LIMIT_GAIN = 0.5
+# A richer model is selected only if its error is smaller on at least this fraction of the parts.
 MIN_BETTER_PARTS = 0.6
 # A richer model is discarded if its error on the fitted data exceeds this fraction of the error of
 # the best model.
@@ -121,17 +132,18 @@ CASCADE_SHARE = 0.5
 LEAST_DAMPING = 0.2
 # Largest number of evaluations of a cross-validation fit, which starts from the fit of all parts.
 REFIT_EVALUATIONS = 10
-# Selection uses samples with the spacing COARSE_SPACING [s] if linear interpolation of their
-# set-points reproduces the command with an RMS error below the fraction THINNING_ERROR of the noise
-# of the positions.
+# Selection uses samples with this spacing [s] if linear interpolation of their set-points
+# reproduces the command.
 COARSE_SPACING = 4e-3
+# Coarse samples reproduce the command if the RMS error of the interpolated command is at most this
+# fraction of the noise of the positions.
 THINNING_ERROR = 0.3
 # Upper bound of the initial dead time in the fit of a saturating joint [s].
 USUAL_DELAY = 0.01
-# ACCELERATION_TIMES: times over which accelerations are measured [s], a short time for fast motion
-# and a long time for small motion in noise. ACCELERATION_PERCENTILE: percentile that counts as the
-# largest acceleration.
+# Times over which accelerations are measured [s]: a short time for fast motion, and a long time for
+# small motion in noise.
 ACCELERATION_TIMES = (8e-3, 40e-3)
+# This percentile of the magnitudes of the accelerations counts as the largest acceleration.
 ACCELERATION_PERCENTILE = 99
 # Initial values of loops: a, b, K_v [1/s], k_i [1/s], velocity feed-forward, and dead time divided
 # by the lag. The initial K_p is a + b / lag. Feed-forward matters only in loops that saturate.
@@ -241,12 +253,7 @@ def select_unsaturated(
     # significantly larger and its K_p has a smaller standard deviation.
     # None is also returned if there are too many segments. At a velocity limit, only the longest
     # segments are used.
-    between = [
-        s.cut(i, j)
-        for s, clipped in zip(segments, saturation.clipped, strict=True)
-        for i, j in _spans(~clipped)
-        if np.sum(s.use[i:j]) >= FEWEST_UNSATURATED
-    ]
+    between = _cut_unsaturated(segments, saturation)
     if saturation.kind == "velocity":
         between = sorted(between, key=lambda x: len(x.y), reverse=True)[:LONGEST_SEGMENTS]
     if not between or len(between) > MAX_SEGMENTS:
@@ -265,9 +272,9 @@ def select_unsaturated(
     certain = [estimate_parameters(x)[KP].sd for x in (whole, free.fit)]
     if not is_implausible(whole) and rms * GAIN < free.rms and certain[0] < certain[1]:
         return replace(predict_parts(whole), rivals=free.rivals)
-    # Smoothing reduces the height of short plateaus, so larger limits are also tried.
     measured = saturation.limit
     servo = free.fit.servo
+    # Smoothing reduces the height of short plateaus, so larger limits are also tried.
     value = min(
         (measured, *measured * np.linspace(*LIMIT_MULTIPLES)),
         key=lambda x: _error(segments, servo._replace(acceleration_limit=x), search.drive_cycle),
@@ -278,6 +285,16 @@ def select_unsaturated(
         high=value + HALF_INTERVAL * sd, determined=bool(sd <= allowed_deviation(value)),
     )  # fmt: skip
     return replace(predict_parts(free.fit, segments, limit), rivals=free.rivals)
+
+
+def _cut_unsaturated(segments: Sequence[LogSegment], saturation: Saturation) -> list[LogSegment]:
+    """Cut segments into their parts between saturated samples, without parts that are too short."""
+    parts = []
+    for segment, clipped in zip(segments, saturation.clipped, strict=True):
+        for begin, end in _spans(~clipped):
+            if np.sum(segment.use[begin:end]) >= FEWEST_UNSATURATED:
+                parts.append(segment.cut(begin, end))
+    return parts
 
 
 def _error(segments: Sequence[LogSegment], servo: JointServo, drive_cycle: float) -> float:
@@ -574,7 +591,8 @@ class _Trials:
         # loops are also tried.
         tops = [max(_largest_acceleration(s, x) for s in self.segments) for x in ACCELERATION_TIMES]
         loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
-        return [{**x, LIMIT: a} for x in (initial, *loops) for a in (*tops, 3 * max(tops))]
+        limits = (*tops, 3 * max(tops))
+        return [{**x, LIMIT: limit} for x, limit in product((initial, *loops), limits)]
 
 
 def is_implausible(result: Fit) -> bool:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -60,9 +61,10 @@ SAME_PROGRAM = 0.02
 # the largest tracking error if that is larger. Then the noise of a joint that hardly moves is not
 # amplified.
 LEAST_WEIGHT = 0.1
-# NEWTON_STEPS: number of Newton steps for a delay. DELAY_MARGIN: the delay of the contour is
-# searched from minus this value to the longest delay of a joint plus this value [s].
+# Number of Newton steps in the search for a delay.
 NEWTON_STEPS = 3
+# The delay of the contour is searched from minus this value to the longest delay of a joint plus
+# this value [s].
 DELAY_MARGIN = 0.1
 # A model or delay is rejected if its error exceeds this fraction of the tracking error.
 MAX_WEAK = 0.8
@@ -77,17 +79,19 @@ MAIN_SHARE = 0.5
 TINY = 1e-30
 # Orders of the candidate models for each value of the option `model`.
 MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": ("first",)}
-# A model is good if its RMS error is at most GOOD_SHARE times the tracking error or NOISE_MULTIPLE
-# times the encoder noise. A weak model is written only if its error is at most GOOD_SHARE times the
-# motion.
+# A model is good if its RMS error is at most this fraction of the tracking error. A weak model is
+# written only if its RMS error is at most this fraction of the motion.
 GOOD_SHARE = 0.3
+# A model is also good if its RMS error is at most this multiple of the encoder noise. Deviations
+# from the contour up to this multiple of the noise do not show that a model is weak.
 NOISE_MULTIPLE = 3.0
 # The columns are checked if the error exceeds this fraction of the motion.
 MISREAD_SHARE = 0.1
-# A joint is at rest if the standard deviation of its measured positions is at most REST_SIGMAS
-# times that of the noise, or if their range is at most LEAST_MOTION [rad] (a 32-bit encoder has a
-# resolution of 1.5e-9 rad).
+# A joint is at rest if the standard deviation of its measured positions is at most this multiple of
+# that of the noise. Its velocity is uniform if the same holds for deviations from a line.
 REST_SIGMAS = 1.5
+# A joint is also at rest if the range of its measured positions is at most this [rad]; a 32-bit
+# encoder has a resolution of 1.5e-9 rad.
 LEAST_MOTION = 1e-9
 # Lower bound of a tracking error that is used as a divisor [rad].
 LEAST_LAG = 1e-12
@@ -158,8 +162,8 @@ def choose_and_judge(
     """
     delays = _joint_delays(logs, longest)
     motions = [_sample_log(logs, i, joints, longest) for i in range(len(logs))]
-    every = [np.concatenate([x.rest[y] for x in motions]) for y in ("none", "delay")]
-    lags, delayed = (np.sqrt(np.mean(x**2, axis=0)) for x in every)
+    lags = _residual_rms(motions, "none")
+    delayed = _residual_rms(motions, "delay")
     weight = 1 / np.maximum(lags, max(LEAST_WEIGHT * float(lags.max()), TINY))
 
     def deviations(choice: Sequence[str]) -> list[tuple[float, FloatArray]]:
@@ -219,6 +223,12 @@ def choose_and_judge(
             joint = write_servo(joint, split_logs(logs, j, interpolation, delay), servo)
         written.append(replace(joint, contour_ratio=float(shares[i][j])))
     return tuple(written), judgement
+
+
+def _residual_rms(motions: Sequence[_LogSamples], choice: str) -> FloatArray:
+    """Return the RMS residual of each joint [rad], (dof,); `choice` is a key of `rest`."""
+    residuals = np.concatenate([x.rest[choice] for x in motions])
+    return np.asarray(np.sqrt(np.mean(residuals**2, axis=0)))
 
 
 def _sample_log(
@@ -435,7 +445,7 @@ def identify(
         joints=judged,
         drive_cycle=search.drive_cycle,
         judgement=judgement,
-        repeats=tuple(y for _, x in pairs for y in x),
+        repeats=tuple(chain.from_iterable(x for _, x in pairs)),
     )
 
 
@@ -617,9 +627,15 @@ def _explain_no_model(segments: Sequence[LogSegment]) -> str:
         change = max(float(np.ptp(s.command.u)) for s in segments)
         still = f"its measured motion is only noise, although its commands span {change:.3g} rad"
         return f"{still}. Record more motion."
-    if not any(changes_velocity(s.command.t, x) for s in segments for x in (s.command.u, s.y)):
+    if all(_is_uniform(s) for s in segments):
         return "the velocity is uniform, which determines a lag, but no gains. Record a multisine."
     return ""
+
+
+def _is_uniform(segment: LogSegment) -> bool:
+    """Return whether both the commanded and the measured velocity of a segment are uniform."""
+    t = segment.command.t
+    return not changes_velocity(t, segment.command.u) and not changes_velocity(t, segment.y)
 
 
 def changes_velocity(t: FloatArray, positions: FloatArray) -> bool:

@@ -45,20 +45,23 @@ Executed: TypeAlias = Execution | Log | Recording
 Runs: TypeAlias = Executed | Sequence[Executed]
 # Position loop gain of a joint whose servo has none [1/s], typical of industrial drives.
 TYPICAL_GAIN = 25.0
-# A log contradicts the servo if the deviation of a joint from the simulation exceeds MAX_MISFIT
-# times its deviation from the set-points. The deviation of a joint that hardly moves counts as
-# LEAST_LAG times the largest one of all joints, because coupled joints move it.
+# A log contradicts the servo if the deviation of a joint from the simulation exceeds this multiple
+# of its deviation from the set-points.
 MAX_MISFIT = 1.05
+# The deviation from the set-points of a joint that hardly moves counts as this fraction of the
+# largest one of all joints, because coupled joints move it.
 LEAST_LAG = 0.3
-# Learning ends after MAX_SETBACKS setbacks. Each setback multiplies the step by SETBACK_STEP.
+# Learning ends after this number of setbacks.
 MAX_SETBACKS = 3
+# Each setback multiplies the step by this factor.
 SETBACK_STEP = 0.5
 # Number of steps that are tried on the model, each SETBACK_STEP times the previous one.
 TRIALS = 4
-# Set-points may accelerate up to the limit of the joint or up to ACCELERATION_FACTOR times the
-# largest acceleration before learning, whichever is larger. The acceleration of a joint that hardly
-# moves counts as RESTING_SHARE times the acceleration of the fastest joint.
+# Set-points may accelerate up to the limit of the joint or up to this multiple of the largest
+# acceleration before learning, whichever is larger.
 ACCELERATION_FACTOR = 2.0
+# The acceleration before learning of a joint that hardly moves counts as this fraction of the
+# acceleration of the fastest joint.
 RESTING_SHARE = 0.25
 # If learning ends by setbacks and more than this fraction of the first error remains, the servo may
 # be wrong.

@@ -31,16 +31,19 @@ LONGEST_STEP = 1e-3
 # Modelled time after the last set-point, in addition to the dead time [time constants of the
 # slowest joint]. In this time, a response decays to 5 %.
 SETTLING = 3.0
-# The arm rests if its joints have not moved for REST_TIME [s]. Set-points that reach it do not
-# change: errors in the last REST_TIME of the model count as if they lasted for HELD_TIME [s].
+# The arm rests if its joints have not moved for this time [s].
 REST_TIME = 0.1
+# Set-points that reach the arm at rest do not change, so errors in the last REST_TIME of the model
+# count as if they lasted for this time [s].
 HELD_TIME = 10.0
-# Penalties are powers of ten, so that all runs need only few factorizations. PENALTIES: range of
-# the exponents. FIRST_PENALTY: initial penalty.
+# Smallest and largest exponent of a penalty. Penalties are powers of ten, so that all runs need
+# only few factorizations.
 PENALTIES = (-8, 6)
+# Initial penalty.
 FIRST_PENALTY = 1e-3
-# Number of iterations of the estimate in gaps of a log, and assumed relative error of the model.
+# Number of iterations of the estimate in gaps of a log.
 BRIDGE_ITERATIONS = 10
+# Relative error of the model that the estimate in gaps of a log assumes.
 BRIDGE_ERROR = 1e-3
 # Number of cached factorizations; the final step of a search for the penalty compares three.
 MAX_FACTORS = 3
@@ -158,10 +161,10 @@ class Lifted:
 
     def _rate_terms(self, factor: FloatArray | float, shift: float) -> list[_Term]:
         """Terms of the mean velocity of the command over one step, times a factor."""
-        # For interpolation "step", the velocity is that of linear interpolation one interval
-        # earlier. Drives with a cycle use the difference from the command of the previous cycle.
         kind = self.nominal.servo.interpolation
         drive_cycle = self.nominal.servo.drive_cycle
+        # For interpolation "step", the velocity is that of linear interpolation one interval
+        # earlier. Drives with a cycle use the difference from the command of the previous cycle.
         if kind == "step" and not drive_cycle:
             kind = "linear"
             shift = shift - self.cycle

@@ -22,8 +22,9 @@ from armcontour.motion.log_checks import check_completeness
 MAX_RATE_DIFFERENCE = 0.03
 # Number of cycles over which differences of set-points are averaged.
 AVERAGED_CYCLES = 10
-# Largest number of Newton steps, and the time change below which they end [s].
+# Largest number of Newton steps of `fit_clock`.
 MAX_STEPS = 30
+# The Newton steps end when a step changes times by less than this [s].
 CONVERGED = 1e-9
 # A recording belongs to the motion if it differs from the expected motion by at most this fraction
 # of the motion. A loaded arm with weak gains differs by some percent, another job by 100 % or more.
@@ -33,17 +34,19 @@ MAX_DIFFERENCE = 0.3
 SAMPLES_PER_PERIOD = 5.0
 # Relative tolerance of the sample interval, because clocks drift.
 INTERVAL_TOLERANCE = 0.01
-# Logged set-points belong to another run if their RMS difference from the set-points of the run
-# exceeds SET_POINT_TOLERANCE [rad], the fraction ERROR_SHARE of the RMS error, and NOISE_MULTIPLE
-# times the noise.
+# Logged set-points are those of the run if their RMS difference from its set-points is at most this
+# [rad].
 SET_POINT_TOLERANCE = 1e-4
+# This RMS difference may also be at most this fraction of the RMS error of the run.
 ERROR_SHARE = 0.05
+# This RMS difference may also be at most this multiple of the noise of the run.
 NOISE_MULTIPLE = 10.0
 # A log belongs to an earlier run if the misfit of its set-points is below this fraction of the
 # misfit of the current set-points.
 NEARER = 0.5
-# A joint rests if it has moved by at most REST_SIGMAS times the noise or REST_MOTION [rad].
+# A joint rests if it has moved by at most this multiple of the noise.
 REST_SIGMAS = 6.0
+# A joint also rests if it has moved by at most this [rad].
 REST_MOTION = 1e-6
 
 

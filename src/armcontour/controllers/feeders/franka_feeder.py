@@ -17,9 +17,9 @@ from armcontour.controllers.feeders.feeder import RARE, DeviceError, Row, Sample
 CYCLE = 1e-3
 # Tolerance between the desired positions of a state and the row sent in the previous cycle [rad].
 SAME = 1e-6
-# Number of cycles of the motion from the held position to the first row, and its maximum length
-# [rad].
+# Number of cycles of the motion from the held position to the first row.
 ALIGNING = 500
+# Maximum length of this motion, for each joint [rad].
 FARTHEST = 2e-3
 
 
@@ -47,13 +47,14 @@ class FrankaDevice:
         self.control: pylibfranka.ActiveControlBase | None = None
         self.clock = self.due = 0
         self.answered = True
-        # k, row: cycle of the motion and row that the next answer sends. confirmed: last cycle that
-        # the robot has confirmed. sent: row of the last answer. approach_rows: rows from the held
-        # position to row 0, which are sent first.
+        # Cycle of the motion that the next answer sends, and the last one that the robot has
+        # confirmed.
         self.k = -1
         self.confirmed = -1
+        # Row that the next answer sends, and row of the last answer.
         self.row: Row = ()
         self.sent: Row = ()
+        # Rows from the held position to row 0, which are sent first.
         self.approach_rows: deque[tuple[int, Row]] = deque()
         # Sample of the last answer, which the next state confirms.
         self.unconfirmed: Sample | None = None

@@ -22,8 +22,9 @@ ENABLE = "armcontour-enable"
 SILENCE = 1.0
 # Largest motion of a disabled joint between a connection and the first motion [rad].
 STILL = 1e-3
-# Number of equal readings of the FIFO that are required, and the time between them [s].
+# Number of successive equal readings of the FIFO that are required.
 AGREEING = 5
+# Time between two readings of the FIFO [s].
 LOOK = 1.7e-3
 PROGRAM = "/usr/bin/rtapi_app"
 # Beginnings of lines that halcmd always prints.

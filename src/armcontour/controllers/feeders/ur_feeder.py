@@ -16,22 +16,29 @@ from contextlib import suppress
 
 from armcontour.controllers.feeders.feeder import RARE, DeviceError, Row, Sample, main
 
+# Port of the controller for the Real-Time Data Exchange (RTDE).
 RTDE_PORT = 30004
+# Port of the controller that receives the program.
 SCRIPT_PORT = 30002
 # Type of RTDE packages with registers or the state.
 DATA_PACKAGE = "U"
+# Number of joints.
 DOF = 6
+# Number of rows that the input registers hold.
 SLOTS = 4
+# Number of the first double register that holds rows, of the inputs and of the outputs.
 FIRST = 24
 # Cycle of the controller [s].
 CYCLE = 2e-3
-# Timeout of an answer [s], and maximum number of packages until the program runs.
+# Timeout of an answer [s].
 TIMEOUT = 2.0
+# Maximum number of packages until the program runs.
 PACKAGES = 2500
-# RTDE guide: robot mode RUNNING, safety mode NORMAL, runtime state PLAYING.
-RUNNING = 7
-NORMAL = 1
-PLAYING = 2
+# States of a robot that plays a motion, from the RTDE guide:
+RUNNING = 7  # Robot mode.
+NORMAL = 1  # Safety mode.
+PLAYING = 2  # Runtime state.
+# Names of the other safety modes.
 MODES = {2: "reduced", 3: "protective stop", 5: "safeguard stop", 6: "emergency stop"}
 MODES |= {4: "recovery", 7: "emergency stop", 8: "violation", 9: "fault"}
 SIZES = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}

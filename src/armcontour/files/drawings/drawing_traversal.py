@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 
@@ -168,11 +168,12 @@ class Walk:
     def _clipped_entities(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
         """The paths of all outlines that clips draw, as entities for chaining."""
         options = self.options
-        clips = list(dict.fromkeys(clip for entity in entities for clip in entity.clips))
+        outlines = list(chain.from_iterable(x.outlines for x in entities))
+        clips = list(dict.fromkeys(chain.from_iterable(x.clips for x in entities)))
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 paths = paths_of(
-                    [y for x in entities for y in x.outlines] + clips,
+                    [*outlines, *clips],
                     options.chord_tolerance,
                     options.join_tolerance,
                     lambda share: self.report_fraction(
@@ -181,8 +182,8 @@ class Walk:
                 )
         except InvalidInput as error:
             assert error.index is not None
-            names = [x.where for x in entities for _ in x.outlines] + ["a clip" for _ in clips]
-            raise InvalidInput(f"{self.source}: {names[error.index]}: {error}") from None
+            where = _places_of_outlines(entities, clips)[error.index]
+            raise InvalidInput(f"{self.source}: {where}: {error}") from None
         pieces: list[DrawnEntity] = []
         drawn = iter(paths)
         borders = dict(zip(clips, paths[len(paths) - len(clips) :], strict=True))
@@ -218,6 +219,14 @@ class Walk:
             )
         self.omit(CUT_OFF, entity.where)
         return []
+
+
+def _places_of_outlines(entities: Sequence[EntityOutlines], clips: Sequence[Outline]) -> list[str]:
+    """Name, for messages, the entity of each outline of all entities, then each clip."""
+    places = list[str]()
+    for entity in entities:
+        places += [entity.where] * len(entity.outlines)
+    return places + ["a clip"] * len(clips)
 
 
 def list_counted(names: Counter[str]) -> str:

@@ -8,11 +8,12 @@ import logging
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, raise_if
+from armcontour.core.checks import raise_if
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.core.text import count_noun, list_some
@@ -61,26 +62,32 @@ UNITS = {
     23: 3600 / 3937,
     24: 6336000 / 3937,
 }
-# Maximum depth of nested blocks, and maximum number of copied entities. A document with more is
-# malicious.
+# Maximum depth of nested blocks. A document with a greater depth is malicious.
 MAX_DEPTH = 50
 EXPLODE = "Explode the entity into lines and arcs in the CAD program"
+# Maximum number of copied entities. A document with more is malicious.
 MAX_COPIES = 200_000
+# States of a layer whose entities may be skipped:
 OFF = "off"
 FROZEN = "frozen"
 UNPLOTTED = "not plotted"
 # Layer of CAD programs for the points of dimensions, which is never plotted; in lower case.
 DEFPOINTS = "defpoints"
+# Group code of the tag with the layer of an entity.
+LAYER_CODE = 8
 # First words of the notes on omitted entities.
 HIDDEN = "Skipped on layers that are off or frozen"
 NOT_PLOTTED = "Skipped on layers that are not plotted and not named in layers or --layer"
 INVISIBLE = "Skipped because they are invisible"
 NOT_READ = "Skipped because they are not lines, arcs or curves"
 BROKEN = "Skipped because they cannot be read"
-# AutoCAD colour numbers for the colour of the block, the colour of the layer, and black or white.
+# AutoCAD colour number: the colour of the block.
 BY_BLOCK = 0
+# AutoCAD colour number: the colour of the layer.
 BY_LAYER = 256
+# AutoCAD colour number: black or white, whichever contrasts with the background.
 ACI_WHITE = 7
+# All names of the colour ACI_WHITE.
 WHITE = frozenset({"7", "#ffffff", "#000000"})
 BINARY = b"AutoCAD Binary DXF"
 DRAWING_DATABASE = b"AC10"
@@ -124,11 +131,11 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
 def _flattened(entities: list[EntityOutlines]) -> list[EntityOutlines]:
     """The entities, projected onto the plane if all z are 0; otherwise unchanged."""
 
-    def is_flat(points: FloatArray) -> bool:
-        return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
+    def is_flat(entity: EntityOutlines) -> bool:
+        heights = (x.bounding_points[:, 2] for x in entity.outlines)
+        return all(np.abs(z).max() <= REPEATED_POINT for z in heights)
 
-    flat = all(is_flat(y.bounding_points) for x in entities for y in x.outlines)
-    if not flat:
+    if not all(is_flat(x) for x in entities):
         return entities
     return [
         dataclasses.replace(x, outlines=[y.place(WITHOUT_Z) for y in x.outlines]) for x in entities
@@ -168,10 +175,7 @@ class DxfWalk(Walk):
         try:
             for layer in self.document.layers:
                 name = _fold_case(layer.dxf.name)
-                state = FROZEN if layer.is_frozen() else OFF if layer.is_off() else ""
-                if not state and (name == DEFPOINTS or not _attribute(layer, "plot", 1)):
-                    state = UNPLOTTED
-                self._layers[name] = (layer.dxf.name, state)
+                self._layers[name] = (layer.dxf.name, _state_of(layer, name))
                 self._layer_colors[name] = _color_names(layer, abs(layer.color))
             entities = self.document.modelspace()
         except Exception as error:
@@ -262,7 +266,7 @@ class DxfWalk(Walk):
         return _color_names(entity, number)
 
     def _layer(self, entity: Any, block: Inherited) -> tuple[str, str]:
-        """Name of the layer of an entity, and the state of the layer: OFF, FROZEN or ""."""
+        """Name of the layer of an entity, and the state of the layer, as from `_state_of`."""
         layer = str(_attribute(entity, "layer", "") or _layer_tag(entity))
         # In a block, layer 0 stands for the layer of the INSERT.
         layer = block.layer if layer == "0" and block.targets else layer
@@ -344,11 +348,24 @@ def _fold_case(name: str) -> str:
     return name.lower()
 
 
+def _state_of(layer: Any, name: str) -> str:
+    """Return the state of a layer: FROZEN, OFF, UNPLOTTED, or "" if its entities are drawn."""
+    if layer.is_frozen():
+        return FROZEN
+    if layer.is_off():
+        return OFF
+    if name == DEFPOINTS or not _attribute(layer, "plot", 1):
+        return UNPLOTTED
+    return ""
+
+
 def _layer_tag(entity: Any) -> str:
     """Layer of an entity of a type that ezdxf does not support; "0" if it has none."""
     tags = getattr(entity, "xtags", None)
-    layers = (x.value for part in (tags.subclasses if tags else ()) for x in part if x.code == 8)
-    return str(next(layers, "0"))
+    for tag in chain.from_iterable(tags.subclasses if tags else ()):
+        if tag.code == LAYER_CODE:
+            return str(tag.value)
+    return "0"
 
 
 def _color_names(entity: Any, number: int) -> frozenset[str]:

@@ -13,8 +13,9 @@ from armcontour.files.drawings.outlines import BezierSpline, Shape
 
 # An arc with a smaller swept angle [rad] is a full circle whose angles have been rounded.
 NO_SWEEP = 1e-8
-# Maximum degree and number of points of a spline.
+# Maximum degree of a spline.
 MAX_DEGREE = 25
+# Maximum number of points of a spline.
 MAX_POINTS = 100_000
 # Flag of a polyline vertex that is a control point of a spline frame and is not drawn.
 FRAME_POINT = 16

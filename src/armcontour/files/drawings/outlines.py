@@ -153,7 +153,10 @@ def _fit_alike(
         if len(numbers) == 1:
             raise InvalidInput(str(error), index=numbers[0]) from None
     # The splines are fitted one by one to identify the spline that causes the error.
-    return [x for i in numbers for x in _fit_alike(splines, [i], tolerance)]
+    fitted = list[tuple[int, Segments]]()
+    for i in numbers:
+        fitted += _fit_alike(splines, [i], tolerance)
+    return fitted
 
 
 class _SplineCurves:
@@ -241,15 +244,12 @@ class Outline:
                 before = parts[-1]
                 end = before.points[-1] if isinstance(before, BezierSpline) else before[-1:].ends[0]
                 moved = moved.start_at(end)
-            part = (
-                moved.to_segments(tolerance)
-                if isinstance(moved, ArcChain)
-                else moved
-                if moved.has_length
-                else None
-            )
-            if part is not None:
-                parts.append(part)
+            if isinstance(moved, ArcChain):
+                segments = moved.to_segments(tolerance)
+                if segments is not None:
+                    parts.append(segments)
+            elif moved.has_length:
+                parts.append(moved)
         return parts
 
     def close_gap(self, join: float) -> Sequence[Shape]:
@@ -288,13 +288,7 @@ def paths_of(
     for i, outline in enumerate(outlines):
         with _indexed(i):
             parts.append([plain[i]] if i in plain else outline.parts(tolerance, join))
-    positions = [
-        (i, k)
-        for i, x in enumerate(parts)
-        for k, part in enumerate(x)
-        if isinstance(part, BezierSpline)
-    ]
-    splines = [x for row in parts for x in row if isinstance(x, BezierSpline)]
+    positions, splines = _find_splines(parts)
     try:
         for done, (n, segments) in enumerate(fit_splines(splines, tolerance)):
             i, k = positions[n]
@@ -304,6 +298,20 @@ def paths_of(
         assert error.index is not None
         raise InvalidInput(str(error), index=positions[error.index][0]) from None
     return _join_parts([[x for x in row if isinstance(x, Segments)] for row in parts])
+
+
+def _find_splines(
+    parts: Sequence[Sequence[Segments | BezierSpline]],
+) -> tuple[list[tuple[int, int]], list[BezierSpline]]:
+    """Find the splines in the parts of outlines: indices of outline and part, and the splines."""
+    positions = []
+    splines = []
+    for i, row in enumerate(parts):
+        for k, part in enumerate(row):
+            if isinstance(part, BezierSpline):
+                positions.append((i, k))
+                splines.append(part)
+    return positions, splines
 
 
 def _draw_together(
@@ -322,13 +330,12 @@ def _draw_together(
 def _join_parts(rows: Sequence[Sequence[Segments]]) -> list[Path | None]:
     """The paths that join the parts of each outline; None for an outline without parts."""
     drawn = [i for i, x in enumerate(rows) if x]
+    parts = list(itertools.chain.from_iterable(rows))
     part_bounds = np.cumsum([0, *(sum(map(len, rows[i])) for i in drawn)])
     paths: list[Path | None] = [None] * len(rows)
     try:
         # One check of all segments together is faster.
-        joined = (
-            Segments.join([x for i in drawn for x in rows[i]]).split(part_bounds) if drawn else []
-        )
+        joined = Segments.join(parts).split(part_bounds) if parts else []
     except InvalidInput:
         # The check below identifies the outline that causes the error.
         joined = [Segments.join(rows[i]) for i in drawn]

@@ -30,8 +30,9 @@ PREFIXES = {
 MAX_ELEMENTS = 500_000
 # Maximum number of characters that XML entities may add; entities for namespaces need thousands.
 MAX_EXPANDED = 1_000_000
-# Lengths of an inch and of a CSS pixel [m]. Without a viewBox, the user unit of SVG is a CSS pixel.
+# Length of an inch [m].
 INCH = 0.0254
+# Length of a CSS pixel [m]. Without a viewBox, the user unit of SVG is a CSS pixel.
 PIXEL = INCH / 96
 # CSS pixels per unit.
 PIXELS = {
@@ -285,6 +286,15 @@ def read_length_or_zero(element: Element, key: str) -> float:
     return read_length(element, key) or 0.0
 
 
+def _whole_length(key: str, view: ViewBox) -> float:
+    """Return the length of 100 % of an attribute [user units]."""
+    if key in WIDTH_KEYS:
+        return view.width
+    if key in HEIGHT_KEYS:
+        return view.height
+    return math.hypot(view.width, view.height) / SQRT2
+
+
 def make_absolute(element: Element, view: ViewBox | None) -> Element:
     """The element with lengths in % converted to user units if `view` is known."""
     changed = {}
@@ -293,9 +303,7 @@ def make_absolute(element: Element, view: ViewBox | None) -> Element:
     for key in LENGTHS & element.attributes.keys():
         match = _LENGTH.fullmatch(element.get(key))
         if match is not None and match[2] == "%":
-            side = "width" if key in WIDTH_KEYS else "height" if key in HEIGHT_KEYS else ""
-            whole = getattr(view, side) if side else math.hypot(view.width, view.height) / SQRT2
-            changed[key] = repr(float(match[1]) * whole / 100)
+            changed[key] = repr(float(match[1]) * _whole_length(key, view) / 100)
     if not changed:
         return element
     return dataclasses.replace(element, attributes={**element.attributes, **changed})

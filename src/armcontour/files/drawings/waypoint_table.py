@@ -177,7 +177,10 @@ def _texts(table: CsvTable[str], key: str) -> list[str]:
     """Texts of a column, one per row; empty texts if the column is missing."""
     if key not in table.columns:
         return [""] * len(table.lines)
-    return [x for _, (texts,) in table.cell_blocks([key]) for x in texts]
+    texts = list[str]()
+    for _, (block,) in table.cell_blocks([key]):
+        texts += block
+    return texts
 
 
 def _fill_down(above: str, text: str) -> str:

@@ -38,16 +38,19 @@ MAX_SAMPLES = 20_000_000
 # Decimals of results, and of set-points with command limits.
 DECIMALS = 12
 # Decimals of joint positions [rad] in exported texts. An error of 1e-7 rad moves a tool at 1 m by
-# 0.1 um. With a cycle of FINE_CYCLE [s], 7 decimals would change accelerations, which are second
-# differences of the positions, by up to 0.0125 rad/s^2, and with shorter cycles by more. Therefore
-# cycles up to FINE_CYCLE have FINE_DECIMALS.
+# 0.1 um.
 POSITION_DECIMALS = 7
+# Decimals of joint positions [rad] if the cycle is at most FINE_CYCLE. With a cycle of FINE_CYCLE,
+# 7 decimals would change accelerations, which are second differences of the positions, by up to
+# 0.0125 rad/s^2, and with shorter cycles by more.
 FINE_DECIMALS = 9
+# Longest cycle whose joint positions are written with FINE_DECIMALS [s].
 FINE_CYCLE = 0.004
 # Each quantity has this number of decimals fewer than the joint positions.
 FEWER_DECIMALS = {"dq": 1, "ddq": 2}
-# Decimals of times [s]: MICRO if all times are whole microseconds, otherwise NANO.
+# Decimals of times [s] if all times are whole microseconds.
 MICRO = 6
+# Decimals of other times [s].
 NANO = 9
 # Number of values per formatting step; larger blocks need more memory and are not faster.
 FORMAT_BLOCK = 1 << 16

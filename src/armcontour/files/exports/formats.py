@@ -204,8 +204,9 @@ def format_named(name: str, options: Exports | None = None) -> ExportFormat:
     ending_of(name)
     format = _CLASSES[name]() if name in _CLASSES else TemplateFormat(template=name)
     keys = ("outputs", "derivatives", "points", "point_tolerance", "call")
-    values = {x: getattr(options, x) for x in keys if options is not None and hasattr(format, x)}
-    return replace(format, **values)
+    if options is None:
+        return format
+    return replace(format, **{x: getattr(options, x) for x in keys if hasattr(format, x)})
 
 
 def format_of(file: FilePath) -> str:

@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path as FilePath
 from typing import Any, NoReturn
 
@@ -200,7 +201,7 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
             f"{table.joint_names[k]} ({'mm' if table.prismatic[k] else 'deg'})"
             for k in table.external
         ),
-        "events": tuple(x for point in points for x in point.events),
+        "events": tuple(chain.from_iterable(x.events for x in points)),
         "outputs": {x: int(n) if isinstance(n, np.integer) else n for x, n in outputs.items()},
     }
 
@@ -220,16 +221,13 @@ def _template_points(table: SetPointTable) -> tuple[Point, ...]:
         "ddq": table.ddq,
     }
     rows: dict[str, Any] = {x: y if y is None else y.tolist() for x, y in arrays.items()}
-    return tuple(
-        Point(
-            number=i + 1,
-            t=t,
-            **{key: x and tuple(x[i]) for key, x in rows.items()},
-            analog={key: float(values[i]) for key, values in table.analog.items()},
-            events=tuple(events.get(i, ())),
-        )
-        for i, t in enumerate(table.t.tolist())
-    )
+    points = []
+    for i, t in enumerate(table.t.tolist()):
+        row = {key: x and tuple(x[i]) for key, x in rows.items()}
+        analog = {key: float(values[i]) for key, values in table.analog.items()}
+        events_of_point = tuple(events.get(i, ()))
+        points.append(Point(number=i + 1, t=t, **row, analog=analog, events=events_of_point))
+    return tuple(points)
 
 
 def _map_numbers(function: Any, value: Any) -> Any:

@@ -34,8 +34,9 @@ HOLD = 0.5
 
 # Number of standard analog outputs of a control box.
 ANALOG_OUTPUTS = 2
-# Format of the level of an analog output, and the rounding error of this format.
+# Format of the level of an analog output, from 0 to 1.
 LEVEL = "%.4f"
+# Largest rounding error of LEVEL: a level may be outside 0 to 1 by at most this.
 SAME_LEVEL = 5e-5
 # Format of a joint position [rad].
 ANGLE = f"%.{POSITION_DECIMALS}f"

@@ -26,8 +26,9 @@ from armcontour.robot.planar import LinkTube, PlanarTwoLink
 from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 from armcontour.robot.serial import SerialArm
 
-# Files of the built-in arms, and of the hulls of their links, which some arms do not have.
+# Folder with the files of the built-in arms.
 LIBRARY = FilePath(__file__).with_name("library")
+# Folder with the hulls of the links of built-in arms; some arms have none.
 HULLS = LIBRARY / "hulls"
 # Required units of limits.
 LIMITS = {name: x.quantity.unit for name, x in RECORDS.items() if x.kind == "joint"}
@@ -52,9 +53,11 @@ UNITS = LIMITS | {
     "coulomb": "N m",
     "gravity": "m/s^2",
 }
-# Arms and links of calibrations of UR, and keys of a link: position [m], and angles [rad].
+# Arms for which calibrations of UR can be read.
 CALIBRATED_ARMS = ("ur5e", "ur10e")
+# Links in a calibration of UR.
 CALIBRATED_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+# Keys of a link in a calibration of UR: position [m], and angles [rad].
 POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 # Largest shift of the tool by a calibration [m]; larger shifts are of another robot.
 MAX_CALIBRATION = 0.1

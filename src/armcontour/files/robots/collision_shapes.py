@@ -35,7 +35,7 @@ def excluded_pairs_of(
             "<robot>."
         )
     disabled = [_pair(x, location) for x in robot.findall("disable_collisions")]
-    every = {name for x in disabled for name in (x.first, x.second)}
+    every = {x.first for x in disabled} | {x.second for x in disabled}
     if every and not every & set(links):
         raise InvalidInput(
             f"{location} names no link of the arm that has a shape. It names "
@@ -132,11 +132,9 @@ def find_mesh(tree: Tree, name: str) -> FilePath | None:
 
 def missing_meshes(tree: Tree) -> str:
     """Note on missing and unsupported meshes of collision elements; empty if there are none."""
-    names = [
-        mesh.get("filename", "")
-        for link in tree.links.values()
-        for mesh in link.iterfind("collision/geometry/mesh")
-    ]
+    names = list[str]()
+    for link in tree.links.values():
+        names += [x.get("filename", "") for x in link.iterfind("collision/geometry/mesh")]
     lacking = []
     # Each folder is searched only once, for its first mesh.
     roots: dict[str, FilePath | None] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -30,15 +31,17 @@ KINDS = {
 }
 # Keys for accelerations and decelerations.
 ACCELERATION_KEYS = {
-    f"{word}_{kind}{end}"
-    for kind in ("acceleration", "deceleration")
-    for word, end in (("has", "_limits"), ("max", ""))
+    "has_acceleration_limits",
+    "max_acceleration",
+    "has_deceleration_limits",
+    "max_deceleration",
 }
 # Keys that are accepted, but not used.
 IGNORED = {"angle_wraparound", "k_position", "k_velocity", "min_velocity"}
 SOFT = ("soft_lower_limit", "soft_upper_limit")
 KNOWN = {"has_soft_limits", *SOFT}
-KNOWN |= {f"has_{kind}_limits" for kind in KINDS} | {x for kind in KINDS.values() for x in kind}
+KNOWN |= {f"has_{kind}_limits" for kind in KINDS}
+KNOWN |= set(chain.from_iterable(KINDS.values()))
 KNOWN |= ACCELERATION_KEYS
 # Outer keys in files for the parameter server of ROS.
 OUTER_KEYS = ("/**", "ros__parameters", "robot_description_planning")

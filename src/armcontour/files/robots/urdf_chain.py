@@ -222,15 +222,19 @@ class Description:
         held = [
             f"{joint.name} at {self._held_position(joint, ()):.6g} {_unit(joint)}"
             for joint in self.below
-            if joint.kind not in ("fixed", "planar", "floating")
-            and joint.name not in self._names
-            and not self._follows_arm(joint)
+            if self._is_held(joint)
         ]
         if held:
             self.notes.append(
                 f"joints outside the arm do not move, {list_some(held, MAX_HELD)}; to change "
                 "their positions, make them fixed in the file, with other origins"
             )
+
+    def _is_held(self, joint: Joint) -> bool:
+        """Return whether a movable joint neither belongs to the arm nor follows it."""
+        if joint.kind in ("fixed", "planar", "floating") or joint.name in self._names:
+            return False
+        return not self._follows_arm(joint)
 
     def _follows_arm(self, joint: Joint) -> bool:
         """Return whether a joint mimics a joint of the arm, directly or through other joints."""

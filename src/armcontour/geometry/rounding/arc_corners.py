@@ -174,7 +174,9 @@ class _Connection(_Blend):
         return _make_curves(bounds, rows, corner, curvature, error, curvature)
 
 
+# Replaces a corner next to an arc by a pair of tangent arcs.
 PAIR = _Pair()
+# Replaces a corner next to an arc by a connection with continuous curvature.
 CONNECTION = _Connection()
 
 

@@ -46,11 +46,13 @@ MAX_PARTS = 64
 SPEED_SAMPLES = np.linspace(0.1, 0.9, 5)
 # Parameters at which the shape of a connection is checked.
 SAMPLES = np.linspace(0.0, 1.0, 33)
-# Limits for a connection without loops and cusps: smallest and largest speed divided by the mean
-# speed, smallest cosine of the angle to the mean direction, and largest curvature times mean speed.
+# Smallest speed of a connection without loops and cusps, divided by its mean speed.
 SLOWEST = 0.5
+# Largest speed of a connection without loops and cusps, divided by its mean speed.
 FASTEST = 1.6
+# Smallest cosine of the angle between a connection without loops and cusps and its mean direction.
 SMALLEST_COSINE = np.cos(np.radians(72))
+# Largest curvature of a connection without loops and cusps, multiplied by its mean speed.
 LARGEST_CURVATURE = 10.0
 
 
@@ -137,11 +139,12 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
         c = np.zeros((len(t), DEGREE + 1, chord.shape[1]))
         for k, factor in ((1, 1), (2, 2), (3, 6)):
             c[:, k] = begin[k] * scale[k] / factor
-        residuals = [
-            (chord if k == 0 else end[k] * scale[k])
-            - sum(math.perm(j, k) * c[:, j] for j in range(max(k, 1), 4))
-            for k in range(4)
-        ]
+        # What the derivatives of order k at the end lack with the coefficients known so far.
+        residuals = []
+        for k in range(4):
+            needed = chord if k == 0 else end[k] * scale[k]
+            known = sum(math.perm(j, k) * c[:, j] for j in range(max(k, 1), 4))
+            residuals.append(needed - known)
         c[:, 4:] = np.einsum("jk,knd->njd", END_TO_COEFFICIENTS, np.stack(residuals))
         connections = Connections(begin=begin[0], coefficients=c)
         size = connections.lengths_to(EVERY, np.ones(len(t)))

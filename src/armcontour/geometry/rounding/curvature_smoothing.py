@@ -31,9 +31,10 @@ from armcontour.geometry.rounding.rounded_path import RoundedPath
 from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import ShapedPath
 
-# Curvatures that differ by less than this fraction, or by less than the floor [1/m], count as
-# equal, because over a metre of path the floor turns the tangent by a nanoradian only.
+# Curvatures that differ by less than this fraction of their sum count as equal.
 SAME_BEND = 1e-9
+# Curvatures that differ by less than this [1/m] also count as equal, because over a metre of path
+# it turns the tangent by a nanoradian only.
 BEND_FLOOR = 1e-9
 # Deviation of a connection from the path at a small turn, divided by the square of its half length
 # and by the jump of the curvature.
@@ -43,18 +44,20 @@ WIDEST = 1.2
 # Smallest length of a connection on either side [m]. A shorter connection saves hardly any time
 # compared with a full stop.
 SHORTEST = 1e-6
-# Largest number of iterations that shorten a connection outside the tolerance, largest factor of
-# one iteration, and safety factor for the length that the deviation requires.
+# Largest number of iterations that shorten a connection outside the tolerance.
 MAX_ITERATIONS = 20
+# Largest factor by which one iteration multiplies the length of such a connection.
 LARGEST_FACTOR = 0.95
+# Safety factor for the length of a connection that the deviation requires.
 SAFETY = 0.99
 # Factor by which connections with a loop or a cusp are shortened.
 LOOP_FACTOR = 0.5
-# Numbers of parts of each quintic for the bound of the deviation: FEW_PARTS at first, and
-# MANY_PARTS if FEW_PARTS do not prove the tolerance. Largest number of connections that are
-# computed together.
+# Number of parts of each quintic for the first bound of the deviation.
 FEW_PARTS = 2
+# Number of parts of each quintic for the bound of the deviation, if FEW_PARTS do not prove the
+# tolerance.
 MANY_PARTS = 16
+# Largest number of connections that are computed together.
 BATCH = 4000
 
 
@@ -185,9 +188,9 @@ def _insert_transitions(
         np.asarray(np.bincount(index, drawn.lengths * x, minlength=len(w)), dtype=float)
         for x in (first, ~first)
     ]
-    # Arc lengths on both paths of the start, the vertex and the end of each connection.
     growth = sides[0] + sides[1] - 2 * w
     s = path.breaks[vertex + 1]
+    # Arc lengths on both paths of the start, the vertex and the end of each connection.
     old = np.stack([s - w, s, s + w], axis=1)
     steps = np.stack([0 * w, sides[0] - w, growth], axis=1)
     pairs = np.stack([old, old + (np.cumsum(growth) - growth)[:, None] + steps], axis=2).reshape(

@@ -28,8 +28,9 @@ from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
 
 # In the middle of a blend of length l that replaces the length t of either piece, the polynomial f
-# of `Orientation` is `l MIDDLE - t / 2` for cubics and `l SMOOTH_MIDDLE - t / 2` for quintics.
+# of `Orientation` is `l MIDDLE - t / 2` if f is a cubic.
 MIDDLE = 1 / 8
+# In the middle of such a blend, f is `l SMOOTH_MIDDLE - t / 2` if f is a quintic.
 SMOOTH_MIDDLE = 5 / 32
 # A remainder of a segment, or of constant rate, between two curves that is shorter than this is a
 # rounding error and is discarded [m].

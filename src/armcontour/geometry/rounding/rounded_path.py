@@ -50,9 +50,9 @@ from armcontour.geometry.shaped_path import ShapedPath
 # Curves that replace corners between two lines.
 Curve: TypeAlias = Literal["arc", "smooth", "parabola"]
 CURVES: dict[Curve, LineCorner] = {"arc": ARC, "smooth": SMOOTH, "parabola": PARABOLA}
-# Number of points from which the extent of a path is computed, and smallest tolerance that is
-# compared with the extent [m].
+# Number of points from which the extent of a path is computed.
 SAMPLES = 65
+# Corner tolerances up to this are not compared with the extent of the path [m].
 LARGE = 0.02
 # Smallest tangent length of a blend with continuous curvature [m]. A shorter blend has too few
 # significant digits and saves no time compared with a full stop.
@@ -61,8 +61,9 @@ SHORTEST_SMOOTH = 1e-6
 SAME_PLANE = 1e-9
 # Largest distance of vertices from a line that replaces nearly collinear lines [m]: the rounding
 # error of coordinates with three decimals of a millimetre or four of an inch, as for
-# `ReadOptions.repair_vertices`. Largest fraction of this distance in the smallest corner error.
+# `ReadOptions.repair_vertices`.
 PRINTED = 2e-6
+# Largest fraction of the smallest corner error that this distance may be.
 PRINTED_SHARE = 0.1
 # Reasons for a stop at a corner.
 TURN_BACK = "turn-back"

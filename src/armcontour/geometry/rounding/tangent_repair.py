@@ -158,12 +158,10 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
     end = rows.lengths.copy()
     begin[0] = t
     end[-1] -= t
-    ends = [
-        x.replace(**row.limit_columns)
-        for row, arcs in ((first, leaving), (last, arriving))
-        for x in arcs
-    ]
-    table = Segments.join([*ends[:2], rows.cut(np.arange(len(rows)), begin, end), *ends[2:]])
+    kept = rows.cut(np.arange(len(rows)), begin, end)
+    opening = [x.replace(**first.limit_columns) for x in leaving]
+    closing = [x.replace(**last.limit_columns) for x in arriving]
+    table = Segments.join([*opening, kept, *closing])
     new = [float(sum(x.lengths[0] for x in arcs)) for arcs in (leaving, arriving)]
     waypoints = np.concatenate([[0], path.waypoints[1:-1] + 2, [len(table)]])
     return RepairedPath(

@@ -20,19 +20,23 @@ from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lo
 NEAREST = 0.995
 # The same share for vector rows, which limit the norm of a vector
 NEAREST_ROUND = 0.9
-# A step that violates a row by rounding is shortened by this factor, at most this many times.
+# A step that violates a row by rounding is shortened by this factor.
 SHORTENING = 0.5
+# Largest number of times that a step is shortened.
 MAX_SHORTENINGS = 30
-# The barrier is reduced by the factor REDUCTION once Newton's decrement is below the share CENTERED
-# of the gap, and the steps of slacks and multipliers exceed the share LONG_STEP of Newton's step.
+# The barrier is reduced by this factor after an iteration that satisfies the two conditions below.
 # Faster reduction leads to tiny steps.
 REDUCTION = 0.15
+# The barrier is reduced only if Newton's decrement is below this share of the gap.
 CENTERED = 0.1
+# The barrier is reduced only if the steps of slacks and multipliers exceed this share of Newton's
+# step.
 LONG_STEP = 0.3
 # A tangent is moved if its rows retain at least this fraction of their slack.
 MIN_SLACK = 0.1
-# Gauss-Legendre nodes and weights on [0, 1] for the duration of a cell.
+# Gauss-Legendre nodes on [0, 1] for the duration of a cell.
 NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
+# Gauss-Legendre weights of these nodes.
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 # Offsets of vectors in the table of rows: coefficients, bounds of plain rows, multipliers, and
 # inverse slacks, which are replaced by changes of the multipliers
@@ -41,6 +45,7 @@ LOW, HIGH, DUALS, INVERSES, ROW = (k * LANES for k in (3, 4, 5, 7, 9))
 LEVEL, SLOPE, RAISED = (k * LANES for k in range(3))
 # Smallest pivot of the scaled matrix.
 RIDGE = 1e-14
+# Smallest divisor of relative slacks, which prevents a division by zero.
 TINY = 1e-300
 
 

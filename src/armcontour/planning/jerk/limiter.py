@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -23,58 +23,72 @@ from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.timing_options import Task
 from armcontour.planning.topp.grid_plan import MotionBounds
 
-# Default number of cells: PER_BUILD_UP times the duration of non-uniform motion divided by the
-# build-up time of the acceleration, but at least FEWEST_CELLS plus FEWEST_PER_PIECE for each
-# polynomial of the joint path.
+# Default number of cells per build-up time of the acceleration, during non-uniform motion.
 PER_BUILD_UP = 2.0
+# Smallest default number of cells, in addition to FEWEST_PER_PIECE for each polynomial.
 FEWEST_CELLS = 1000
+# Smallest default number of cells for each polynomial of the joint path, in addition to
+# FEWEST_CELLS.
 FEWEST_PER_PIECE = 3
-# If this number exceeds MAX_CELLS, the jerk is so large that fewer cells resolve its effect:
-# MANY_CELLS plus MANY_PER_PIECE for each polynomial. A section counts as PIECES_OF_SECTION more
-# polynomials, because of the cells at its ends.
+# Largest default number of cells. If the constants above give more, the jerk is so large that fewer
+# cells resolve its effect: MANY_CELLS plus MANY_PER_PIECE for each polynomial.
 MAX_CELLS = 20_000
+# Default number of cells with so large a jerk, in addition to MANY_PER_PIECE for each polynomial.
 MANY_CELLS = 4000
+# Default number of cells for each polynomial with so large a jerk, in addition to MANY_CELLS.
 MANY_PER_PIECE = 8
+# With so large a jerk, each further section counts as this many more polynomials, because of the
+# cells at its ends.
 PIECES_OF_SECTION = 10
 # Motion is uniform if its path acceleration is below this fraction of the largest path
 # acceleration.
 UNIFORM = 0.01
-# The first pass has the number of cells divided by COARSER, but at least FEWEST cells.
+# The first pass has fewer cells than the second pass by this factor.
 COARSER = 5
+# Smallest number of cells of the first pass.
 FEWEST = 60
-# Relative duality gaps at which the first and the second pass end
+# Relative duality gap at which the first pass ends.
 COARSE_GAP = 1e-2
+# Relative duality gap at which the second pass ends.
 FINE_GAP = 1e-4
 # The second pass starts from ds² of the first plan times this factor.
 INSIDE = 0.9
-# A start, the initial ds² of a search, is reduced near violated rows by factors between MIN_FACTOR
-# and MAX_FACTOR, at most MAX_REDUCTIONS times. The factor rises with the distance from these rows
-# by at most the fraction RISE_SHARE of the slopes that jerk and acceleration allow.
+# Smallest factor by which a start, the initial ds² of a search, is reduced near violated rows.
 MIN_FACTOR = 0.5
+# Largest factor by which a start is reduced near violated rows.
 MAX_FACTOR = 0.95
+# Largest number of reductions of a start.
 MAX_REDUCTIONS = 400
+# The factor of a start rises with the distance from violated rows by at most this fraction of the
+# slopes that jerk and acceleration allow.
 RISE_SHARE = 0.1
 # Smallest relative slack of a start.
 CLEAR = 1e-4
-# Margins are valid for ds², dds and slope up to these multiples of their values in the previous
-# plan. If rows need a lower bound of ds², it is the fraction LEAST of ds² in the previous plan.
+# Margins are valid for ds² up to this multiple of its value in the previous plan.
 HEADROOM = 1.5
+# Margins are valid for |dds| up to this multiple of its value in the previous plan.
 HEADROOM_RATE = 2.0
+# Margins are valid for slopes of dds up to this multiple of their values in the previous plan.
 HEADROOM_SLOPE = 4.0
+# If rows need a lower bound of ds², it is this fraction of ds² in the previous plan.
 LEAST = 0.3
 # Smallest bound of dds, as a fraction of the largest dds.
 LEAST_RATE = 0.02
-# The second pass is repeated with bounds that are wider by the factor WIDER, up to WIDEST, if
-# bounds closer to the plan than the fraction TOO_NEAR may cost more than the fraction LEAST_GAIN of
-# the duration. Distances below TINY are rounding errors.
+# Relative distance from the plan below which a bound of the second pass may cost time.
 TOO_NEAR = 0.02
+# If bounds may cost time, the second pass is repeated with bounds that are wider by this factor.
 WIDER = 2.0
+# Largest total factor by which bounds are widened.
 WIDEST = 16.0
+# The second pass is repeated only if wider bounds may save at least this fraction of the duration.
 LEAST_GAIN = 1e-5
+# Relative distances of bounds from the plan below this are rounding errors.
 TINY = 1e-9
 # Cells whose margins take more than this fraction of a limit are split.
 LARGEST_MARGIN = 1e-2
+# Largest number of parts into which a cell is split at once.
 MAX_PARTS = 10
+# Largest number of times that cells are split, or that bounds on cells of uniform jerk are reduced.
 MAX_SPLITS = 6
 # Largest fraction of a limit that margins may take on cells of uniform jerk.
 MAX_AT_RAMPS = 0.5
@@ -157,7 +171,8 @@ def _make_rows(
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
     """Default number of cells, in proportion to non-uniform time divided by build-up time."""
-    acceleration, jerk = np.median([(x.acceleration, x.jerk) for y in ends for x in y], axis=0)
+    scales = [(x.acceleration, x.jerk) for x in chain.from_iterable(ends)]
+    acceleration, jerk = np.median(scales, axis=0)
     times = np.diff(law.breaks)
     _, dds, slope, _ = law.rates
     largest = np.maximum(np.abs(dds), np.abs(dds + slope * np.diff(law.s)))

@@ -15,10 +15,12 @@ from armcontour.planning.timing_options import Task
 from armcontour.planning.topp.limit_forms import combine_forms, largest_u
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
-# Shares of the cells that are distributed evenly in time, evenly in arc length, and like the grid
-# of the plan without limits of jerk, which is finer where the joints turn
+# Share of the cells that is distributed evenly in time.
 OVER_TIME = 0.5
+# Share of the cells that is distributed evenly in arc length.
 OVER_LENGTH = 0.3
+# Share of the cells that is distributed like the grid of the plan without limits of jerk, which is
+# finer where the joints turn.
 OVER_TURNS = 0.2
 # Length of the cell at a rest, as a fraction of the build-up distance, in which acceleration builds
 # up
@@ -27,8 +29,9 @@ FIRST_CELL = 0.3
 RAMPS = 8.0
 # Farther away, the length of a cell increases by this fraction of the distance from the rest.
 GROWTH = 0.3
-# Largest and smallest length of the first cell, as fractions of a section.
+# Largest length of the first cell, as a fraction of a section.
 LONGEST_FIRST = 0.02
+# Smallest length of the first cell, as a fraction of a section.
 SHORTEST_FIRST = 1e-9
 # Smallest length of other cells, as a fraction of a section; below it the slope is a rounding
 # error.
@@ -40,19 +43,20 @@ SAMPLES = 200
 NEAR_KNOT = 0.3
 # A node closer to a break than this fraction of the shorter adjacent cell is moved to the break.
 SNAP = 0.2
-# A jump of d2q_ds2 requires a stop under two conditions. It exceeds the fraction KINK of the sum of
-# the values on both sides. At the speed of the plan and with the jerk limit, the change of
-# acceleration takes more than the fraction TOO_SHORT of the duration.
+# A jump of d2q_ds2 requires a stop if it exceeds this fraction of the sum of the values on both
+# sides, and if the change of acceleration also takes long enough (TOO_SHORT).
 KINK = 1e-6
+# A jump of d2q_ds2 requires no stop if, at the speed of the plan and with the jerk limit, the
+# change of acceleration takes less than this fraction of the duration.
 TOO_SHORT = 1e-8
 # Time that replaces the fraction TOO_SHORT in a long plan [s]: half of the time that `check`
 # tolerates as rounding
 ROUNDING_TIME = 5e-6
 # Largest change of direction over the length `End.even` [rad].
 EVEN_BEND = 5e-4
-# dq_ds vanishes at an end if it is below the fraction VANISHED of dq_ds nearby. The first cell is
-# then at most the fraction FIRST_AT_VANISHED of the section.
+# dq_ds vanishes at an end if it is below this fraction of dq_ds nearby.
 VANISHED = 0.1
+# Largest length of the first cell at an end where dq_ds vanishes, as a fraction of the section.
 FIRST_AT_VANISHED = 5e-4
 # Distance from an end at which acceleration and jerk are evaluated, as a fraction of the section
 NEAR_REST = 5e-3

@@ -15,10 +15,12 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernel_cache import FUSED, compiled
 
-# Convergence limits of the average product of slack and multiplier, and of the largest violation of
-# a row; rows and unknowns are scaled to the order of 1.
+# Average product of slack and multiplier below which the iterations converge, as a fraction of the
+# largest cost; rows and unknowns are scaled to the order of 1.
 GAP = 1e-8
+# Largest violation of a row below which the iterations converge.
 VIOLATION = 1e-8
+# Largest number of iterations.
 MAX_ITERATIONS = 60
 # Largest step, as a fraction of the step to the boundary.
 STEP_SHARE = 0.995

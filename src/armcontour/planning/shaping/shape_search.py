@@ -28,20 +28,25 @@ LONG_PATH = 40
 # A path with more corners and rests than this is also optimized in chunks, by several threads. The
 # fixed nodes between chunks often leave no solution.
 CHUNKED = 400
-# Number of corners of a chunk, and number of corners by which cuts move in each iteration
+# Number of corners of a chunk.
 CORNERS = 8
+# Number of corners by which the cuts between chunks move in each iteration.
 SHIFT = 3
-# Trust region, the largest change of offsets divided by the tolerance: initial, largest and
-# smallest value, and factors after rejected, slower and faster iterations
+# Initial trust region: largest change of offsets in an iteration, divided by the tolerance.
 FIRST_TRUST = 0.3
+# Largest trust region, divided by the tolerance.
 MAX_TRUST = 0.5
+# Smallest trust region, divided by the tolerance.
 LEAST_TRUST = 1e-5
+# Factor of the trust region after a rejected change.
 SHRINK = 1 / 3
+# Factor of the trust region at corners that an accepted change made slower.
 EASE = 0.7
+# Factor of the trust region at all other corners after an accepted change.
 GROW = 1.5
-# The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
-# duration.
+# The search ends after this many consecutive iterations that gain little (LEAST_GAIN).
 IDLE = 4
+# An iteration gains little if it shortens the duration by at most this fraction.
 LEAST_GAIN = 1e-5
 # The search also ends after this many consecutive iterations in which the path leaves the tube.
 MAX_TIGHTENED = 12

@@ -23,13 +23,16 @@ TURN = 0.05
 # Half length of the part of the objective, around the matching point, to which `prove` measures the
 # distance of a point, divided by the tolerance
 MATCH_TOLERANCE = 0.05
-# Number of bisections of the rounding tolerance of corners that leave the tube. If such a corner
-# also leaves the tube with the tolerance that is found, the tolerance is multiplied by LESS.
+# Number of bisections of the rounding tolerance of corners that leave the tube, and largest number
+# of later reductions by LESS.
 HALVINGS = 14
+# If a corner also leaves the tube with the tolerance that is found, the tolerance is multiplied by
+# this factor.
 LESS = 0.9
-# The tool stops at corners with smaller tolerances or radii [m], because no arm resolves such arcs,
+# The tool stops at corners with smaller rounding tolerances [m], because no arm resolves such arcs,
 # and rounding errors would exceed limits.
 FINEST = 1e-8
+# Rounded corners with smaller radii [m] count as outside the tube, for the same reason.
 SHARPEST = 1e-10
 # Largest distance along the objective between the exact and the approximate match of a point of a
 # start, divided by the tolerance

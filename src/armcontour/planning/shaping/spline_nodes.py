@@ -17,13 +17,14 @@ from armcontour.planning.shaping.shape_starts import Candidate
 from armcontour.planning.tracing.knots import task_dimension
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 
-# Distance between nodes at a 90° corner, divided by the tolerance, and its relative growth per node
-# away from the corner.
+# Distance between nodes at a 90° corner, divided by the tolerance.
 AT_CORNER = 0.045
+# Relative growth of the distance between nodes per node, away from a corner or rest.
 GROWTH = 0.12
-# A corner has no node of its own if it turns by less than SHALLOW [rad] and is closer to another
-# corner than DENSE tolerances, because it is taken as a vertex between chords of a curve.
+# A corner that turns by less than this [rad] has no node of its own if it is also close to another
+# corner (DENSE), because it is taken as a vertex between chords of a curve.
 SHALLOW = 0.15
+# Distance from another corner, divided by the tolerance, below which a shallow corner has no node.
 DENSE = 4.0
 # Factor of the distance between nodes next to a rest.
 AT_REST = 0.12
@@ -39,12 +40,15 @@ EVEN = 1e-5
 # Largest average number of nodes per stretch. The distance between nodes is proportional to the
 # square root of the tolerance, so small tolerances make iterations slow.
 MAX_NODES = 4000
-# Number of samples of the distance between nodes: first between two marks, then per node
+# Number of samples of the distance between nodes between two marks, before nodes are placed.
 SAMPLES = 32
+# Number of samples of the distance between nodes per node, once their number is estimated.
 PER_NODE = 8
-# Largest offset in tolerances, and search step as a fraction of the tolerance.
+# Largest offset, divided by the tolerance.
 FARTHEST = 2.5
+# Step of the search for the largest offset, as a fraction of the tolerance.
 SEARCH_STEP = 1 / 24
+# Number of bisections of the last step of this search.
 HALVINGS = 24
 # Fraction of the tolerance that offsets must not use
 INSIDE = 1e-3

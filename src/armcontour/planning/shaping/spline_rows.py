@@ -8,6 +8,7 @@ e_{i-1}, e_i and h_i that must be at most zero; its row has the derivatives of t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,11 +114,17 @@ def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray)
             groups.append(
                 _torque_rows(states, signed_axes, h, np.asarray(limits.joint_torque), bool(last))
             )
+    return _join_groups(groups)
+
+
+def _join_groups(groups: Sequence[SpanRows]) -> SpanRows:
+    """Join groups of rows of the same spans."""
     return SpanRows(
-        *(
-            np.concatenate([getattr(x, name) for x in groups], axis=1)
-            for name in ("value", "before", "after", "time", "scale")
-        )
+        value=np.concatenate([x.value for x in groups], axis=1),
+        before=np.concatenate([x.before for x in groups], axis=1),
+        after=np.concatenate([x.after for x in groups], axis=1),
+        time=np.concatenate([x.time for x in groups], axis=1),
+        scale=np.concatenate([x.scale for x in groups], axis=1),
     )
 
 

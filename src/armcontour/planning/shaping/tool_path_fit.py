@@ -18,11 +18,14 @@ from armcontour.robot import Arm
 
 # Largest relative change of the joint velocity along a part of a span
 CHANGE = 0.1
+# Largest number of parts of a span at first, and largest factor by which a round increases it.
 MAX_PARTS = 8
-# Largest distance of arcs from the curve: the fraction NEAR of the tolerance, but at least NEAREST
-# [m]. Spans with larger distances are divided into more parts.
+# Largest distance of arcs from the curve, as a fraction of the tolerance. Spans with larger
+# distances are divided into more parts.
 NEAR = 1e-4
+# Distance of arcs from the curve that is always small enough [m].
 NEAREST = 1e-10
+# Largest number of rounds of dividing spans, including the first one.
 MAX_ROUNDS = 4
 # Largest turn of a part [rad].
 SHARPEST = 0.35

@@ -48,9 +48,10 @@ FOUND, FINER, STUCK, START, END, UNLIMITED = range(6)
 # factor that puts the result of a Newton step inside the limits despite rounding
 INSIDE = 1 - 1e-14
 LARGEST_X = 1e100  # initial x of Newton's method without a ceiling
-# A Newton step from x to less than the share FAR of x has an error of the share ROUNDED of x.
+# a Newton step to less than this fraction of x has the rounding error ROUNDED, because its result
+# is a small difference of large numbers
 FAR = 1e-3
-ROUNDED = 1e-12
+ROUNDED = 1e-12  # rounding error of such a step, as a fraction of x before the step
 SLACK = 1e-9  # relative rounding error of the ends of a range of u
 END_TOLERANCE = 1e-7  # relative tolerance of x at the start and the end of the path
 ROUNDING = 2e-15  # rounding error of differences of x, as a fraction of x

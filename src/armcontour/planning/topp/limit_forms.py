@@ -178,19 +178,22 @@ def _concatenate(kind: type, tables: list[tuple[FloatArray, ...]] | None, n: int
         return _without_rows(kind, n)
     if len(tables) == 1:
         return tables[0]
-    # Arrays for both ends of intervals have an additional axis before the axis of rows.
-    return kind(
-        *(
-            np.concatenate(x, axis=2 if k == 0 else 1)
-            for k, x in enumerate(zip(*tables, strict=True))
-        )
-    )
+    joined = []
+    for k, arrays in enumerate(zip(*tables, strict=True)):
+        # The first array is for both ends of intervals, with an axis before the axis of rows.
+        axis_of_rows = 2 if k == 0 else 1
+        joined.append(np.concatenate(arrays, axis=axis_of_rows))
+    return kind(*joined)
 
 
 # Most plans have few classes of forms and repeat numbers of intervals.
 @lru_cache(maxsize=64)
 def _without_rows(kind: type, n: int) -> Any:
-    return kind(*(np.empty((n, *(x or 0 for x in axes))) for axes in SHAPES[kind].values()))
+    arrays = []
+    for axes in SHAPES[kind].values():
+        lengths = [0 if x is None else x for x in axes]
+        arrays.append(np.empty((n, *lengths)))
+    return kind(*arrays)
 
 
 def largest_u(limits: GridLimits) -> FloatArray:

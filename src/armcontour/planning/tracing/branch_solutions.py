@@ -38,17 +38,17 @@ from armcontour.robot.limit_use import use_of
 T = TypeVar("T")
 R = TypeVar("R")
 
-# From THREADED_POSES poses on, threads share the work, because starting them takes as long as 100
-# poses. PARTS is the number of groups of branches; some branches end early.
+# Number of poses from which threads share the work; starting them takes as long as 100 poses.
 THREADED_POSES = 2000
+# Number of groups of branches that threads share; some branches end early.
 PARTS = 16
 # Number of groups into which joint paths are divided for smoothing; NumPy smooths a group at once.
 SMOOTHED_PARTS = 4
-# Largest correction of joint positions in the last iteration at a followed pose [rad]. EXACTLY
-# distinguishes branches whose costs differ in the last digit. NEARLY is for the single branch of a
-# seed, which the solver corrects again; the error is about the square of this value times the
-# condition number of the Jacobian.
+# Largest correction of joint positions in the last iteration at a followed pose [rad]. This one
+# distinguishes branches whose costs differ in the last digit.
 EXACTLY = 1e-9
+# The same correction for the single branch of a seed [rad], which the solver corrects again. The
+# error is about the square of this value times the condition number of the Jacobian.
 NEARLY = 1e-7
 # Largest number of start configurations to follow.
 MAX_STARTS = 48
@@ -58,9 +58,9 @@ MAX_SOLUTIONS = 8
 SAME_SOLUTION = 0.05
 # Number of knots at which solutions are compared first.
 FEW_KNOTS = 16
-# Number of iterations of smoothing, and largest number of knots, for the ranking of redundant
-# solutions by cost
+# Number of iterations of smoothing for the ranking of redundant solutions by cost.
 ROUGH_ROUNDS = 3
+# Largest number of knots for the ranking of redundant solutions by cost.
 ROUGH_KNOTS = 70
 # Number of best-ranked redundant solutions that are smoothed completely; more are smoothed only if
 # none of these succeeds.
@@ -69,9 +69,9 @@ MAX_SMOOTHED = 16
 CHORD_TURN = 0.1
 # Largest number of whole turns by which a joint that is out of its range is shifted
 MAX_TURNS = 5
-# Number of poses of the path for the search of poses out of reach, with several seeds and with one
-# seed.
+# Number of poses, those farthest out of reach with one seed, that are searched with several seeds.
 SOME_POSES = 10
+# Number of poses of the path that are searched with one seed for poses out of reach.
 MANY_POSES = 300
 # Bisections for the arc length at which the reach ends.
 BISECTIONS = 30
@@ -283,7 +283,11 @@ def _smooth(
 
     parts = split_evenly(len(joint_paths), SMOOTHED_PARTS)
     done = _map_in_threads(work, parts, len(joint_paths) * len(s))
-    return [(q, float(cost)) for part in done for q, cost in zip(*part, strict=True)]
+    smoothed = []
+    for smooth_paths, costs in done:
+        for q, cost in zip(smooth_paths, costs, strict=True):
+            smoothed.append((q, float(cost)))
+    return smoothed
 
 
 class _DistinctSolutions:

@@ -22,6 +22,7 @@ SHORTEST_FIRST_STEP = 1 / 512
 FIRST_TURN = 0.5
 # Fractions of an interval at which the distance of the tool from the path is computed.
 PLACES = checks.frozen_array([0.25, 0.5, 0.75])
+# Index of the middle of the interval in PLACES.
 MIDDLE = 1
 # Jumps of the orientation below this are rounding errors [rad].
 NO_JUMP = 1e-8
@@ -262,9 +263,9 @@ def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
 
 def motion_at(path: Path, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Tool poses as `poses_at`, and their derivatives along the arc length, (n, 4, 3)."""
+    poses = poses_at(path, knots, u)
     # The rows of the derivatives are the tangent, its derivative, the angular rate [rad/m] and its
     # derivative.
-    poses = poses_at(path, knots, u)
     rates = np.zeros((len(u), 4, 3))
     orientation = path.orientation
     rates[:, 0] = path.on_segment(knots.segment, u, 1)

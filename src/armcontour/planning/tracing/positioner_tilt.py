@@ -14,14 +14,17 @@ from armcontour.robot.chain import floor_poses
 
 # Fraction of the largest angle from which the angle has a cost.
 INNER_TILT = 0.7
-# Positions of the positioner at the start of a path: number of samples and largest number of
-# results, smallest distance of two results [rad].
+# Number of samples of the positions of the positioner at the start of a path.
 SAMPLES = 400
+# Largest number of positions of the positioner that are found at the start of a path.
 MAX_POSITIONS = 6
+# Smallest distance of two of these positions: largest difference of a joint [rad].
 APART = 0.5
-# Iterations at the start and at every other pose; damping of the steps [rad^-2].
+# Number of iterations by which the positioner levels a pose at the start.
 START_ROUNDS = 50
+# Number of iterations by which the positioner levels every other pose.
 ROUNDS = 3
+# Damping of the steps of these iterations [rad^-2].
 DAMPING = 1e-3
 # Travel of the joints between angles from which the bound on the angle counts as the angle [rad]
 FINEST = 1e-6

@@ -20,14 +20,16 @@ from armcontour.motion import quintic
 from armcontour.planning.tracing.positioner_tilt import INNER_TILT, chord_of, tilt_of, turn_down
 from armcontour.robot import SerialArm, newton
 
-# Largest deviation of a spline from a chord, as a fraction of the largest neighbouring step, plus
-# SWING_FLOOR [rad]
+# Largest deviation of a spline from a chord, as a fraction of the largest neighbouring step, in
+# addition to SWING_FLOOR.
 SWING = 0.1
+# Deviation of a spline from a chord that is always allowed [rad].
 SWING_FLOOR = 0.01
+# Fractions of an interval at which this deviation is computed, (3, 1, 1).
 QUARTERS = np.array([0.25, 0.5, 0.75])[:, None, None]
-# Fraction of half the joint range from which joint positions have a cost, and its weight relative
-# to the length of the joint path.
+# Fraction of half the joint range from which joint positions have a cost.
 INNER_RANGE = 0.7
+# Weight of this cost relative to the length of the joint path.
 RANGE_WEIGHT = 30.0
 # Approximate largest change of a joint position in one iteration of smoothing [rad].
 LARGEST_CHANGE = 0.3

@@ -113,8 +113,11 @@ def notes(study: JobResult, warnings: Sequence[str] = ()) -> Section | None:
     )
     assumed = study.job.arm.chain.assumed
     shown_warnings = tuple(warnings) or warnings_of(runs)
+    remarks = list[str]()
+    for result in runs:
+        remarks += (*result.path.remarks, *result.remarks)
     others = (
-        *dict.fromkeys(z for y in runs for z in (*y.path.remarks, *y.remarks)),
+        *dict.fromkeys(remarks),
         *unknown_notes(study.runs.values()),
         *((f"About the masses: {assumed}",) if assumed and uses_masses else ()),
     )

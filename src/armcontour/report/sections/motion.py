@@ -19,9 +19,9 @@ from armcontour.report.section import Section, text_table
 from armcontour.report.sections.path_section import tools_of
 from armcontour.report.style import DECADES, EXPERIMENT_DASH, LIMIT_DASH, run_colours, run_widths
 
-# Ratio of the largest errors of two runs above which the axis of errors is logarithmic, and share
-# of the allowed error above which it is drawn.
+# Ratio of the largest errors of two runs above which the axis of errors is logarithmic.
 VARIED = 10.0
+# The line of the allowed error is drawn if the largest error is above this fraction of it.
 WORTH_SHOWING = 0.3
 # If the largest speed on contours is below this fraction of the largest speed (of a rapid), the
 # speed axis is scaled to the contours.
@@ -79,12 +79,10 @@ def speed(study: JobResult) -> Plot:
 def limits(study: JobResult) -> Plot | None:
     """Plot with bars of the active limits of every plan; None if no plan has an explanation."""
     plans = _plans(study)
-    bars = [
-        bar
-        for row, x in enumerate(plans.values())
-        if x.explanation is not None
-        for bar in list_bars(x.explanation.bindings, row)
-    ]
+    bars = list[Bar]()
+    for row, plan in enumerate(plans.values()):
+        if plan.explanation is not None:
+            bars += list_bars(plan.explanation.bindings, row)
     if not bars:
         return None
     names = tuple(plans) if len(plans) > 1 else ()
@@ -171,8 +169,12 @@ def _is_squeezed(study: JobResult) -> bool:
 
 def _largest_on_contours(study: JobResult) -> float:
     """Largest planned tool speed along contours [m/s]; infinite if no contour has a path."""
-    motions = [y.trajectory for x in study.runs.values() for y in x.trajectory.contour_spans]
-    speeds = [x.s(x.breaks, 1).max() for x in motions if x is not None and x.path is not None]
+    speeds = []
+    for result in study.runs.values():
+        for span in result.trajectory.contour_spans:
+            motion = span.trajectory
+            if motion is not None and motion.path is not None:
+                speeds.append(motion.s(motion.breaks, 1).max())
     return float(max(speeds, default=np.inf))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -32,8 +33,9 @@ COLOURS = (
     ("#0b3c6f", "#e3f0fb"),
     ("#D55E00", "#f07b22"),
 )
-# Maximum number of enlarged corners, and size of the shown part as a multiple of the rounding.
+# Maximum number of enlarged corners.
 MAX_CORNERS = 8
+# Size of the shown part at an enlarged corner, as a multiple of the rounding.
 AROUND = 5.0
 
 
@@ -79,7 +81,7 @@ def draw_tool(tool: Tool, job: str) -> Drawing:
     outline = [x.path(drawn_arc_lengths(x.path, error)) for x in contours]
     outline = [x[rows] for x, rows in zip(outline, simplify(outline, error), strict=True)]
     classes = _classes(tool, error)
-    points = np.concatenate([*outline, *(x for y in classes.values() for x in y)])
+    points = np.concatenate([*outline, *chain.from_iterable(classes.values())])
     sheet = Sheet.of(points, view_of(points))
     lines = [sheet.line(outline, 'class="objective"', "drawing", fine=True)]
     keys = [Key("┄", "drawing")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,15 +15,18 @@ from armcontour.report.section import Front, tiles
 if TYPE_CHECKING:
     from armcontour.studies.placement import Place, Placement
 
-# Colour of refused places, and colours of the shortest and the longest motion: ends of cividis.
+# Colour of refused places.
 REFUSED = "#9a9a9a"
+# Ends of the colour map cividis (red, green, blue): colours of the shortest and longest motion.
 DARK = np.array([0, 34, 78])
 BRIGHT = np.array([254, 232, 56])
-# Width of the labels left of the map, maximum size of a place, and minimum distance of texts in a
-# row and in a column [px].
+# Width of the labels left of the map [px].
 LEFT = 72.0
+# Maximum size of a place [px].
 LARGEST = 84.0
+# Minimum distance of texts in a row [px].
 LEAST_TEXT = 40.0
+# Minimum distance of texts in a column [px].
 LEAST_ROW = 18.0
 
 
@@ -58,7 +62,8 @@ def draw_map(result: Placement) -> Drawing:
     times = [x.duration for x in best.values() if x.duration is not None]
     low, high = min(times, default=0.0), max(times, default=0.0)
     numbers = {x: k for k, x in enumerate(result.refusals, start=1)}
-    columns, rows = (sorted({key[k] if k < len(axes) else 0.0 for key in best}) for k in (0, 1))
+    columns = _values_of_axis(best, 0)
+    rows = _values_of_axis(best, 1)
     size = min(LARGEST, (WIDTH - LEFT) / len(columns))
     cells = []
     for key, place in best.items():
@@ -98,6 +103,11 @@ def draw_map(result: Placement) -> Drawing:
         ),
         keys=tuple(keys),
     )
+
+
+def _values_of_axis(places: Iterable[tuple[float, ...]], axis: int) -> list[float]:
+    """Return the different values of places on an axis, sorted; 0 if places lack the axis."""
+    return sorted({x[axis] if axis < len(x) else 0.0 for x in places})
 
 
 def _heat(share: float) -> str:

@@ -31,21 +31,21 @@ COMPLETE, SATURATING, LINEAR, HELD = range(4)
 LARGEST_STEP = 1.0
 # Factor for the number of steps in a time span, so that rounding errors do not add a step.
 SLACK = 1 - 1e-9
-# Largest number of Taylor coefficients of a step, and relative size below which terms are
-# negligible.
+# Largest number of Taylor coefficients of a step.
 TERMS = 28
+# Taylor terms below this fraction of the first term are negligible.
 NOTHING = 1e-15
+# Reciprocals 1 / n, from n = 1.
 INVERSE = tuple(1.0 / n for n in range(1, TERMS + 2))
-# Columns of a linear map: position minus command, velocity, rate and further coefficients of the
-# command; with an integrator also integral and lead. Rows: position minus command, velocity,
-# integral.
-RATE = 2
-INTEGRAL = 5
-LEAD = 6
-COLUMNS = 7
-# Number of Taylor coefficients of a map, and its longest time before it is squared, as a multiple
-# of the shortest time constant.
+# Columns of a linear map; columns 0 and 1 are position minus command and velocity. The rows are
+# position minus command, velocity and integral.
+RATE = 2  # Rate of the command; its further coefficients are in the next two columns.
+INTEGRAL = 5  # Integral, only with an integrator. Without it, a map has the columns before this.
+LEAD = 6  # Lead of the command, only with an integrator.
+COLUMNS = 7  # Number of columns with an integrator.
+# Number of Taylor coefficients of a map.
 MAP_TERMS = 16
+# Longest time of a map before it is squared, as a multiple of the shortest time constant.
 MAP_LENGTH = 0.25
 # Number of cached maps of a joint.
 KEPT = 4
@@ -57,12 +57,14 @@ ROUNDING = 1e-14
 # Fraction of the curvature of the demand in a step by which a cubic through both ends may differ.
 CUBIC_ERROR = 0.005
 THIRD = 1 / 3
-# Precision of the times at which bounds are crossed and extrema are reached, relative to the step.
+# Precision of the times at which bounds are crossed, relative to the step.
 PASSAGE = 1e-15
+# Precision of the times at which extrema are reached, relative to the step.
 EXTREMUM = 1e-8
-# Largest number of steps per time span, and of phases (free or saturated) per step; more are never
-# necessary, and more phases have durations that round to 0.
+# Largest number of steps per time span; more are never necessary.
 MAX_STEPS = 1e5
+# Largest number of phases (free or saturated) per step; more are never necessary, and would have
+# durations that round to 0.
 MAX_PHASES = 100_000
 
 

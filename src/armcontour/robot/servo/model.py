@@ -34,9 +34,9 @@ INERTIAS = (1e-10, 1e6)
 MAX_FEEDFORWARD = 3.0
 # Longest cycle of a drive's loop [s].
 LONGEST_CYCLE = 0.02
-# Largest dry friction, as a position error [rad], and command velocity at which friction has 71 %
-# of its full value [rad/s].
+# Largest dry friction, as a position error [rad].
 MAX_FRICTION = 0.1
+# Command velocity at which friction has 71 % of its full value [rad/s].
 SLIDING = 5e-3
 # Largest dead time [s]. Set-points are sent earlier by the dead time, so the robot waits for it.
 LONGEST_DEAD_TIME = 60.0
@@ -46,15 +46,17 @@ MAX_TIME_CONSTANTS = 1000.0
 # Ratio of the RMS contour errors with and without compensation on validation data, above which
 # compensation may be worse than none on other programs.
 TRUSTED = 0.5
-# Valid range of logged velocities and accelerations [rad/s, rad/s²]. Motions that exceed a logged
-# value by more than this factor cause a warning.
+# Valid range of logged velocities and accelerations [rad/s, rad/s²].
 LOGGED = (0.0, 1e6)
+# Motions that exceed a logged value by more than this factor cause a warning.
 EXCEEDED = 1.02
-# Errors of fast reversals do not bound those of slow motion. In simulations of random plants, the
-# bounds held for frequency ratios up to 10, and often not above 16. MOVING_SHARE: a joint moves
-# if its largest velocity is at least this fraction of that of the fastest joint.
+# Largest ratio of the frequency of the logs to the frequency of a motion, because errors of fast
+# reversals do not bound those of slow motion. In simulations of random plants, the bounds held for
+# frequency ratios up to 10, and often not above 16.
 MAX_FREQUENCY_RATIO = 13.0
+# A joint moves if its largest velocity is at least this fraction of that of the fastest joint.
 MOVING_SHARE = 0.1
+# Parameters with one value per joint.
 PER_JOINT = (
     *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),
     *("acceleration_feedforward", "friction", "offset", "model_error", "logged_velocity"),

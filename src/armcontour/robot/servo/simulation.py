@@ -296,7 +296,6 @@ def command_pieces(
     q: FloatArray, width: float | FloatArray, interpolation: str, *, rest: bool = True
 ) -> CommandPieces:
     """Command through set-points q [rad], (n, dof), which are `width` apart [s], (n - 1,)."""
-    # Without rest, the command before the first set-point is unknown.
     n, dof = q.shape
     cubic = interpolation == "cubic"
     plain = np.zeros((dof, n + 1, 4))
@@ -308,6 +307,7 @@ def command_pieces(
         return pieces
     inner = slice(1, -1)
     chord = np.diff(q, axis=0).T / width
+    # Without rest, the command before the first set-point is unknown.
     known = rest or interpolation == "step"
     before = np.concatenate([0.0 * chord[:, :1] if known else chord[:, :1], chord[:, :-1]], axis=1)
     pieces.sliding[:, inner] = sliding(before if interpolation == "step" else chord)

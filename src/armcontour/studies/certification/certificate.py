@@ -346,10 +346,10 @@ class Certificate(Result):
             box = replace(box, value=max(x.budget.executed for x in self.contours))
             evaluated["certified"] = replace(certified, rows=(*certified.rows, box))
         shown = [x.name for x in before.rows]
-        return {"uncertified optimum": before} | {
-            name: replace(data, rows=tuple(x for x in data.rows if x.name in shown))
-            for name, data in evaluated.items()
-        }
+        compared = {"uncertified optimum": before}
+        for name, data in evaluated.items():
+            compared[name] = replace(data, rows=tuple(x for x in data.rows if x.name in shown))
+        return compared
 
     @property
     def kept(self) -> bool:

@@ -51,8 +51,10 @@ SHORTEST = 1e-4
 # until a plan is certified.
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
 # After that, the servo budget becomes this multiple of the servo error of the found plan, while the
-# plans become faster, and while the budget changes by this fraction of the tolerance.
+# plans become faster.
 SERVO_MARGIN = 1.5
+# The search for a servo budget ends if the budget changes by at most this fraction of the
+# tolerance.
 LEAST_GAIN = 1e-3
 
 
@@ -210,8 +212,8 @@ def _find_fastest(
             continue
         if found is not None and verdict.duration >= found.duration:
             break
-        # The servo gets more than its error, because another budget changes the plan.
         found = verdict
+        # The servo gets more than its error, because another budget changes the plan.
         needed = SERVO_MARGIN * verdict.largest_error + verdict.case.model_error
         needed = min(needed, largest)
         budgets = [needed] if abs(needed - budget) > LEAST_GAIN * tolerance else []

@@ -24,10 +24,10 @@ from armcontour.robot import Arm, Limits
 # Causes of derating: acceleration of plan and command, speed of plan and command, speed of the
 # executed tool, contour error of the robot, and contour error of robots of the box.
 CAUSES = ("acceleration", "speed", "tool", "error", "box")
-# LEAST_REDUCTION: a cell with a smaller reduction counts as not derated, because searches aim
-# slightly below limits. REPORTED_SHARE: a limit is reported if its largest reduction exceeds this
-# share.
+# A cell whose limit is reduced by at most this share counts as not derated, because searches aim
+# slightly below limits.
 LEAST_REDUCTION = 1e-5
+# A derated limit is reported if its largest reduction exceeds this share.
 REPORTED_SHARE = 1e-3
 # Derating along more than this fraction of a contour is described as along the whole contour.
 WHOLE_SHARE = 0.995

@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from typing import NoReturn
 
 import numpy as np
@@ -46,10 +46,11 @@ CHECK_POINTS = 5
 SPEED_SLACK = 1e-3
 # Parameters of a servo that are uncertain.
 PARAMETERS = ("kp", "kv", "dead time")
-# Largest number of corners that are executed, and number of robots drawn from the box with the seed
-# SEED.
+# Largest number of corners of the box that are executed.
 MAX_CORNERS = 256
+# Number of robots that are drawn from the box at random, in addition to its corners.
 DRAWN = 100
+# Seed of the random robots and corners of the box.
 SEED = 0
 # Time between two results of an execution [s]; peaks between them are evaluated.
 RESULT_STEP = 2e-3
@@ -71,10 +72,11 @@ LEAST_STEP = 0.49
 # half per attempt. Therefore the excess is squared after this many attempts, cubed after twice as
 # many, and so on.
 POWER_TRIALS = 5
-# MAX_TRIALS: largest number of attempts for a move between two verdicts. MAX_VERDICTS: largest
-# number of verdicts. CORRECTION: factor of a goal after a verdict against an attempt.
+# Largest number of attempts for a move between two verdicts.
 MAX_TRIALS = 25
+# Largest number of verdicts in a search.
 MAX_VERDICTS = 30
+# After a verdict against an attempt, a goal is divided by its ratio and multiplied by this factor.
 CORRECTION = 0.998
 # If the servo lags, the plan affects the tool for this time [time constants].
 TOOL_MEMORY = 8.0
@@ -146,7 +148,8 @@ class Verdict:
     @property
     def kept(self) -> bool:
         """True if the plan and its executions satisfy all limits and the goal."""
-        return all(x <= 1.0 for each in self.ratios for x in each.values())
+        ratios = chain.from_iterable(each.values() for each in self.ratios)
+        return all(x <= 1.0 for x in ratios)
 
     @property
     def duration(self) -> float:
@@ -436,7 +439,8 @@ def _fastest_moves(case: Case, robots: Sequence[FloatArray]) -> list[Move]:
 
 def _settling_time(case: Case, moves: Sequence[Move], robots: Sequence[FloatArray]) -> float:
     """Settling time of the tool after moves, on the slowest robot [s]."""
-    plan = Trajectory(laws=tuple(law for x in moves for law in x.plan.laws), method="approach")
+    laws = chain.from_iterable(move.plan.laws for move in moves)
+    plan = Trajectory(laws=tuple(laws), method="approach")
     runs = execute(case, case.compute_set_points(plan), robots)
     goal = case.arm.tool_position(plan(plan.duration, side="left"))
     far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY_SHARE * case.budget] for x in runs]
@@ -453,8 +457,12 @@ def _find_excess(
     """Uses of the moves that are estimated to exceed a limit or the budget, by index."""
     pieces = [pieces_of(x, case.program, None, None) for x in runs]
     uses = {k: _estimate_uses(case, attempt, runs, pieces, k) for k in sorted(indices)}
-    limits = [{x: (1 + LIMIT_TOLERANCE) * y[x] / GOALS[x] for x in GOALS} for y in goals]
-    return {k: x for k, x in uses.items() if any(x[y].max() > limits[k][y] for y in x)}
+    excess = {}
+    for k, ratios in uses.items():
+        limits = {x: (1 + LIMIT_TOLERANCE) * goals[k][x] / GOALS[x] for x in GOALS}
+        if any(ratio.max() > limits[cause] for cause, ratio in ratios.items()):
+            excess[k] = ratios
+    return excess
 
 
 def _estimate_uses(
@@ -465,9 +473,9 @@ def _estimate_uses(
     set_points = attempt.set_points
     spans = [x for x in attempt.trajectory.spans if x.kind != "dwell"]
     start, end = spans[index].t
-    # The move affects the cycle in which it ends, and the standstill after it.
     cycle = set_points.cycle
     first = set_points.start_time
+    # The move affects the cycle in which it ends, and the standstill after it.
     end = first + float(np.ceil((end - first) / cycle - PHASE_TOLERANCE)) * cycle
     end = max(end, spans[index + 1].t[0]) if index + 1 < len(spans) else np.inf
     window = (start if index else -np.inf), end

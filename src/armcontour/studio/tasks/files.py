@@ -10,6 +10,7 @@ import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -25,8 +26,9 @@ if TYPE_CHECKING:
     from armcontour.control.identification import Identification
     from armcontour.jobs.run_learning import LearningStudy
 
-# Format whose file names must be KRL identifiers, and the maximum length of these names.
+# Format whose file names must be KRL identifiers.
 KUKA = "kuka"
+# Maximum length of a KRL identifier [characters].
 MAX_LETTERS = 24
 
 
@@ -247,5 +249,5 @@ def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
     from armcontour.report.message_frame import without_options
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]
-    notes = [without_options(y) for z in (data, *logs) for y in z.notes]
+    notes = [without_options(x) for x in chain(data.notes, *(y.notes for y in logs))]
     return {"rows": frame(data), "tables": tables, "notes": notes}

@@ -34,16 +34,19 @@ from armcontour.robot.scene import (
     Sphere,
 )
 
+# Kind of the pairs of an obstacle with a link or with another obstacle.
 ENVIRONMENT = "environment"
+# Kind of the pairs of two links of the arm.
 OWN = "own"
 # Kind of the pairs of links with the mounting plane of the base.
 MOUNTING = "mounting"
-# Index of the first link whose height can change, and depth [m] from which a link counts as below
-# the mounting plane.
+# Index of the first link whose height can change, relative to `Chain.floor_link`.
 FIRST_RAISED = 2
+# Depth from which a link counts as below the mounting plane [m].
 BELOW = 1e-3
 # Uncertainty of distances, due to the tolerance of the library's iteration [m].
 UNCERTAINTY = 2e-6
+# Reason to exclude a pair of links that touch in all tried postures.
 REASON = "touching with all joints at 0, and in every other posture that was tried"
 # Number of sampled postures in addition to the posture with all joints at 0.
 POSTURES = 15
@@ -112,11 +115,9 @@ def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
     )
     # The base of an arm on a rail is also a link.
     raised = floor + FIRST_RAISED + int(chain.slides[floor])
-    return tuple(
-        _make_pair(partial(_radii, chain), plane, x, MOUNTING, -BELOW)
-        for x in shapes.shapes
-        if not x.tool and x.link >= raised
-    )
+    links = [x for x in shapes.shapes if x.link >= raised and not x.tool]
+    radii_of = partial(_radii, chain)
+    return tuple(_make_pair(radii_of, plane, x, MOUNTING, -BELOW) for x in links)
 
 
 def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
@@ -132,14 +133,14 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
 
 def _links_without_shape(chain: Chain, bodies: Sequence[LinkShape]) -> list[LeftOut]:
     """Exclusions of the links whose shape is unknown."""
-    links = {x.link for x in bodies}
-    return [
-        LeftOut(
-            first=f"the link after {joint}", second="everything", reason="no shape of it is known"
-        )
-        for k, joint in enumerate(chain.joints, start=1)
-        if k > chain.floor_link and k not in links
-    ]
+    known = {x.link for x in bodies}
+    reason = "no shape of it is known"
+    left_out = []
+    for link, joint in enumerate(chain.joints, start=1):
+        if link > chain.floor_link and link not in known:
+            name = f"the link after {joint}"
+            left_out.append(LeftOut(first=name, second="everything", reason=reason))
+    return left_out
 
 
 def _check_obstacles(bodies: Sequence[LinkShape], scene: Scene) -> None:
@@ -257,7 +258,10 @@ class Distances:
         self._pairs = pairs
         made = partial(_geometry, self._coal)
         # Bodies are compared by identity.
-        bodies = {id(x): x for pair in pairs for x in (pair.first, pair.second)}
+        bodies: dict[int, LinkShape] = {}
+        for pair in pairs:
+            bodies[id(pair.first)] = pair.first
+            bodies[id(pair.second)] = pair.second
         places = {key: k for k, key in enumerate(bodies)}
         self._links = link_table(chain)
         self._base = chain.base.matrix
@@ -268,12 +272,11 @@ class Distances:
         placements = [turns[x.link] @ x.place.matrix for x in bodies.values()]
         self._places = np.array(placements).reshape(-1, 3, 4)
         self._shapes = [(made(x.first.shape), made(x.second.shape)) for x in pairs]
-        self._exact = [
-            None
-            if _hulls_decide(x)
-            else (made(x.first.exact or x.first.shape), made(x.second.exact or x.second.shape))
-            for x in pairs
-        ]
+        self._exact: list[tuple[Any, Any] | None] = []
+        for pair in pairs:
+            first = pair.first.exact or pair.first.shape
+            second = pair.second.exact or pair.second.shape
+            self._exact.append(None if _hulls_decide(pair) else (made(first), made(second)))
         self._ends = np.array(
             [(places[id(x.first)], places[id(x.second)]) for x in pairs], dtype=np.intp
         ).reshape(-1, 2)
@@ -304,8 +307,8 @@ class Distances:
         """
         every = np.arange(len(self._pairs))
         turned, moved = self._relative(q, every, every)
-        # Each call has its own result object, because several threads may call.
         points = np.empty((len(every), 2, 3))
+        # Each call has its own result object, because several threads may call.
         result = self._coal.DistanceResult()
         for k in range(len(every)):
             self._distance(k, self._coal.Transform3s(turned[k], moved[k]), result)

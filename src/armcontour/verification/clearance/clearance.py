@@ -32,9 +32,9 @@ from armcontour.verification.clearance.body_pairs import (
 
 # Distances within this tolerance of the margin count as violations [m].
 FINEST = 1e-6
-# Search for the first time at which a margin is violated: accuracy of this time, as a travel [m];
-# number of pieces per window.
+# Search for the first time at which a margin is violated: accuracy of this time, as a travel [m].
 STEP = 1e-5
+# Search for the first time at which a margin is violated: number of pieces per window.
 PIECES = 16
 # Numbers of pieces per window, each with the largest number of windows for which it is used. If
 # there are more windows, each is divided into two pieces.
@@ -155,7 +155,8 @@ class Clearance(Result):
         Args:
             by: The time [s].
         """
-        pairs, below = (tuple(x.later(by) for x in own) for own in (self.pairs, self.below))
+        pairs = tuple(x.later(by) for x in self.pairs)
+        below = tuple(x.later(by) for x in self.below)
         return replace(self, pairs=pairs, below=below)
 
     def refuse(self, remedy: str = "Move the part, the obstacle or the start posture") -> None:
@@ -398,11 +399,12 @@ class _ClearanceSearch:
     ) -> None:
         self.pairs = pairs
         self.evaluations = 0
-        # If the resolution is infinite, only the first violation is determined [s]. A violation
-        # until the time `enough` ends the search.
+        # Time of the first violation that is known [s].
         self.first_violation = np.inf
+        # A violation until this time ends the search [s].
         self._enough = enough
         self._distances = distances
+        # If the resolution is infinite, only the first violation is determined.
         self._resolution = resolution
         self._motion = motion
         self._t, self._travel = joint_travel(motion)
@@ -420,7 +422,8 @@ class _ClearanceSearch:
             steps = np.diff(motion.t).max() if len(motion.t) > 1 else 0.0
             self._blur = self._radii @ (largest_accelerations(motion) * steps**2 / 8)
         n = len(pairs)
-        # Per pair: lower bound of the distance, and smallest computed distance.
+        # Per pair: lower bound of the distance [m], smallest computed distance [m], and its time
+        # [s].
         self._low = np.full(n, np.inf)
         self._high = np.full(n, np.inf)
         self._at = np.zeros(n)
@@ -443,10 +446,7 @@ class _ClearanceSearch:
 
     def results(self) -> list[PairClearance]:
         """Results of all pairs."""
-        first = [
-            None if low >= x.margin else self._first_time(k, float(self._at[k]))
-            for k, (x, low) in enumerate(zip(self.pairs, self._low, strict=True))
-        ]
+        first = [self._violation_time(k) for k in range(len(self.pairs))]
         t = np.array([at if x is None else x for x, at in zip(first, self._at, strict=True)])
         points = self._distances.points(self._positions(t))
         return [
@@ -498,20 +498,10 @@ class _ClearanceSearch:
             edges[:, -1] = end
             inner = edges[:, 1:-1].ravel()
             inner_pair = np.repeat(pair, count - 1)
-            middle = (
-                x.reshape(-1, count - 1)
-                for x in (
-                    self._bound_approach(t, travel, inner, inner_pair),
-                    self._measure(inner_pair, inner),
-                )
-            )
-            travelled, distance = (
-                (rows[:, :-1].ravel(), rows[:, 1:].ravel())
-                for rows in (
-                    np.column_stack([known[0], x, known[1]])
-                    for known, x in zip((travelled, distance), middle, strict=True)
-                )
-            )
+            inner_travelled = self._bound_approach(t, travel, inner, inner_pair)
+            inner_distance = self._measure(inner_pair, inner)
+            travelled = _piece_ends(travelled, inner_travelled.reshape(-1, count - 1))
+            distance = _piece_ends(distance, inner_distance.reshape(-1, count - 1))
             pair = np.repeat(pair, count)
             begin = edges[:, :-1].ravel()
             end = edges[:, 1:].ravel()
@@ -557,6 +547,12 @@ class _ClearanceSearch:
         self._record_violation(t, distances < self._margins[pair])
         return np.asarray(distances - UNCERTAINTY - self._blur[pair])
 
+    def _violation_time(self, k: int) -> float | None:
+        """First time at which pair k may violate its margin [s]; None if it does not."""
+        if self._low[k] >= self.pairs[k].margin:
+            return None
+        return self._first_time(k, float(self._at[k]))
+
     def _first_time(self, k: int, latest: float) -> float:
         """First time at which a pair may violate its margin [s], with an accuracy of STEP."""
         travelled = self._travel @ self._radii[k]
@@ -586,3 +582,15 @@ class _ClearanceSearch:
             return self._motion(t)
         executed = self._motion
         return interpolate(t, executed.t, executed.q)
+
+
+def _piece_ends(
+    ends: tuple[FloatArray, FloatArray], inner: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the values at the start and at the end of each piece of m windows, (m pieces,) each.
+
+    - `ends`: values at the start and at the end of each window, (m,) each.
+    - `inner`: values at the edges between the pieces, (m, pieces - 1).
+    """
+    edges = np.column_stack([ends[0], inner, ends[1]])
+    return edges[:, :-1].ravel(), edges[:, 1:].ravel()

@@ -26,9 +26,11 @@ from armcontour.files.drawings.gcode.words import (
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.program.moves import SPINDLE_SPEED, Value
 
-# Letters of coordinates, of the offsets from the start of an arc to its centre, and of other axes.
+# Letters of coordinates.
 AXES = "XYZ"
+# Letters of the offsets from the start of an arc to its centre.
 OFFSETS = "IJK"
+# Letters of the other axes, which may only have the value 0.
 OTHER_AXES = "ABCUVW"
 ARCS = (codes.CLOCKWISE, codes.COUNTER_CLOCKWISE)
 # Indices of the first and second axis of each plane, and of the axis normal to the plane. Seen from
@@ -73,16 +75,16 @@ class Machine:
         self.motion: int | None = None  # Code of the active motion, None after G80
         self.absolute = True
         self.arc_absolute = False
-        # Maximum permitted corner error [m] and F [m/s]; NaN if not specified.
-        self.tolerance = math.nan
-        self.feed = math.nan
+        self.tolerance = math.nan  # Maximum permitted corner error [m]; NaN if not specified
+        self.feed = math.nan  # F [m/s]; NaN if not specified
         self.position = [0.0, 0.0, 0.0]  # Programmed point [m]
-        # The active coordinate system, and the system of the first coordinates (None before).
+        # The active coordinate system.
         self.system = codes.SYSTEMS[0]
+        # The coordinate system of the first coordinates; None before them.
         self.drawing_system: int | None = None
-        # Axes on which the tool moved to a position that the file does not define, and whether the
-        # tool is away from the end of the last drafted move.
+        # Axes on which the tool moved to a position that the file does not define.
         self.undefined_axes: set[int] = set()
+        # Whether the tool is away from the end of the last drafted move.
         self.away = False
 
     @property

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 
 from armcontour.core.text import list_some
 
+# Lengths of the units of a program [m]:
 MILLIMETRE = 1e-3
 INCH = 0.0254
 LEFT_OUT_NOTE = "Ignored because it causes no motion: {}."
@@ -40,45 +41,44 @@ TOOL_CHANGE = re.compile(r"M0*6(?![0-9.])")
 # G codes are integers in tenths: G61.1 is 611.
 RAPID = 0
 LINE = 10
-CLOCKWISE = 20
-COUNTER_CLOCKWISE = 30
+CLOCKWISE = 20  # Arc
+COUNTER_CLOCKWISE = 30  # Arc
 DWELL = 40
 CANCEL_MOTION = 800
-XY = 170
-ZX = 180
-YZ = 190
+XY = 170  # Plane of arcs
+ZX = 180  # Plane of arcs
+YZ = 190  # Plane of arcs
 INCHES = 200
 MILLIMETRES = 210
-REFERENCE = 280
-MACHINE = 530
-SHIFT = 920
+REFERENCE = 280  # Move to the reference position
+MACHINE = 530  # Move in machine coordinates
+SHIFT = 920  # Set the current position, supported for the extruder only
 TOOL_LENGTH = 430
 SYSTEMS = (540, 550, 560, 570, 580, 590)
 EXACT_PATH = 610
 BLEND = 640
-ABSOLUTE = 900
-RELATIVE = 910
-ARC_ABSOLUTE = 901
-ARC_RELATIVE = 911
+ABSOLUTE = 900  # Coordinates
+RELATIVE = 910  # Coordinates
+ARC_ABSOLUTE = 901  # Centres of arcs
+ARC_RELATIVE = 911  # Centres of arcs
 MOTION = "motion"
 # The supported G codes by modal group (LinuxCNC manual, "G-code Overview", "Modal Groups"). Codes
 # without an effect select the only supported mode: no compensation of the cutter radius (G40), feed
 # per minute (G94), the return level of drilling cycles (G98, G99).
-_MEMBERS: dict[str, tuple[int, ...]] = {
-    "non-modal codes": (DWELL, REFERENCE, MACHINE, SHIFT),
-    MOTION: (RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, CANCEL_MOTION),
-    "planes": (XY, ZX, YZ),
-    "distance mode": (ABSOLUTE, RELATIVE),
-    "distance mode of arcs": (ARC_ABSOLUTE, ARC_RELATIVE),
-    "feed mode": (940,),
-    "units": (INCHES, MILLIMETRES),
-    "cutter compensation": (400,),
-    "tool length": (TOOL_LENGTH, 490),
-    "return level": (980, 990),
-    "coordinate systems": SYSTEMS,
-    "path control": (EXACT_PATH, BLEND),
+G_GROUP: dict[int, str] = {
+    **dict.fromkeys((DWELL, REFERENCE, MACHINE, SHIFT), "non-modal codes"),
+    **dict.fromkeys((RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, CANCEL_MOTION), MOTION),
+    **dict.fromkeys((XY, ZX, YZ), "planes"),
+    **dict.fromkeys((ABSOLUTE, RELATIVE), "distance mode"),
+    **dict.fromkeys((ARC_ABSOLUTE, ARC_RELATIVE), "distance mode of arcs"),
+    940: "feed mode",
+    **dict.fromkeys((INCHES, MILLIMETRES), "units"),
+    400: "cutter compensation",
+    **dict.fromkeys((TOOL_LENGTH, 490), "tool length"),
+    **dict.fromkeys((980, 990), "return level"),
+    **dict.fromkeys(SYSTEMS, "coordinate systems"),
+    **dict.fromkeys((EXACT_PATH, BLEND), "path control"),
 }
-G_GROUP = {code: group for group, members in _MEMBERS.items() for code in members}
 M_GROUP: dict[int, str] = {
     **dict.fromkeys((0, 1, 2, 30), "stopping"),
     **dict.fromkeys((3, 4, 5), "spindle"),
@@ -116,13 +116,11 @@ class Notes:
 
     def sentences(self) -> list[str]:
         """All notes as complete sentences."""
-        skipped = [
-            sentence.format(
-                list_some([f"{x} (first in line {i})" for x, i in kinds.items()], MAX_KINDS)
-            )
-            for sentence, kinds in self.kinds.items()
-            if kinds
-        ]
+        skipped = []
+        for sentence, kinds in self.kinds.items():
+            if kinds:
+                listed = [f"{x} (first in line {i})" for x, i in kinds.items()]
+                skipped.append(sentence.format(list_some(listed, MAX_KINDS)))
         return skipped + [sentence.format(line) for sentence, line in self.firsts.items()]
 
 
