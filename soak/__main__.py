@@ -33,6 +33,7 @@ TOPICS = {
     "outputs": ("soak.outputs:run", 600),
     "clearance": ("soak.clearance:run", 10_000),
     "certificates": ("soak.certificates:run", 100),
+    "boxes": ("soak.boxes:run", 24),
     "check": ("soak.check:run", 4000),
     "compensations": ("soak.compensations:run", 50),
     "learning": ("soak.learning:run", 600),

@@ -14,7 +14,6 @@ from armcontour.core.fields import Checked, declared, quantities
 from armcontour.core.quantities import (
     DEAD_TIME,
     GAIN_ERROR,
-    NO_KEY,
     About,
     Axes,
     Key,
@@ -98,8 +97,8 @@ class CertificateGoal(Checked):
     Args:
         tolerance: Largest distance of the tool from the objective path [m]. The part that servo and
             cycle do not use is available to the corners. None keeps the corners of the run.
-        servo_error: Largest contour error from servo and cycle [m], over the whole box if there is
-            one. None sets no limit of its own; then a tolerance is needed.
+        servo_error: Largest contour error from servo and cycle [m], for every robot of the box if
+            there is one. None sets no limit of its own; then a tolerance is needed.
         rms: Largest root mean square of the contour error over time, of the nominal robot [m].
         box: Uncertainty of the robot's parameters; None assumes that the model is exact.
         run: Name of the run to certify; None is the only run with the method "optimal".
@@ -116,7 +115,7 @@ class CertificateGoal(Checked):
     rms: Tolerance | None = None
     box: Uncertainty | None = None
     run: str | None = None
-    slowest: Annotated[PlainNumber, NO_KEY] = 2.0
+    slowest: PlainNumber = 2.0
 
     def _check_together(self) -> None:
         if self.tolerance is None and self.servo_error is None:

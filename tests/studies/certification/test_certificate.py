@@ -1,5 +1,6 @@
 """Certificates of jobs within tolerances, for the stated robot model."""
 
+import re
 from dataclasses import replace
 from functools import partial
 
@@ -159,7 +160,7 @@ def test_a_result_of_the_search_that_fails_the_proof_is_refused(monkeypatch):
     """The judge rejects the plan without derating, which a wrong search proposes."""
     ratios = []
 
-    def propose(case, robots):
+    def propose(case):
         verdict = yield Attempt.joined(case, [Move.without_derating(case, case.traced.steps[0], 0)])
         ratios.append(verdict.ratios[0])
         raise ac.NotRealizable("wrong")
@@ -204,8 +205,10 @@ def test_gains_with_an_error_of_ten_percent_are_certified():
         and certificate.duration <= 1.02 * certificate.uncertified.duration
     )
     robots = certificate.worst.robots
-    assert len(robots.max) == 2**4 + 100 and robots.names[0] == "kp of joint 1"
-    assert certificate.budget.executed == robots.max.max() <= 0.5e-3
+    assert robots.names == ("kp of joint 1", "kp of joint 2", "kv of joint 1", "kv of joint 2")
+    # The bound is that of a robot that was found, and little more.
+    assert robots.max.max() <= certificate.budget.executed == robots.bound <= 0.5e-3
+    assert robots.bound <= 1.01 * robots.max.max()
     # Executed again, and other robots of the box than those of the certificate.
     arm = certificate.job.arm
     servo = certificate.job.plant_servo.for_joints(2)
@@ -250,6 +253,21 @@ def test_errors_of_the_dead_time_are_certified():
     # What can be reached in that time is between the two.
     assert 0.03e-3 < error.needed < 0.06e-3
     assert "worst robot of the box" in str(error) and f"{error.needed * 1e3:.3g} mm" in str(error)
+    assert "slowest plan that was tried" in str(error)
+
+
+def test_refusal_of_a_box_states_a_duration_that_is_enough():
+    box = Uncertainty(gains=0.1)
+    goal = ac.CertificateGoal(servo_error=0.05e-3, box=box)
+    with pytest.raises(ac.NotRealizable) as caught:
+        ac.certify(job(SHORT), goal=replace(goal, slowest=1.2))
+    slowest = float(re.search(r"slowest must be more than ([\d.]+)", str(caught.value))[1])
+    assert slowest > 1.2
+    certificate = ac.certify(job(SHORT), goal=replace(goal, slowest=1.1 * slowest))
+    assert certificate.kept
+    # The same through a job file, which has the key.
+    text = f"certificate: {{servo_error: 0.05 mm, box: {{gains: 10 %}}, slowest: {1.1 * slowest}}}"
+    assert ac.certify(job(SHORT, more=text)).duration == certificate.duration
 
 
 def test_a_total_tolerance_is_divided_and_its_unused_part_returned():
@@ -270,7 +288,7 @@ def test_the_refusal_names_the_limiting_requirement(refuses):
     error = {"limit": "contour error"}
     for job_case, servo, slowest, words, data in (
         (held, 1e-3, 1.05, ("are held", "linear interpolation"), acceleration),
-        (job(SHORT), 1e-9, 1.05, ("but is at least", "shorter cycle"), error),
+        (job(SHORT), 1e-9, 1.05, ("slowest plan that was tried", "shorter cycle"), error),
         (parse_job(lags), 1e-6, 1.05, ("Compensate the lag of the servo",), error),
         (job(SHORT), 1e-3, 1.0001, ("shorter cycle",), acceleration),
     ):

@@ -20,8 +20,8 @@ from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.jobs.verdict import BODIES, ROUNDING, SERVO
 from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.simulation.rigid_body_plant import can_simulate
+from armcontour.studies.certification.box_errors import BoxErrors
 from armcontour.studies.certification.derating import DeratedInterval, Derating
-from armcontour.studies.certification.derating_search import BoxErrors
 from armcontour.verification import Check
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
 from armcontour.verification.evaluation import duration_row

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +24,7 @@ from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant, simulate
+from armcontour.studies.certification.box_errors import bound_box
 from armcontour.studies.certification.case import RESOLUTION, Case
 from armcontour.studies.certification.certificate import (
     Budget,
@@ -32,14 +33,7 @@ from armcontour.studies.certification.certificate import (
     Uncertified,
 )
 from armcontour.studies.certification.derating import DeratedLimits, derated_intervals
-from armcontour.studies.certification.derating_search import (
-    BoxErrors,
-    Verdict,
-    attempts,
-    execute_box,
-    verify_attempt,
-    worst_robots,
-)
+from armcontour.studies.certification.derating_search import Verdict, attempts, verify_attempt
 from armcontour.verification.contour_errors import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
@@ -195,7 +189,7 @@ def _find_fastest(
     bent = any(shape_part(x.path) > 0 for x in base.program.contours)
     if tolerance is None or not bent:
         case = replace(base, servo_allowed=goal.servo_error or tolerance or 0.0)
-        best = find_verdict(case, uncertified.robots)
+        best = find_verdict(case)
         return best.duration, (best, uncertified)
     budgets = [x * tolerance for x in SERVO_SHARES]
     if goal.servo_error is not None:
@@ -205,7 +199,7 @@ def _find_fastest(
     while budgets:
         budget = budgets.pop(0)
         try:
-            verdict = find_verdict(case_of(budget), uncertified.robots)
+            verdict = find_verdict(case_of(budget))
         except NotRealizable:
             if found is None and not budgets:
                 raise
@@ -221,10 +215,8 @@ def _find_fastest(
     return found.duration, (found, uncertified)
 
 
-def find_verdict(case: Case, robots: Sequence[BoxErrors]) -> Verdict:
+def find_verdict(case: Case) -> Verdict:
     """Verdict on the fastest attempt that is certified.
-
-    `robots`: errors on robots of the box without derating.
 
     Raises NotRealizable if no plan satisfies the goal; the message names the contour.
     """
@@ -238,7 +230,7 @@ def find_verdict(case: Case, robots: Sequence[BoxErrors]) -> Verdict:
             needed=case.model_error,
             allowed=case.servo_allowed,
         )
-    search = attempts(case, worst_robots(robots, case.budget))
+    search = attempts(case)
     attempt = next(search)
     while not (verdict := verify_attempt(case, attempt)).kept:
         attempt = search.send(verdict)
@@ -317,7 +309,7 @@ def _make_contours(verdict: Verdict, uncertified: Uncertified) -> Iterator[Conto
             max(x.contour_error.max, x.coverage_error.max) for x in (continuous[k], piece)
         )
         robots = verdict.robots[k] if verdict.robots else None
-        worst = 0.0 if robots is None else float(robots.max.max())
+        worst = 0.0 if robots is None else robots.largest
         derating = move.derating
         names = case.arm.joint_names
         yield ContourCertificate(
@@ -361,7 +353,7 @@ def _execute_uncertified(case: Case) -> Uncertified:
         contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
         contour_error=(max(error.max, coverage_error), error.rms),
         saturated=executed.saturated_time / (executed.t[-1] - executed.t[0]),
-        robots=tuple(execute_box(case, set_points)),
+        robots=tuple(bound_box(case, set_points)),
     )
 
 
@@ -377,7 +369,7 @@ def describe_model(case: Case) -> str:
     if np.isfinite(case.servo.saturate(*case.limits.acceleration_bounds(case.arm.dof))).any():
         parts.append("accelerations that saturate at the joints' limits")
     if case.goal.box is not None:
-        parts.append(f"and the executed robots of the box: {case.goal.box}")
+        parts.append(f"and all robots of the box: {case.goal.box}")
     return "; ".join(parts)
 
 

@@ -1,19 +1,19 @@
 """`attempts`, plans of the whole program that are derated step by step, and their verdicts.
 
-An attempt is executed on the nominal robot and on some robots of the box. Cells of moves in which
-these executions exceed a limit or the error budget are derated, and the next attempt is planned. An
-attempt without excess is yielded. `verify_attempt` decides whether it is certified, so errors of
+An attempt is executed on the nominal robot and on robots in corners of the box, which determine the
+range of each joint at each time. Cells of moves in which the nominal robot, or a robot at the ends
+of these ranges, exceeds a limit or the error budget are derated, and the next attempt is planned.
+An attempt without excess is yielded. `verify_attempt` decides whether it is certified, so errors of
 these estimates cost time, but they cannot make a certificate wrong.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import chain, product
+from itertools import chain
 from typing import NoReturn
 
 import numpy as np
@@ -21,18 +21,22 @@ import numpy as np
 from armcontour.control.compensation import InverseDynamics, NoCompensation
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
-from armcontour.core.pool import map_in_threads
 from armcontour.core.progress import Step
-from armcontour.core.render import Result
-from armcontour.core.result import VERDICT, Data, Row
-from armcontour.core.text import short_repr
 from armcontour.geometry import ShapedPath
 from armcontour.motion import Execution, JointPath, PathLaw, SetPoints, Trajectory, largest_shares
 from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell
 from armcontour.robot import Arm, Limits
-from armcontour.robot.servo import ServoModel
 from armcontour.simulation import simulate
+from armcontour.studies.certification.box_errors import (
+    BoxErrors,
+    JointRanges,
+    bound_box,
+    independent_half_widths,
+    same_corner_robots,
+    servo_with,
+    slow_motion_caps,
+)
 from armcontour.studies.certification.case import RESOLUTION, Attempt, Case, Move
 from armcontour.studies.certification.derating import largest_squares
 from armcontour.verification import Check, check
@@ -44,18 +48,6 @@ LIMIT_TOLERANCE = 1e-9
 CHECK_POINTS = 5
 # Share by which the executed tool speed may exceed the assigned velocity.
 SPEED_SLACK = 1e-3
-# Parameters of a servo that are uncertain.
-PARAMETERS = ("kp", "kv", "dead time")
-# Largest number of corners of the box that are executed.
-MAX_CORNERS = 256
-# Number of robots that are drawn from the box at random, in addition to its corners.
-DRAWN = 100
-# Seed of the random robots and corners of the box.
-SEED = 0
-# Time between two results of an execution [s]; peaks between them are evaluated.
-RESULT_STEP = 2e-3
-# Largest number of parameters of the worst robot in a summary.
-MAX_NAMED = 4
 # Results per cycle in an execution of an attempt on the nominal robot, and on robots of the box.
 RESULTS_PER_CYCLE = 16
 BOX_RESULTS_PER_CYCLE = 4
@@ -83,6 +75,11 @@ TOOL_MEMORY = 8.0
 # Ratio of ds² that is assigned to a command outside the joint range. A lower speed cannot correct
 # such a command completely, but with this ratio each attempt reduces the speed in its cell.
 OUTSIDE_RATIO = 1.1
+# Largest share of the allowed time that a first plan for the robots of a box takes, so that the
+# search can still slow it down.
+FIRST_SHARE = 0.98
+# Factor of ds² by which such a plan becomes faster if it takes too long.
+FASTER = 1.05
 # Times that differ by less than this fraction of the cycle are equal.
 PHASE_TOLERANCE = 1e-9
 # Largest fraction of the budget that the deviation from the previous move may use at the start of a
@@ -97,42 +94,6 @@ Pieces = Sequence[Sequence[ContourExecution]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BoxErrors(Result):
-    """Contour errors of one contour on the executed robots of a box.
-
-    Args:
-        max: Largest contour error of each robot, of both directions [m], (n,).
-        names: Names of the uncertain parameters.
-        deviations: Errors of these parameters (relative, or in s), (n, len(names)).
-        robots: Errors of all parameters of the robots, (n, 3 dof), as for `servo_with`.
-        demand: Largest ratio of a commanded acceleration to its limit on each robot, (n,).
-    """
-
-    max: FloatArray
-    names: tuple[str, ...]
-    deviations: FloatArray
-    robots: FloatArray
-    demand: FloatArray
-
-    def to_data(self) -> Data:
-        """Data of the largest error, and of the parameters of the worst robot."""
-        errors = self.deviations[int(np.argmax(self.max))].tolist()
-        worst = dict(zip(self.names, errors, strict=True))
-        largest = sorted(worst, key=lambda x: -abs(worst[x]))[:MAX_NAMED]
-        robot = ", ".join(f"{x} {worst[x]:+.3g}" for x in largest)
-        return Data(
-            f"{len(self.max)} robots of the box",
-            (
-                Row("executions", len(self.max)),
-                Row("max", self.max.max(), "m", "contour error, largest", robot, VERDICT),
-                Row("worst", worst),
-            ),
-        )
-
-    __repr__ = short_repr
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verdict:
     """The verdict on an attempt, with its evidence."""
 
@@ -141,7 +102,7 @@ class Verdict:
     executed: Execution  # Execution on the nominal robot
     pieces: Sequence[ContourExecution]  # Parts of this execution, one per contour
     check: Check  # Check of the plan against all limits
-    robots: Sequence[BoxErrors]  # Contour errors on robots of the box, one per contour; may be ()
+    robots: Sequence[BoxErrors]  # Errors on the robots of the box, one per contour; may be ()
     # ratios: largest ratios of the execution of each contour by cause of derating.
     ratios: Sequence[dict[str, float]]
 
@@ -160,7 +121,7 @@ class Verdict:
     def largest_error(self) -> float:
         """Largest contour error on all executed robots [m]."""
         errors = [max(x.contour_error.max, x.coverage_error.max) for x in self.pieces]
-        return max(errors + [float(x.max.max()) for x in self.robots])
+        return max(errors + [x.largest for x in self.robots])
 
 
 def verify_attempt(case: Case, attempt: Attempt) -> Verdict:
@@ -175,7 +136,7 @@ def verify_attempt(case: Case, attempt: Attempt) -> Verdict:
         # Assigned speeds of a path do not restrict a rapid.
         names = bounds if move.number is not None else ("joint_acceleration", "joint_velocity")
         limits += [bounds[name] for name in names]
-    robots = execute_box(case, attempt.set_points)
+    robots = bound_box(case, attempt.set_points)
     demands = [case.demand_ratio(executed.demand_range).max(), *(x.demand.max() for x in robots)]
     whole = {"acceleration": max(demands), "speed": max(limits)}
     whole = {cause: float(ratio) / (1 + LIMIT_TOLERANCE) for cause, ratio in whole.items()}
@@ -183,7 +144,7 @@ def verify_attempt(case: Case, attempt: Attempt) -> Verdict:
         {**whole, **_contour_ratios(case, attempt, piece, k)} for k, piece in enumerate(pieces)
     ]
     for each, errors in zip(ratios, robots, strict=False):
-        each["box"] = float(errors.max.max()) / case.budget
+        each["box"] = errors.largest / case.budget
     return Verdict(
         case=case,
         attempt=attempt,
@@ -212,117 +173,6 @@ def _contour_ratios(
         error = max(error, piece.contour_error.rms / case.goal.rms)
     # Ratios of "tool" are those of squared speeds.
     return {"tool": (tool / (1 + SPEED_SLACK)) ** 2, "error": error, "box": 0.0}
-
-
-def execute_box(case: Case, set_points: SetPoints) -> list[BoxErrors]:
-    """Execute a program on robots of the box; returns the errors of each contour, [] without a box.
-
-    If k parameters are uncertain, all 2^k corners of the box are executed, or if these are more
-    than MAX_CORNERS, corners that a search finds. DRAWN more robots are drawn from the box, because
-    the worst robot need not be in a corner.
-    """
-    if case.goal.box is None:
-        return []
-    case.progress(Step(("robots of the box",)))
-    half_widths = case.goal.box.half_widths(case.servo, case.arm.dof)
-    varies = half_widths > 0
-    shared = case.goal.box.dead_time_shared
-    if shared:
-        varies[2, 1:] = False
-
-    def deviations(unit: FloatArray) -> FloatArray:
-        """Errors of all parameters of robots in units of the box, (n, 3 dof)."""
-        rows = np.zeros((len(unit), *half_widths.shape))
-        rows[:, varies] = unit
-        if shared:
-            rows[:, 2] = rows[:, 2, :1]
-        return (rows * half_widths).reshape(len(unit), -1)
-
-    def errors(unit: FloatArray) -> FloatArray:
-        """Largest contour errors and demand of robots in units of the box, (n, contours + 1)."""
-        robots = list(deviations(unit))
-        return np.array(map_in_threads(partial(_execute_robot, case, set_points), robots))
-
-    k = int(varies.sum())
-    if 2**k <= MAX_CORNERS:
-        corners = np.where(np.arange(2**k)[:, None] >> np.arange(k) & 1, -1.0, 1.0)
-        found = errors(corners)
-    else:
-        corners, found = _search_corners(errors, k)
-    drawn = np.random.default_rng(SEED).uniform(-1, 1, size=(DRAWN, k))
-    names = np.array([[f"{x} of joint {j + 1}" for j in range(case.arm.dof)] for x in PARAMETERS])
-    if shared:
-        names[2] = "dead time"
-    robots = deviations(np.concatenate([corners, drawn]))
-    *contours, demand = np.concatenate([found, errors(drawn)]).T
-    kept = robots[:, varies.ravel()]
-    named = tuple(names[varies].tolist())
-    return [
-        BoxErrors(max=x, names=named, deviations=kept, robots=robots, demand=demand)
-        for x in contours
-    ]
-
-
-def joint_corners(case: Case) -> list[FloatArray]:
-    """Errors of robots in the corners of the box in which all joints have the same ends.
-
-    Because joints are independent, these robots have the largest demands of each joint.
-    """
-    if case.goal.box is None:
-        return []
-    half_widths = case.goal.box.half_widths(case.servo, case.arm.dof)
-    signs = np.array(list(product((-1.0, 1.0), repeat=3)))
-    return list(np.unique((signs[:, :, None] * half_widths).reshape(len(signs), -1), axis=0))
-
-
-def servo_with(servo: ServoModel, deviations: FloatArray) -> ServoModel:
-    """The servo with errors of kp, kv (relative) and dead time [s], (3, dof) or (3 dof,)."""
-    kp, kv, dead_time = deviations.reshape(3, -1)
-    return servo.replace(
-        kp=servo.kp * (1 + kp),
-        kv=None if servo.kv is None else servo.kv * (1 + kv),
-        dead_time=np.maximum(servo.dead_time + dead_time, 0.0),
-    )
-
-
-def _execute_robot(case: Case, set_points: SetPoints, deviations: FloatArray) -> list[float]:
-    """Largest error of each contour on a robot, of both directions [m], and its demand."""
-    plant = case.plant(servo_with(case.servo, deviations))
-    resolution = min(RESULT_STEP, set_points.cycle)
-    executed = simulate(set_points, plant, resolution=resolution)
-    pieces = pieces_of(executed, case.program, None, None)
-    demand = float(case.demand_ratio(executed.demand_range).max())
-    return [*(max(x.contour_error.max, x.coverage_error.max) for x in pieces), demand]
-
-
-def _search_corners(
-    errors: Callable[[FloatArray], FloatArray], k: int
-) -> tuple[FloatArray, FloatArray]:
-    """Signs of the corners to execute if the box has more than MAX_CORNERS, and their errors.
-
-    First the corner with the worse sign of each single parameter, then the corners of a search from
-    there that changes one sign per step while the error increases, then random corners.
-
-    `errors` maps signs, (n, k), to errors [m] and demand, (n, contours + 1).
-    """
-    single = errors(np.concatenate([np.eye(k), -np.eye(k)]))[:, :-1].max(axis=1)
-    best = np.where(single[:k] >= single[k:], 1.0, -1.0)
-    corners = np.stack([best, -best])
-    found = errors(corners)
-    worst = found[0, :-1].max()
-    while len(corners) + k <= MAX_CORNERS:
-        neighbours = np.where(np.eye(k, dtype=np.bool_), -best, best)
-        tried = errors(neighbours)
-        corners = np.concatenate([corners, neighbours])
-        found = np.concatenate([found, tried])
-        largest = tried[:, :-1].max(axis=1)
-        i = int(np.argmax(largest))
-        if largest[i] <= worst:
-            break
-        best = neighbours[i]
-        worst = largest[i]
-    random = np.random.default_rng(SEED).choice([-1.0, 1.0], size=(MAX_CORNERS - len(corners), k))
-    return np.concatenate([corners, random]), np.concatenate([found, errors(random)])
 
 
 def bound_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
@@ -369,14 +219,12 @@ def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
 GOALS |= {"error": 0.995, "box": 0.995}
 
 
-def attempts(case: Case, robots: Sequence[FloatArray]) -> Generator[Attempt, Verdict, None]:
+def attempts(case: Case) -> Generator[Attempt, Verdict, None]:
     """Yield attempts that are estimated to satisfy the goal, and receive their verdicts.
-
-    `robots`: robots of the box to execute first, in addition to corners, as for `servo_with`.
 
     Raises NotRealizable if no plan satisfies the goal; the message names the move.
     """
-    robots = [*joint_corners(case), *robots]
+    robots = _corner_robots(case)
     moves = _fastest_moves(case, robots)
     goals = [GOALS.copy() for _ in moves]
     for number in range(1, MAX_VERDICTS + 1):
@@ -397,12 +245,19 @@ def attempts(case: Case, robots: Sequence[FloatArray]) -> Generator[Attempt, Ver
             tries.update(list(excess))
             active = set(excess)
         verdict = yield attempt
-        _correct(verdict, moves, goals, robots)
+        _correct(verdict, moves, goals)
     k = int(np.argmax([max(x.values()) for x in verdict.ratios]))
     _refuse(case, attempt.contours[k], verdict.ratios[k])
 
 
-def execute(case: Case, set_points: SetPoints, robots: Sequence[FloatArray]) -> list[Execution]:
+def _corner_robots(case: Case) -> FloatArray:
+    """Errors of robots in the corners of the box, (m, 3, dof); none without a box."""
+    if case.goal.box is None:
+        return np.empty((0, 3, case.arm.dof))
+    return same_corner_robots(independent_half_widths(case))
+
+
+def execute(case: Case, set_points: SetPoints, robots: FloatArray) -> list[Execution]:
     """Execute set-points without saturation on the nominal robot, and on robots of the box."""
     cycle = set_points.cycle
     step = min(cycle, max(cycle / RESULTS_PER_CYCLE, SHORTEST_STEP))
@@ -412,7 +267,7 @@ def execute(case: Case, set_points: SetPoints, robots: Sequence[FloatArray]) -> 
     return runs + [simulate(set_points, case.plant(x, ideal=True), resolution=step) for x in servos]
 
 
-def _fastest_moves(case: Case, robots: Sequence[FloatArray]) -> list[Move]:
+def _fastest_moves(case: Case, robots: FloatArray) -> list[Move]:
     """Moves without derating, and pauses in which the tool settles before contours."""
     moves: list[Move] = []
     count = 0
@@ -428,6 +283,7 @@ def _fastest_moves(case: Case, robots: Sequence[FloatArray]) -> list[Move]:
             number = count if case.traced.is_contour(step) else None
             move = Move.without_derating(case, step, number)
             if number is not None:
+                move = _slowed_for_box(case, move)
                 settling = _settling_time(case, moves[since:], robots) if moves else 0.0
                 move = replace(move, pause=max(settling - stood, 0.0))
                 count = count + 1
@@ -437,7 +293,26 @@ def _fastest_moves(case: Case, robots: Sequence[FloatArray]) -> list[Move]:
     return moves
 
 
-def _settling_time(case: Case, moves: Sequence[Move], robots: Sequence[FloatArray]) -> float:
+def _slowed_for_box(case: Case, move: Move) -> Move:
+    """A contour whose speed keeps the budget on all robots of the box in slow motion.
+
+    If this takes too long, the motion takes most of the allowed time.
+    """
+    if case.goal.box is None:
+        return move
+    caps = slow_motion_caps(case, move.joint_path, move.derating.cells)
+    fastest = largest_squares(move.plan, move.derating.cells)
+    longest = FIRST_SHARE * case.goal.slowest * move.fastest.duration
+    while (caps < fastest).any():
+        limited = np.where(caps < fastest, caps, np.inf)
+        slower = move.derated(case.arm, move.derating.with_cap(limited, "box"))
+        if slower.plan.duration <= longest:
+            return slower
+        caps = caps * FASTER
+    return move
+
+
+def _settling_time(case: Case, moves: Sequence[Move], robots: FloatArray) -> float:
     """Settling time of the tool after moves, on the slowest robot [s]."""
     laws = chain.from_iterable(move.plan.laws for move in moves)
     plan = Trajectory(laws=tuple(laws), method="approach")
@@ -455,7 +330,11 @@ def _find_excess(
     indices: set[int],
 ) -> dict[int, Uses]:
     """Uses of the moves that are estimated to exceed a limit or the budget, by index."""
-    pieces = [pieces_of(x, case.program, None, None) for x in runs]
+    pieces = [pieces_of(runs[0], case.program, None, None)]
+    if len(runs) > 1:
+        ranges = JointRanges.over(runs[1:], _corner_robots(case))
+        for _, motion in ranges.extreme_motions():
+            pieces.append(pieces_of(motion, case.program, None, None))
     uses = {k: _estimate_uses(case, attempt, runs, pieces, k) for k in sorted(indices)}
     excess = {}
     for k, ratios in uses.items():
@@ -513,8 +392,11 @@ def _estimate_uses(
         error = largest(piece, _contour_errors(piece), delay) / case.budget
         rms = 0.0 if case.goal.rms is None else piece.contour_error.rms / case.goal.rms
         uses["error"] = np.maximum(error, rms)
-        errors = [largest(x, _contour_errors(x)) / case.budget for x in others]
-        uses["box"] = np.max([0.0 * error, *errors], axis=0)
+        uses["box"] = 0.0 * error
+        if others:
+            # All motions at the ends of the joint ranges have the same times.
+            worst = np.max([_contour_errors(x) for x in others], axis=0)
+            uses["box"] = largest(others[0], worst) / case.budget
     return uses
 
 
@@ -582,22 +464,16 @@ def _derate(case: Case, move: Move, uses: Uses, goals: Goals, tries: int) -> Mov
             slowest = case.goal.slowest
             if move.number is None or slower.plan.duration < slowest * move.fastest.duration:
                 return slower
-    _refuse(case, move, {cause: float(use.max()) for cause, use in uses.items()})
+    _refuse(case, move, {cause: float(use.max()) / goals[cause] for cause, use in uses.items()})
 
 
-def _correct(
-    verdict: Verdict, moves: list[Move], goals: list[Goals], robots: list[FloatArray]
-) -> None:
-    """Add robots that a verdict rejects, and lower goals and limits that the verdict rejects."""
-    worst = worst_robots(verdict.robots, verdict.case.budget)
-    found = [x for x in worst if not any(np.array_equal(x, y) for y in robots)]
-    robots += found
-    kept = ("speed", "acceleration", "box") if found else ("speed",)
+def _correct(verdict: Verdict, moves: list[Move], goals: list[Goals]) -> None:
+    """Lower goals and limits that a verdict rejects."""
     for k, move in enumerate(moves):
         # Ratios of acceleration and speed are those of the whole program.
         ratios = verdict.ratios[move.number or 0]
         for cause, ratio in ratios.items():
-            if ratio > 1.0 and cause not in kept:
+            if ratio > 1.0 and cause != "speed":
                 goals[k][cause] *= CORRECTION / ratio
         if ratios["speed"] > 1.0:
             # This should not occur, because plans satisfy their limits. The whole move is slower.
@@ -606,11 +482,21 @@ def _correct(
             moves[k] = move.derated(verdict.case.arm, move.derating.with_cap(cap, "speed"))
 
 
-def worst_robots(robots: Sequence[BoxErrors], budget: float) -> list[FloatArray]:
-    """Errors of the robots with the largest contour error and demand, if these are too large."""
-    errors = [x.robots[int(x.max.argmax())] for x in robots if x.max.max() > budget]
-    demands = [x.robots[int(x.demand.argmax())] for x in robots[:1] if x.demand.max() > 1.0]
-    return [*np.unique(errors, axis=0)] + demands
+def _estimate_duration(case: Case, move: Move) -> str:
+    """Clause on the duration with which all robots of the box stay within the budget."""
+    cells = move.derating.cells
+    fastest = largest_squares(move.fastest, cells)
+    squares = np.minimum(slow_motion_caps(case, move.joint_path, cells), fastest)
+    with np.errstate(divide="ignore"):
+        duration = float((move.derating.width / np.sqrt(squares)).sum())
+    duration = max(duration, move.fastest.duration)
+    ratio = duration / move.fastest.duration
+    if not case.goal.slowest < ratio < np.inf:
+        return ""
+    return (
+        f", or a longer motion: about {duration:.2g} s are needed by an estimate for slow motion, "
+        f"so slowest must be more than {ratio:.2g}, but is {case.goal.slowest:g}"
+    )
 
 
 def _refuse(case: Case, move: Move, ratios: Mapping[str, float]) -> NoReturn:
@@ -623,7 +509,7 @@ def _refuse(case: Case, move: Move, ratios: Mapping[str, float]) -> NoReturn:
     finer = "linear interpolation" if held else "a shorter cycle"
     advice = f"Use {finer}"
     if cause == "box":
-        advice = "Reduce the uncertainty of the robot (a smaller box), reduce the assigned velocity"
+        advice = "Reduce the uncertainty of the robot (a smaller box)"
     elif isinstance(compensation, NoCompensation):
         advice = "Compensate the lag of the servo"
     elif isinstance(compensation, InverseDynamics) and cause == "acceleration":
@@ -633,9 +519,12 @@ def _refuse(case: Case, move: Move, ratios: Mapping[str, float]) -> NoReturn:
     error = ratio * case.budget
     over = " of the worst robot of the box" * (cause == "box")
     contour_error = (
-        f"the largest contour error{over} must be at most {case.budget * 1e3:.3g} mm, but is at "
-        f"least {error * 1e3:.3g} mm. {advice}, or allow a larger error"
+        f"the largest contour error{over} must be at most {case.budget * 1e3:.3g} mm, but is "
+        f"{error * 1e3:.3g} mm in the slowest plan that was tried, which takes "
+        f"{move.plan.duration:.3g} s. {advice}, or allow a larger error"
     )
+    if cause == "box":
+        contour_error += _estimate_duration(case, move)
     limit, needed, allowed, text = {
         "acceleration": (
             *("joint_acceleration", ratio, 1.0),
