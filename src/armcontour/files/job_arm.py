@@ -21,12 +21,19 @@ from armcontour.robot.scene import LinkShape
 ARM_FILES = (".yaml", ".yml", DESCRIPTION, *ENDINGS)
 
 
-def arm_of(model: str | ArmModel, folder: FilePath) -> Arm:
-    """Load the arm of a job, with its tool, work frame and payload."""
+def arm_of(model: str | ArmModel, folder: FilePath, part: Frame | None = None) -> Arm:
+    """Load the arm of a job, with its tool, work frame, payload and external axes.
+
+    Args:
+        model: The value of the key `arm`.
+        folder: Folder against which relative file names are resolved.
+        part: Frame of the part in the work frame, which is `path.frame` in a job; by default the
+            work frame. The load of a positioner is given in it.
+    """
     if isinstance(model, str):
         location = folder / model if model.lower().endswith(ARM_FILES) else model
         return load_arm(location)
-    arm = _bare_arm(model, folder)
+    arm = _with_external_axes(_bare_arm(model, folder), model, part or Frame())
     # Files of shapes are read now; hulls are computed at the first use of the shapes.
     shapes: tuple[LinkShape, ...] = ()
     if model.shapes is not None:
@@ -40,7 +47,7 @@ def arm_of(model: str | ArmModel, folder: FilePath) -> Arm:
 
 
 def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
-    """Load the arm of a job without the shapes that the job adds."""
+    """Load the arm of a job without the external axes and shapes that the job adds."""
     if (model.name is None) == (model.file is None):
         raise InvalidInput("arm requires either name, the name of a built-in arm, or file.")
     if model.file is not None and not model.file.lower().endswith(ARM_FILES):
@@ -61,7 +68,11 @@ def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
     work = None if model.work is None else frame_of("arm.work", model.work)
     key, name = ("name", str(model.name)) if model.file is None else ("file", folder / model.file)
     with error_context("", "arm", key):
-        arm = load_arm(name, options, tool=tool, work=work, payload=model.payload)
+        return load_arm(name, options, tool=tool, work=work, payload=model.payload)
+
+
+def _with_external_axes(arm: Arm, model: ArmModel, part: Frame) -> Arm:
+    """Arm with the rail and the positioner of its model, whose load is in the frame `part`."""
     if model.rail is None and model.positioner is None:
         return arm
     if not isinstance(arm, SerialArm):
@@ -71,7 +82,13 @@ def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
         )
     if model.rail is not None:
         arm = arm.with_rail(model.rail)
-    return arm if model.positioner is None else arm.with_positioner(model.positioner)
+    if model.positioner is None:
+        return arm
+    load = model.positioner.part
+    if load is None:
+        return arm.with_positioner(model.positioner)
+    # `with_positioner` expects the load in the work frame, which is fixed to the table.
+    return arm.with_positioner(replace(model.positioner, part=load.placed(part)))
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:

@@ -134,7 +134,7 @@ def parts_of(
 ) -> tuple[Arm, Path | Program, Scene | None]:
     """Make the parts of a job that can need other files: its arm, its path and its scene."""
     with error_context("", "arm"):
-        arm = arm_of(model.arm, folder)
+        arm = arm_of(model.arm, folder, part_of(model.path))
     with error_context("", "path"):
         drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
     with error_context("", "scene"):
@@ -454,8 +454,9 @@ def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
     path = specified.get("path", PathModel())
     scene = specified.get("scene")
     with error_context(source):
-        arm = None if model is None else arm_of(model, folder)
-        return arm, Scene() if scene is None else scene_of(scene, folder, part_of(path))
+        part = part_of(path)
+        arm = None if model is None else arm_of(model, folder, part)
+        return arm, Scene() if scene is None else scene_of(scene, folder, part)
 
 
 def cell_data(

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
+from armcontour.core.frames import Frame
 from armcontour.core.quantities import Axes, Convert, Inertia, Items, Key, Mass, Quantity
 
 INERTIA = Quantity("kg m^2")
@@ -55,6 +56,17 @@ class Payload(Checked):
 
     def _check_together(self) -> None:
         check_inertia("the payload", self.inertia)
+
+    def placed(self, frame: Frame) -> Payload:
+        """The same load with its centre and axes in the frame in which `frame` is given."""
+        turn = frame.rotation
+        inertia = turn @ self.inertia @ turn.T
+        return Payload(
+            mass=self.mass,
+            center=frame.position + turn @ self.center,
+            # The products are symmetric only up to rounding errors.
+            inertia=(inertia + inertia.T) / 2,
+        )
 
 
 def merge_bodies(

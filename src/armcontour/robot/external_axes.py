@@ -160,7 +160,9 @@ class Positioner(Checked):
 
     Args:
         axes: The axes, from the floor to the part.
-        part: Load of the part, in the frame of the part.
+        part: Load of the part, in the frame of the part: the work frame of the arm, or in a job
+            `path.frame`, as for obstacles that are fixed to the part. The load moves with the last
+            axis.
         tilt: Largest angle between the tool axis and gravity [rad]: the positioner turns the part
             so that the tool points downwards. By default any angle is allowed.
 

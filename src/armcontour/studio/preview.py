@@ -20,7 +20,7 @@ from armcontour.core.progress import Progress, subprogress
 from armcontour.files.file_keys import read_keys
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_file import assemble_job
-from armcontour.files.job_model import JobModel, PathModel
+from armcontour.files.job_model import ArmModel, JobModel, PathModel
 from armcontour.files.job_path import part_of, placed_path, read_drawing, unplaced_path
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
@@ -109,8 +109,8 @@ class CoarsePlanner:
     def forget(self) -> None:
         """Clear the cache, because files of the job may have changed."""
         self._cache = StepCache()
-        # Arm of the last plan.
-        self._arm: Arm | None = None
+        # Arm of the last plan, as written in the job.
+        self._arm: Any = None
         # Start configuration of the last plan.
         self._start: FloatArray | None = None
 
@@ -169,7 +169,7 @@ class CoarsePlanner:
         with error_context(f"Run {job_run.name}"):
             coarse = coarser_run(job, job_run)
             planned = None
-            if job.seed is None and isinstance(job.arm, SerialArm) and self._arm is job.arm:
+            if job.seed is None and isinstance(job.arm, SerialArm) and self._arm == data["arm"]:
                 seeded_job = dataclasses.replace(job, seed=self._start)
                 try:
                     planned = self._plan_steps(seeded_job, coarse, progress)
@@ -187,7 +187,7 @@ class CoarsePlanner:
         preview = Preview.from_plan(
             planned, run=coarse, job=job, explanation=explanation, below_base=below
         )
-        self._arm = job.arm
+        self._arm = data["arm"]
         self._start = preview.start
         return preview
 
@@ -196,7 +196,7 @@ class CoarsePlanner:
         job = self.job(data, planned.run.name)
         below = None if planned.clearance else below_base(job, planned.trajectory)
         preview = Preview.from_plan(planned, job=job, tier=Tier.EXACT, below_base=below)
-        self._arm = job.arm
+        self._arm = data["arm"]
         self._start = preview.start
         return preview
 
@@ -291,7 +291,11 @@ class CoarsePlanner:
         return arm, path
 
     def _read_arm(self, model: JobModel, data: Mapping[str, Any]) -> Arm:
-        return self._cache.get("arm", data["arm"], lambda: arm_of(model.arm, self.folder))
+        # The load of a positioner is fixed to the part.
+        carries = isinstance(model.arm, ArmModel) and model.arm.positioner is not None
+        made_of = data["arm"], _part(data) if carries else None
+        part = part_of(model.path)
+        return self._cache.get("arm", made_of, lambda: arm_of(model.arm, self.folder, part))
 
     def _read_drawing(self, model: PathModel, unplaced: Mapping[str, Any]) -> Program | None:
         if model.file is None:
