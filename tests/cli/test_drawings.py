@@ -111,3 +111,11 @@ def test_without_simulation_the_requested_files_are_written(folder, call):
     call("run part.ngc --cell pmk3s --no-simulation --out plain")
     assert (folder / "plain" / "compensated" / "planned.csv").is_file()
     assert not (folder / "plain" / "report.html").exists()
+
+
+def test_a_position_of_two_lengths_keeps_the_height_of_the_cell(folder, call):
+    place = ("--no-simulation", "--export", "csv", "--position")
+    call("run plain.csv --cell ur5e --out two", *place, "350 mm, -100 mm")
+    call("run plain.csv --cell ur5e --out three", *place, "350 mm, -100 mm, 100 mm")
+    name = "compensated/export/set_points.csv"
+    assert (folder / "two" / name).read_text() == (folder / "three" / name).read_text()

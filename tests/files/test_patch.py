@@ -5,8 +5,9 @@ import pytest
 import yaml
 from tests.files.tables import refusals, values
 
+import armcontour as ac
 from armcontour.core.yaml_loader import load
-from armcontour.files import parse_job, parse_set
+from armcontour.files import parse_job, parse_set, read_job
 from armcontour.files.job_file import read_cell
 from armcontour.files.job_patch import key_of, locate_key, resolve_patch, write_patch
 from armcontour.files.job_text_edits import REMOVE, change_data
@@ -195,3 +196,34 @@ def test_short_forms_become_mappings():
         "path": {"file": "a.dxf", "layers": {"a": {"speed": "1 m/s"}, "b": {}}},
     }
     assert write_patch(new, {("arm",): REMOVE, ("path",): REMOVE}) == "{}\n"
+
+
+CELL = {"arm": "ur5e", "servo": {"kp": 25, "kv": 150}, "runs": {"a": {}}}
+POSITION = ("path", "frame", "position")
+
+
+@pytest.mark.parametrize(("z", "height"), [(0.1, 0.1), ("120 mm", 0.12), (-0.05, -0.05)])
+def test_a_new_x_and_y_of_the_part_keep_its_z(tmp_path, z, height):
+    (tmp_path / "line.csv").write_text("x [mm],y [mm]\n0,0\n50,0\n")
+    cell = tmp_path / "cell.yaml"
+    cell.write_text(yaml.safe_dump({**CELL, "path": {"frame": {"position": [0.3, 0.1, z]}}}))
+    for position in ([0.4, "-100 mm"], [0.4, "-100 mm", z], ["400 mm", -0.1, z]):
+        job = read_job(tmp_path / "line.csv", cell=cell, patch={POSITION: position})
+        start = job.program.contours[0].path(0.0)
+        np.testing.assert_allclose(start, [0.4, -0.1, height], atol=1e-12)
+        np.testing.assert_allclose(job.part.position, start, atol=1e-12)
+
+
+def test_x_and_y_of_a_part_without_a_z_are_refused(tmp_path):
+    (tmp_path / "line.csv").write_text("x [mm],y [mm]\n0,0\n50,0\n")
+    (tmp_path / "cell.yaml").write_text(yaml.safe_dump(CELL))
+
+    def read_at(patch):
+        return read_job(tmp_path / "line.csv", cell=tmp_path / "cell.yaml", patch=patch)
+
+    words = "path.frame.position requires x, y and z"
+    refusals(read_at, [({POSITION: ["400 mm", 0]}, words)])
+    with pytest.raises(ac.InvalidInput) as error:
+        read_at({POSITION[:2]: {"position": [0.4, 0]}})
+    assert error.value.key == POSITION
+    assert read_at({POSITION: [0.4, 0, 0.1]}).part.position[2] == 0.1

@@ -145,12 +145,6 @@ def to_quantities(text: str) -> list[str | int]:
     return [to_quantity(part) for part in text.split(",")]
 
 
-def to_point(text: str) -> list[str | int]:
-    """Convert text to the coordinates of a point; z is 0 if it is missing."""
-    coordinates = to_quantities(text)
-    return [*coordinates, 0] if len(coordinates) == 2 else coordinates
-
-
 def to_skip(_: bool) -> str:
     """Convert a flag to "skip", the value of the job key for unknown elements."""
     return "skip"
@@ -163,7 +157,7 @@ def to_formats(texts: list[str]) -> list[str]:
 
 # Functions that convert option values to values of job keys, by function name in `About`.
 READERS: dict[str, Callable[[Any], Any]] = {
-    x.__name__: x for x in (to_quantity, to_quantities, to_point, to_skip, to_formats)
+    x.__name__: x for x in (to_quantity, to_quantities, to_skip, to_formats)
 }
 
 

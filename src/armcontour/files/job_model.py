@@ -226,7 +226,11 @@ class PathModel(ReadOptions):
     frame: Annotated[
         FrameModel | None,
         About(
-            "--position", POSITION, "Origin of the drawing: '300 mm, 0 mm'.", "to_point", "position"
+            "--position",
+            POSITION,
+            "Origin of the drawing: '300 mm, 0 mm, 100 mm'; without the third length, z stays.",
+            "to_quantities",
+            "position",
         ),
         About("--rpy", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
     ] = None

@@ -12,7 +12,7 @@ from typing import Any
 from armcontour import planning
 from armcontour.control import compensation
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import Keys, show, suggest
+from armcontour.core.text import Keys, key_text, show, suggest
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import Patch as Patch
 from armcontour.files.job_arm import ARM_FILES
@@ -28,6 +28,8 @@ IN_RUN = {x.name for x in fields(RunModel)}
 # For these keys, the mapping of a run is merged with the mapping of the job. For other keys, the
 # value of a run replaces the value of the job.
 MERGED = ("limits", "command_limits")
+# Position of the part, of which a patch can set x and y only.
+PART_POSITION: Keys = ("path", "frame", "position")
 
 
 def _options_of(methods: Mapping[Any, Any]) -> dict[str, str]:
@@ -190,6 +192,17 @@ def _set_corner_option(
         )
 
 
+def _height(position: Any) -> Any:
+    """The coordinate z of a written position of the part, which a new x and y do not change."""
+    if isinstance(position, list) and len(position) == 3:
+        return position[2]
+    raise InvalidInput(
+        f"{key_text(PART_POSITION)} requires x, y and z, because the job has no position whose z "
+        "would stay. Write three lengths, such as '300 mm, 0 mm, 100 mm'.",
+        key=PART_POSITION,
+    )
+
+
 def _set_value(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
     """Yield the changes that set a value at a key path and remove keys that it makes invalid."""
     for k in range(1, len(keys)):
@@ -217,6 +230,8 @@ def _set_value(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
                 key=keys,
             )
     old = value_at(data, keys)
+    if keys == PART_POSITION and isinstance(value, list | tuple) and len(value) == 2:
+        value = [*value, _height(old)]
     if keys == ("path", "layers") and isinstance(old, Mapping) and isinstance(value, list):
         # Selected layers keep their speeds and tolerances.
         value = {name: old.get(name) or {} for name in map(str, value)}
