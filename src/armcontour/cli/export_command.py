@@ -77,7 +77,7 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
         for what, (motion, step) in motions.items():
             table = make_table(
                 motion,
-                name=f"{job.name} {what}",
+                name=f"{job.name} {name} {what}",
                 cycle=step,
                 arm=job.arm,
                 derivatives=options.derivatives,

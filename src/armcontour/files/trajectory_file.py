@@ -338,7 +338,7 @@ class StoredRun:
         start = float(stored.t[0])
         return tabulate(
             self._with_derivatives(stored, derivatives),
-            name=f"{self.title} set-points",
+            name=f"{self.title} {self.name} set_points",
             cycle=self.cycle,
             events=tuple(x.shifted(-start) for x in self.events),
             start_time=start,

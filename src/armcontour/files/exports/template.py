@@ -16,6 +16,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_text
 from armcontour.core.text import list_some
 from armcontour.files.exports.export_table import POSITION_DECIMALS, SetPointTable
+from armcontour.files.exports.identifiers import identifier
+from armcontour.files.exports.slow_move import SLOW
 from armcontour.motion import TimedEvent
 from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK
@@ -180,7 +182,7 @@ def _environment() -> Any:
     environment.filters["fixed"] = _format_fixed
     environment.filters["degrees"] = lambda x: _map_numbers(math.degrees, x)
     environment.filters["times"] = lambda x, factor: _map_numbers(lambda y: y * factor, x)
-    environment.filters["identifier"] = _identifier
+    environment.filters["identifier"] = identifier
     environment.globals["refuse"] = _refuse
     return environment
 
@@ -197,6 +199,7 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
         "duration": table.duration,
         "start_time": table.start_time,
         "points": points,
+        "slow": SLOW,
         "external": tuple(
             f"{table.joint_names[k]} ({'mm' if table.prismatic[k] else 'deg'})"
             for k in table.external
@@ -239,12 +242,6 @@ def _format_fixed(value: float | Sequence[float], decimals: int = POSITION_DECIM
     """Text of a number, or of several separated by commas, with a fixed number of decimals."""
     text = _map_numbers(lambda y: f"{y:.{decimals}f}", value)
     return text if isinstance(text, str) else ", ".join(text)
-
-
-def _identifier(text: str) -> str:
-    """Convert a text to an identifier of ASCII letters, digits and underscores; no digit first."""
-    plain = "".join(x if x.isascii() and x.isalnum() else "_" for x in text)
-    return f"_{plain}" if plain[:1].isdigit() else plain
 
 
 def _refuse(reason: str) -> NoReturn:

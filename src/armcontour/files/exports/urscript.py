@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path as FilePath
@@ -19,6 +18,8 @@ from armcontour.files.exports.export_table import (
     format_rows,
     write_pieces,
 )
+from armcontour.files.exports.identifiers import identifier
+from armcontour.files.exports.slow_move import SLOW
 from armcontour.motion import TimedEvent
 
 JOINTS = 6
@@ -51,7 +52,7 @@ def {program}():
   lookahead = 0.1
   gain = 300
   # Slow move to the first set-point; make sure that there are no obstacles.
-  movej([{first}], a=0.3, v=0.2)
+  movej([{first}], a={slow.joint_acceleration}, v={slow.joint_speed})
 """
 
 
@@ -79,7 +80,7 @@ def write_urscript(
     cycle = f"{table.cycle:.12g}"
     point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {cycle}, lookahead, gain)\n"
     numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
-    program = ("armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.name))[:LONGEST_NAME]
+    program = identifier(f"armcontour_{table.name}", LONGEST_NAME)
     head = PROGRAM_HEAD.format(
         program=program,
         title=table.name,
@@ -88,6 +89,7 @@ def write_urscript(
         duration=f"{table.duration:.12g}",
         joints=", ".join(table.joint_names),
         first=numbers[0],
+        slow=SLOW,
     )
     # Computed before the file is opened, because an invalid event raises an error.
     lines = [(x.t / table.cycle, _set_output(x, digital)) for x in table.events]

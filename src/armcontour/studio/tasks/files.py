@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 # Format whose file names must be KRL identifiers.
 KUKA = "kuka"
+# Motions that are exported, by the value of the option `of`, with their names in programs.
+PLANNED = "planned"
+NAMES = {"set_points": "set_points", "learned": "learned", PLANNED: "reference"}
 # Maximum length of a KRL identifier [characters].
 MAX_LETTERS = 24
 
@@ -99,13 +102,15 @@ def export(request: Request) -> MessageFrame:
     if kind not in ENDINGS:
         raise InvalidInput(f"The format must be one of {', '.join(ENDINGS)}, but is {kind!r}.")
     source = request.option("of", "set_points")
+    if source not in NAMES:
+        raise InvalidInput(f"of must be one of {', '.join(NAMES)}, but is {source!r}.")
     if source == "learned":
         study = learn_from_logs(request)
         plan = replace(study.plan, set_points=study.lesson)
     else:
         plan = request.set_points
     job = request.job
-    set_points = source != "planned"
+    set_points = source != PLANNED
     format = format_named(kind, job.export)
     request.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
@@ -119,7 +124,7 @@ def export(request: Request) -> MessageFrame:
         analog = analog_outputs(plan.path, plan.trajectory, job.process, plan.run.limits)
         table = make_table(
             plan.set_points if set_points else plan.trajectory,
-            name=f"{job.name} {'set-points' if set_points else 'reference'}",
+            name=f"{job.name} {plan.run.name} {NAMES[source]}",
             arm=job.arm,
             cycle=None if set_points else request.option("cycle", plan.run.cycle),
             derivatives=job.export.derivatives,
