@@ -192,6 +192,56 @@ def test_invalid_exports_are_refused_and_write_nothing(result, folder, refused, 
     call("export", "out", "a.csv")
 
 
+TWO_ROBOTS = """
+name: square
+arm: {name: ur5e, tool: {position: [0, 0, 120 mm]}}
+path:
+  points: [[0.45, -0.05, 0.3], [0.55, -0.05, 0.3], [0.55, 0.05, 0.3]]
+  orientation: {axis: [0, 0, -1]}
+process: {switch: {name: laser}}
+limits: {speed: 250 mm/s}
+servo: {kp: 25 1/s, kv: 150 1/s}
+export: {formats: [kuka, abb], outputs: {laser: 17}}
+runs: {a: {}, b: {cycle: 8 ms}}
+"""
+
+
+def test_outputs_that_a_format_cannot_have_are_refused_before_the_plan(folder, refused, call):
+    (folder / "two.yaml").write_text(TWO_ROBOTS)
+    rows = [("run two.yaml --out two", ["export abb", "names of signals", "laser is 17", "differ"])]
+    assert refused(folder, rows, codes=(2,)) == []
+    outputs = "export.outputs.laser={kuka: 17, abb: doLaser}"
+    call("run", "two.yaml", "--no-changes", "--out", "two", "--set", outputs)
+    programs = {}
+    for run in ("a", "b"):
+        exports = folder / "two" / run / "export"
+        assert "$OUT[17] = TRUE" in (exports / "reference.src").read_text()
+        programs[run] = (exports / "reference.mod").read_text()
+        assert "SetDO doLaser, 1;" in programs[run]
+    # Programs of both runs can be in one controller.
+    names = [re.findall(r"(?:MODULE|PROC) (\w+)", x) for x in programs.values()]
+    assert names == [[f"square_{x}_reference", f"run_square_{x}_reference"] for x in "ab"]
+    # An earlier result has the outputs of each format.
+    call("export", "two", "again.mod", "--run", "a", "--force")
+    assert "SetDO doLaser, 1;" in (folder / "again.mod").read_text()
+
+
+def test_an_export_that_fails_after_the_plan_loses_no_result(folder, command_in):
+    (folder / "one.yaml").write_text(TWO_ROBOTS)
+    exports = ("--export", "ros-yaml", "--export", "csv")
+    few = ("--points", "3", "--point-tolerance", "0.001 mrad", "--set", "export.outputs={}")
+    ended = command_in(folder, "run", "one.yaml", "--no-changes", "--out", "one", *exports, *few)
+    assert ended.code == 2
+    printed = " ".join(ended.out.split())
+    assert "reference.yaml was not written" in printed and "Increase points" in printed
+    for run in ("a", "b"):
+        written = {x.name for x in (folder / "one" / run / "export").iterdir()}
+        assert written == {"set_points.csv", "reference.csv"}
+        assert (folder / "one" / run / "set_points.csv").is_file()
+    for name in ("report.html", "summary.json"):
+        assert (folder / "one" / name).is_file()
+
+
 # -------------------------------------------------------------------------------- analog outputs
 
 LASER = """name: laser

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -17,6 +18,7 @@ from armcontour.core.progress import Progress
 from armcontour.core.render import figure
 from armcontour.core.text import capitalise, count_noun
 from armcontour.files.exports import formats, make_table, predict_tolerances
+from armcontour.files.exports.export_checks import REFERENCE
 from armcontour.files.exports.export_table import SetPointTable
 from armcontour.files.exports.template import BUILT_IN
 from armcontour.files.file_keys import read_keys
@@ -24,79 +26,90 @@ from armcontour.jobs import Job, RunResult, analog_outputs
 from armcontour.jobs.job import Exports, ending_of
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.motion.trajectory import COMMAND_SLACK
-from armcontour.program.moves import events_of
 from armcontour.robot.limit_use import use_of
 from armcontour.verification.evaluation import duration_row
 
-# Label of exported set-points.
+# Label of exported set-points; that of the exported plan is REFERENCE.
 SET_POINTS = "set_points"
-# Label of the exported plan, which has no compensation.
-REFERENCE = "reference"
 # Ratio of an exported acceleration to its limit above which a warning is given.
 MAX_ACCELERATION_RATIO = 3.0
 
 
-def check_exports(job: Job, options: Mapping[str, object]) -> None:
-    """Raise InvalidInput for options without --export, unknown outputs, and invalid templates.
+@dataclass(frozen=True, slots=True)
+class Written:
+    """Sentences about written files, with warnings, and the errors of files that are missing."""
 
-    `options` are the options that set job keys, by name.
-    """
-    for name in job.export.formats:
-        # Templates are read, so that errors in them are found before the run.
-        formats.format_named(name, job.export)
-    if not job.export.formats:
-        exports = {x.name for x in dataclasses.fields(Exports)}
-        for name, value in options.items():
-            if name in exports and value is not None:
-                raise InvalidInput(f"{option_of(name)} requires --export.")
+    lines: list[str] = field(default_factory=list)
+    errors: list[InvalidInput] = field(default_factory=list)
+
+
+def check_options(job: Job, options: Mapping[str, object]) -> None:
+    """Raise InvalidInput for options without --export; `options` set job keys, by name."""
+    if job.export.formats:
         return
-    names = {*job.process.analog_names}
-    names |= {x.name for x in events_of(job.program.moves)}
-    for variant in job.process.variants:
-        switches = () if variant.switch is None else (variant.switch,)
-        names |= {x.name for x in (*variant.events, *switches)}
-    formats.check_outputs(job.export.outputs, names, option="export.outputs", owner="the job")
+    exports = {x.name for x in dataclasses.fields(Exports)}
+    for name in (x for x, value in options.items() if x in exports and value is not None):
+        raise InvalidInput(f"{option_of(name)} requires --export.")
 
 
-def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunResult) -> list[str]:
-    """Export set-points and plan of a run; returns sentences about the files, and warnings."""
-    analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
-    written = list[str]()
+def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunResult) -> Written:
+    """Export set-points and plan of a run; a file that fails does not stop the others."""
+    written = Written()
     warnings = dict[str, None]()
-    options = job.export
-    for kind in options.formats:
-        format = formats.format_named(kind, options)
-        label = f"export {kind}"
-        # A URScript program needs the cycle of the run.
-        cycle = None if isinstance(format, formats.URScriptFormat) else options.cycle
-        motions: dict[str, tuple[SetPoints | Trajectory, float | None]] = {
-            REFERENCE: (result.trajectory, cycle or result.run.cycle)
-        }
-        # KUKA and ABB plan the motion between points, so that set-points are no use.
-        motions |= {} if kind in BUILT_IN else {SET_POINTS: (result.set_points, None)}
-        for what, (motion, step) in motions.items():
-            table = make_table(
-                motion,
-                name=f"{job.name} {name} {what}",
-                cycle=step,
-                arm=job.arm,
-                derivatives=options.derivatives,
-                analog=analog,
-            )
-            sentences = list[str]()
-            if isinstance(format, formats.RosYamlFormat):
-                sentences += _acceleration_warnings(table, result)
-                if step is None and options.tolerances and result.execution is not None:
-                    tolerances = predict_tolerances(result.execution, options.tolerances)
-                    format = dataclasses.replace(format, tolerances=tolerances)
+    for kind in job.export.formats:
+        motions: list[tuple[str, SetPoints | Trajectory]] = [(REFERENCE, result.trajectory)]
+        if kind not in BUILT_IN:
+            # KUKA and ABB plan the motion between points, so that set-points are no use.
+            motions.append((SET_POINTS, result.set_points))
+        for what, motion in motions:
             file = f"{name}/export/{what}{ending_of(kind)}"
-            with error_context(label):
-                table = format.select(table)
-                folder.write_with(file, partial(format.write, table))
-            sentences += format.describe(table)
-            warnings |= {f"Warning: {label}, run {name}: {x}": None for x in sentences}
-            written.append(f"Exported {file}: {count_noun(len(table.t), 'point')}.")
-    return [*written, *warnings]
+            label = f"export {kind}, run {name}"
+            try:
+                table, sentences = _write_export(folder, file, job, result, kind, what, motion)
+            except InvalidInput as error:
+                written.errors.append(error)
+                warnings[f"Warning: {label}: {file} was not written. {error}"] = None
+                continue
+            warnings |= {f"Warning: {label}: {x}": None for x in sentences}
+            written.lines.append(f"Exported {file}: {count_noun(len(table.t), 'point')}.")
+    written.lines.extend(warnings)
+    return written
+
+
+def _write_export(
+    folder: files.ResultFolder,
+    file: str,
+    job: Job,
+    result: RunResult,
+    kind: str,
+    what: str,
+    motion: SetPoints | Trajectory,
+) -> tuple[SetPointTable, list[str]]:
+    """Write a motion in a format; returns its table, and warnings without label."""
+    options = job.export
+    format = formats.format_named(kind, options)
+    cycle = None
+    if what == REFERENCE:
+        # A URScript program needs the cycle of the run.
+        own = isinstance(format, formats.URScriptFormat)
+        cycle = result.run.cycle if own else options.cycle or result.run.cycle
+    table = make_table(
+        motion,
+        name=f"{job.name} {result.run.name} {what}",
+        cycle=cycle,
+        arm=job.arm,
+        derivatives=options.derivatives,
+        analog=analog_outputs(result.path, result.trajectory, job.process, result.run.limits),
+    )
+    sentences = list[str]()
+    if isinstance(format, formats.RosYamlFormat):
+        sentences += _acceleration_warnings(table, result)
+        if what == SET_POINTS and options.tolerances and result.execution is not None:
+            tolerances = predict_tolerances(result.execution, options.tolerances)
+            format = dataclasses.replace(format, tolerances=tolerances)
+    table = format.select(table)
+    folder.write_with(file, partial(format.write, table))
+    return table, [*sentences, *format.describe(table)]
 
 
 def export(options: Export, _: None, progress: Progress) -> Outcome:

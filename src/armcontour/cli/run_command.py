@@ -10,12 +10,13 @@ from armcontour import files, jobs, report
 from armcontour.cli.command_execution import REPORT, SUMMARY, Outcome
 from armcontour.cli.commands import Demo, Run
 from armcontour.cli.console import table_lines
-from armcontour.cli.export_command import check_exports, write_exports
+from armcontour.cli.export_command import check_options, write_exports
 from armcontour.cli.inputs import library_file, open_job
 from armcontour.core.compilation import compile_for_run
 from armcontour.core.progress import Progress, Step
 from armcontour.core.render import cells, compare, lay_out, plain, text, verdict
 from armcontour.core.result import VERDICT
+from armcontour.files.exports.export_checks import check_exports
 from armcontour.jobs.advice import with_advice
 from armcontour.jobs.run_notes import unknown_notes
 
@@ -29,7 +30,8 @@ def run(options: Run, folder: files.ResultFolder, progress: Progress) -> Outcome
     job = open_job(options.job, options, progress)
     simulate = options.simulate
     # Exports are tested before the run, so that invalid options are rejected at once.
-    check_exports(job, options.keys)
+    check_options(job, options.keys)
+    check_exports(job)
     with compile_for_run(job.arm.dimension, progress):
         study = jobs.run(job, simulate=simulate, progress=progress)
         if simulate and options.changes is not False:
@@ -38,9 +40,12 @@ def run(options: Run, folder: files.ResultFolder, progress: Progress) -> Outcome
         if simulate or not job.export.formats:
             # Without simulation, the exports are written instead of the usual files.
             write_motions(folder, job, study.runs)
+        written = []
         notes = []
         for name, result in study.runs.items():
-            notes += write_exports(folder, job, name, result)
+            exported = write_exports(folder, job, name, result)
+            written.append(exported)
+            notes += exported.lines
         if simulate:
             folder.write(REPORT, report.render_report(study))
         else:
@@ -48,6 +53,8 @@ def run(options: Run, folder: files.ResultFolder, progress: Progress) -> Outcome
     # Runs that are not kept may be there for comparison with a run that is kept.
     verdicts = {x.kept for x in study.runs.values()}
     code = int(False in verdicts and True not in verdicts)
+    for x in written:
+        code = max([code, *(error.exit_code for error in x.errors)])
     return Outcome(lines=[*_result_lines(study), *notes], page=plain(study.to_data()), code=code)
 
 

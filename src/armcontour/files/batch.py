@@ -24,6 +24,7 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import compare, jsonable, lay_out
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.text import Keys, count_noun, short_repr, show
+from armcontour.files.exports.export_checks import check_exports
 from armcontour.files.job_file import read_job
 from armcontour.files.job_patch import Patch, key_of
 from armcontour.jobs import Job, run
@@ -190,7 +191,9 @@ class _Reader:
     cell: str | None
 
     def read(self, patch: Patch) -> Job:
-        return read_job(self.file, cell=self.cell, patch=patch)
+        job = read_job(self.file, cell=self.cell, patch=patch)
+        check_exports(job)
+        return job
 
     def read_first(self, patches: Sequence[Patch]) -> Job:
         """Read the first valid job; raise the error of the first job if all are invalid."""

@@ -329,7 +329,7 @@ class StoredRun:
     analog: tuple[str, ...] = ()  # Names of analog outputs; the folder does not have their values
     plain: bool = False  # Whether the set-points are those of the plan, without compensation
     limited: bool = False  # Whether the set-points have command limits
-    outputs: Mapping[str, int | str] = field(default_factory=dict)  # Outputs of events by name
+    outputs: Mapping[str, Any] = field(default_factory=dict)  # As `outputs` of `Exports`
     external: tuple[int, ...] = ()  # Indices of external axes
 
     def set_points(self, derivatives: int | None = None) -> SetPointTable:

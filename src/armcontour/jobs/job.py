@@ -57,6 +57,8 @@ ENDINGS = {
     "kuka": ".src",
     "abb": ".mod",
 }
+# Formats in which events are data, so that no output is named.
+WITHOUT_OUTPUTS = ("csv", "ros-yaml")
 # Extension of a template of the user.
 TEMPLATE = ".j2"
 PointTolerance = Annotated[float, Quantity("rad", "0.1 mrad", "positive")]
@@ -96,7 +98,7 @@ class Exports(Checked):
     Args:
         formats: Formats: csv, ros-yaml, urscript, kuka, abb, or a template such as house.j2.
         outputs: Output of each event and analog output of the process, by name, such as `{laser: 0,
-            power: AO0}`.
+            power: AO0}`; or one per format, such as `{laser: {kuka: 17, abb: doLaser}}`.
         tolerances: With ros-yaml, ratio of the tolerances of a FollowJointTrajectory goal to the
             predicted joint errors, at least 1; by default no goal.
         cycle: Time between points of the plan [s]; by default the cycle of the run.
@@ -110,7 +112,7 @@ class Exports(Checked):
     """
 
     formats: Annotated[Sequence[str], About("--export", FILES, read="to_formats")] = ()
-    outputs: Mapping[str, int | str] = field(default_factory=dict)
+    outputs: Mapping[str, int | str | Mapping[str, int | str]] = field(default_factory=dict)
     tolerances: Annotated[Factor | None, About("--tolerances", FILES)] = None
     cycle: Annotated[Interval | None, About("--cycle", POINTS)] = None
     derivatives: Annotated[Annotated[int, AtLeast(0, 2)] | None, About("--derivatives", POINTS)] = (
@@ -144,6 +146,40 @@ class Exports(Checked):
                 raise InvalidInput(
                     f"{key} requires the format {format}. Remove {key}, or export {format}."
                 )
+        for name, outputs in self.outputs.items():
+            if isinstance(outputs, Mapping):
+                _check_formats_of(name, outputs)
+
+    def outputs_for(self, format: str) -> dict[str, int | str]:
+        """Outputs in a format, by the names of events and analog outputs.
+
+        Args:
+            format: Name of the format, or path of a template.
+        """
+        # Templates are named without their folder.
+        key = PurePath(format).name
+        chosen: dict[str, int | str] = {}
+        for name, output in self.outputs.items():
+            if not isinstance(output, Mapping):
+                chosen[name] = output
+            elif key in output:
+                chosen[name] = output[key]
+        return chosen
+
+
+def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
+    """Check the outputs of an event by format."""
+    for format, output in outputs.items():
+        key = f"outputs.{name}.{format}"
+        with error_context(f"outputs.{name}"):
+            ending_of(format)
+        if format in WITHOUT_OUTPUTS or PurePath(format).name != format:
+            raise InvalidInput(
+                f"{key} has no effect, because outputs are of urscript, kuka, abb, and templates, "
+                f"which are named without a folder, such as house{TEMPLATE}."
+            )
+        if isinstance(output, bool) or not isinstance(output, int | str):
+            raise InvalidInput(f"{key} must be a number or a text, but is {show(output)}.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

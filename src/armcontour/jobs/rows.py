@@ -381,7 +381,8 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     if job is not None and job.process.analog_names:
         yield Row("analog", job.process.analog_names)
     if job is not None and job.export.outputs:
-        yield Row("outputs", dict(job.export.outputs))
+        outputs = job.export.outputs.items()
+        yield Row("outputs", {x: dict(y) if isinstance(y, Mapping) else y for x, y in outputs})
     single = path.single_path
     yield Row("merged_points", () if single is None else single.merged)
     yield from shaping_rows(path)

@@ -58,7 +58,11 @@ class Payload(Checked):
         check_inertia("the payload", self.inertia)
 
     def placed(self, frame: Frame) -> Payload:
-        """The same load with its centre and axes in the frame in which `frame` is given."""
+        """The same load in another frame: with its centre and axes where `frame` is given.
+
+        Args:
+            frame: Frame in which this load is given.
+        """
         turn = frame.rotation
         inertia = turn @ self.inertia @ turn.T
         return Payload(

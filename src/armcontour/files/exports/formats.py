@@ -203,10 +203,13 @@ def format_named(name: str, options: Exports | None = None) -> ExportFormat:
     """Format with a name, or of a template, with those options of `options` that it supports."""
     ending_of(name)
     format = _CLASSES[name]() if name in _CLASSES else TemplateFormat(template=name)
-    keys = ("outputs", "derivatives", "points", "point_tolerance", "call")
     if options is None:
         return format
-    return replace(format, **{x: getattr(options, x) for x in keys if hasattr(format, x)})
+    keys = ("derivatives", "points", "point_tolerance", "call")
+    values = {x: getattr(options, x) for x in keys if hasattr(format, x)}
+    if hasattr(format, "outputs"):
+        values["outputs"] = options.outputs_for(name)
+    return replace(format, **values)
 
 
 def format_of(file: FilePath) -> str:
@@ -289,7 +292,7 @@ def names_of(table: SetPointTable) -> set[str]:
 
 
 def check_outputs(
-    outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
+    outputs: Iterable[str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
     """Check that outputs belong to existing events or analog outputs."""
     names = sorted(set(events))

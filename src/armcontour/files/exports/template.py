@@ -151,6 +151,19 @@ def write_template(
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
+def check_template(template: str | FilePath) -> None:
+    """Check that a template can be read, and its syntax.
+
+    Raises:
+        InvalidInput: The file does not exist, or its syntax is wrong.
+    """
+    source, text = _read_template(template)
+    try:
+        _environment().from_string(text)
+    except Exception as error:  # jinja2 raises errors of several classes.
+        raise InvalidInput(f"{_error_line(error, source)}: {_error_text(error)}.") from None
+
+
 def _read_template(template: str | FilePath) -> tuple[str, str]:
     """File name and text of a template, from its name or path."""
     if isinstance(template, str) and template in BUILT_IN:

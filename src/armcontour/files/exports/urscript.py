@@ -120,6 +120,11 @@ def _commands(
     yield _repeat_last(last, HOLD)
 
 
+def per_format(name: str, output: int | str) -> str:
+    """Advice for an output of another format."""
+    return f"Outputs can differ by format, such as outputs: {{{name}: {{urscript: {output}}}}}."
+
+
 def _repeat_last(last: str, duration: float) -> str:
     """Command that holds the last set-point for a duration [s]."""
     return f"  servoj([{last}], 0, 0, {duration:.12g}, lookahead, gain)\n"
@@ -130,7 +135,10 @@ def _analog_number(name: str, number: int | str) -> int:
     names = {f"AO{k}": k for k in range(ANALOG_OUTPUTS)}
     value = names.get(number) if isinstance(number, str) else number
     if value is None or isinstance(value, bool) or value not in names.values():
-        raise InvalidInput(f"The analog output of {name} must be AO0 or AO1, but is {number!r}.")
+        raise InvalidInput(
+            f"The analog output of {name} must be AO0 or AO1, but is {number!r}. "
+            f"{per_format(name, 'AO0')}"
+        )
     return int(value)
 
 
@@ -198,7 +206,9 @@ def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> 
     numbers: dict[str, int] = {}
     for name, number in outputs.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
-            raise InvalidInput(f"The output of {name} must be a number, but is {number!r}.")
+            raise InvalidInput(
+                f"The output of {name} must be a number, but is {number!r}. {per_format(name, 0)}"
+            )
         if not 0 <= number < OUTPUTS:
             raise InvalidInput(
                 f"The output of {name} must be from 0 to {OUTPUTS - 1}, but is {number}."

@@ -6,7 +6,6 @@ Options of tasks with logs: `logs`, the names of the logs of successive runs, an
 
 from __future__ import annotations
 
-import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -24,13 +23,15 @@ from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
     from armcontour.control.identification import Identification
+    from armcontour.jobs import Job
     from armcontour.jobs.run_learning import LearningStudy
 
 # Format whose file names must be KRL identifiers.
 KUKA = "kuka"
 # Motions that are exported, by the value of the option `of`, with their names in programs.
 PLANNED = "planned"
-NAMES = {"set_points": "set_points", "learned": "learned", PLANNED: "reference"}
+PLAIN = "set_points"
+NAMES = {PLAIN: "set_points", "learned": "learned", PLANNED: "reference"}
 # Maximum length of a KRL identifier [characters].
 MAX_LETTERS = 24
 
@@ -87,6 +88,7 @@ def export(request: Request) -> MessageFrame:
 
     Options: `format`, `of` (set_points, planned or learned), `cycle` [s].
     """
+    from armcontour.files.exports.export_checks import check_export
     from armcontour.files.exports.export_table import make_table
     from armcontour.files.exports.formats import (
         WITH_ANALOG,
@@ -94,6 +96,7 @@ def export(request: Request) -> MessageFrame:
         outputs_of,
         write_destination,
     )
+    from armcontour.files.exports.identifiers import identifier
     from armcontour.files.exports.template import OUTPUT_EXAMPLES
     from armcontour.jobs import analog_outputs
     from armcontour.jobs.job import ENDINGS
@@ -101,32 +104,34 @@ def export(request: Request) -> MessageFrame:
     kind = str(request.option("format", "csv"))
     if kind not in ENDINGS:
         raise InvalidInput(f"The format must be one of {', '.join(ENDINGS)}, but is {kind!r}.")
-    source = request.option("of", "set_points")
+    source = request.option("of", PLAIN)
     if source not in NAMES:
         raise InvalidInput(f"of must be one of {', '.join(NAMES)}, but is {source!r}.")
+    job = request.job
+    (run,) = job.runs
+    stem = f"{job.name}-{run.name}"
+    if kind == KUKA:
+        # The file name of a KRL program is its identifier.
+        words = f"{job.name} {run.name}"
+        stem = identifier(words if words[:1].isalpha() else f"p {words}", MAX_LETTERS)
+    cycle = request.option("cycle", run.cycle) if source == PLANNED else None
+    # The motion is planned only if it can be exported.
+    check_export(job, kind, stem=stem, cycle=cycle)
     if source == "learned":
         study = learn_from_logs(request)
         plan = replace(study.plan, set_points=study.lesson)
     else:
         plan = request.set_points
-    job = request.job
-    set_points = source != PLANNED
     format = format_named(kind, job.export)
     request.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
-        stem = f"{job.name}-{plan.run.name}"
-        if kind == KUKA:
-            # The file name of a KRL program is its identifier, so it must be short and without
-            # special characters.
-            stem = re.sub(r"\W", "_", stem if stem[:1].isalpha() else f"p_{stem}", flags=re.ASCII)
-            stem = stem[:MAX_LETTERS]
         file = FilePath(folder) / f"{stem}{ENDINGS[kind]}"
         analog = analog_outputs(plan.path, plan.trajectory, job.process, plan.run.limits)
         table = make_table(
-            plan.set_points if set_points else plan.trajectory,
+            plan.trajectory if source == PLANNED else plan.set_points,
             name=f"{job.name} {plan.run.name} {NAMES[source]}",
             arm=job.arm,
-            cycle=None if set_points else request.option("cycle", plan.run.cycle),
+            cycle=cycle,
             derivatives=job.export.derivatives,
             analog=analog if isinstance(format, WITH_ANALOG) else None,
         )
@@ -137,15 +142,19 @@ def export(request: Request) -> MessageFrame:
     missing = [x for x in switches if kind in OUTPUT_EXAMPLES and x not in outputs_of(format)]
     header = {
         "sentence": f"{len(plan.set_points.q)} set-points.",
-        "changes": [_name_output(x, OUTPUT_EXAMPLES[kind]) for x in missing],
+        "changes": [_name_output(job, x, kind, OUTPUT_EXAMPLES[kind]) for x in missing],
         "warnings": (*plan.warnings, *(f"Format {format.label}: {said}" for said in notes)),
     }
     return MessageFrame.of_file(file.name, content, header)
 
 
-def _name_output(event: str, output: int | str) -> dict[str, Any]:
+def _name_output(job: Job, event: str, kind: str, output: int | str) -> dict[str, Any]:
     """Change that names the output of an event; the user can change it in the settings."""
-    edit = {"do": "set", "key": ["export", "outputs", event], "value": output}
+    key = ["export", "outputs", event]
+    if event in job.export.outputs:
+        # The output is named for other formats only.
+        key.append(kind)
+    edit = {"do": "set", "key": key, "value": output}
     return {"label": f"Output {output} for {event}", "edits": [edit]}
 
 
