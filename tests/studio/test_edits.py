@@ -121,6 +121,13 @@ def set_to(key, value, run="own", text=PLANE):
     return edited(text, run, do="set", key=key, value=value)
 
 
+def test_an_output_that_is_typed_as_a_number_is_a_number():
+    text = PLANE + "export: {outputs: {laser: doLaser}}\n"
+    for typed, output in (("17", 17), ("doGas", "doGas"), ({"kuka": 17}, {"kuka": 17})):
+        new = set_to("export.outputs.laser", typed, text=text)
+        assert new["export"] == {"outputs": {"laser": output}}
+
+
 def test_values_are_set_in_the_run_or_job_in_the_written_unit():
     assert set_to("limits.speed", 0.05)["runs"]["own"]["limits"]["speed"] == "50 mm/s"
     changes = set_to("limits.speed", 0.2, "paper")

@@ -15,6 +15,7 @@ from armcontour.files.robots.arm_loading import load_arm, with_more_shapes
 from armcontour.files.robots.urdf_tree import DESCRIPTION
 from armcontour.files.scene_file import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.robot import Arm, SerialArm
+from armcontour.robot.bodies import place_payload
 from armcontour.robot.scene import LinkShape
 
 # Extensions by which a value is a file. Files with unsupported extensions get their own message.
@@ -88,7 +89,7 @@ def _with_external_axes(arm: Arm, model: ArmModel, part: Frame) -> Arm:
     if load is None:
         return arm.with_positioner(model.positioner)
     # `with_positioner` expects the load in the work frame, which is fixed to the table.
-    return arm.with_positioner(replace(model.positioner, part=load.placed(part)))
+    return arm.with_positioner(replace(model.positioner, part=place_payload(load, part)))
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:

@@ -57,20 +57,17 @@ class Payload(Checked):
     def _check_together(self) -> None:
         check_inertia("the payload", self.inertia)
 
-    def placed(self, frame: Frame) -> Payload:
-        """The same load in another frame: with its centre and axes where `frame` is given.
 
-        Args:
-            frame: Frame in which this load is given.
-        """
-        turn = frame.rotation
-        inertia = turn @ self.inertia @ turn.T
-        return Payload(
-            mass=self.mass,
-            center=frame.position + turn @ self.center,
-            # The products are symmetric only up to rounding errors.
-            inertia=(inertia + inertia.T) / 2,
-        )
+def place_payload(payload: Payload, frame: Frame) -> Payload:
+    """Transform a payload that is given in a frame to the frame in which that frame is given."""
+    turn = frame.rotation
+    inertia = turn @ payload.inertia @ turn.T
+    return Payload(
+        mass=payload.mass,
+        center=frame.position + turn @ payload.center,
+        # The products are symmetric only up to rounding errors.
+        inertia=(inertia + inertia.T) / 2,
+    )
 
 
 def merge_bodies(

@@ -25,6 +25,8 @@ from armcontour.studio.handles import EditState
 SHARP = "sharp"
 # Mappings of the values of all contours; others are in `process`.
 SHARED = {"speed": "limits", "tolerance": "corners"}
+# Outputs of exports, which are numbers or names.
+OUTPUTS: Keys = ("export", "outputs")
 # Required mappings of a job: they stay even if they become empty.
 REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
@@ -141,6 +143,9 @@ def format_value(value: Any, old: Any, keys: Keys) -> Any:
         pairs = enumerate(zip(value, olds, strict=True))
         return [format_value(x, was, (*keys, k)) for k, (x, was) in pairs]
     kind = quantity_of(JobModel, keys)
+    if keys[:2] == OUTPUTS and isinstance(value, str) and value.strip().isdecimal():
+        # An output that is typed as a number is one; names of signals begin with a letter.
+        return int(value)
     if kind is None or isinstance(value, bool):
         return value
     if isinstance(value, str):
