@@ -131,7 +131,8 @@ def find_leads(job: Job, run: Run) -> list[Leads]:
     timing = dataclasses.replace(run.timing, duration=None)
     run = dataclasses.replace(run, rounding=rounding, timing=timing)
     process = job.process
-    unled: dict[str, Any] = dict.fromkeys(UNLED)
+    # The contours are arranged first, so they have their direction already.
+    unled: dict[str, Any] = {**dict.fromkeys(UNLED), "direction": "drawn"}
     plain = dataclasses.replace(
         process,
         **unled,

@@ -28,7 +28,13 @@ from armcontour.program.moves import (
     last_end,
     reroute,
 )
-from armcontour.program.nesting import MAX_SLOPE, find_nesting, perpendicular_axes, project_along_up
+from armcontour.program.nesting import (
+    MAX_SLOPE,
+    Nesting,
+    find_nesting,
+    perpendicular_axes,
+    project_along_up,
+)
 from armcontour.program.offset_curves import (
     SLACK,
     OffsetPart,
@@ -109,7 +115,8 @@ def apply_kerf(program: Program, process: Process) -> Program:
     ]
     moves = _replace_contours(program.moves, made)
     skipped = [contour_called(x, i) for i, x in enumerate(contours) if kerfs[i] and not sides[i]]
-    return replace(program, moves=tuple(moves), notes=(*program.notes, *_notes_on_open(skipped)))
+    notes = (*_notes_on_nesting(program, sides, process), *_notes_on_open(skipped))
+    return replace(program, moves=tuple(moves), notes=(*program.notes, *notes))
 
 
 def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Process) -> list[str]:
@@ -337,21 +344,70 @@ def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) 
 
 
 def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
-    """Mask of the contours that are cut, (n,): contours with a kerf, or all if none has one."""
-    mask = np.array([process.of_contour(x).kerf is not None for x in contours])
-    return mask if mask.any() else ~mask
+    """Mask of the contours that are cut through, (n,): all but marks, whose kerf is None."""
+    return np.array([not _is_mark(x, process) for x in contours], dtype=bool)
+
+
+def _is_mark(contour: Contour, process: Process) -> bool:
+    """Return whether the values of a contour or of its layer state that it is not cut through."""
+    # A contour without a value, of a process without kerf, can be the outline of a part whose other
+    # contours have a kerf. Only None as a value states that it is a mark.
+    values = process.by_contour.get(contour.number)
+    if values is None:
+        values = process.by_layer.get(contour.layer, {})
+    return "kerf" in values and values["kerf"] is None
 
 
 def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
     """The waste side of every contour in its direction of travel, "left" or "right".
 
-    A closed contour inside an odd number of other contours that are cut is a hole, on any layer.
-    The waste side of open contours is "left".
+    A closed contour inside an odd number of other contours that are cut is a hole, on any layer and
+    whichever of them has a kerf. The waste side of open contours is "left".
 
     - `contours`: the contours in their direction of travel.
     - `process`: kerfs of the layers, and the direction from which the contours are viewed.
     """
     nesting = find_nesting(contours, process.up)
-    depths = nesting.contains[cut_contours(contours, process)].sum(axis=0)
-    on_left = ((depths % 2 == 1) == (nesting.areas > 0)) | (nesting.areas == 0)
+    holes = _find_holes(nesting, cut_contours(contours, process))
+    on_left = (holes == (nesting.areas > 0)) | (nesting.areas == 0)
     return ["left" if x else "right" for x in on_left.tolist()]
+
+
+def _find_holes(nesting: Nesting, edges: BoolArray) -> BoolArray:
+    """Mask of the contours inside an odd number of other contours that are `edges`, (n,)."""
+    return np.asarray(nesting.contains[edges].sum(axis=0) % 2 == 1)
+
+
+def _notes_on_nesting(program: Program, sides: Sequence[str], process: Process) -> list[str]:
+    """Notes on offset contours whose side depends on whether contours without a kerf count.
+
+    `sides` has the side of each contour of the program; "" for contours without offset.
+    """
+    contours = (*program.contours, *program.left_out)
+    runs = np.arange(len(contours)) < len(program.contours)
+    with_kerf = np.array([process.of_contour(x).kerf is not None for x in contours])
+    if process.kerf_side != WASTE or (with_kerf & runs).all():
+        return []
+    nesting = find_nesting(contours, process.up)
+    cut = runs & cut_contours(contours, process)
+    holes = _find_holes(nesting, cut)
+    offset = np.array([x != "" for x in sides] + [False] * len(program.left_out))
+    notes = []
+    for others, text in (
+        (cut & ~with_kerf, "has no kerf, but counts as cut. If it is a mark, set its kerf to null"),
+        (runs & ~cut, "is a mark (kerf: null) and does not count. If it is cut, set kerf: 0 mm"),
+        (~runs, "is not run and does not count. If it should, run it with kerf: 0 mm"),
+    ):
+        changed = np.flatnonzero(offset & (_find_holes(nesting, cut ^ others) != holes))
+        if not len(changed):
+            continue
+        first = int(changed[0])
+        outer = int(np.flatnonzero(nesting.contains[:, first] & others)[0])
+        side = "inside" if holes[first] else "outside"
+        more = count_noun(len(changed) - 1, "more contour")
+        likewise = f" (likewise {more})" if len(changed) > 1 else ""
+        notes.append(
+            f"{contour_called(contours[first], first)} is cut {side}{likewise}: "
+            f"{contour_called(contours[outer], outer)} around it {text}."
+        )
+    return notes

@@ -273,8 +273,8 @@ class Process(Checked, LayerProcess):
             after all contours inside them. "auto" is "inside_first" for drawings that are cut (with
             a kerf, or an arc lead in the waste), else "drawn".
         kerf: Width of the cut [m]; the tool path is offset from the contour by half of it. None for
-            a process that does not cut. If any layer has a kerf, contours without one, such as
-            marks, neither are holes nor have holes.
+            a process that does not cut. All closed contours determine which of them are holes,
+            except for marks: contours whose layer, or own value, sets the kerf to None.
         kerf_side: Side of the cut: "waste", which does not offset open contours, or "left" or
             "right" in the direction of travel.
         direction: Direction of travel along closed contours, seen from `up`: "drawn", "clockwise",
