@@ -83,6 +83,14 @@ def number(value: Any, unit: str = "") -> str:
     return " ".join(filter(None, split(value, unit)))
 
 
+def moment(t: float, decimals: int | None) -> str:
+    """A time [s] for display with up to some decimals; with three digits if they are None."""
+    if decimals is None:
+        return number(t, "s")
+    fixed = f"{t:z.{decimals}f}"
+    return f"{fixed.rstrip('0').rstrip('.') if decimals else fixed} s"
+
+
 def number_range(values: Iterable[float], unit: str = "") -> str:
     """Smallest and largest of some values for display; one of them if they look the same."""
     ordered = sorted(values)
@@ -95,6 +103,8 @@ def number_range(values: Iterable[float], unit: str = "") -> str:
 
 def figure(row: Row) -> str:
     """Displayed value of a row, with its unit; one value per unit if joints have different ones."""
+    if row.decimals is not None and row.value is not None:
+        return moment(row.value, row.decimals)
     units = row.unit.split(", ")
     if len(units) == 1 or row.value is None:
         return number(row.figure, row.unit)

@@ -30,6 +30,8 @@ class Row:
     label: str = ""  # Displayed name; "" for a value in files only
     note: str = ""  # Further information, such as the time or the joint
     level: int = TABLE  # `VERDICT`, `FIRST`, `TABLE` or `FILE`
+    # Decimals of a displayed time in s; None for three digits
+    decimals: int | None = None
 
     @property
     def figure(self) -> Any:
@@ -42,6 +44,11 @@ class Row:
         if len(value) and isinstance(value[0], str):
             return ", ".join(value)
         return None if len(value) == 0 else float(np.max(value))
+
+
+def with_decimals(rows: Iterable[Row], decimals: int | None) -> tuple[Row, ...]:
+    """Rows whose times are displayed with up to some decimals."""
+    return tuple(replace(x, decimals=decimals) if x.unit == "s" else x for x in rows)
 
 
 def nest(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:

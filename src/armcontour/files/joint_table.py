@@ -137,6 +137,7 @@ class TrajectoryFile(Frozen):
     prismatic: tuple[bool | None, ...] = ()
     left_out: tuple[str, ...] = ()  # Titles of columns that are not used
     notes: tuple[str, ...] = ()  # Notes on recognized and ignored content of the file
+    lines: IntArray | None = None  # Line of each sample in the file, (n,); None in YAML
 
     @property
     def straight(self) -> Trajectory:
@@ -155,6 +156,7 @@ class TableSamples:
     digit: float  # Value of the last printed digit of the times [s]
     digits: Sequence[Digits]  # Printed digits of each column of `values`
     notes: tuple[str, ...]  # Notes on changed times and skipped rows
+    lines: IntArray  # Line of each sample in the file, (n,)
 
 
 def read_csv_text(file: str | FilePath, kind: str) -> str:
@@ -200,12 +202,13 @@ def read_samples(
     t = t[new]
     values = values[new]
     rows = rows[new]
+    lines = np.array(table.numbers)[rows]
     used = (t >= start) & (t <= end)
     rows = rows[used]
     check_samples(
         t[used], {x: values[used][:, columns] for x, columns in named.items() if columns}, locate
     )
-    return TableSamples(t, values, last, digits[1:], (*notes, *time_notes))
+    return TableSamples(t, values, last, digits[1:], (*notes, *time_notes), lines)
 
 
 def _filled_rows(table: CsvTable[Key], values: FloatArray, keys: Sequence[Key]) -> IntArray:

@@ -259,6 +259,7 @@ def parse_trajectory(
         prismatic=tuple(None if x.unit is None else x.linear for x in used),
         left_out=(*(x for x in table.unknown if not x.lower().startswith(IGNORED)), *spare),
         notes=(*notes, *samples.notes),
+        lines=samples.lines,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Annotated
@@ -12,8 +13,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Choice, Frequency, NotNegative, Quantity, Tolerance
-from armcontour.core.render import Result, number
-from armcontour.core.result import VERDICT, Data, Row, Table
+from armcontour.core.render import Result, moment, number
+from armcontour.core.result import VERDICT, Data, Row, Table, with_decimals
 from armcontour.core.sampled_data import subdivide
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory
@@ -22,7 +23,7 @@ from armcontour.program import Program
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limit_use import use_of
 from armcontour.verification.limit_verdict import VERDICTS, LimitUse, PathDeviation
-from armcontour.verification.trajectory_check import TimeSamples, check
+from armcontour.verification.trajectory_check import STEPS_SHOWN, TimeSamples, check
 
 # Largest number of times per interval of a law at which the distance from the path is computed.
 # With 32 times per interval, the peak of a smooth error exceeds the largest computed value by at
@@ -81,9 +82,12 @@ class InterpolationCheck(Result):
         title = CONTROLLERS[self.controller].title
         rate = number(self.rate, "Hz")
         far = self.path_deviation
-        path = f"at t = {number(far.t, 's')}, s = {number(far.s, 'm')}" if far else ""
+        # Neighbouring commands have different times.
+        decimals = max(0, math.ceil(math.log10(STEPS_SHOWN * self.rate)))
+        path = f"at t = {moment(far.t, decimals)}, s = {number(far.s, 'm')}" if far else ""
         distance = far.distance if far else None
-        time = f"from {self.reference}, at t = {number(self.deviation_time, 's')}"
+        time = f"from {self.reference}, at t = {moment(self.deviation_time, decimals)}"
+        limits = [with_decimals(x.to_data().rows, decimals) for x in self.uses]
         return Data(
             "Commands",
             (
@@ -99,7 +103,7 @@ class InterpolationCheck(Result):
                 Row("path_deviation", distance, "m", "distance from path", path),
                 Row("acceleration", self.acceleration, "1", "acceleration of the interpolation"),
             ),
-            (Table.from_rows("limits", [x.to_data().rows for x in self.uses]),),
+            (Table.from_rows("limits", limits),),
         )
 
 

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.robot import Limits, SerialArm
 from armcontour.robot.limit_use import SLOWEST, Quantity, States, across, angular, length
 from armcontour.robot.limits import DIRECTED, JOINT_LIMITS, LIMITS
@@ -47,6 +47,7 @@ class SampledMotion:
     errors: tuple[FloatArray, FloatArray, FloatArray]
     t_error: FloatArray  # Bound on the error of every time [s], (n,)
     clock: float  # Bound on the common relative error of all times
+    lines: IntArray | None = None  # Lines of the samples in their file, (n,); None without a file
 
     def spans(self, k: int = 1) -> Column:
         """Time [s] over every `k` intervals, and a bound on its error, (n - k, 1) each."""

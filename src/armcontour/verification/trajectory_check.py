@@ -16,10 +16,10 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
-from armcontour.core.render import Result, number
-from armcontour.core.result import VERDICT, Data, Row, Table
+from armcontour.core.render import Result, moment, number
+from armcontour.core.result import VERDICT, Data, Row, Table, with_decimals
 from armcontour.core.sampled_data import subdivide
-from armcontour.core.text import short_repr
+from armcontour.core.text import count_noun, short_repr
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory, arm_of
 from armcontour.motion.log_checks import check_samples
@@ -43,6 +43,7 @@ from armcontour.verification.limit_verdict import (
     record_law,
     shift_use,
 )
+from armcontour.verification.sample_gaps import SampleGap, find_gaps
 from armcontour.verification.sample_check import SampledMotion, record_samples
 
 # Error bound of computed numbers, in units of the last binary digit.
@@ -53,6 +54,10 @@ ON_GRID = 1e-3
 UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 # Largest joint velocity that counts as rest at an end [rad/s]; measured velocities have noise.
 AT_REST = 0.01
+# Displayed times have a resolution of at most this fraction of the shortest interval, and at most
+# so many decimals.
+STEPS_SHOWN = 4
+MAX_DECIMALS = 9
 # Number of tool points between two breaks of a law.
 POINTS_PER_INTERVAL = 4
 
@@ -88,6 +93,9 @@ class Check(Result):
         end_units: Units of the end speeds, of the joints that have these speeds.
         path_deviation: Largest distance from the path; None without a path.
         rounding: Assumed bound on the error of "t", "q", "dq", "ddq" [SI].
+        gaps: Intervals in which samples are missing.
+        time_decimals: Decimals of displayed times, with which all samples have different times;
+            None for a law.
     """
 
     uses: tuple[LimitUse, ...]
@@ -102,6 +110,8 @@ class Check(Result):
     end_units: tuple[str, str]
     path_deviation: PathDeviation | None
     rounding: Mapping[str, float]
+    gaps: tuple[SampleGap, ...] = ()
+    time_decimals: int | None = None
 
     __repr__ = short_repr
 
@@ -112,9 +122,12 @@ class Check(Result):
         note = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
         if unknown := ", ".join(x for x in self.not_judged if x in LIMIT_UNITS):
             note = "; ".join(filter(None, [f"not judged: {unknown}", note]))
+        if self.unknown_gaps:
+            missing = f"no samples after t = {self._moment(self.unknown_gaps[0].start)}"
+            note = "; ".join(filter(None, [missing, note]))
         distance = [Row("path_deviation", None)]
         if deviation is not None:
-            location = f"at t = {number(deviation.t, 's')}, s = {number(deviation.s, 'm')}"
+            location = f"at t = {self._moment(deviation.t)}, s = {number(deviation.s, 'm')}"
             distance = [
                 Row(
                     "path_deviation.distance",
@@ -126,7 +139,9 @@ class Check(Result):
                 Row("path_deviation.t", deviation.t, "s"),
                 Row("path_deviation.s", deviation.s, "m"),
             ]
-        times = f"from {number(self.start, 's')} to {number(self.end, 's')}"
+        times = f"from {self._moment(self.start)} to {self._moment(self.end)}"
+        limits = [with_decimals(x.to_data().rows, self.time_decimals) for x in self.uses]
+        gaps = [(x.start, x.end, x.row, x.line, x.at_rest) for x in self.gaps]
         return Data(
             "Check",
             (
@@ -140,12 +155,23 @@ class Check(Result):
                 *(Row(x, getattr(self, x)) for x in ("tolerance", "rounding")),
                 *(Row(x, getattr(self, x)) for x in ("not_judged", "missing", "reconstruction")),
             ),
-            (Table.from_rows("limits", [x.to_data().rows for x in self.uses]),),
+            (
+                Table.from_rows("limits", limits),
+                Table(
+                    "gaps",
+                    (
+                        *(Row(x, None, "s") for x in ("start", "end")),
+                        *(Row(x, None) for x in ("row", "line", "at_rest")),
+                    ),
+                    gaps,
+                ),
+            ),
             notes=tuple(self._notes()),
         )
 
     def _notes(self) -> Iterator[str]:
-        """Sentences on undecided verdicts and on limits that were not checked."""
+        """Sentences on gaps, undecided verdicts and limits that were not checked."""
+        yield from self._gap_notes()
         undecided = [x for x in self.uses if x.verdict == CANNOT_TELL]
         if names := ", ".join(x.name for x in undecided if x.certain > 1):
             yield (
@@ -171,6 +197,35 @@ class Check(Result):
                     "longer motion."
                 )
 
+    def _gap_notes(self) -> Iterator[str]:
+        """Sentences on the intervals in which samples are missing, with the longest one."""
+        for at_rest in (False, True):
+            gaps = [x for x in self.gaps if x.at_rest == at_rest]
+            if not gaps:
+                continue
+            longest = max(gaps, key=lambda x: x.end - x.start)
+            others = count_noun(len(gaps) - 1, "shorter gap")
+            place = (
+                f"from t = {self._moment(longest.start)} ({longest.place}) to "
+                f"{self._moment(longest.end)}{f', and in {others}' if len(gaps) > 1 else ''}"
+            )
+            if at_rest:
+                yield f"There are no samples {place}. The arm is assumed to rest there."
+            else:
+                yield (
+                    f"Cannot tell: samples are missing {place}, so the motion there is unknown. "
+                    "Record the whole motion."
+                )
+
+    def _moment(self, t: float) -> str:
+        """A time [s] as text, with enough digits to find the sample."""
+        return moment(t, self.time_decimals)
+
+    @property
+    def unknown_gaps(self) -> tuple[SampleGap, ...]:
+        """The gaps in which the arm moves."""
+        return tuple(x for x in self.gaps if not x.at_rest)
+
     @property
     def worst(self) -> LimitUse | None:
         """The limit with the largest certain use; None if no limit was checked."""
@@ -191,10 +246,10 @@ class Check(Result):
         """The verdict on all limits: "violated", "cannot tell" or "kept".
 
         "violated" if any limit is violated; otherwise "cannot tell" if any limit has this verdict,
-        or if a specified limit or all limits could not be checked; otherwise "kept". See `LimitUse`
-        for one limit.
+        if a specified limit or all limits could not be checked, or if samples are missing in a part
+        of the motion; otherwise "kept". See `LimitUse` for one limit.
         """
-        unknown = self.missing or (not self.uses and self.not_judged)
+        unknown = self.missing or self.unknown_gaps or (not self.uses and self.not_judged)
         verdicts = (*(x.verdict for x in self.uses), CANNOT_TELL if unknown else KEPT)
         return max(verdicts, key=VERDICTS.index)
 
@@ -238,8 +293,9 @@ def check(
     within their printed digits. "kept" means that the samples, and the smallest peaks between
     neighbours, satisfy the limit; an excess up to 0.1 % is ignored, and up to 1 % if the printed
     digits explain it. Otherwise the
-    verdict is "cannot tell", also for a specified limit that these samples do not show, and for a
-    violated limit that is only assumed for the arm.
+    verdict is "cannot tell", also for a specified limit that these samples do not show, for a
+    violated limit that is only assumed for the arm, and for samples that are missing in a part of
+    the motion: intervals that are much longer than the usual ones.
 
     >>> ac.check(planned.sample(0.004), arm, limits, path).verdict
     'kept'
@@ -381,6 +437,8 @@ def _judge_law(
         "end": end,
         **_fastest(tally.arm, np.abs([first[0], last[0]])),
         "rounding": {},
+        "gaps": (),
+        "time_decimals": None,
     }
 
 
@@ -399,7 +457,17 @@ def _judge_log(log: SampledMotion, tally: LimitUseAccumulator) -> dict[str, Any]
         "end": float(log.t[-1]),
         **_fastest(tally.arm, _end_speeds(log, tally.limits)),
         "rounding": rounding,
+        "gaps": find_gaps(log.t, log.q, log.errors[0], log.lines),
+        "time_decimals": _time_decimals(log.t),
     }
+
+
+def _time_decimals(t: FloatArray) -> int:
+    """Number of decimals with which sample times, and the times between them, differ."""
+    step = float(np.diff(t).min()) / STEPS_SHOWN
+    # More decimals than a floating-point number has would be wrong.
+    finest = float(np.spacing(np.abs(t).max()))
+    return int(np.clip(np.ceil(-np.log10(max(step, finest))), 0, MAX_DECIMALS))
 
 
 def _fastest(arm: Arm, speeds: FloatArray) -> dict[str, Any]:
@@ -528,6 +596,7 @@ def _check_samples(
         errors=(errors["q"], errors["dq"], errors["ddq"]),
         t_error=t_error,
         clock=clock,
+        lines=getattr(samples, "lines", None),
     )
 
 
