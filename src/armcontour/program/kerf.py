@@ -20,6 +20,8 @@ from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program.corner_rounding import draw_with_arcs
 from armcontour.program.moves import (
     Contour,
+    Dwell,
+    Event,
     Move,
     Program,
     Rapid,
@@ -40,11 +42,14 @@ from armcontour.program.offset_curves import (
     OffsetPart,
     find_crossing_paths,
     find_self_crossing,
+    has_no_area,
     offset_segments,
     turns_between,
 )
 from armcontour.program.process import WASTE, Process
 
+# What to do about a contour whose kerf has no side.
+CORRECT = "Correct the drawing, or set kerf: 0 mm for this contour to cut along it"
 # Number of bisections in the search for the largest kerf that fits (relative error 0.0001).
 KERF_BISECTIONS = 14
 
@@ -103,6 +108,8 @@ def apply_kerf(program: Program, process: Process) -> Program:
     sides = _kerf_sides(contours, kerfs, process)
     contours = tuple(draw_with_arcs(x) if sides[i] else x for i, x in enumerate(contours))
     flat = [_flatten(x, i, process) if sides[i] else None for i, x in enumerate(contours)]
+    problems = _find_problems(program, contours, flat)
+    flat = [None if i in problems else x for i, x in enumerate(flat)]
     parts: list[list[OffsetPart]] = [
         [] if x is None else _offset(x, contours[i], i, kerfs[i], sides[i])
         for i, x in enumerate(flat)
@@ -110,13 +117,52 @@ def apply_kerf(program: Program, process: Process) -> Program:
     if process.kerf_side == WASTE:
         _check_distances(contours, flat, parts, kerfs)
     made = [
-        _make_contours(x, i, offset, process.up)
+        [] if i in problems else _make_contours(x, i, offset, process.up)
         for i, (x, offset) in enumerate(zip(contours, parts, strict=True))
     ]
     moves = _replace_contours(program.moves, made)
     skipped = [contour_called(x, i) for i, x in enumerate(contours) if kerfs[i] and not sides[i]]
-    notes = (*_notes_on_nesting(program, sides, process), *_notes_on_open(skipped))
-    return replace(program, moves=tuple(moves), notes=(*program.notes, *notes))
+    notes = (
+        *(f"{x}, so it is left out. {CORRECT}." for x in problems.values()),
+        *_notes_on_nesting(program, sides, process),
+        *_notes_on_open(skipped),
+    )
+    return replace(
+        program,
+        moves=tuple(moves),
+        notes=(*program.notes, *notes),
+        left_out=(*program.left_out, *(contours[i] for i in problems)),
+    )
+
+
+def _find_problems(
+    program: Program, contours: Sequence[Contour], flat: Sequence[Segments | None]
+) -> dict[int, str]:
+    """Contours of which the kerf has no side, by index, with the reason.
+
+    Such contours are left out. The program is refused if none remains, or if it has rapids, events
+    or dwells, which may belong to such a contour.
+    """
+    problems: dict[int, str] = {}
+    for i, rows in enumerate(flat):
+        if rows is None:
+            continue
+        called = contour_called(contours[i], i)
+        crossing = find_self_crossing(rows, closed=contours[i].closed)
+        if crossing is not None:
+            x, y = (1e3 * crossing).tolist()
+            problems[i] = (
+                f"{called} crosses or touches itself at ({x:.6g}, {y:.6g}) mm, and its kerf has no "
+                "side"
+            )
+        elif contours[i].closed and has_no_area(rows):
+            problems[i] = f"{called} has no area, and its kerf has no side"
+    switches = any(isinstance(x, Event | Dwell) for x in program.moves) or any(
+        contours[i].events for i in problems
+    )
+    if problems and (switches or len(problems) == len(contours)):
+        raise InvalidInput(f"{next(iter(problems.values()))}. {CORRECT}.")
+    return problems
 
 
 def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Process) -> list[str]:
@@ -161,13 +207,6 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
             starts=project_along_up(rows.starts, up),
             tangents=project_along_up(rows.tangents, up),
             normals=project_along_up(rows.normals, up),
-        )
-    crossing = find_self_crossing(rows, closed=contour.closed)
-    if crossing is not None:
-        x, y = (1e3 * crossing).tolist()
-        raise InvalidInput(
-            f"{called} crosses or touches itself at ({x:.6g}, {y:.6g}) mm, so its kerf has no "
-            "side. Correct the drawing, or remove the kerf."
         )
     return rows
 
@@ -333,12 +372,15 @@ def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) 
     away = find_departing_rapids(moves)
     number = 0
     result: list[Move] = []
+    left_out = False
     for move in moves:
         if isinstance(move, Contour):
             result += made[number]
+            left_out = not made[number]
             number += 1
             continue
-        reroutes = isinstance(move, Rapid) and move in away
+        # Rapids still pass the point at which a contour that is left out starts and ends.
+        reroutes = isinstance(move, Rapid) and move in away and not left_out
         result.append(reroute(move, start=last_end(result)) if reroutes else move)
     return result
 

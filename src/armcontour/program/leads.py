@@ -18,7 +18,7 @@ from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program.kerf import cut_contours, waste_sides
 from armcontour.program.moves import Contour, contour_called
 from armcontour.program.nesting import find_chords, find_nesting
-from armcontour.program.offset_curves import LENGTH, find_crossings
+from armcontour.program.offset_curves import LENGTH, THIN, find_crossings
 from armcontour.program.process import WASTE, Lead, Process
 
 # Fraction of a lead, next to the contour that it touches, on which contact is ignored.
@@ -37,13 +37,18 @@ MAX_INWARD_TURN = 0.005
 class LeadPlacement:
     """Lays the leads of a program's contours in the waste, so that they cross no cut contour."""
 
-    def __init__(self, contours: Sequence[Contour], process: Process) -> None:
+    def __init__(
+        self, contours: Sequence[Contour], process: Process, left_out: Sequence[Contour] = ()
+    ) -> None:
         # `contours`: the contours before they get overlaps and leads.
-        self._contours = contours
+        # `left_out`: further contours, which are not run, but decide which contours are holes.
+        self._contours = (*contours, *left_out)
         self._process = process
         needed = any(x.side == WASTE for x in process.leads)
-        self._sides = waste_sides(contours, process) if needed else ["left"] * len(contours)
-        self._cut = cut_contours(contours, process)
+        self._sides = ["left"] * len(contours)
+        if needed:
+            self._sides = waste_sides(self._contours, process)
+        self._cut = cut_contours(self._contours, process)
         self._around: tuple[FloatArray, FloatArray] | None = None
         # Leads that are shorter than requested: fraction of the requested length, and description.
         self._shortened: list[tuple[float, str]] = []
@@ -66,12 +71,10 @@ class LeadPlacement:
             )
 
         full_lead = lead_of(length)
-        must_fit = (
-            lead.shape == "arc" and lead.side == WASTE and contour.closed and self._cut[number]
-        )
-        if not must_fit or self._process.of_contour(contour).weave is not None:
-            return full_lead
-        if self._fits_in_waste(full_lead, after):
+        in_waste = lead.shape == "arc" and lead.side == WASTE and self._cut[number]
+        weaves = self._process.of_contour(contour).weave is not None
+        must_fit = in_waste and not weaves and self._has_area(contour)
+        if not must_fit or self._fits_in_waste(full_lead, after):
             return full_lead
         fits = 0.0
         too_long = length
@@ -100,6 +103,11 @@ class LeadPlacement:
         description = f"the {kind} of {location}: {1e3 * fits:.4g} instead of {1e3 * length:.4g} mm"
         self._shortened.append((fits / length, description))
         return lead_of(fits)
+
+    def _has_area(self, contour: Contour) -> bool:
+        """Return whether a contour encloses an area, on one side of which the waste is."""
+        area = float(find_nesting([contour], self._process.up).areas[0])
+        return abs(area) > THIN * contour.path.length
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -258,6 +258,23 @@ def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:
     return np.asarray(points_at(table[pairs[k, :1]], distances[k, :1])[0])
 
 
+def has_no_area(source: Segments) -> bool:
+    """Return whether the area of a closed path in the plane is zero, except for rounding errors."""
+    return _has_no_area(to_pieces(source))
+
+
+def _has_no_area(p: FloatArray) -> bool:
+    """Return whether the area of a closed chain of pieces is zero, except for rounding errors."""
+    a = p[:, :2] - p[0, :2]
+    b = points_at(p, p[:, LENGTH]) - p[0, :2]
+    angle = p[:, CURVATURE] * p[:, LENGTH]
+    bent = p[:, CURVATURE] != 0
+    radius = 1 / np.where(bent, p[:, CURVATURE], 1.0)
+    caps = np.where(bent, radius**2 * (angle - np.sin(angle)), 0.0)
+    area = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + caps)) / 2
+    return abs(area) <= THIN * float(p[:, LENGTH].sum())
+
+
 def find_crossing_paths(paths: Sequence[Segments]) -> tuple[int, int] | None:
     """Indices of two paths in the plane that cross or touch each other; None if there are none."""
     table = np.concatenate([to_pieces(x) for x in paths])
@@ -364,15 +381,7 @@ class _Parts(NamedTuple):
 
     def _is_thin(self) -> bool:
         """Return whether the area of a closed chain is zero, except for rounding errors."""
-        p = self.pieces
-        a = p[:, :2] - p[0, :2]
-        b = points_at(p, p[:, LENGTH]) - p[0, :2]
-        angle = p[:, CURVATURE] * p[:, LENGTH]
-        bent = p[:, CURVATURE] != 0
-        radius = 1 / np.where(bent, p[:, CURVATURE], 1.0)
-        caps = np.where(bent, radius**2 * (angle - np.sin(angle)), 0.0)
-        area = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + caps)) / 2
-        return abs(area) <= THIN * float(p[:, LENGTH].sum())
+        return _has_no_area(self.pieces)
 
     def _merge_pieces(self, ring: bool) -> _Parts:
         """Merge consecutive parts of a chain that belong to one piece."""

@@ -67,6 +67,7 @@ def prepare(
     """
     program = Program.from_path(program)
     check_process(program, process)
+    known = len(program.left_out)
     program = arrange_contours(program, process)
     departing_rapids = find_departing_rapids(program.moves)
     output_states = OutputStates(program.moves, process)
@@ -92,7 +93,7 @@ def prepare(
     if process.leads:
         from armcontour.program.leads import LeadPlacement
 
-        placement = LeadPlacement(drawn, process)
+        placement = LeadPlacement(drawn, process, program.left_out[known:])
     program = replace(program, moves=tuple(moves))
     program, run_in = resume_program(program, process)
     count = 0 if lengths is None else len(lengths)
