@@ -89,7 +89,8 @@ def test_uneven_but_complete_logs_have_no_gaps(seed):
         assert checked(t + 1.7e9, q).gaps == (), name
     # Written when a joint has moved by 1 mrad: long intervals while the joints are slow.
     fine = np.linspace(0, 4, 400_001)
-    level = np.round(np.abs(np.diff(motion(fine), axis=0)).sum(axis=1).cumsum() / 1e-3 + rng.random())
+    moved = np.abs(np.diff(motion(fine), axis=0)).sum(axis=1).cumsum()
+    level = np.round(moved / 1e-3 + rng.random())
     events = fine[1:][np.diff(level, prepend=level[0]) > 0]
     events = np.sort(events + rng.uniform(0, 2e-4, len(events)))
     check = checked(events)

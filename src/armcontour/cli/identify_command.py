@@ -28,7 +28,9 @@ from armcontour.files import ResultFolder
 from armcontour.files.limits_and_servo_files import servo_yaml
 from armcontour.files.log_file import log_text, read_log
 from armcontour.motion import Log
+from armcontour.motion.log import arrange_joints
 from armcontour.report.identification import render_identification
+from armcontour.robot import Arm
 
 # Exit code: every joint has a valid model and the compensation is trusted.
 DONE = 0
@@ -54,8 +56,8 @@ def identify(options: Identify, folder: ResultFolder | None, progress: ProgressD
         from armcontour.cli.check_command import named_arm
 
         arm = named_arm(options.arm)
-    unseen = [_read(log, options) for log in options.validate or []]
-    samples = [_read(log, options) for log in options.logs]
+    unseen = [_read(log, options, arm) for log in options.validate or []]
+    samples = [_read(log, options, arm) for log in options.logs]
     fit = identification.identify(samples, replace(fitting, kinematics=arm), progress=progress)
     validated = [fit.predict(log) for log in unseen]
     printed = validated or [fit.predict(log) for log in fit.logs if arm is not None]
@@ -104,10 +106,12 @@ def _identify_robot(
     return _outcome(result.fit, folder, result.logs, [result.prediction.to_data(job.arm)])
 
 
-def _read(log: FilePath, options: Identify) -> Log:
-    """Read a log, and print its notes."""
+def _read(log: FilePath, options: Identify, arm: Arm | None) -> Log:
+    """Read a log with its joints in the order of an arm, and print its notes."""
     start, end = read_window(options.start, options.end)
     content = read_log(log, start=start, end=end, columns=options.columns)
+    if arm is not None:
+        content = arrange_joints(content, arm.joint_names)
     print_lines(*(f"Note: {x}" for x in content.notes), err=True)
     return content
 

@@ -32,6 +32,8 @@ _BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>(?!\d*[\])])[^\])]*)[\])]
 # A unit must contain one of these to be a unit of angle. pint alone would accept "1/s" as "rad/s",
 # because it treats angles as plain numbers.
 _ANGLE = re.compile("rad|deg|turn|rev|rpm")
+# Titles of two columns with the seconds and nanoseconds of one time, as in ROS.
+_SECONDS = re.compile(r"(?P<name>(?:.*[._/])?)secs? (?P=name)(?:nanosec|nsecs?)")
 # Title of a column that is ignored.
 SKIPPED = "-"
 # Wildcards of `rename`, and their regular expressions.
@@ -115,6 +117,8 @@ class CsvTable(Generic[Key]):
     # Recognized columns by quantity, in the order of the file
     columns: Mapping[Key, CsvColumn]
     unknown: tuple[str, ...]  # Titles of the other columns
+    # Titles of all columns in the file; without titles in it, those of `read_table`
+    titles: tuple[str, ...]
     separator: str  # Separator between cells
     width: int  # Number of columns
     lines: list[str]  # Lines of the rows, without blank lines and comments
@@ -135,7 +139,7 @@ class CsvTable(Generic[Key]):
 
     def suggest(self, *names: str) -> str:
         """Text of the option that renames unknown columns to `names` (q1 for q#), for messages."""
-        titles = dict.fromkeys(title_pattern(x) for x in self.unknown)
+        titles = dict.fromkeys(title_pattern(x) for x in self._numeric())
         pairs = []
         for name in map(title_pattern, names):
             alike = [x for x in titles if ("#" in x) == ("#" in name)]
@@ -145,9 +149,19 @@ class CsvTable(Generic[Key]):
             pairs.append(f"{name} [{unit['unit']}]={old}" if unit else f"{name}={old}")
         return f"{self.option} '{','.join(pairs)}'"
 
+    def _numeric(self) -> list[str]:
+        """Titles of the unknown columns with a number in the first row."""
+        unknown = [x for x in self.unknown if x]
+        first = dict(zip(self.titles, self.first_cells(), strict=False))
+        return [x for x in unknown if NUMBER.fullmatch(first.get(x, "0").replace(",", "."))]
+
     def rename(self, new: str, old: str) -> str:
         """Text of the option that renames a column, for messages."""
         return f"{self.option} '{new}={old}'"
+
+    def file_title(self, key: Key) -> str:
+        """Title in the file of the column of a quantity, for messages with the option."""
+        return self.titles[self.columns[key].index]
 
     def place(self, row: int, *keys: Key) -> str:
         """Text for messages: the file, the line of a row, and the titles of the given columns."""
@@ -169,6 +183,10 @@ class CsvTable(Generic[Key]):
                 index=row,
             )
         return cells
+
+    def first_cells(self) -> list[str]:
+        """Cells of the first row, also if their number is wrong; empty without rows."""
+        return _split_any(self.lines[0], self.separator) if self.lines else []
 
     def cell(self, row: int, key: Key) -> str:
         """Text of the cell in a row and the column of a quantity."""
@@ -234,8 +252,12 @@ def read_table(
     example: str,
     columns: str | None,
     option: str,
+    untitled: Callable[[Sequence[str]], list[str] | None] = lambda cells: None,
 ) -> CsvTable[Key]:
-    """Read a table from CSV text with commas, semicolons, tabs or blanks between cells."""
+    """Read a table from CSV text with commas, semicolons, tabs or blanks between cells.
+
+    `untitled` returns the titles of a row of a known format without titles; None for other rows.
+    """
     # Lines that start with #, and lines above the titles, are comments. The unit of a column is in
     # brackets after the title, `q1 [deg]`. Numbers may have a decimal comma if the separator is not
     # a comma or if they are quoted.
@@ -258,6 +280,11 @@ def read_table(
     titles = _split_any(first, separator)
     named = 1
     heading = f"{source}, line {header}"
+    known = untitled(titles)
+    if known is not None:
+        named = 0
+        titles = known
+    in_file = titles
     if names is not None:
         if len(names) != len(titles):
             raise InvalidInput(
@@ -265,11 +292,18 @@ def read_table(
                 f"names. Name all columns in their order; the name {SKIPPED} ignores a column."
             )
         # The specified names replace the titles in the file.
-        named = not any(map(NUMBER.fullmatch, titles))
+        named = int(known is None and not any(map(NUMBER.fullmatch, titles)))
+        in_file = titles if named or known else names
         titles = [x.strip() for x in names]
         heading = f"{source}, {option}"
     if columns is not None and names is None:
         titles = list(rename(titles, columns, source))
+    lines_of_rows = [line for _, line in numbered[named:]]
+    seconds = _find_seconds(titles)
+    if seconds is not None:
+        lines_of_rows = [_join_seconds(x, separator, seconds) for x in lines_of_rows]
+        titles = [*titles[:seconds], "t [s]", *titles[seconds + 2 :]]
+        in_file = [*in_file[:seconds], "t [s]", *in_file[seconds + 2 :]]
     recognised, unknown = _read_titles(titles, title_of, heading, example, option)
     return CsvTable(
         source=source,
@@ -278,12 +312,30 @@ def read_table(
         option=option,
         columns=recognised,
         unknown=unknown,
+        titles=tuple(in_file),
         separator=separator,
         width=len(titles),
-        lines=[line for _, line in numbered[named:]],
+        lines=lines_of_rows,
         numbers=[number for number, _ in numbered[named:]],
         comments=[x.strip() for x in lines if x.lstrip()[:1] == "#"],
     )
+
+
+def _find_seconds(titles: Sequence[str]) -> int | None:
+    """Index of a column of seconds that is followed by its nanoseconds; None without one."""
+    pairs = zip(titles, titles[1:], strict=False)
+    found = (i for i, (x, y) in enumerate(pairs) if _SECONDS.fullmatch(f"{x} {y}"))
+    return next(found, None)
+
+
+def _join_seconds(line: str, separator: str, index: int) -> str:
+    """A row in which seconds and the nanoseconds after them are one decimal number."""
+    cells = line.split(separator, index + 2)
+    if len(cells) < index + 2 or not cells[index + 1].strip().isdigit():
+        # The check of the width or of the number raises the error.
+        return line
+    time = f"{cells[index].strip()}.{cells[index + 1].strip():0>9}"
+    return separator.join([*cells[:index], time, *cells[index + 2 :]])
 
 
 def _find_titles(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
@@ -362,7 +414,7 @@ def _read_titles(
     option: str,
 ) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
     """Recognized columns by quantity, in the order of the file, and titles of other columns."""
-    if all(map(NUMBER.fullmatch, titles)):
+    if len(titles) > 1 and all(map(NUMBER.fullmatch, titles[:2])):
         raise InvalidInput(
             f"{location}: the first line must name the columns, such as {example}. If the file has "
             f"no such line, name the columns ({option})."

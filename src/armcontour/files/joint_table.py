@@ -26,7 +26,7 @@ from armcontour.motion.log_checks import (
 )
 
 # Titles of the named formats: quantity, role, rank, and pattern; # is the number of the joint. The
-# lowest rank is used if several columns have one quantity.
+# lowest rank is used if several columns have one quantity. Times with a rank are in ns.
 FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
     # armcontour's own files, and what `play` writes
     "armcontour": (
@@ -53,6 +53,19 @@ FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
         ("q", "measured", 1, r".*/actual/positions\[#\]"),
         ("q", "measured", 2, r".*/joint_states/(.+)/position"),
         ("dq", "measured", 2, r".*/joint_states/(.+)/velocity"),
+    ),
+    # `rostopic echo -p` of JointState and of the state of a controller; times are integers
+    "rostopic echo -p": (
+        ("t", "", 1, r"field\.header\.stamp"),
+        ("t", "", 2, r"%time"),
+        ("q", "command", 0, r"field\.desired\.positions#"),
+        ("q", "measured", 0, r"field\.(?:position|actual\.positions)#"),
+        ("dq", "measured", 0, r"field\.(?:velocity|actual\.velocities)#"),
+    ),
+    # `ros2 topic echo --csv` of JointState, with the titles of `joint_state_titles`
+    "ros2 topic echo --csv": (
+        ("q", "measured", 0, r"position\[#\]"),
+        ("dq", "measured", 0, r"velocity\[#\]"),
     ),
     "RSI of KUKA": (
         ("t", "", 0, r"IPOC"),
@@ -111,7 +124,7 @@ def read_joint_title(name: str, joint_names: Sequence[str] = ()) -> Title[Key] |
         if match is None:
             continue
         if kind == "t":
-            return Title(TIME, "s")
+            return Title(TIME, "s", unit="ns" if rank else None, rank=rank)
         joint = next(x for x in match.groups() if x is not None)
         joint = (joint.lstrip("0") or "0") if joint.isdigit() else joint
         return Title(Key(kind, role, joint), SI[kind], rank=rank)

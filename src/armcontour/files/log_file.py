@@ -26,6 +26,7 @@ from armcontour.files.joint_table import (
     read_joint_title,
     read_samples,
 )
+from armcontour.files.ros_table import joint_state_titles, name_joints
 from armcontour.motion.log import INTERPOLATIONS, Log, arrange_joints, cut_log
 
 if TYPE_CHECKING:
@@ -135,7 +136,9 @@ def _read_log(
         example=EXAMPLE,
         columns=columns,
         option="--columns",
+        untitled=joint_state_titles,
     )
+    table, naming = name_joints(table, joint_names)
     joints = {role: joints_of(table, "q", role) for role in ROLES}
     roles: tuple[str, ...] = ROLES
     if not commanded and joints["measured"] and not joints["command"]:
@@ -166,7 +169,7 @@ def _read_log(
         prismatic=tuple(slides),
         interpolation=_find_interpolation(table.comments),
         source=table.source,
-        notes=(*notes, *samples.notes),
+        notes=(*naming, *notes, *samples.notes),
     )
     return log, len(roles) > 1
 

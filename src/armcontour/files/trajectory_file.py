@@ -45,6 +45,7 @@ from armcontour.files.joint_table import (
     read_samples,
 )
 from armcontour.files.result_folder import SUMMARY, verify_file
+from armcontour.files.ros_table import joint_state_titles, name_joints
 from armcontour.motion import Samples, TimedEvent
 from armcontour.motion.log import match_joints, raise_other_joints
 from armcontour.robot import Limits
@@ -235,7 +236,16 @@ def parse_trajectory(
     """
     joint_names = checks.check_names("joint_names", joint_names)
     title_of = partial(read_joint_title, joint_names=joint_names)
-    table = read_table(text, source, title_of, example=EXAMPLE, columns=columns, option="--columns")
+    table = read_table(
+        text,
+        source,
+        title_of,
+        example=EXAMPLE,
+        columns=columns,
+        option="--columns",
+        untitled=joint_state_titles,
+    )
+    table, naming = name_joints(table, joint_names)
     keys, notes = _select_columns(table, joint_names)
     samples = read_samples(table, keys)
     arrays = {}
@@ -246,7 +256,10 @@ def parse_trajectory(
             arrays[kind] = samples.values[:, indices]
             factor = max(table.columns[keys[i]].factor for i in indices)
             resolution[kind] = factor * last_digit([samples.digits[i] for i in indices])
-    used = [table.columns[x] for x in keys if x.kind == "q"]
+    positions = [x for x in keys if x.kind == "q"]
+    used = [table.columns[x] for x in positions]
+    # The titles of numbered joints, the names of the others.
+    called = [table.columns[x].title if x.joint.isdigit() else x.joint for x in positions]
     spare = [
         x.title for key, x in table.columns.items() if key.kind in QUANTITIES and key not in keys
     ]
@@ -255,10 +268,10 @@ def parse_trajectory(
         t=samples.t,
         **arrays,
         resolution=resolution,
-        joints=tuple(x.title for x in used),
+        joints=tuple(called),
         prismatic=tuple(None if x.unit is None else x.linear for x in used),
         left_out=(*(x for x in table.unknown if not x.lower().startswith(IGNORED)), *spare),
-        notes=(*notes, *samples.notes),
+        notes=(*naming, *notes, *samples.notes),
         lines=samples.lines,
     )
 
@@ -278,7 +291,7 @@ def _select_columns(
         joints = joints_of(table, "q", role)
         if joints and not joints[0].isdigit():
             if joint_names:
-                titles = [table.columns[Key("q", role, x)].title for x in joints]
+                titles = [table.file_title(Key("q", role, x)) for x in joints]
                 raise_other_joints(table.heading, joints, joint_names, titles)
         else:
             joints = _joint_numbers(table, role)
@@ -286,7 +299,7 @@ def _select_columns(
         notes.append(
             f"{table.source} has commands and measured positions. The measured positions are read. "
             "To read the commands instead, skip the measured positions (--columns "
-            f"'-={title_pattern(table.columns[Key('q', role, joints[0])].title)}')."
+            f"'-={title_pattern(table.file_title(Key('q', role, joints[0])))}')."
         )
     keys = [Key("q", role, x) for x in joints]
     for kind in ("dq", "ddq"):

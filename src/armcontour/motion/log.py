@@ -285,6 +285,11 @@ def _is_prefixed(long: str, short: str) -> bool:
     return not short.isdigit() and re.fullmatch(rf".*[_\W]{re.escape(short)}", long) is not None
 
 
+def is_same_joint(name: str, joint: str) -> bool:
+    """Return whether a name in a file is that of a joint, also with a prefix."""
+    return name == joint or _is_prefixed(name, joint)
+
+
 def raise_other_joints(
     source: str,
     names: Sequence[str],
@@ -311,15 +316,13 @@ def raise_other_joints(
 
 def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
     """Sort the joints of a log in the order of an arm, by equal names or names with a prefix."""
-    # If the names do not match but the number of joints does, the order remains unchanged.
+    # Numbered joints keep their order.
     names = log.joint_names
     source = log.source
     numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
     order = match_joints(names, joint_names, source)
     if order is None or (numbered and len(names) != len(joint_names)):
-        pairs = list(zip(names, joint_names, strict=False))
-        mixed = not numbered and any(x != y and x in joint_names for x, y in pairs)
-        if mixed or len(names) != len(joint_names):
+        if not numbered or len(names) != len(joint_names):
             raise_other_joints(source, names, joint_names, notes=log.notes)
         return log
     notes = []

@@ -22,6 +22,7 @@ from armcontour.core.sampled_data import subdivide
 from armcontour.core.text import count_noun, short_repr
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory, arm_of
+from armcontour.motion.log import match_joints
 from armcontour.motion.log_checks import check_samples
 from armcontour.program import Program
 from armcontour.robot import Arm, Limits, SerialArm, resolve_limits
@@ -43,8 +44,8 @@ from armcontour.verification.limit_verdict import (
     record_law,
     shift_use,
 )
-from armcontour.verification.sample_gaps import SampleGap, find_gaps
 from armcontour.verification.sample_check import SampledMotion, record_samples
+from armcontour.verification.sample_gaps import SampleGap, find_gaps
 
 # Error bound of computed numbers, in units of the last binary digit.
 ULPS = 4
@@ -348,6 +349,7 @@ def check(
         if _is_law(motion):
             judged = _judge_law(motion, tally, points, seed, velocity_step)
         else:
+            _check_joint_order(motion, arm)
             motion = _check_samples(motion, arm.dof, resolution)
             judged = _judge_log(motion, tally)
         whole = whole or judged
@@ -537,6 +539,18 @@ def _reconstruction(log: SampledMotion) -> str:
         "that every motion through the samples must reach are checked, so peaks between samples "
         f"may be higher.{cubic if log.dq is not None else ''}"
     )
+
+
+def _check_joint_order(samples: Any, arm: Arm) -> None:
+    """Raise InvalidInput if samples with the names of the arm's joints have them in other order."""
+    joints = tuple(getattr(samples, "joints", ()))
+    order = match_joints(joints, arm.joint_names, getattr(samples, "source", "The trajectory"))
+    if order is not None and order != list(range(len(joints))):
+        raise InvalidInput(
+            f"The samples have the joints {', '.join(joints)}, but {arm.name} has "
+            f"{', '.join(arm.joint_names)}. Read the file with the joint names of the arm, such as "
+            "read_trajectory(file, arm.joint_names)."
+        )
 
 
 def _check_samples(

@@ -100,6 +100,31 @@ def test_the_judged_contour_error_is_that_of_the_tool(good):
         ac.identify(robot_log(1), ac.ServoFit(kinematics=ac.load_arm("ur5e")))
 
 
+def test_joints_of_a_log_are_sorted_by_their_names():
+    arm = ac.load_arm("pmk3s")
+    logs = [robot_log(1), robot_log(2)]
+    turned = [
+        dataclasses.replace(
+            x,
+            command=x.command[:, ::-1],
+            measured=x.measured[:, ::-1],
+            joint_names=arm.joint_names[::-1],
+        )
+        for x in logs
+    ]
+    options = ac.ServoFit(kinematics=arm)
+    fit = ac.identify(turned, options)
+    expected = ac.identify(logs, options)
+    assert [x.name for x in fit.joints] == list(arm.joint_names)
+    assert [x.servo for x in fit.joints] == [x.servo for x in expected.joints]
+    np.testing.assert_array_equal(
+        fit.predict(turned[0]).positions, expected.predict(logs[0]).positions
+    )
+    named = dataclasses.replace(logs[0], joint_names=("a", "b"))
+    with pytest.raises(ac.InvalidInput, match="'a', 'b'"):
+        ac.identify(named, options)
+
+
 def test_positions_of_a_log_out_of_the_joint_range_are_refused():
     log = robot_log(1)
     limits = ac.Limits(joint_lower=[-3.0] * 2, joint_upper=[3.0] * 2)

@@ -25,7 +25,7 @@ from armcontour.core.quantities import shared_unit
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
-from armcontour.motion.log import Log
+from armcontour.motion.log import Log, arrange_joints
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import TRUSTED
@@ -305,7 +305,8 @@ class Identification(Result, Frozen):
             log: A log of the same joints, also one that was not used for the identification.
 
         The constant offset between command and measurement, and the position and velocity at the
-        start of the log, are fitted. Joints without a model follow their commands.
+        start of the log, are fitted. Joints without a model follow their commands. Joints with the
+        names of the identified ones are sorted in their order.
 
         Raises:
             InvalidInput: The log has other joints.
@@ -315,6 +316,9 @@ class Identification(Result, Frozen):
                 f"{log.source} has {log.dof} joints, but {self.source} has {len(self.joints)}. "
                 "Specify a log of the same joints."
             )
+        names = [x.name for x in self.joints]
+        if set(names) == set(log.joint_names):
+            log = arrange_joints(log, names)
         positions = log.command.copy()
         used = np.full(log.command.shape, False)
         for j, joint in enumerate(self.joints):

@@ -42,7 +42,14 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Choice, Interval, Quantity, linear_unit
 from armcontour.core.sampled_data import interpolate, white_noise
 from armcontour.core.text import show
-from armcontour.motion.log import FEWEST, INTERPOLATIONS, Log, renew_positions, with_units_of
+from armcontour.motion.log import (
+    FEWEST,
+    INTERPOLATIONS,
+    Log,
+    arrange_joints,
+    renew_positions,
+    with_units_of,
+)
 from armcontour.motion.log_checks import check_interval, check_range_of_log, check_speeds
 from armcontour.robot import Arm
 from armcontour.robot.servo.model import TRUSTED
@@ -404,10 +411,12 @@ def identify(
     )
     for log in originals:
         check_interval(log.source, log.t)
+    arm = options.kinematics
+    if arm is not None:
+        originals = tuple(_with_joints_of(x, arm) for x in originals)
     pairs = [renew_positions(x) for x in originals]
     every = tuple(x for x, _ in pairs)
     first = every[0]
-    arm = options.kinematics
     for log in every[1:]:
         if log.joint_names != first.joint_names:
             raise InvalidInput(
@@ -415,13 +424,6 @@ def identify(
                 f"{show(str(first.joint_names))} in {first.source} and "
                 f"{show(str(log.joint_names))} in {log.source}."
             )
-    if arm is not None and arm.dof != first.dof:
-        raise InvalidInput(
-            f"{first.source} has {first.dof} joints, but the arm {arm.name} has {arm.dof}. Specify "
-            "the arm with which the log was recorded."
-        )
-    if arm is not None:
-        every = tuple(with_units_of(x, arm) for x in every)
     interpolation = choose_interpolation(every, options.interpolation)
     for log in every:
         if arm is not None:
@@ -447,6 +449,16 @@ def identify(
         judgement=judgement,
         repeats=tuple(chain.from_iterable(x for _, x in pairs)),
     )
+
+
+def _with_joints_of(log: Log, arm: Arm) -> Log:
+    """The log with the joints of an arm in their order, and with their units."""
+    if log.dof < arm.dof:
+        raise InvalidInput(
+            f"{log.source} has {log.dof} joints, but the arm {arm.name} has {arm.dof}. Specify the "
+            "arm with which the log was recorded."
+        )
+    return with_units_of(arrange_joints(log, arm.joint_names), arm)
 
 
 def identify_joint(

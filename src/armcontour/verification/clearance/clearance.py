@@ -252,8 +252,8 @@ class Clearance(Result):
         also = f" (also {list_some([x.second for x in others], 5)})" if others else ""
         return (
             f"{lowest.second} goes {number(-lowest.high, 'm')} below the base of the arm, at t = "
-            f"{clock(lowest.t)} s{also}. Specify the height of the floor or table as scene.floor, or "
-            "none if there is no floor."
+            f"{clock(lowest.t)} s{also}. Specify the height of the floor or table as scene.floor, "
+            "or none if there is no floor."
         )
 
 
