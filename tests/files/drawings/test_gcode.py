@@ -367,3 +367,16 @@ def test_any_bytes_are_read_or_refused_with_their_line():
             assert isinstance(program, Program)
             made += 1
     assert made > 30
+
+
+def test_modal_words_without_an_effect_are_noted():
+    plain = "G0 X0 Y0|G1 X10 F600|G1 Y10|M2"
+    drawn = read(plain)
+    program = read(f"G17 G20 G40 G49 G54 G80 G90 G94 G97|G8 G15 G69|G21|{plain}")
+    np.testing.assert_array_equal(program.path.vertices, drawn.path.vertices)
+    (note,) = program.notes
+    assert all(x in note for x in ("G97", "G8", "G15", "G69"))
+    stops = read(f"G61.1|{plain}")
+    assert (stops.path.tolerances == 0).all() and "G61.1" in stops.notes[0]
+    np.testing.assert_array_equal(stops.path.vertices, drawn.path.vertices)
+    refusals(read, [("G96 S100|G1 X1 F6", "G96"), ("G16|G1 X1 F6", "G16"), ("G68|G1 X1", "G68")])

@@ -266,7 +266,8 @@ WRONG = """
 <line x2="1" transform="turn(5)"/> => transform must be ... 'turn(5)'
 <line x2="1" transform="rotate(1 2)"/> => rotate must have 1 or 3 numbers, but has 2
 <path d="M0 0 L5 5" style=" fill : red; display:inline ;display : none !important"/> => hidden
-<use href="#none"/> => '#none', which is not an element of this file
+<use href="other.svg#a"/> => 'other.svg#a', which is not an element of this file
+<use href="#none"/> => no contour to follow ... refer to elements ... use
 <g id="a"><use href="#a"/></g> => refers back to this element
 <g id="a"><use href="#b"/></g><g id="b"><use href="#a"/></g> => refers back to this element
 """
@@ -518,3 +519,17 @@ def test_any_path_data_is_read_or_refused(d, points):
         read(body)
     except InvalidInput as error:
         assert "in line 1" in str(error)
+
+
+def test_a_reference_to_nothing_is_skipped_with_a_note():
+    rect = '<rect x="10" y="10" width="30" height="20"/>'
+    for dead in ('<use href="#gone" x="5"/>', '<use xlink:href="#gone"/>', "<use/>"):
+        for body in (
+            rect + dead,
+            f"<g>{dead}{rect}</g>",
+            f'<defs><g id="d">{dead}</g></defs>{rect}<use href="#d"/>',
+        ):
+            program = read(body)
+            np.testing.assert_array_equal(program.path.vertices, only(rect).vertices)
+            (note,) = program.notes
+            assert "use" in note

@@ -71,6 +71,7 @@ _STROKE = re.compile(r"(?<![\w-])stroke\s*:")
 NO_EFFECT = ("", "none", "inherit", "initial", "unset")
 _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
 HIDDEN = "Skipped because they are hidden"
+NO_TARGET = "Skipped because they refer to elements that the drawing does not have"
 # Maximum number of segments (a curve is one segment), which no drawing of contours exceeds.
 MAX_SEGMENTS = 500_000
 # Maximum number of elements drawn by reference; a file with more is malicious.
@@ -353,7 +354,8 @@ class SvgWalk(Walk):
     ) -> list[tuple[Element, _SvgInherited]]:
         """The elements that a container draws, each with its inherited properties."""
         if element.tag == "use":
-            return [self._resolve_use(element, inherited)]
+            used = self._resolve_use(element, inherited)
+            return [] if used is None else [used]
         inside = element.children
         if element.tag == "switch":
             conditions = {"requiredExtensions", "systemLanguage"}
@@ -362,14 +364,21 @@ class SvgWalk(Walk):
 
     def _resolve_use(
         self, element: Element, inherited: _SvgInherited
-    ) -> tuple[Element, _SvgInherited]:
-        """The element to which a use element refers, with its inherited properties."""
+    ) -> tuple[Element, _SvgInherited] | None:
+        """The element to which a use element refers, with its inherited properties.
+
+        None if the file has no such element, so that the use element draws nothing.
+        """
         reference = element.get("href") or element.get("xlink:href")
-        target = self._ids.get(reference[1:]) if reference.startswith("#") else None
-        if target is None:
+        if reference and not reference.startswith("#"):
             element.refuse(
-                f"the element refers to {reference[:60]!r}, which is not an element of this file"
+                f"the element refers to {reference[:60]!r}, which is not an element of this file. "
+                "Copy this element into the file"
             )
+        target = self._ids.get(reference[1:])
+        if target is None:
+            self.omit(NO_TARGET, element.name)
+            return None
         if target in inherited.targets:
             element.refuse(
                 f"the element refers to {reference[:60]!r}, which refers back to this element"

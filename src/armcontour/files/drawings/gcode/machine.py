@@ -238,8 +238,13 @@ class Machine:
                 self.absolute = code == codes.ABSOLUTE
             elif code in (codes.ARC_ABSOLUTE, codes.ARC_RELATIVE):
                 self.arc_absolute = code == codes.ARC_ABSOLUTE
-            elif code == codes.EXACT_PATH:
+            elif code in (codes.EXACT_PATH, codes.EXACT_STOP):
                 self.tolerance = 0.0
+                if code == codes.EXACT_STOP:
+                    self.notes.add_once(
+                        "G61.1, first in line {}, has the effect of G61: the tool stops at "
+                        "corners, but not where moves are tangent."
+                    )
             elif code == codes.BLEND:
                 block.drop("Q")
                 tolerance = block.words.pop("P", math.nan)

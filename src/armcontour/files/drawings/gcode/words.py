@@ -56,6 +56,7 @@ SHIFT = 920  # Set the current position, supported for the extruder only
 TOOL_LENGTH = 430
 SYSTEMS = (540, 550, 560, 570, 580, 590)
 EXACT_PATH = 610
+EXACT_STOP = 611
 BLEND = 640
 ABSOLUTE = 900  # Coordinates
 RELATIVE = 910  # Coordinates
@@ -77,8 +78,11 @@ G_GROUP: dict[int, str] = {
     **dict.fromkeys((TOOL_LENGTH, 490), "tool length"),
     **dict.fromkeys((980, 990), "return level"),
     **dict.fromkeys(SYSTEMS, "coordinate systems"),
-    **dict.fromkeys((EXACT_PATH, BLEND), "path control"),
+    **dict.fromkeys((EXACT_PATH, EXACT_STOP, BLEND), "path control"),
 }
+# Modal codes that cause no motion: diameters off (G8), polar coordinates off (G15), rotation off
+# (G69), and the spindle speed in revolutions per minute (G97).
+WITHOUT_MOTION = frozenset((80, 150, 690, 970))
 M_GROUP: dict[int, str] = {
     **dict.fromkeys((0, 1, 2, 30), "stopping"),
     **dict.fromkeys((3, 4, 5), "spindle"),
@@ -186,7 +190,7 @@ def _add(block: Block, letter: str, number: str, position: int, notes: Notes) ->
     if abs(value) > MAX_VALUE:
         raise Fault(f"the value of {text} is beyond the largest valid value, {MAX_VALUE:g}")
     if letter == "G":
-        _add_g(block, value, text)
+        _add_g(block, value, text, notes)
     elif letter == "M":
         if value < 0:
             raise unsupported(text)
@@ -207,8 +211,11 @@ def _is_left_out(code: float) -> bool:
     return code not in UNDERSTOOD_M
 
 
-def _add_g(block: Block, value: float, text: str) -> None:
+def _add_g(block: Block, value: float, text: str, notes: Notes) -> None:
     code = round(value * 10)
+    if code in WITHOUT_MOTION and abs(value * 10 - code) <= WHOLE_TOLERANCE:
+        notes.skip(g_name(code))
+        return
     if abs(value * 10 - code) > WHOLE_TOLERANCE or code not in G_GROUP:
         raise unsupported(text)
     if G_GROUP[code] == MOTION:
