@@ -1,5 +1,7 @@
 """CSV of ROS topics, whose cells name the joints in any order."""
 
+import re
+
 import numpy as np
 import pytest
 from tests.files.tables import parse_log, refusals
@@ -114,8 +116,13 @@ def test_other_names_are_refused_with_a_remedy_that_works():
     others = [f"a{k + 1}" for k in range(6)]
     for order in ORDERS:
         text = ros2(order, names=others)
-        with pytest.raises(InvalidInput, match=r"6 joints.*'shoulder_pan_joint=position\[\d\]'"):
+        with pytest.raises(InvalidInput, match=r"6 joints.*'shoulder_pan_joint=NAME,.*position\[0"):
             parse_trajectory(text, NAMES)
+        one = [*NAMES[:5], "a6"]
+        with pytest.raises(InvalidInput, match=r"'wrist_3_joint=position\[\d\]'") as refused:
+            parse_trajectory(ros2(order, names=one), NAMES)
+        columns = re.search(r"--columns '(.*?)'", str(refused.value))[1]
+        check_positions(parse_trajectory(ros2(order, names=one), NAMES, columns=columns))
         columns = ",".join(f"{NAMES[k]}=position[{i}]" for i, k in enumerate(order))
         read = parse_trajectory(text, NAMES, columns=columns)
         check_positions(read)
@@ -132,6 +139,30 @@ def test_other_names_are_refused_with_a_remedy_that_works():
             ((ros2(ORDERS[1], names=twice), None), "both are of the joint 'shoulder_pan_joint'"),
         ],
     )
+
+
+def test_of_two_arms_one_is_selected():
+    """Both arms in one message, as two publishers of a cell are often merged."""
+    rows = []
+    left, right = (ros2(ORDERS[0], [f"{side}_{x}" for x in NAMES]) for side in ("left", "right"))
+    for a, b in zip(left.splitlines(), right.splitlines(), strict=True):
+        a, b = a.split(","), b.split(",")
+        cells = a[:3]
+        for k in range(3, 27, 6):
+            cells += [*a[k : k + 6], *b[k : k + 6]]
+        rows.append(",".join(cells))
+    text = "\n".join(rows)
+    with pytest.raises(InvalidInput, match="can both be the joint") as refused:
+        parse_trajectory(text, NAMES)
+    columns = str(refused.value).split("'")[-2]
+    check_positions(parse_trajectory(text, NAMES, columns=columns))
+
+
+def test_texts_that_are_not_names_of_joints_are_ignored():
+    lines = table(ORDERS[1]).splitlines()
+    rows = [f"{x.split(',')[0]},ur5e,{','.join(x.split(',')[7:])}" for x in lines]
+    rows[0] = rows[0].replace("ur5e", "name1")
+    check_positions(parse_trajectory("\n".join(rows), NAMES), 0.0)
 
 
 def test_messages_without_titles_name_the_option():

@@ -193,12 +193,14 @@ def _pair_joints(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[li
     if not pairs:
         key = single[0]
         other, name = ("measured", "q") if key.role == "command" else ("command", "u")
+        renaming = table.suggest(name + key.joint)
         if not key.joint.isdigit():
             name = f"{other} "
+            renaming = f"{table.option} '{name}{key.joint}=NAME'"
         raise InvalidInput(
             f"{table.heading}: there is no {other} column for the same joint as the column "
             f"{show(table.columns[key].title)}. Name a column {name}{key.joint} (or rename it with "
-            f"{table.suggest(name + key.joint)})."
+            f"{renaming})."
         )
     notes = []
     for role, other in (ROLES, ROLES[::-1]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -78,6 +79,7 @@ def name_joints(
                 own = key._replace(joint=given.get(name, name))
                 _refuse_same_joint(table, own, assigned.get(own), table.columns[key])
                 assigned[own] = table.columns[key]
+    _refuse_two_arms(table, assigned, joint_names)
     used = [table.titles[i] for i in columns]
     unknown = tuple(x for x in table.unknown if x not in used)
     listed = list_some(list(names.values()), MAX_NAMED)
@@ -110,6 +112,25 @@ def _refuse_same_joint(
         )
 
 
+def _refuse_two_arms(
+    table: CsvTable[Key], columns: Mapping[Key, CsvColumn], joint_names: Sequence[str]
+) -> None:
+    """Raise InvalidInput if two joints of the file, with prefixes, can be a joint of the arm."""
+    positions = {x: y for x, y in columns.items() if x.kind == "q"}
+    names = list(dict.fromkeys(x.joint for x in positions))
+    for joint in joint_names:
+        alike = [x for x in names if is_same_joint(x, joint)]
+        if joint in alike or len(alike) < 2:
+            continue
+        prefix = alike[1].removesuffix(joint)
+        others = [y.index for x, y in positions.items() if x.joint.startswith(prefix)]
+        ignored = ",".join(f"-={table.titles[i]}" for i in others)
+        raise InvalidInput(
+            f"{table.heading}: {show(alike[0])} and {show(alike[1])} can both be the joint {joint} "
+            f"of the arm. Ignore the positions of one arm, such as {table.option} '{ignored}'."
+        )
+
+
 def _name_columns(table: CsvTable[Key], joint_names: Sequence[str]) -> list[int]:
     """Indices of the columns with names of joints."""
     used = {x.index for x in table.columns.values()}
@@ -120,7 +141,10 @@ def _name_columns(table: CsvTable[Key], joint_names: Sequence[str]) -> list[int]
     spare = [i for i, x in enumerate(first) if i not in used and x and not _is_number(x)]
     titled = [i for i in spare if _NAME_TITLE.fullmatch(table.titles[i])]
     known = [i for i in spare if any(is_same_joint(first[i], x) for x in joint_names)]
-    return titled or known
+    sizes = Counter((x.kind, x.role) for x in table.columns if x.kind == "q")
+    # Other texts than names of joints can have such a title.
+    is_complete = len(titled) >= min(sizes.values(), default=0)
+    return titled if titled and (known or is_complete) else known
 
 
 def _constant_names(table: CsvTable[Key], columns: Sequence[int]) -> dict[int, str]:

@@ -305,8 +305,13 @@ def raise_other_joints(
         fix = "Name the joints in the file like those of the arm"
         missing = [x for x in joint_names if x not in names]
         spare = [title for x, title in zip(names, titles, strict=False) if x not in joint_names]
-        if missing and spare:
+        if len(missing) == len(spare) == 1:
             fix = f"{fix} (for example with --columns '{missing[0]}={spare[0]}')"
+        elif missing and spare:
+            # Only the user knows which of them belong together.
+            pairs = ",".join(f"{x}=NAME" for x in missing[:MAX_NAMED])
+            names_left = list_some([show(x) for x in spare], MAX_NAMED)
+            fix = f"{fix} (with --columns '{pairs}', where each NAME is one of {names_left})"
     sentence = (
         f"{source} has {count_noun(len(names), 'joint')} ({have}), but the arm has "
         f"{len(joint_names)} ({arm}). {fix}, or specify the arm of the file (--arm)."
