@@ -128,6 +128,12 @@ def test_times_name_the_sample(origin, step):
     assert 36 <= (shown - origin) / step <= 38
 
 
+def test_points_of_a_plan_have_any_distance():
+    t = without(WHOLE, (0.5, 0.9))
+    points = Samples(t=t, q=motion(t), is_plan=True)
+    assert ac.check(points, ARM, LIMITS).verdict == "kept"
+
+
 def test_a_gap_in_a_file_has_its_line():
     t = without(WHOLE, (0.5, 0.9))
     rows = [f"{x:.3f},{a:.9f},{b:.9f}" for x, (a, b) in zip(t, motion(t), strict=True)]

@@ -151,6 +151,8 @@ class TrajectoryFile(Frozen):
     left_out: tuple[str, ...] = ()  # Titles of columns that are not used
     notes: tuple[str, ...] = ()  # Notes on recognized and ignored content of the file
     lines: IntArray | None = None  # Line of each sample in the file, (n,); None in YAML
+    # True for the points of a JointTrajectory, which have any distance; false for samples
+    is_plan: bool = False
 
     @property
     def straight(self) -> Trajectory:

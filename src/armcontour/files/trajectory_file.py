@@ -176,6 +176,7 @@ def _join_points(
         t=times[kept],
         **tidied,
         resolution={"t": NANOSECOND, **{key: _last_digit(x) for key, x in arrays.items()}},
+        is_plan=True,
         notes=notes,
     )
 

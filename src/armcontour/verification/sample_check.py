@@ -47,6 +47,7 @@ class SampledMotion:
     errors: tuple[FloatArray, FloatArray, FloatArray]
     t_error: FloatArray  # Bound on the error of every time [s], (n,)
     clock: float  # Bound on the common relative error of all times
+    is_plan: bool = False  # True for points of a plan, between which no samples are missing
     lines: IntArray | None = None  # Lines of the samples in their file, (n,); None without a file
 
     def spans(self, k: int = 1) -> Column:

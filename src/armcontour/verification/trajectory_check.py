@@ -459,7 +459,7 @@ def _judge_log(log: SampledMotion, tally: LimitUseAccumulator) -> dict[str, Any]
         "end": float(log.t[-1]),
         **_fastest(tally.arm, _end_speeds(log, tally.limits)),
         "rounding": rounding,
-        "gaps": find_gaps(log.t, log.q, log.errors[0], log.lines),
+        "gaps": () if log.is_plan else find_gaps(log.t, log.q, log.errors[0], log.lines),
         "time_decimals": _time_decimals(log.t),
     }
 
@@ -610,6 +610,7 @@ def _check_samples(
         errors=(errors["q"], errors["dq"], errors["ddq"]),
         t_error=t_error,
         clock=clock,
+        is_plan=getattr(samples, "is_plan", False),
         lines=getattr(samples, "lines", None),
     )
 
