@@ -249,7 +249,7 @@ def parse_trajectory(
     table, naming = name_joints(table, joint_names)
     keys, notes = _select_columns(table, joint_names)
     samples = read_samples(table, keys)
-    arrays = {}
+    arrays: dict[str, Any] = {}
     resolution = {"t": samples.digit}
     for kind in QUANTITIES:
         indices = [i for i, key in enumerate(keys) if key.kind == kind]
