@@ -26,7 +26,7 @@ def agree(studio, judgement):
     error = judgement.judged.contour_error
     assert studio.figure("duration") == pytest.approx(judgement.trajectory.duration, abs=EXACT)
     assert studio.figure("contour_error.rms") == pytest.approx(error.rms, abs=EXACT)
-    deviation = (judgement.rounding_error or 0.0) + error.max
+    deviation = judgement.verdict.off_drawing
     assert studio.figure("off_drawing") == pytest.approx(deviation, abs=EXACT)
 
 

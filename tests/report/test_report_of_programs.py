@@ -201,13 +201,13 @@ def places_in(svg):
 def test_links_of_values_point_to_where_they_occur(study, result):
     drawing = draw_plan(result, study.job)
     place, _ = fitted(drawing.svg, result)
-    roundings = [getattr(x.path, "deviation", None) or 0.0 for x in result.path.contours]
-    sums = [x + e.max for x, e in zip(roundings, result.judged.contours, strict=True)]
-    s = result.judged.contours[int(np.argmax(sums))].s_max
+    worst = result.verdict.contour
+    s = result.judged.drawing_errors[worst].s_max - result.path.breaks[worst]
+    off = result.objective.contours[worst].path(s)
     slow = min(result.explanation.shortfalls, key=lambda x: x.speed / x.assigned)
-    for row, at in (("off_drawing", s), ("slowest", slow.s)):
-        k = int(np.searchsorted(result.path.breaks, at, side="right")) - 1
-        point = result.path.contours[k].path(at - result.path.breaks[k])
+    k = int(np.searchsorted(result.path.breaks, slow.s, side="right")) - 1
+    slowest = result.path.contours[k].path(slow.s - result.path.breaks[k])
+    for row, point in (("off_drawing", off), ("slowest", slowest)):
         away = place(point[None])[0] - places_in(drawing.svg)[drawing.places[row]]
         assert np.linalg.norm(away) < 1.0, row
 

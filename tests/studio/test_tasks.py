@@ -70,7 +70,7 @@ def test_the_results_of_a_task_equal_a_run_of_the_saved_job(name_of_job, request
         e = result.evaluation
         rows = {"duration": e.duration, "settled": e.settled}
         rows |= {f"contour_error.{x}": getattr(e.contour_error, x) for x in ("rms", "max")}
-        rows["off_drawing"] = e.contour_error.max + (result.rounding_error or 0.0)
+        rows["off_drawing"] = e.off_drawing
         rows["saturated"] = e.saturated.max()
         if result.clearance is not None:
             rows["clearance.low"] = result.clearance.low

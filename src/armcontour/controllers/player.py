@@ -25,7 +25,7 @@ from armcontour.jobs.rows import reason_of
 from armcontour.jobs.run_learning import measured_pieces
 from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.study import run
-from armcontour.jobs.verdict import judge
+from armcontour.jobs.verdict import Errors
 from armcontour.motion import JointPath, Log, SetPoints, Trajectory
 from armcontour.planning import plan, stop
 from armcontour.planning.timing_options import Optimal
@@ -557,10 +557,11 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
         pieces = measured_pieces(
             played.job, planned, planned.set_points.start_time + record.t, record.measured
         )
-        errors = [x.contour_error.max for x in pieces]
+        errors = Errors.of_pieces(pieces)
+        largest = max(errors.contour)
         note = f"simulated {number(planned.judged.contour_error.max, 'm')}"
-        rows.append(Row("contour_error.max", max(errors), "m", "contour error", note, FIRST))
-        verdict = judge(planned.run, planned.roundings, {"measured": errors})
+        rows.append(Row("contour_error.max", largest, "m", "contour error", note, FIRST))
+        verdict = planned.judge({"measured": errors})
         kept = verdict.kept is not False
         reason = reason_of(planned.run, verdict)
         j = int(joints[-1].argmax())

@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import IN_PLANE, Frame, Pose, angle_between
-from armcontour.core.quantities import Factor, Size, SpeedLimit, Tolerance
+from armcontour.core.quantities import Distance, Factor, Size, SpeedLimit, Tolerance
 from armcontour.core.text import short_repr
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate
@@ -52,6 +52,8 @@ class Path(Checked):
             all vertices. A spline has more vertices than points.
         orientation: Tool orientation along a path in space, or None; `oriented`, `pointing` and
             `following_tangent` set it.
+        smoothing: Largest distance by which the transitions of `smooth_curvature` changed the path
+            [m], an upper bound; 0 without them.
 
     Attributes:
         breaks: Arc lengths of the ends of the segments, from 0 [m], (n + 1,).
@@ -65,6 +67,7 @@ class Path(Checked):
     merged: tuple[int, ...] = ()
     waypoints: IntArray = field(default_factory=lambda: EVERY_VERTEX)
     orientation: Orientation | None = None
+    smoothing: Distance = 0.0
     breaks: FloatArray = field(init=False, repr=False)
 
     if TYPE_CHECKING:
@@ -76,6 +79,7 @@ class Path(Checked):
             merged: tuple[int, ...] = (),
             waypoints: IntArray = EVERY_VERTEX,
             orientation: Orientation | None = None,
+            smoothing: float = 0.0,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -319,7 +323,9 @@ class Path(Checked):
         if orientation is not None:
             orientation = orientation.place(frame.rotation, factor)
         segments = path.segments.place(frame.rotation[:d, :d], frame.position[:d], factor)
-        return path._plain(segments=segments, orientation=orientation)
+        return path._plain(
+            segments=segments, orientation=orientation, smoothing=factor * path.smoothing
+        )
 
     def lifted(self) -> Path:
         """A path in the plane as a path in space at z = 0; a path in space unchanged."""
@@ -341,6 +347,7 @@ class Path(Checked):
             segments=segments.replace(checked=True),
             waypoints=n - self.waypoints[::-1],
             orientation=None if self.orientation is None else self.orientation.reverse(),
+            smoothing=self.smoothing,
         )
 
     def joined(self, *others: Path) -> Path:
@@ -375,6 +382,7 @@ class Path(Checked):
             segments=Segments.join([x.segments for x in paths], checked=fits),
             waypoints=np.concatenate([*waypoints, before[-1:]]),
             orientation=Orientation.join(oriented, [x.length for x in paths]) if oriented else None,
+            smoothing=max(x.smoothing for x in paths),
         )
 
     def __add__(self, other: Path) -> Path:
@@ -639,7 +647,7 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
     if orientation is not None:
         orientation = orientation.cut(begin, float((u1 - u0).sum()), REPEATED_POINT)
     cut = path.segments.cut(i, u0, u1).replace(checked=True)
-    return Path(segments=cut, orientation=orientation)
+    return Path(segments=cut, orientation=orientation, smoothing=path.smoothing)
 
 
 def drop_z(path: Path) -> Path:

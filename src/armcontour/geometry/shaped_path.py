@@ -19,8 +19,13 @@ from armcontour.geometry.path import Path
 
 # Key of the duration of the shaped path in `ShapingOutcome.durations`.
 SHAPED = "shaped"
-# Number of evenly spaced points at which the distance from the objective is evaluated.
+# Number of evenly spaced points at which the distance from the objective is evaluated first, and
+# largest number of intervals that are halved then.
 PLACES = 15_000
+# Largest difference between the distance from the objective and its bound [m].
+RESOLUTION = 1e-8
+# Largest number of halvings of a piece for this bound.
+MAX_HALVINGS = 20
 # Names of the shapes from which a search starts: corners replaced by arcs, corners replaced by
 # parabolas, and the objective path, which stops at its corners.
 ARCS = "arcs"
@@ -117,10 +122,17 @@ class ShapedPath(Path):
 
     @cached_property
     def deviation(self) -> float:
-        """Largest distance from corresponding points of the objective, at 15,000 points [m]."""
-        s = np.union1d(np.linspace(0.0, self.length, PLACES), self.places[:, 1])
-        points = self.objective(np.interp(s, self.places[:, 1], self.places[:, 0]))
-        return float(np.linalg.norm(self(s) - points, axis=1).max())
+        """Upper bound of the distance between path and objective, in both directions [m].
+
+        It exceeds the distance by about 10 nm plus the distance of the arcs from the curve, unless
+        path and objective are nearly parallel over many points.
+        """
+        there = _bound_distance(self, self.objective, self.tolerance)
+        back = _bound_distance(self.objective, self, self.tolerance)
+        if self.curve is not None:
+            # Distances to this path are those to its lines and arcs.
+            back += float(self.curve.spreads.max())
+        return max(there, back)
 
     __repr__ = short_repr
 
@@ -154,6 +166,27 @@ class ShapedPath(Path):
             checks.floats("arc lengths", s, "m"), self.places[:, 0], self.places[:, 1]
         )
         return np.asarray(np.clip(arc_lengths, 0.0, self.length))
+
+
+def _bound_distance(path: Path, other: Path, proven: float) -> float:
+    """Upper bound of the distance of a path's points from another path [m].
+
+    The distance changes by at most the arc length. Between points whose arc lengths differ by h and
+    whose distances are a and b, it is therefore at most (a + b + h) / 2. Intervals that may have
+    the largest distance are halved. `proven` is a bound that is known already [m].
+    """
+    s = np.union1d(np.linspace(0.0, path.length, PLACES), path.breaks)
+    distance = other.project(path(s)).distance
+    for _ in range(MAX_HALVINGS):
+        bounds = (distance[:-1] + distance[1:] + np.diff(s)) / 2
+        high = np.flatnonzero(bounds > distance.max() + RESOLUTION)
+        if not len(high) or len(high) > PLACES or distance.max() > proven - RESOLUTION:
+            break
+        middle = (s[high] + s[high + 1]) / 2
+        s = np.insert(s, high + 1, middle)
+        distance = np.insert(distance, high + 1, other.project(path(middle)).distance)
+    bound = (distance[:-1] + distance[1:] + np.diff(s)) / 2
+    return float(max(distance.max(), min(bound.max(), proven)))
 
 
 def describe_unfinished(paths: Iterable[Path]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import floor, inf, log10
@@ -139,7 +139,7 @@ def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None
     """Plan and simulate a change; None if that is not possible."""
     try:
         planned = plan_one(candidate.job, candidate.run)
-        verdict = planned.judge(_contour_errors(candidate.job, planned))
+        verdict = planned.judge(_errors(candidate.job, planned))
     except ArmContourError:
         return None
     assert verdict.off_drawing is not None
@@ -155,19 +155,21 @@ def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None
     )
 
 
-def _contour_errors(job: Job, planned: RunResult) -> Errors:
-    """Largest contour error of each contour [m] in each execution that judges the run."""
+def _errors(job: Job, planned: RunResult) -> dict[str, Errors]:
+    """Largest errors in each execution that judges the run."""
     run = planned.run
-    errors = dict[str, Sequence[float]]()
+    errors = dict[str, Errors]()
     set_points = compute_set_points(job, run, planned.trajectory)
     for name, experiment in judging_executions(run).items():
         executed = simulate_experiment(job, run, set_points, experiment)
-        evaluation = evaluate(executed, planned.path, end_time=run.end_time)
-        errors[name] = [x.max for x in evaluation.contours]
+        evaluation = evaluate(
+            executed, planned.path, objective=planned.objective, end_time=run.end_time
+        )
+        errors[name] = Errors.of_evaluation(evaluation)
         if experiment is None and (
             expected := expect_errors(job, run, executed, planned.path, evaluation)
         ):
-            errors[EXPECTED] = expected.contours
+            errors[EXPECTED] = Errors(contour=expected.contours)
     return errors
 
 

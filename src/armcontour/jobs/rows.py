@@ -24,7 +24,7 @@ from armcontour.jobs.plan_quantities import (
     largest_tilt,
 )
 from armcontour.jobs.run_record import RunRecord
-from armcontour.jobs.verdict import BODIES, SERVO, Verdict
+from armcontour.jobs.verdict import BODIES, SERVO, Deviation, Verdict
 from armcontour.motion import Execution
 from armcontour.program import Contour, Program
 from armcontour.program.preparation import PIERCE
@@ -175,8 +175,10 @@ def worst_contour(run: Run, verdict: Verdict) -> Row:
     tolerance = None if run.rounding is None else run.rounding.tolerance
     # If an accuracy is specified, only the sum is limited, not the parts.
     free = run.accuracy is not None
+    assert verdict.off_drawing is not None
     row = off_drawing(
-        verdict.rounding,
+        verdict.off_drawing,
+        verdict.deviation,
         None if free else tolerance,
         verdict.errors,
         None if free else verdict.allowed,
@@ -189,26 +191,30 @@ def worst_contour(run: Run, verdict: Verdict) -> Row:
 
 
 def off_drawing(
-    rounding: float | None,
+    distance: float,
+    deviation: Deviation,
     tolerance: float | None,
     errors: Mapping[str, float],
     allowed: float | None = None,
     label: str = "off the drawing",
 ) -> Row:
-    """Row with the distance of the tool from the drawing: sum, and parts in the note.
+    """Row with the distance of the tool from the drawing [m], and its parts in the note.
 
-    `rounding` is the part due to corners and `errors` that due to each execution [m], `tolerance`
-    and `allowed` are their limits [m]. The largest error counts.
+    `deviation` is the part of the path, `errors` are the contour errors of each execution [m].
+    `tolerance` and `allowed` are the limits of rounding and contour errors [m].
     """
-    parts = [(name, error, allowed) for name, error in errors.items()]
-    if rounding is not None:
-        parts.insert(0, ("rounding", rounding, tolerance))
+    parts = list[tuple[str, float, float | None]]()
+    if deviation.rounding is not None:
+        parts.append(("rounding", deviation.rounding, tolerance))
+    if deviation.smoothing:
+        parts.append(("smoothing", deviation.smoothing, None))
+    parts += ((name, error, allowed) for name, error in errors.items())
     note = ", ".join(
         f"{name} {number(value, 'm')}"
         + ("" if limit is None else f" of {number(limit, 'm')} allowed")
         for name, value, limit in parts
     )
-    return Row("off_drawing", (rounding or 0.0) + max(errors.values()), "m", label, note, VERDICT)
+    return Row("off_drawing", distance, "m", label, note, VERDICT)
 
 
 def weave_speed(result: RunRecord) -> float | None:
@@ -365,6 +371,8 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
         yield from _program_rows(result)
     if result.rounding_error is not None:
         yield Row("corner_error", result.rounding_error, "m")
+    if result.smoothing_error:
+        yield Row("smoothing_error", result.smoothing_error, "m")
     yield Row("timing", run.timing.method, "", "timing")
     yield Row("compensation", run.compensation.method, "", "compensation")
     yield Row("cycle", run.cycle, "s")

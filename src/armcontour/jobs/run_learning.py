@@ -111,7 +111,7 @@ def measured_pieces(
         demand_range=still[:2],
         saturated_time=still[0],
     )
-    return pieces_of(executed, plan.path, None, plan.trajectory.duration)
+    return pieces_of(executed, plan.path, plan.objective, plan.trajectory.duration)
 
 
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, Self
@@ -21,7 +22,16 @@ from armcontour.jobs.plan_quantities import (
     stops_of_path,
     weavings,
 )
-from armcontour.jobs.verdict import BODIES, EXPECTED, SERVO, Errors, Verdict, judge, judging
+from armcontour.jobs.verdict import (
+    BODIES,
+    EXPECTED,
+    SERVO,
+    Deviation,
+    Errors,
+    Verdict,
+    judge,
+    judging,
+)
 from armcontour.motion import Execution, SetPoints, Trajectory, arm_of
 from armcontour.planning import Conventional, Explanation, Tracing
 from armcontour.program import Program
@@ -175,21 +185,22 @@ class RunRecord:
         """The verdict on the run."""
         return self.judge(self.errors)
 
-    def judge(self, errors: Errors | None) -> Verdict:
+    def judge(self, errors: Mapping[str, Errors] | None) -> Verdict:
         """Return the verdict on other simulated errors of this plan; None without an execution."""
-        return judge(self.run, self.roundings, errors, failed=self.failure is not None)
+        return judge(self.run, self.deviations, errors, failed=self.failure is not None)
 
     @property
-    def roundings(self) -> list[float | None]:
-        """Distance of each contour from the objective [m]; None if its corners are as drawn."""
-        return [getattr(x.path, "deviation", None) for x in self.path.contours]
+    def deviations(self) -> list[Deviation]:
+        """Deviation of each contour of the path from the drawing."""
+        pairs = zip(self.path.contours, self.objective.contours, strict=True)
+        return [Deviation.of_path(x.path, drawn.path) for x, drawn in pairs]
 
     @property
-    def errors(self) -> Errors | None:
-        """Largest error of each contour [m] in each execution; None without a simulation."""
-        errors = {name: [x.max for x in e.contours] for name, e in self.evaluations.items()}
+    def errors(self) -> dict[str, Errors] | None:
+        """Largest errors in each execution; None without a simulation."""
+        errors = {name: Errors.of_evaluation(x) for name, x in self.evaluations.items()}
         if self.expected is not None:
-            errors[EXPECTED] = [*self.expected.contours]
+            errors[EXPECTED] = Errors(contour=self.expected.contours)
         return errors or None
 
     @property
@@ -223,8 +234,20 @@ class RunRecord:
 
     @property
     def rounding_error(self) -> float | None:
-        """Largest distance of the path from the objective [m]; None if corners are as drawn."""
-        return max((x for x in self.roundings if x is not None), default=None)
+        """Largest rounding error of the path [m]; None if corners are as drawn."""
+        return max((x.rounding for x in self.deviations if x.rounding is not None), default=None)
+
+    @property
+    def smoothing_error(self) -> float:
+        """Largest distance by which transitions for jerk limits changed the path [m]."""
+        return max((x.smoothing for x in self.deviations), default=0.0)
+
+    @property
+    def allowed_distance(self) -> float | None:
+        """Distance between tool and drawing that the run allows [m]; None if nothing limits it."""
+        if self.run.accuracy is not None or self.tolerance is None:
+            return self.run.accuracy
+        return self.tolerance + self.smoothing_error + (self.verdict.allowed or 0.0)
 
     @property
     def tolerance(self) -> float | None:

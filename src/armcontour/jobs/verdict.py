@@ -9,7 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, TypeVar
 
+from armcontour.geometry import Path
 from armcontour.jobs.job import Experiment, Run
+from armcontour.verification import Evaluation
+from armcontour.verification.contour_errors import ContourExecution
 
 T = TypeVar("T")
 # Names of the executions with the servo model, on rigid bodies (the experiment) and on the robot
@@ -17,13 +20,80 @@ T = TypeVar("T")
 SERVO = "servo"
 BODIES = "rigid bodies"
 EXPECTED = "expected"
-# The largest error of each contour [m] by name of the execution.
-Errors: TypeAlias = Mapping[str, Sequence[float]]
 Requirement: TypeAlias = Literal["", "motion", "corners", "accuracy", "contour error"]
 # Default of the allowed contour error, as a fraction of the smallest corner tolerance.
 DEFAULT_ACCURACY = 0.1
 # Relative excess of a limit that is ignored as a rounding error.
 ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deviation:
+    """Upper bounds of the distance between a contour of the path and the drawing.
+
+    The drawing is the objective: the program with kerf, leads and weaves, before corners are
+    rounded.
+
+    Args:
+        rounding: Rounding error of the corners, or deviation of a shaped path [m]; None if the
+            corners are as drawn.
+        smoothing: Distance by which transitions for jerk limits changed the path [m].
+    """
+
+    rounding: float | None
+    smoothing: float = 0.0
+
+    @classmethod
+    def of_path(cls, path: Path, objective: Path) -> Deviation:
+        """Return the deviation of a path from the objective path of which it was made."""
+        rounding = getattr(path, "deviation", None)
+        if path.segments is objective.segments:
+            return cls(rounding=None if rounding is None else 0.0)
+        return cls(rounding=rounding, smoothing=max(0.0, path.smoothing - objective.smoothing))
+
+    @property
+    def total(self) -> float:
+        """Upper bound of the distance [m]."""
+        return (self.rounding or 0.0) + self.smoothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Errors:
+    """Largest errors of one execution on each contour.
+
+    Args:
+        contour: Contour errors [m].
+        off_drawing: Distances between tool and drawing [m]; None if only contour errors are known.
+    """
+
+    contour: Sequence[float]
+    off_drawing: Sequence[float] | None = None
+
+    @classmethod
+    def of_evaluation(cls, evaluation: Evaluation) -> Errors:
+        """Return the errors of an evaluated execution."""
+        return cls(
+            contour=[x.max for x in evaluation.contours],
+            off_drawing=[x.max for x in evaluation.drawing_errors] or None,
+        )
+
+    @classmethod
+    def of_pieces(cls, pieces: Sequence[ContourExecution]) -> Errors:
+        """Return the errors of an execution that is split into its contours."""
+        distances = [x.drawing_error for x in pieces]
+        return cls(
+            contour=[x.contour_error.max for x in pieces],
+            off_drawing=[x.max for x in distances if x is not None] or None,
+        )
+
+    def distances(self, deviations: Sequence[Deviation]) -> Sequence[float]:
+        """Return the distance between tool and drawing for each contour [m].
+
+        If it is unknown, it is at most the deviation of the path plus the contour error.
+        """
+        if self.off_drawing is not None:
+            return self.off_drawing
+        return [x.total + error for x, error in zip(deviations, self.contour, strict=True)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +109,11 @@ class Verdict:
             and without a verdict.
         allowed: Contour error that the run allows [m]; None if it specifies none.
         contour: Index of the contour with the largest distance from the drawing.
-        rounding: Rounding error of this contour [m]; None if its corners are as drawn.
+        off_drawing: This distance in the worst execution that judges the run [m], as measured
+            between the tool and the drawing in both directions. For errors that are only expected,
+            the upper bound `deviation.total` plus contour error. None without an execution.
+        deviation: Deviation of this contour of the path. The parts can be largest at different
+            places, so their sum can be larger than `off_drawing`.
         errors: Contour error of this contour [m] in each execution that judges the run.
         others: Largest contour error [m] in each other execution.
     """
@@ -48,35 +122,30 @@ class Verdict:
     requirement: Requirement = ""
     allowed: float | None
     contour: int = 0
-    rounding: float | None = None
+    off_drawing: float | None = None
+    deviation: Deviation = Deviation(rounding=None)
     errors: Mapping[str, float]
     others: Mapping[str, float]
 
-    @property
-    def off_drawing(self) -> float | None:
-        """Largest distance of the tool from the drawing [m]; None without an execution.
-
-        It is the rounding error plus the contour error of the worst execution.
-        """
-        if not self.errors:
-            return None
-        return (self.rounding or 0.0) + max(self.errors.values())
-
 
 def judge(
-    run: Run, roundings: Sequence[float | None], errors: Errors | None, *, failed: bool = False
+    run: Run,
+    deviations: Sequence[Deviation],
+    errors: Mapping[str, Errors] | None,
+    *,
+    failed: bool = False,
 ) -> Verdict:
     """Judge the executions of a run by the worst of them.
 
     Args:
         run: The run.
-        roundings: Rounding error of each contour [m]; None if its corners are as drawn.
-        errors: Contour errors of the executions; None without an execution.
+        deviations: Deviation of each contour of the path from the drawing.
+        errors: Errors of each execution by its name; None without an execution.
         failed: Whether the simulated robot does not complete the motion.
     """
     tolerance = None if run.rounding is None else run.rounding.tolerance
-    largest_rounding = max((x or 0.0 for x in roundings), default=0.0)
-    allowed = allowed_error(run, largest_rounding)
+    largest_rounding = max((x.rounding or 0.0 for x in deviations), default=0.0)
+    allowed = allowed_error(run, max((x.total for x in deviations), default=0.0))
     if errors is None:
         return Verdict(
             kept=False if failed else None,
@@ -86,9 +155,10 @@ def judge(
             others={},
         )
     judges = judging(run, errors)
-    worst = [max(x) for x in zip(*judges.values(), strict=True)]
-    distances = [(rounding or 0.0) + x for rounding, x in zip(roundings, worst, strict=True)]
+    every = [x.distances(deviations) for x in judges.values()]
+    distances = [max(x) for x in zip(*every, strict=True)]
     k = distances.index(max(distances))
+    largest_error = max(max(x.contour) for x in judges.values())
     kept: bool | None = True
     requirement: Requirement = ""
     if failed:
@@ -102,7 +172,7 @@ def judge(
     elif run.accuracy is not None:
         kept = distances[k] <= run.accuracy * (1 + ROUNDING)
         requirement = "accuracy"
-    elif max(worst) > allowed:
+    elif largest_error > allowed:
         kept = False
         requirement = "contour error"
     return Verdict(
@@ -110,19 +180,22 @@ def judge(
         requirement=requirement,
         allowed=allowed,
         contour=k,
-        rounding=roundings[k],
-        errors={name: x[k] for name, x in judges.items()},
-        others={name: max(x) for name, x in errors.items() if name not in judges},
+        off_drawing=distances[k],
+        deviation=deviations[k],
+        errors={name: x.contour[k] for name, x in judges.items()},
+        others={name: max(x.contour) for name, x in errors.items() if name not in judges},
     )
 
 
-def allowed_error(run: Run, rounding: float) -> float | None:
+def allowed_error(run: Run, deviation: float) -> float | None:
     """Contour error that a run allows [m]; None if it specifies no accuracy and no tolerance.
 
-    `rounding`: largest rounding error of the contours [m].
+    With this contour error, the tool certainly stays within an accuracy.
+
+    `deviation`: largest deviation of the path from the drawing [m].
     """
     if run.accuracy is not None:
-        return max(run.accuracy - rounding, 0.0)
+        return max(run.accuracy - deviation, 0.0)
     if run.rounding is None or run.rounding.tolerance is None:
         return None
     return run.rounding.tolerance * DEFAULT_ACCURACY

@@ -474,14 +474,17 @@ def _extremes(result: RunResult, prefix: str) -> Iterator[tuple[str, str, Mark]]
         words = f"slowest point: {slowest.sentence}"
         yield "slow", "▲", Mark(_at(result, slowest.s), words, place=f"{prefix}-slow")
     if result.judged is not None:
-        # As in the verdict, the worst contour is that with the largest sum of rounding and error.
-        errors = result.judged.contours
-        contours = result.path.contours
-        roundings = [getattr(x.path, "deviation", None) or 0.0 for x in contours]
-        k = int(np.argmax([x + y.max for x, y in zip(roundings, errors, strict=True)]))
-        words = f"largest error of {contour_called(contours[k], k)} without the rounding: "
+        # If the drawing is unknown, the path takes its place.
+        errors = result.judged.drawing_errors
+        contours = result.objective.contours
+        if not errors:
+            errors = result.judged.contours
+            contours = result.path.contours
+        k = int(np.argmax([x.max for x in errors]))
+        name = contour_called(contours[k], k)
+        words = f"largest distance from the drawing, {name}: {number(errors[k].max, 'm')}"
         point = contours[k].path(errors[k].s_max - result.path.breaks[k])
-        mark = Mark(point, words + number(errors[k].max, "m"), place=f"{prefix}-error")
+        mark = Mark(point, words, place=f"{prefix}-error")
         yield "error", "✕", mark
     if result.clearance is not None and (pair := result.clearance.least) is not None:
         t = pair.t if pair.first_time is None else pair.first_time

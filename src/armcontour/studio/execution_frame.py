@@ -12,7 +12,6 @@ from armcontour.core.result import FIRST, Data
 from armcontour.jobs.rows import verdict_rows
 from armcontour.motion import Execution
 from armcontour.report.message_frame import MessageFrame
-from armcontour.report.plan_frames import Preview
 from armcontour.report.view import (
     View,
     allowed_drawing_error,
@@ -43,7 +42,7 @@ def execution_frame(executed: PreviewExecution, view: View) -> MessageFrame:
         "run": planned.run.name,
         "rows": frame(_figures(executed)),
         "centre": view.centre,
-        "allowed": _allowed_distance(planned),
+        "allowed": planned.allowed_distance,
         "tier": planned.tier,
     }
     arrays = {**_execution_lines(executed, view), **_poses(executed.execution)}
@@ -79,13 +78,6 @@ def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
     }
 
 
-def _allowed_distance(planned: Preview) -> float | None:
-    """Distance from the drawing that the run allows [m]; None if nothing limits it."""
-    if planned.run.accuracy is not None or planned.tolerance is None:
-        return planned.run.accuracy
-    return planned.tolerance + (planned.verdict.allowed or 0.0)
-
-
 def _figures(executed: PreviewExecution) -> Data:
     """Values of the execution: the same rows as in the evaluation of a run."""
     planned = executed.planned
@@ -97,7 +89,7 @@ def _figures(executed: PreviewExecution) -> Data:
     return Data(
         "Preview",
         (
-            *verdict_rows(planned, planned.judge(executed.contour_errors)),
+            *verdict_rows(planned, planned.judge(executed.judged_errors)),
             settled_row(executed.settled),
             *error_rows("contour_error", "contour error", errors, FIRST, FIRST),
             demand_row(demand_ratio(execution, limits)),

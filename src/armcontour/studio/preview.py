@@ -77,12 +77,12 @@ class PreviewExecution:
     errors: ErrorProfile
     # Time at which the tool comes to rest [s].
     settled: float
-    # Largest error of each contour [m] in all executions that judge the run.
-    contour_errors: Errors
+    # Largest errors in all executions that judge the run, by name of the execution.
+    judged_errors: Mapping[str, Errors]
 
     @classmethod
     def from_execution(
-        cls, planned: Preview, execution: Execution, contour_errors: Errors
+        cls, planned: Preview, execution: Execution, judged_errors: Mapping[str, Errors]
     ) -> PreviewExecution:
         """Compute the contour errors of an execution over time."""
         pieces = tuple(pieces_of(execution, planned.path, planned.objective, planned.run.end_time))
@@ -92,7 +92,7 @@ class PreviewExecution:
             pieces=pieces,
             errors=ErrorProfile.join([x.contour_error for x in pieces]),
             settled=settling_time(execution, execution.tool_speed),
-            contour_errors=contour_errors,
+            judged_errors=judged_errors,
         )
 
 
@@ -216,11 +216,11 @@ class CoarsePlanner:
             for x in self._simulate(planned).values()
         ]
         errors = {
-            name: [x.contour_error.max for x in each.pieces]
+            name: Errors.of_pieces(each.pieces)
             for name, each in zip(judging_executions(planned.run), executed, strict=True)
         }
         worst = max(executed, key=lambda x: x.errors.max)
-        return dataclasses.replace(worst, contour_errors=errors)
+        return dataclasses.replace(worst, judged_errors=errors)
 
     def _simulate(self, planned: Preview) -> dict[str, Execution]:
         """Simulate the set-points of a plan in each way that judges the run."""

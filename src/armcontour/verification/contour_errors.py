@@ -151,7 +151,7 @@ class ContourExecution:
         followed = self.followed_objective
         return None if followed is None else self._path_profile(followed)
 
-    @property
+    @cached_property
     def objective_coverage_error(self) -> Coverage | None:
         """Largest distance from the objective path to the tool [m]; None if unknown."""
         followed = self.followed_objective
@@ -160,6 +160,15 @@ class ContourExecution:
             return None
         work = self.before_work or (0.0, self.objective.length)
         return self._find_coverage_error(self.objective, work, followed, error)
+
+    @property
+    def drawing_error(self) -> ErrorProfile | Coverage | None:
+        """The larger of `objective_error` and `objective_coverage_error`; None if unknown."""
+        there = self.objective_error
+        back = self.objective_coverage_error
+        if there is None or back is None:
+            return None
+        return there if there.max >= back.max else back
 
     @property
     def orientation_error(self) -> ErrorProfile | None:

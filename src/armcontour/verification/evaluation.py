@@ -79,6 +79,8 @@ class Evaluation(Result, Frozen):
             interval [rad/s³], (dof,).
         saturated: Fraction of time for which each joint is saturated, (dof,).
         contours: The contour error of every contour, in order.
+        drawing_errors: For every contour, the larger of `objective_error` and
+            `objective_coverage_error`; empty if the objective path is unknown.
         judged: Inputs of the evaluation, for figures and reports; None if unknown.
     """
 
@@ -106,13 +108,13 @@ class Evaluation(Result, Frozen):
     command_jerk: FloatArray
     saturated: FloatArray
     contours: tuple[ErrorProfile, ...] = ()
+    drawing_errors: tuple[ErrorProfile | Coverage, ...] = ()
     judged: EvaluationInputs | None = field(default=None, repr=False)
 
     @property
     def off_drawing(self) -> float | None:
         """Largest distance between tool and objective path, both ways [m]; None if unknown."""
-        errors = (self.objective_error, self.objective_coverage_error)
-        return max((x.max for x in errors if x is not None), default=None)
+        return max((x.max for x in self.drawing_errors), default=None)
 
     def to_data(self) -> Data:
         """Result rows, errors first."""
@@ -302,6 +304,7 @@ def evaluate(
         orientation_error=_join_known([x.orientation_error for x in pieces]),
         corners=_join_corners(pieces, is_program=program.single_path is None),
         contours=contours,
+        drawing_errors=tuple(y for piece in pieces if (y := piece.drawing_error) is not None),
         speed=max(float(x.speed.max()) for x in pieces),
         speed_ratio=ratio if ratio > 0 else np.nan,
         speed_overshoot=max(

@@ -100,5 +100,10 @@ def merge_lines(path: Path, allowed: FloatArray) -> tuple[Path, IntArray, FloatA
         columns = copy_pieces(orientation, first)
         columns["first"] *= (np.add.reduceat(rows.lengths, first) / table.lengths)[:, None]
         orientation = replace(orientation, breaks=table.breaks, **columns)
-    merged = Path(segments=table, merged=path.merged, orientation=orientation)
+    merged = Path(
+        segments=table,
+        merged=path.merged,
+        orientation=orientation,
+        smoothing=path.smoothing,
+    )
     return merged, first[1:] - 1, deviations[first]

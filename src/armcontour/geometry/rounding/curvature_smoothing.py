@@ -69,7 +69,7 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
     correspondence is linear between them.
 
     `tolerance` is the largest distance of either path from the other [m]; tolerances of the path's
-    own segments cap it.
+    own segments cap it. The field `smoothing` of the new path is increased by the proven distance.
     """
     allowed = tolerance
     if isinstance(path, ShapedPath):
@@ -86,7 +86,9 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
         return path, np.array([[0.0, 0.0], [path.length, path.length]])
     drawn = Segments.join([x[0] for x in parts])
     after, first, w = (np.concatenate([x[k] for x in parts]) for k in (1, 2, 3))
-    return _insert_transitions(path, vertex[w > 0], w[w > 0], drawn, after, first)
+    largest = max(x[4] for x in parts)
+    smooth, pairs = _insert_transitions(path, vertex[w > 0], w[w > 0], drawn, after, first)
+    return replace(smooth, smoothing=path.smoothing + largest), pairs
 
 
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -113,14 +115,18 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
 
 def _draw_within_tolerance(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
-) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions within the tolerance, their vertices and sides, and lengths per vertex [m]."""
+) -> tuple[Segments, IntArray, BoolArray, FloatArray, float]:
+    """Transitions within the tolerance, their vertices and sides, and lengths per vertex [m].
+
+    The last value is a bound of their distances from the path [m].
+    """
     # Connections outside the tolerance are shortened and drawn again; length 0 means that a vertex
     # has no connection.
     w = np.where(w < SHORTEST, 0.0, w)
     done = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
     first = [np.zeros(0, dtype=bool)]
+    largest = 0.0
     remaining = np.flatnonzero(w > 0)
     for _ in range(MAX_ITERATIONS):
         if not len(remaining):
@@ -133,6 +139,7 @@ def _draw_within_tolerance(
         drawn = [*drawn, rows[keep]]
         done = [*done, vertex[remaining[owners[keep]]]]
         first = [*first, before[keep]]
+        largest = max(largest, float(deviations[good].max(initial=0.0)))
         remaining = remaining[~good]
         deviations = deviations[~good]
         shorter = np.minimum(LARGEST_FACTOR, SAFETY * np.sqrt(allowed[remaining] / deviations))
@@ -140,7 +147,7 @@ def _draw_within_tolerance(
         w[remaining[w[remaining] < SHORTEST]] = 0.0
         remaining = remaining[w[remaining] > 0]
     w[remaining] = 0.0
-    return Segments.join(drawn), np.concatenate(done), np.concatenate(first), w
+    return Segments.join(drawn), np.concatenate(done), np.concatenate(first), w, largest
 
 
 def _draw_transitions(

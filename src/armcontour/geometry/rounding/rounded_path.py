@@ -457,6 +457,7 @@ def _round(
         # An arc does not pass through the waypoint at its corner, so all vertices become waypoints.
         waypoints=EVERY_VERTEX if (radius > 0).any() else path.waypoints,
         orientation=orientation,
+        smoothing=path.smoothing,
         objective=path,
         deviation=float(error.max(initial=0.0)),
         corners=Corners(

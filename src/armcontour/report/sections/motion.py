@@ -118,9 +118,7 @@ def error(study: JobResult) -> Plot | None:
     """
     if not study.simulated:
         return None
-    allowed = {
-        x.run.accuracy or x.verdict.allowed for x in study.runs.values() if x.evaluation is not None
-    }
+    allowed = {x.verdict.allowed for x in study.runs.values() if x.evaluation is not None}
     limit = allowed.pop() if len(allowed) == 1 else None
     unit = limit / 100 if limit else 1e-3
     colours = run_colours(study.runs)

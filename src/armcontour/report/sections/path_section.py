@@ -10,7 +10,6 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import number
 from armcontour.jobs import JobResult, RunResult
-from armcontour.jobs.verdict import DEFAULT_ACCURACY
 from armcontour.motion import Execution
 from armcontour.program import contour_called
 from armcontour.report.figure import render
@@ -111,9 +110,7 @@ def _scale(tool: Tool) -> tuple[float, str]:
     """Distance of 100 % [m] and its name: the allowed one, or else the largest one; 0 without."""
     if (e := _error(tool)) is None:
         return 0.0, ""
-    accuracy = tool.result.run.accuracy
-    tolerance = tool.result.tolerance
-    allowed = (tolerance or 0.0) * (1 + DEFAULT_ACCURACY) if accuracy is None else accuracy
+    allowed = tool.result.allowed_distance
     return (allowed, "allowed") if allowed else (e.max, "largest")
 
 

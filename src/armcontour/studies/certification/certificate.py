@@ -17,7 +17,7 @@ from armcontour.jobs.job import ARC, FREE, Job
 from armcontour.jobs.rows import field_rows, off_drawing, verdict_rows, warning_rows
 from armcontour.jobs.run_notes import beyond_logs
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.jobs.verdict import BODIES, ROUNDING, SERVO
+from armcontour.jobs.verdict import BODIES, ROUNDING, SERVO, Deviation
 from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.simulation.rigid_body_plant import can_simulate
 from armcontour.studies.certification.box_errors import BoxErrors
@@ -41,6 +41,7 @@ class Budget(Result):
     Args:
         rounding: Largest corner error of the path, or the tolerance of a path with the shape
             "free".
+        smoothing: Largest distance by which transitions for jerk limits changed the path.
         servo: Largest contour error of the same plan with a nearly continuous command.
         sampling: Part that the cycle adds to `servo`; can be negative.
         box: Part that the worst robot of the box adds to `servo` and `sampling`; 0 without a box.
@@ -51,6 +52,7 @@ class Budget(Result):
     """
 
     rounding: float
+    smoothing: float
     servo: float
     sampling: float
     box: float
@@ -66,7 +68,7 @@ class Budget(Result):
     @property
     def total(self) -> float:
         """Bound of the tool's distance from the objective path [m]."""
-        return self.rounding + self.executed
+        return self.rounding + self.smoothing + self.executed
 
     def to_data(self) -> Data:
         """Data of the bounds, the remaining budget, and the parts."""
@@ -80,6 +82,7 @@ class Budget(Result):
                 Row("executed", self.executed, "m", "contour error, guaranteed", level=FIRST),
                 Row("left", self.left, "m", "left of the budget", note, FIRST),
                 Row("rounding", self.rounding, "m", "rounding"),
+                Row("smoothing", self.smoothing, "m", "smoothing" if self.smoothing else ""),
                 Row("servo", self.servo, "m", "servo, continuous command"),
                 Row("sampling", self.sampling, "m", "cycle"),
                 Row("box", self.box, "m", "robots of the box" if self.box else ""),
@@ -279,8 +282,9 @@ class Certificate(Result):
     def _verdict(self) -> Iterator[Row]:
         """Rows of the guaranteed deviation from the drawing, the cost, and the remaining budget."""
         worst = max(self.contours, key=lambda x: x.budget.total)
-        rounding = None if worst.shape is None else worst.budget.rounding
         budget = worst.budget
+        rounding = None if worst.shape is None else budget.rounding
+        deviation = Deviation(rounding=rounding, smoothing=budget.smoothing)
         tolerance = None
         accuracy = None
         allowed = None
@@ -288,7 +292,8 @@ class Certificate(Result):
             tolerance = self.result.tolerance
             accuracy = self.result.run.accuracy
             allowed = budget.servo_allowed
-        row = off_drawing(rounding, tolerance, {SERVO: budget.executed}, allowed, GUARANTEED)
+        errors = {SERVO: budget.executed}
+        row = off_drawing(budget.total, deviation, tolerance, errors, allowed, GUARANTEED)
         sums = {"certified within": budget.allowed, "the job allows": accuracy}
         sums["on rigid bodies"] = self.experiment_error
         ends = (f"; {words} {number(x, 'm')}" for words, x in sums.items() if x is not None)

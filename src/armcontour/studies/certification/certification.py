@@ -12,12 +12,23 @@ from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.geometry import Path, RoundedPath, ShapedPath
+from armcontour.geometry import Path, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.certificate_goal import CertificateGoal
-from armcontour.jobs.job import ARC, FREE, Job, Rounding, Run, build_plant, choose_run
+from armcontour.jobs.job import (
+    ARC,
+    CURVATURE,
+    FREE,
+    TRANSITION_TOLERANCE,
+    Job,
+    Rounding,
+    Run,
+    build_plant,
+    choose_run,
+)
 from armcontour.jobs.run_plan import explained_reach, plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
+from armcontour.jobs.verdict import Deviation
 from armcontour.motion import Method
 from armcontour.planning import Optimal, check_jerk_support, explain
 from armcontour.program import Program, contour_called
@@ -175,7 +186,11 @@ def _find_fastest(
         """The case in which the corners have the tolerance that the servo does not need [m]."""
         shaped = run
         if run.rounding is not None and tolerance is not None:
-            shaped = replace(run, rounding=replace(run.rounding, tolerance=tolerance - servo))
+            corners = tolerance - servo
+            if run.continuity == CURVATURE:
+                # Corners leave room for transitions, which are within their own tolerance.
+                corners = max(corners - TRANSITION_TOLERANCE, corners / 2)
+            shaped = replace(run, rounding=replace(run.rounding, tolerance=corners))
         with explained_reach(job):
             planned = plan_one(job, shaped, report, clear=False)
         return Case(job, planned, goal, servo, report)
@@ -186,7 +201,8 @@ def _find_fastest(
     if (least := base.planned.trajectory.duration) >= deadline:
         return least, None
     uncertified = _execute_uncertified(base)
-    bent = any(shape_part(x.path) > 0 for x in base.program.contours)
+    pairs = zip(base.program.contours, base.planned.objective.contours, strict=True)
+    bent = any(bound_deviation(x.path, drawn.path).total > 0 for x, drawn in pairs)
     if tolerance is None or not bent:
         case = replace(base, servo_allowed=goal.servo_error or tolerance or 0.0)
         best = find_verdict(case)
@@ -308,6 +324,7 @@ def _make_contours(verdict: Verdict, uncertified: Uncertified) -> Iterator[Conto
         servo, nominal = (
             max(x.contour_error.max, x.coverage_error.max) for x in (continuous[k], piece)
         )
+        deviation = bound_deviation(piece.path, case.planned.objective.contours[k].path)
         robots = verdict.robots[k] if verdict.robots else None
         worst = 0.0 if robots is None else robots.largest
         derating = move.derating
@@ -325,7 +342,8 @@ def _make_contours(verdict: Verdict, uncertified: Uncertified) -> Iterator[Conto
             coverage_error=piece.coverage_error,
             speed_ratio=float(piece.speed_ratios(case.limits.speed, between=True).max()),
             budget=Budget(
-                rounding=shape_part(piece.path),
+                rounding=deviation.rounding or 0.0,
+                smoothing=deviation.smoothing,
                 servo=servo,
                 sampling=nominal - servo,
                 box=max(0.0, worst - nominal),
@@ -373,10 +391,13 @@ def describe_model(case: Case) -> str:
     return "; ".join(parts)
 
 
-def shape_part(path: Path) -> float:
-    """Bound of the distances between a path and its objective path, in both directions [m]."""
-    if isinstance(path, ShapedPath):
-        pairs = ((x.vertices, x.curvatures) for x in (path, path.objective))
-        same = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
-        return 0.0 if same else path.tolerance
-    return path.deviation if isinstance(path, RoundedPath) else 0.0
+def bound_deviation(path: Path, objective: Path) -> Deviation:
+    """Bound of the distances between a path and its objective path, in both directions.
+
+    That of a path with the shape "free" is its tolerance, within which it is proven to be.
+    """
+    if not isinstance(path, ShapedPath):
+        return Deviation.of_path(path, objective)
+    pairs = ((x.vertices, x.curvatures) for x in (path, path.objective))
+    same = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
+    return Deviation(rounding=0.0 if same else path.tolerance)
