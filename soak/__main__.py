@@ -29,6 +29,7 @@ TOPICS = {
     "shaping": ("soak.shaping:run", 2000),
     "shaping-oracle": ("tests.oracle.shaped_optimum:run", 200),
     "corners": ("soak.corners:run", 10_000),
+    "off-drawing": ("soak.off_drawing:run", 60),
     "kerf": ("soak.kerf:run", 2000),
     "outputs": ("soak.outputs:run", 600),
     "clearance": ("soak.clearance:run", 10_000),

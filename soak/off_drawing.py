@@ -33,6 +33,8 @@ STEP = 5e-6
 SAMPLES = 17
 # Number of nearest samples whose chords are tried.
 NEIGHBOURS = 12
+# Cells and the drawings that they reach without a collision.
+DRAWN = (("ur5e", "plate.dxf"), ("ur5e", "pocket.ngc"), ("panda", "plate.dxf"))
 # Jerk limits of fast, usual and slow arms [rad/s^3].
 JERKS = (30.0, 400.0, 4000.0)
 
@@ -54,9 +56,7 @@ def run(seed: int) -> Outcome:
     deviations = zip(result.deviations, measure_paths(result), strict=True)
     for k, (deviation, distance) in enumerate(deviations):
         if deviation.total < distance - SLACK:
-            notes.append(
-                f"path {k} deviates by {deviation}, but the points say {distance:.9f} m"
-            )
+            notes.append(f"path {k} deviates by {deviation}, but the points say {distance:.9f} m")
     return Outcome(kind=kind, result="planned", notes=notes, worst=worst)
 
 
@@ -227,8 +227,7 @@ def _curve(rng: Random) -> ac.Job:
 
 def _drawing(rng: Random) -> ac.Job:
     """A drawing with kerf and leads, cut by an arm in space under a jerk limit."""
-    name = str(rng.choice(["ur5e", "fr3", "panda"]))
-    file = str(rng.choice(["plate.dxf", "pocket.ngc"]))
+    name, file = DRAWN[int(rng.integers(len(DRAWN)))]
     patch: dict[tuple[str, ...], Any] = {
         ("corners", "tolerance"): float(10 ** rng.uniform(-4, -3.3)),
         ("limits", "joint_jerk"): 2000.0,

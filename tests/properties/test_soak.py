@@ -3,7 +3,8 @@
 from collections import Counter
 
 import pytest
-from soak import check, corners, timing
+from soak import check, corners, off_drawing, timing
+from tests.dynamics_extra import needs_dynamics
 
 # Seeds of `soak.timing` per test.
 BATCH = 200
@@ -11,6 +12,8 @@ BATCH = 200
 CHECKS = 25
 # Seeds of `soak.corners`.
 CORNERS = 150
+# One job of each kind.
+JOBS = len(off_drawing.KINDS)
 # Random times per interval of a law, in addition to its ends; `make soak` uses 8.
 PLACES = 3
 
@@ -36,6 +39,13 @@ def test_random_corners_next_to_arcs_are_tangent_and_within_their_tolerance():
     # Nearly all are rounded, of every kind.
     assert len({kind for kind, stopped in kinds if not stopped}) == 9
     assert sum(n for (_, stopped), n in kinds.items() if stopped) < CORNERS / 50
+
+
+@needs_dynamics
+@pytest.mark.parametrize("seed", range(JOBS))
+def test_the_stated_distance_from_the_drawing_is_that_of_dense_points(seed):
+    outcome = off_drawing.run(seed)
+    assert outcome.notes == [], outcome.kind
 
 
 @pytest.mark.parametrize("violating", [True, False])

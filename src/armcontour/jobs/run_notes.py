@@ -99,6 +99,7 @@ def remarks(result: RunRecord) -> Iterator[str]:
             f"{result.arm.source})."
         )
     yield from _describe_model_error(result)
+    yield from _describe_unlimited_jerk(result)
 
 
 def _describe_shaping(result: RunRecord) -> Iterator[str]:
@@ -124,6 +125,25 @@ def _describe_model_error(result: RunRecord) -> Iterator[str]:
             f"servo model does not explain add at most {across} across the path and {along} along "
             "the path."
         )
+
+
+def _describe_unlimited_jerk(result: RunRecord) -> Iterator[str]:
+    """Yield a note if the maker limits the jerk, but neither arm nor job do."""
+    limits = result.run.limits
+    unused = result.arm.unused_limits
+    if unused is None or unused.joint_jerk is None:
+        return
+    # A job that removes the limit needs no note.
+    if limits.limits_jerk or "joint_jerk" in limits.removed:
+        return
+    # External axes come before the robot's own joints.
+    external = [np.inf] * (result.arm.dof - len(unused.joint_jerk))
+    jerks = ", ".join(f"{x:g}" for x in (*external, *unused.joint_jerk))
+    yield (
+        f"the jerk of the joints is not limited, but the maker of {result.arm.name} limits it. If "
+        f"the controller checks it, specify limits: {{joint_jerk: [{jerks}]}}, in rad/s^3; "
+        "otherwise, joint_jerk: inf removes this note."
+    )
 
 
 def unknown_notes(runs: Iterable[RunRecord]) -> tuple[str, ...]:

@@ -151,6 +151,8 @@ class Arm(Immutable, ABC):
         notes: Sentences on data that were ignored or chosen when the arm was read from a file.
         assumed_limits: Limits that are only assumed, because the robot description lacks them;
             None if there are none.
+        unused_limits: Published limits of the robot's own joints that are not in `limits`, so plans
+            keep them only if you specify them; None if there are none.
     """
 
     name: str
@@ -164,6 +166,7 @@ class Arm(Immutable, ABC):
     limits_hint: str = ""
     notes: tuple[str, ...] = ()
     assumed_limits: Limits | None = None
+    unused_limits: Limits | None = None
     _read_shapes: Callable[[], ArmShapes] | None = None
     _instead = "Use with_limits, with_tool, with_work or with_dynamics instead"
 

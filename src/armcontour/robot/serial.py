@@ -47,6 +47,8 @@ class SerialArm(Arm):
         limits_hint: Advice on how to add the limits that the arm lacks, for messages.
         notes: Sentences on data that were ignored or chosen when the arm was read.
         assumed_limits: Those of the limits that are only assumed; None if there are none.
+        unused_limits: Published limits of the robot's own joints that are not in `limits`; None if
+            there are none.
     """
 
     dimension = 3
@@ -63,10 +65,12 @@ class SerialArm(Arm):
         limits_hint: str = "",
         notes: tuple[str, ...] = (),
         assumed_limits: Limits | None = None,
+        unused_limits: Limits | None = None,
     ) -> None:
         self._describe(name, chain, limits, source, limits_hint)
         self.notes = notes
         self.assumed_limits = assumed_limits
+        self.unused_limits = unused_limits
         self._freeze()
 
     def _solutions(
@@ -230,6 +234,7 @@ class SerialArm(Arm):
             limits_hint=self.limits_hint,
             notes=self.notes,
             assumed_limits=assumed,
+            unused_limits=self.unused_limits,
         )
 
     def _with(self, chain: Chain, *cached: str) -> SerialArm:

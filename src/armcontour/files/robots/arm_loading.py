@@ -63,8 +63,8 @@ POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 MAX_CALIBRATION = 0.1
 # Unit of the integer coordinates in files of hulls [m].
 HULL_UNIT = 1e-6
-# Keys of all arm files. "not_kept" has published limits that armcontour does not use; it is only
-# for people who read the file.
+# Keys of all arm files. "not_kept" has published limits that plans keep only if a job specifies
+# them.
 COMMON = {"name", "kind", "source", "limits", "assumed", "not_kept"}
 PLANAR = COMMON | {"base", "links", "tubes"}
 BODIES = ("masses", "centers", "inertias")
@@ -276,6 +276,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     directions = _array(file, "axes", data, (n, 3))
     return SerialArm(
         **_common(file, data),
+        unused_limits=_unused_limits(file, data),
         chain=Chain(
             joints=tuple(joints),
             rotations=from_rpy(_array(file, "angles", data, (n, 3))),
@@ -334,6 +335,13 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
         "limits": Limits(**{key: _value(file, key, limits) for key in limits}),
         "limits_hint": "" if "joint_acceleration" in limits else hint,
     }
+
+
+def _unused_limits(file: str, data: Mapping[str, Any]) -> Limits | None:
+    """Published limits of the joints under the key "not_kept"; None if there are none."""
+    published = data.get("not_kept") or {}
+    values = {key: _value(file, key, published) for key in published if key in LIMITS}
+    return Limits(**values) if values else None
 
 
 def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...]) -> FloatArray:
