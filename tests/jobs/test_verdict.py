@@ -66,6 +66,9 @@ def test_the_stated_distance_from_the_drawing_is_not_exceeded(runs, name):
     e = run.evaluation
     assert stated <= rounded + max(e.contour_error.max, e.coverage_error.max) + 1e-12
     assert e.off_drawing == stated
+    # A part that contour errors do not contain is named.
+    missed = "a point of the drawing is missed" in run.to_data()["off_drawing"].note
+    assert missed is bool(stated > (rounded + e.contour_error.max) * 1.001)
 
 
 def allowed(run):

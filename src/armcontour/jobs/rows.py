@@ -39,6 +39,8 @@ ASSIGNED = LIMITS["speed"].label
 # Key of the part of a run's data with the execution on rigid bodies. The values of the execution
 # with the servo model are those of the run itself.
 EXPERIMENT = "experiment"
+# Relative excess of the distance from the drawing over its parts that needs an explanation.
+VISIBLE = 1e-3
 # Of an execution that is not the worst of those that judge the run, only rows whose names begin
 # with these words are shown, with a label that begins with the name of the execution.
 SHOWN_OF_OTHERS = ("contour_error", "torque")
@@ -214,6 +216,9 @@ def off_drawing(
         + ("" if limit is None else f" of {number(limit, 'm')} allowed")
         for name, value, limit in parts
     )
+    if distance > (deviation.total + max(errors.values())) * (1 + VISIBLE):
+        # Contour errors are distances from the tool only, not from corners that it cuts.
+        note += "; a point of the drawing is missed by this distance"
     return Row("off_drawing", distance, "m", label, note, VERDICT)
 
 
