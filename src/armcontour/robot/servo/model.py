@@ -12,7 +12,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, declared
+from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import (
     DEAD_TIME,
     About,
@@ -244,11 +244,15 @@ class ServoModel(Checked):
         """Gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
         return self.describe(())
 
+    @checked
     def describe(self, prismatic: Sequence[bool] | None) -> str:
-        """The text of the servo with units for the joints of an arm.
+        """Return the text of the servo with units for the joints of an arm.
 
         Args:
-            prismatic: Whether each joint is prismatic.
+            prismatic: Whether each joint is prismatic; None or empty if no joint is.
+
+        Raises:
+            InvalidInput: `prismatic` is no sequence of truth values.
         """
         slides = () if prismatic is None else prismatic
         parts = [] if self.order == "second" else [f"order {_join_texts(self.order)}"]
