@@ -5,6 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.planning import stop
+from armcontour.planning.early_stop import ShortenedLaw
 
 POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
 TIMES = np.linspace(0.02, 0.98, 17)
@@ -41,6 +42,20 @@ def test_a_stop_stays_on_the_path_within_the_limits_and_ends_at_rest(method: str
         own = ac.check(plan, plan.arm, plan.limits, plan.path)
         assert result.path_deviation is not None and own.path_deviation is not None
         assert result.path_deviation.distance < own.path_deviation.distance + 1e-8
+
+
+def test_a_stop_can_be_evaluated_at_its_end_whatever_its_time_is_rounded_to() -> None:
+    """The end of a cut law may exceed its last break by a rounding error."""
+    plan = _plan("optimal")
+    for law in plan.laws:
+        last = float(law.breaks[-1])
+        for end in (last, np.nextafter(last, np.inf), last * (1 + 4e-16)):
+            cut = ac.Trajectory(laws=(ShortenedLaw.cut(law, float(end)),), method="stop")
+            np.testing.assert_allclose(cut(cut.duration), plan(last, side="left"), rtol=1e-12)
+    random = np.random.default_rng(0)
+    for t in random.uniform(0.01, 0.99, 60) * plan.duration:
+        stopped = stop(plan, float(t))
+        assert np.abs(stopped(stopped.duration, 1)).max() < 1e-9
 
 
 def test_the_stop_brakes_with_the_joint_limit_less_the_reserve() -> None:

@@ -253,6 +253,9 @@ class _StopSender(threading.Thread):
                         return
         except ArmContourError as error:
             self.error = f"No further stop can be computed: {error}"
+        except Exception as error:  # noqa: BLE001 - the motion ends, and the cause must be known
+            kind = type(error).__name__
+            self.error = f"No further stop can be computed, because of a fault: {kind}: {error}"
 
     def end(self) -> None:
         """Send no more stops."""

@@ -51,6 +51,8 @@ NEWTON = 2
 # Rounding error of dtau/dt, of speeds as fractions of the initial speed of a stop, and of times as
 # fractions of its duration.
 ROUNDING = 1e-6
+# Relative difference below which a break of a law and the end of its beginning are equal.
+SAME_TIME = 1e-12
 
 
 @checked
@@ -126,7 +128,9 @@ class ShortenedLaw(Law):
     @classmethod
     def cut(cls, law: Law, end: float) -> ShortenedLaw:
         """Shorten a law to end at a time [s]."""
-        return cls(law=law, breaks=np.append(law.breaks[law.breaks < end], end))
+        # The end may exceed the last break by a rounding error, after which there is no interval.
+        starts = law.breaks[:-1]
+        return cls(law=law, breaks=np.append(starts[starts < end * (1 - SAME_TIME)], end))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Joint positions of the law or their derivative of the given order."""
