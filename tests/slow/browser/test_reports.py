@@ -194,12 +194,13 @@ def test_figures_and_drawings_react_to_the_pointer(browser, tmp_path):
         page.locator("a.tile").first.click()
         assert page.locator(".place:target").is_visible()
         assert drawing.get_attribute("viewBox") != whole
-        assert "error" in page.locator(".front output").inner_text()
+        assert "distance from the drawing" in page.locator(".front output").inner_text()
         drawing.dblclick(position={"x": 5, "y": 5})
         assert drawing.get_attribute("viewBox") == whole
         page.locator("#time summary").click()
         page.wait_for_selector("#time canvas")
         plot = page.locator("#time .u-over").first
+        plot.scroll_into_view_if_needed()
         box = plot.bounding_box()
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         tip = page.locator("#time .tip").inner_text()

@@ -464,7 +464,7 @@ def _derate(case: Case, move: Move, uses: Uses, goals: Goals, tries: int) -> Mov
             slowest = case.goal.slowest
             if move.number is None or slower.plan.duration < slowest * move.fastest.duration:
                 return slower
-    _refuse(case, move, {cause: float(use.max()) / goals[cause] for cause, use in uses.items()})
+    _refuse(case, move, {cause: float(use.max()) for cause, use in uses.items()}, goals)
 
 
 def _correct(verdict: Verdict, moves: list[Move], goals: list[Goals]) -> None:
@@ -499,9 +499,15 @@ def _estimate_duration(case: Case, move: Move) -> str:
     )
 
 
-def _refuse(case: Case, move: Move, ratios: Mapping[str, float]) -> NoReturn:
-    """Raise NotRealizable with the limiting constraint of the last attempt, and remedies."""
-    cause = max(ratios, key=lambda x: ratios[x])
+def _refuse(
+    case: Case, move: Move, ratios: Mapping[str, float], goals: Goals | None = None
+) -> NoReturn:
+    """Raise NotRealizable with the limiting constraint of the last attempt, and remedies.
+
+    `goals`: the ratios that the search aimed at; by default 1. Verdicts reduce them.
+    """
+    aims = goals or dict.fromkeys(ratios, 1.0)
+    cause = max(ratios, key=lambda x: ratios[x] / aims[x])
     ratio = ratios[cause]
     compensation = case.run.compensation
     cycle = case.run.cycle
