@@ -13,7 +13,7 @@ The bound adds what can lie between the corners:
   joint, which differs from its chord by rho r² / 2 (r: half of the joint's range).
 - The distance from a bent path is not convex: tool points whose path points are within a distance A
   of a common point of the path exceed the largest distance of the corners by at most
-  `curvature A² / 2` (`_excess_on_bends`). At the critical times, the product is divided until this
+  `curvature A² / 2` (`_Bends`). At the critical times, the product is divided until this
   part is small.
 - Between two samples, the distance exceeds the samples by an eighth of its second difference.
 
@@ -150,11 +150,7 @@ class JointRanges:
 
     def ends(self) -> BoolArray:
         """Combinations of ends of all joints that have a range, (2^k, dof); True for the high."""
-        moves = np.asarray((self.high > self.low).any(axis=0))
-        combinations = list(product((False, True), repeat=int(moves.sum())))
-        ends = np.zeros((len(combinations), len(moves)), dtype=np.bool_)
-        ends[:, moves] = combinations
-        return ends
+        return combine_ends(np.asarray((self.high > self.low).any(axis=0)))
 
     def extreme_motions(self) -> Iterator[tuple[BoolArray, Execution]]:
         """Yield the motions in which each joint is at the same end of its range at all times."""
@@ -171,6 +167,14 @@ class JointRanges:
         """Errors of the parameters of the robot with these ends at time index i, (3, dof)."""
         corner = np.where(is_high, self.high_at[i], self.low_at[i])
         return np.asarray(self.corners[corner, :, np.arange(len(corner))].T)
+
+
+def combine_ends(has_range: BoolArray) -> BoolArray:
+    """Combinations of both ends of the joints that have a range, (2^k, dof); True for the high."""
+    combinations = list(product((False, True), repeat=int(has_range.sum())))
+    ends = np.zeros((len(combinations), len(has_range)), dtype=np.bool_)
+    ends[:, has_range] = combinations
+    return ends
 
 
 def join_positions(runs: Sequence[Execution]) -> FloatArray:
@@ -285,7 +289,7 @@ def slow_motion_caps(case: Case, joint_path: JointPath, cells: FloatArray) -> Fl
     across = jacobian - tangent[:, :, None] * along[:, None]
     moved = across * joint_path(cells, 1)[:, None]
     largest = np.zeros(len(cells))
-    for is_long in product((False, True), repeat=case.arm.dof):
+    for is_long in combine_ends(longest > shortest):
         largest = np.maximum(largest, length(moved @ np.where(is_long, longest, shortest)))
     rate = np.maximum(largest[:-1], largest[1:])
     with np.errstate(divide="ignore"):
@@ -421,45 +425,55 @@ def _bound_contour(arm: Arm, ranges: JointRanges, largest: _Largest) -> float:
     beyond = (lever * ranges.beyond[piece.which]).sum(axis=1)
     others = largest.sagitta + spread * (chords + beyond)
     found = largest.distance + others
-    bend = _excess_on_bends(piece.followed, largest.s_low, largest.s_high)
+    bends = _Bends(piece.followed)
+    bound = found + bends.excess(largest.s_low, largest.s_high)
     best = float(found.max())
-    critical = np.flatnonzero(found + bend > best * (1 + CLOSE))
-    if not len(critical):
-        return float((found + bend).max())
+    is_critical = bound > best * (1 + CLOSE)
+    critical = np.flatnonzero(is_critical)
     critical = critical[np.argsort(-found[critical])]
-    division = _Division(arm, piece, others)
-    return division.bound(low, high, critical, best)
+    divided = _Division(arm, piece, bends, others).bound(low, high, critical, best)
+    return max(divided, float(bound[~is_critical].max(initial=0.0)))
 
 
-def _excess_on_bends(followed: Followed, s_low: FloatArray, s_high: FloatArray) -> FloatArray:
-    """Bound of the excess inside of a set of points over the distances of its corners [m], (n,).
+class _Bends:
+    """Curvature and turns of a path, by which the distance from it is not convex."""
 
-    The path points of the corners are between s_low and s_high [m], (n,). For a mean of corners,
-    the path at the mean arc length differs from the mean of the path points by at most
-    `curvature A² / 2 + turn A / 2`, with A = (s_high - s_low) / 2, the largest curvature between
-    them, and the sum of the turns at joints of segments between them.
-    """
-    rows = followed.geometry
-    begins = rows[:, 11]
-    curvature = np.append(np.abs(rows[:, 9]), 0.0)
-    angle = (rows[:, 9] * rows[:, 10])[:, None]
-    leaving = np.cos(angle) * rows[:, 3:6] + np.sin(angle) * rows[:, 6:9]
-    turn = 2 * np.arcsin(np.minimum(length(leaving[:-1] - rows[1:, 3:6]) / 2, 1.0))
-    turned = np.concatenate([[0.0], np.cumsum(turn)])
-    first = np.maximum(np.searchsorted(begins, s_low, side="right") - 1, 0)
-    last = np.maximum(np.searchsorted(begins, s_high, side="right") - 1, first)
-    places = np.stack([first, last + 1], axis=1).ravel()
-    largest = np.maximum.reduceat(curvature, places)[::2]
-    half = (s_high - s_low) / 2
-    return np.asarray(half * (largest * half + turned[last] - turned[first]) / 2)
+    def __init__(self, followed: Followed) -> None:
+        rows = followed.geometry
+        self.begins = rows[:, 11]  # Arc lengths at which the segments begin [m]
+        self.curvature = np.append(np.abs(rows[:, 9]), 0.0)  # [1/m]; 0 after the last segment
+        angle = (rows[:, 9] * rows[:, 10])[:, None]
+        leaving = np.cos(angle) * rows[:, 3:6] + np.sin(angle) * rows[:, 6:9]
+        turn = 2 * np.arcsin(np.minimum(length(leaving[:-1] - rows[1:, 3:6]) / 2, 1.0))
+        # Sum of the turns at joints before each segment [rad]
+        self.turned = np.concatenate([[0.0], np.cumsum(turn)])
+
+    def excess(self, s_low: FloatArray, s_high: FloatArray) -> FloatArray:
+        """Bound of the excess inside of sets of points over the distances of their corners [m].
+
+        The path points of the corners are between s_low and s_high [m], (n,). For a mean of
+        corners, the path at the mean arc length differs from the mean of the path points by at most
+        `curvature A² / 2 + turn A / 2`, with A = (s_high - s_low) / 2, the largest curvature
+        between them, and the sum of the turns at joints of segments between them.
+        """
+        first = np.maximum(np.searchsorted(self.begins, s_low, side="right") - 1, 0)
+        last = np.maximum(np.searchsorted(self.begins, s_high, side="right") - 1, first)
+        places = np.stack([first, last + 1], axis=1).ravel()
+        curvature = np.maximum.reduceat(self.curvature, places)[::2]
+        half = (s_high - s_low) / 2
+        turn = self.turned[last] - self.turned[first]
+        return np.asarray(half * (curvature * half + turn) / 2)
 
 
 class _Division:
     """Bound of the distance over products of joint ranges, which are divided until it is close."""
 
-    def __init__(self, arm: Arm, piece: ContourExecution, others: FloatArray) -> None:
+    def __init__(
+        self, arm: Arm, piece: ContourExecution, bends: _Bends, others: FloatArray
+    ) -> None:
         self.arm = arm
         self.piece = piece
+        self.bends = bends
         self.others = others  # Parts of the bound that do not depend on the division [m], (n,)
 
     def bound(self, low: FloatArray, high: FloatArray, times: IntArray, best: float) -> float:
@@ -501,16 +515,13 @@ class _Division:
 
     def _measure(self, i: int, low: FloatArray, high: FloatArray) -> tuple[float, float]:
         """Largest distance of a corner of a product, and the bound over the product [m]."""
-        moves = np.flatnonzero(high > low)
-        ends = np.array(list(product((False, True), repeat=len(moves))), dtype=np.bool_)
-        q = np.tile(low, (len(ends), 1))
-        q[:, moves] = np.where(ends, high[moves], low[moves])
+        q = np.where(combine_ends(high > low), high, low)
         followed = self.piece.followed
         s = float(followed.s[i])
         tool = self.arm.tool_position(q)
         distance, at = followed.near(tool, (s, s), float(followed.distance[i]))
         corner = float(distance.max())
-        bend = float(_excess_on_bends(followed, at.min(keepdims=True), at.max(keepdims=True))[0])
+        bend = float(self.bends.excess(at.min(keepdims=True), at.max(keepdims=True))[0])
         # The distance from one point of the path is convex: it is largest at a corner.
         foot = self.piece.path(float(at[int(distance.argmax())]))
         from_foot = float(length(tool - foot).max())

@@ -304,10 +304,12 @@ def _slowed_for_box(case: Case, move: Move) -> Move:
     fastest = largest_squares(move.plan, move.derating.cells)
     longest = FIRST_SHARE * case.goal.slowest * move.fastest.duration
     while (caps < fastest).any():
-        limited = np.where(caps < fastest, caps, np.inf)
-        slower = move.derated(case.arm, move.derating.with_cap(limited, "box"))
-        if slower.plan.duration <= longest:
-            return slower
+        # No plan is faster than its caps, so most that take too long need not be planned.
+        if _slow_duration(move, caps) <= longest:
+            limited = np.where(caps < fastest, caps, np.inf)
+            slower = move.derated(case.arm, move.derating.with_cap(limited, "box"))
+            if slower.plan.duration <= longest:
+                return slower
         caps = caps * FASTER
     return move
 
@@ -482,14 +484,18 @@ def _correct(verdict: Verdict, moves: list[Move], goals: list[Goals]) -> None:
             moves[k] = move.derated(verdict.case.arm, move.derating.with_cap(cap, "speed"))
 
 
+def _slow_duration(move: Move, caps: FloatArray) -> float:
+    """Duration of a contour at the speeds of its fastest plan, within caps of ds² [s]."""
+    fastest = largest_squares(move.fastest, move.derating.cells)
+    moving = fastest > 0
+    speeds = np.sqrt(np.minimum(caps, fastest)[moving])
+    return float((move.derating.width[moving] / speeds).sum())
+
+
 def _estimate_duration(case: Case, move: Move) -> str:
     """Clause on the duration with which all robots of the box stay within the budget."""
-    cells = move.derating.cells
-    fastest = largest_squares(move.fastest, cells)
-    squares = np.minimum(slow_motion_caps(case, move.joint_path, cells), fastest)
-    with np.errstate(divide="ignore"):
-        duration = float((move.derating.width / np.sqrt(squares)).sum())
-    duration = max(duration, move.fastest.duration)
+    caps = slow_motion_caps(case, move.joint_path, move.derating.cells)
+    duration = max(_slow_duration(move, caps), move.fastest.duration)
     ratio = duration / move.fastest.duration
     if not case.goal.slowest < ratio < np.inf:
         return ""
