@@ -55,7 +55,7 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
     elif Mapping in parts or (Sequence in parts and read in ("", "to_formats")):
         kind = "texts"
         suffix = "; may be repeated"
-    elif quantity is not None and quantity.unit == "1":
+    elif quantity is not None and quantity.unit == "1" and not read:
         kind = "number"
     elif quantity is not None:
         kind = "text"
@@ -95,7 +95,7 @@ GROUPS = {
     ),
     "Part": ("path.frame", "path.repeat", "path"),
     "Servo": ("servo", "cycle", "plant"),
-    "Run": ("timing", "compensation", "duration", "end_time"),
+    "Run": ("timing", "compensation", "duration", "end_time", "speed_factor"),
     "Cell": ("scene",),
     "Name, certificate": ("name", "title", "certificate", "experiment"),
     "Export": ("export",),

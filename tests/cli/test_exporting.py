@@ -67,6 +67,33 @@ def test_export_uses_the_period_and_the_outputs_of_the_job(result, call, folder)
     assert (folder / "again.mod").read_text().count("SetDO") == abb.count("SetDO") > 0
 
 
+@needs_dynamics
+def test_exports_of_a_first_run_are_slow_and_switch_nothing(result, call, folder):
+    table = {}
+    for name, words in {
+        "full": (),
+        "first": ("--speed-factor", "10 %", "--process-off", "--set", "cycle=40 ms"),
+    }.items():
+        call(
+            *("run", "part.ngc", "--cell", "ur5e", "--out", name, "--no-changes"),
+            *("--export", "urscript", "--set", "export.outputs={spindle: 0}", *words),
+        )
+        text = (folder / name / "compensated" / "export" / "reference.script").read_text()
+        points = re.findall(r"servoj\(\[(.*?)\], 0, 0, ([0-9.]+)", text)
+        # The last point is held.
+        table[name] = np.array([x.split(",") for x, _ in points[:-1]], dtype=float)
+        assert {float(t) for _, t in points[:-1]} == {0.004 if name == "full" else 0.04}
+        assert ("digital_out" in text) == (name == "full")
+    # The points are those of the full speed, ten times as far apart in time.
+    count = min(map(len, table.values()))
+    assert count >= max(map(len, table.values())) - 1
+    np.testing.assert_allclose(table["first"][: count - 1], table["full"][: count - 1], atol=2e-7)
+    # An earlier result is exported at its speed, and its outputs are not missed.
+    call("export", "first", "first.script", "--force")
+    text = (folder / "first.script").read_text()
+    assert len(re.findall("servoj", text)) >= count and "digital_out" not in text
+
+
 LIMITED = """
 name: square
 arm: ur5e

@@ -156,6 +156,48 @@ def test_the_allowed_difference_grows_with_the_speed(job, plain):
     assert stopped.record.deviated and not stopped.kept
 
 
+def test_a_slow_motion_is_the_full_one_stretched(job):
+    """The joints go through the same positions; nothing has the speed that it has at full speed."""
+    segments = """
+path:
+  start: [0.350, 0.100]
+  segments: [{to: [0.410, 0.150], speed: 60 mm/s}, {to: [0.350, 0.200]}]
+"""
+    lines = JOB.splitlines(keepends=True)
+    layered = parse_job("".join(x for x in lines if not x.startswith("path")) + segments)
+    for each in (job, layered):
+        full = play(each, simulated(), speed_factor=1.0)
+        slow = play(each, simulated(), speed_factor=0.1)
+        default = play(each, simulated())
+        assert default.speed_factor == slow.speed_factor == 0.1
+        np.testing.assert_array_equal(default.motion.q, slow.motion.q)
+        t = np.linspace(0.0, full.plan.trajectory.duration, 501)
+        np.testing.assert_allclose(
+            slow.plan.trajectory(t * 10), full.plan.trajectory(t), atol=1e-12
+        )
+        speeds = [
+            np.abs(np.diff(x.motion.predicted, axis=0)).max(axis=0) / 1e-3 for x in (full, slow)
+        ]
+        np.testing.assert_allclose(speeds[1] / speeds[0], 0.1, rtol=0.03)
+        assert run_at(each, simulated(), 0.1).kept
+
+
+def test_a_run_keeps_its_own_speed_factor(job):
+    half = replace(job, runs=(replace(job.runs[0], speed_factor=0.5),))
+    assert play(half, simulated()).speed_factor == 0.5
+    assert play(half, simulated(), speed_factor=1.0).speed_factor == 1.0
+
+
+def test_the_motion_to_the_start_is_at_most_a_tenth_of_the_speed(job):
+    for speed in (1.0, 0.02):
+        robot = simulated(at=START + 0.05)
+        run_at(job, robot, speed)
+        # This arm has no limits of velocity. Accelerations change by the square of the factor.
+        accelerations = np.abs(np.diff(robot.motions[0].q, 2, axis=0)) / 1e-6
+        limit = min(speed, 0.1) ** 2 * job.arm.limits.joint_acceleration
+        assert (accelerations.max(axis=0) <= limit * (1 + 1e-3)).all()
+
+
 def test_drives_that_do_not_move_are_refused(job, refuses):
     words = ("have not moved", "joint")
     refuses(lambda: run_at(job, simulated(trip=0)), ControllerRefused, *words)

@@ -106,7 +106,6 @@ def facts():
     from tools.job_form import form_text
 
     import armcontour as ac
-    from armcontour.controllers.player import at_speed
     from armcontour.core.render import limit_style
     from armcontour.planning import explain, stop
 
@@ -148,7 +147,7 @@ def facts():
     yield "violations", [x.name for x in checks["samples"].violations]
     yield "not judged", checks["positions"].missing
     yield "certificate", str(certificate)
-    yield "played", at_speed(run, job, 0.5).limits.path_acceleration
+    yield "slowed", along(arm, trajectory.stretched(0.5))
     try:
         ac.play(job_of("100 mm/s²", "paper"), Simulated(), speed_factor=1.0)
     except ac.NotRealizable as error:

@@ -89,6 +89,7 @@ PLANE: dict[str, Any] = {
     "accuracy": 2e-4,
     "servo": SERVO,
     "cycle": 4e-3,
+    "speed_factor": 0.5,
     "runs": {"one": {}},
 }
 SPACE: dict[str, Any] = {
@@ -455,7 +456,7 @@ def _made_up(place: Place) -> dict[str, Any]:
     if (
         place[:2] == ("runs", ANY)
         and len(place) > 2
-        and place[2] in ("limits", "command_limits", "corners", "cycle")
+        and place[2] in ("limits", "command_limits", "corners", "cycle", "speed_factor")
     ):
         outer = base_of(place[2:])
         value = outer[str(place[2])]

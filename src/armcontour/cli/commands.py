@@ -19,10 +19,11 @@ from armcontour.cli.command_line import INSTALLED, JUDGE, PREPARE, ROBOT, RUN, c
 
 __all__ = ["program_for"]
 # Topics of the options that set job keys, as in `job_options.json`: DRAWING (two topics), POSITION,
-# SPEED, FILES and POINTS.
+# SPEED, FIRST_RUN, FILES and POINTS.
 DRAWING = ("Drawing", "G-code")
 POSITION = "Cell and position of the drawing"
 SPEED = "Speed, corners and start"
+FIRST_RUN = "First run on the robot"
 FILES = "Files for robot controllers"
 POINTS = "Points of these files"
 
@@ -142,7 +143,9 @@ class Run(JobOptions, Results):
     """
 
     out: RequiredOut = field()
-    keys: Annotated[Keys, *DRAWING, POSITION, SPEED, FILES, POINTS] = field(default_factory=dict)
+    keys: Annotated[Keys, *DRAWING, POSITION, SPEED, FIRST_RUN, FILES, POINTS] = field(
+        default_factory=dict
+    )
     simulate: Annotated[bool, typer.Option("--simulate/--no-simulation")] = True
     changes: Annotated[bool | None, typer.Option("--changes/--no-changes")] = None
 
@@ -374,17 +377,16 @@ class Play(JobOptions, ControllerOptions, Results, Json):
 
     Args:
         run_name: Run of the job.
-        speed_factor: Fraction of the job's speed.
         band: Largest difference of a joint from its simulated position before the motion is
             stopped, such as '5 mrad'; by default 2 mrad and the distance that it moves in 50 ms at
             its largest speed.
-        set_points: Learned set-points: set_points.csv of learn, or its folder; with
-            --speed-factor '100 %'.
+        set_points: Learned set-points: set_points.csv of learn, or its folder; with the
+            --speed-factor with which they were learned.
     """
 
     on: str = field()
+    keys: Annotated[Keys, *DRAWING, POSITION, SPEED, FIRST_RUN] = field(default_factory=dict)
     run_name: Name = None
-    speed_factor: Annotated[str, typer.Option("--speed-factor")] = "10 %"
     band: Text = None
     set_points: Annotated[File, typer.Option("--set-points")] = None
 

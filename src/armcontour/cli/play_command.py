@@ -37,20 +37,18 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     if folder is not None and not execute:
         raise InvalidInput("--out also requires --execute, because only a motion has a log.")
     refuse_without_terminal(options)
-    speed_factor = read_option("--speed-factor", options.speed_factor, player.SpeedFactor)
     band = read_option("--band", options.band, AngularDistance)
     job = open_job(options.job, options, progress)
     controller = controller_of(job, options)
     learned = options.set_points
     name = options.run_name
     is_learned = learned is not None
-    job, plan = player.plan_kept(job, name, speed_factor, learned=is_learned, progress=progress)
+    job, plan = player.plan_kept(job, name, None, learned=is_learned, progress=progress)
     ready = player.prepare_motion(
         job,
         plan,
         controller,
         set_points=None if learned is None else read_set_points(learned, job, plan),
-        speed_factor=speed_factor,
         band=band,
     )
     played = player.Player(controller, progress=progress).play(ready)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput, NotRealizable
 from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import AngularDistance, Quantity, any_unit, joint_units
+from armcontour.core.quantities import AngularDistance, SpeedFactor, any_unit, joint_units
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.sampled_data import differences, interpolate
@@ -27,12 +26,11 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.study import run
 from armcontour.jobs.verdict import Errors
 from armcontour.motion import JointPath, Log, SetPoints, Trajectory
-from armcontour.planning import plan, stop
+from armcontour.planning import at_speed, plan, stop
 from armcontour.planning.timing_options import Optimal
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import use_of
-from armcontour.robot.limits import LIMITS
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import command_weights
 
@@ -57,7 +55,6 @@ LEAST = 2e-3
 LAG = 0.05
 # The same if the servo is unknown, instead of LAG [s].
 UNKNOWN_LAG = 0.25
-SpeedFactor = Annotated[float, Quantity("1", "50 %", within=(1e-3, 1.0))]
 # Default speed factor, and largest speed factor of the motion to the start.
 SLOW = 0.1
 # Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
@@ -190,7 +187,7 @@ class Played(Result):
         job: The job with the run as it is played.
         plan: Plan and simulation of this run, with the set-points that are played.
         controller: Name of the controller.
-        speed_factor: Fraction of the job's speed.
+        speed_factor: Fraction of the planned speed.
         checks: What was compared with the controller.
         motion: Set-points and predicted positions at the cycles of the controller.
         distance: Largest distance of a joint from the first set-point before the motion [rad].
@@ -273,7 +270,7 @@ def play(
     *,
     run_name: str | None = None,
     execute: bool = False,
-    speed_factor: SpeedFactor = SLOW,
+    speed_factor: SpeedFactor | None = None,
     band: AngularDistance | None = None,
     set_points: SetPoints | None = None,
     stop_requested: Callable[[], bool] = lambda: False,
@@ -281,10 +278,10 @@ def play(
 ) -> Played:
     """Play the set-points of a run on a robot, and record its joints.
 
-    The run is planned again for the speed factor, with a reserve of at least 2 %, and compensated;
-    set-points are never stretched in time. The robot moves to the start on a straight line in joint
-    space, with at most 10 % of its speed. A stop ends on the path and respects the limits. The
-    result compares the measured motion with the simulation.
+    The run is planned with a reserve of at least 2 %, stretched in time to the speed factor, and
+    then compensated; set-points themselves are never stretched. The robot moves to the start on a
+    straight line in joint space, at most at 10 % of its speed. A stop ends on the path and respects
+    the limits. No output is switched. The result compares the measured motion with the simulation.
 
     >>> from armcontour.controllers import LinuxCNC
     >>> ac.play(ac.read_job("job.yaml"), LinuxCNC("machine.hal")).record is None
@@ -296,12 +293,12 @@ def play(
         run_name: The run; by default the only one.
         execute: True moves the robot. False is a dry run, which only compares arm, limits,
             set-points and position.
-        speed_factor: Fraction of the planned speed; accelerations change by its square, jerks
-            by its cube.
+        speed_factor: Fraction of the planned speed, of contours and rapids; accelerations change by
+            its square, jerks by its cube. By default that of the run, or 10 % if it has none.
         band: Largest difference of a joint from its simulated position before the motion is stopped
             [rad]; by default 2 mrad and the distance that it moves in 50 ms at its largest speed.
-        set_points: Set-points of `learn` for this run, instead of those of the compensation; only
-            with a speed_factor of 1.
+        set_points: Set-points of `learn` for this run, instead of those of the compensation; with
+            the speed factor with which they were learned.
         stop_requested: Called often during the motion; True stops it on its path.
         progress: Called with the steps.
 
@@ -313,19 +310,27 @@ def play(
     """
     learned = set_points is not None
     played_job, planned = plan_kept(job, run_name, speed_factor, learned, progress)
-    ready = prepare_motion(
-        played_job, planned, controller, set_points=set_points, speed_factor=speed_factor, band=band
-    )
+    ready = prepare_motion(played_job, planned, controller, set_points=set_points, band=band)
     played = Player(controller, execute, stop_requested, progress).play(ready)
     return judge_motion(played, controller.cycle, band)
 
 
 def plan_kept(
-    job: Job, run_name: str | None, speed_factor: float, learned: bool, progress: Progress | None
+    job: Job,
+    run_name: str | None,
+    speed_factor: float | None,
+    learned: bool,
+    progress: Progress | None,
 ) -> tuple[Job, RunResult]:
     """Plan the run of `play`; `learned`: the set-points of `learn` will be played."""
-    if learned and speed_factor != 1.0:
-        raise InvalidInput("Learned set-points are valid at full speed only. Set speed_factor=1.")
+    if speed_factor is None:
+        speed_factor = choose_run(job, run_name, "played").speed_factor
+    if learned and speed_factor is None:
+        raise InvalidInput(
+            "Learned set-points are valid at the speed at which they were learned only. Specify "
+            "the speed factor, which is 100 % unless you learned with another one."
+        )
+    speed_factor = SLOW if speed_factor is None else speed_factor
     played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
     if planned.kept is False:
         raise ControllerRefused(
@@ -338,13 +343,23 @@ def plan_kept(
 def plan_played(
     job: Job,
     run_name: str | None,
-    speed_factor: float = 1.0,
+    speed_factor: float | None = None,
     reserve: float = RESERVE,
     progress: Progress | None = None,
 ) -> tuple[Job, RunResult]:
-    """Job with the scaled run, and the result of planning this run."""
+    """Job with the run as it is played, and the result of planning this run.
+
+    The run has all limits of the arm, and at least the reserve. Its speed factor is `speed_factor`;
+    by default it does not change.
+    """
     chosen = choose_run(job, run_name, "played")
-    played_job = replace(job, runs=(at_speed(chosen, job, speed_factor, reserve),))
+    played_run = replace(
+        chosen,
+        limits=resolve_limits("play", job.arm, chosen.limits),
+        timing=replace(chosen.timing, reserve=max(chosen.timing.reserve, reserve)),
+        speed_factor=chosen.speed_factor if speed_factor is None else speed_factor,
+    )
+    played_job = replace(job, runs=(played_run,))
     return played_job, run(played_job, progress=progress).runs[chosen.name]
 
 
@@ -354,7 +369,6 @@ def prepare_motion(
     controller: Controller,
     *,
     set_points: SetPoints | None = None,
-    speed_factor: float = 1.0,
     band: float | None = None,
     lag: float = LAG,
 ) -> Played:
@@ -376,14 +390,13 @@ def prepare_motion(
         _check_same_plan(set_points, planned)
         predicted = planned.trajectory.with_rests(t)
     rows = controller.check(job.arm, planned.run.limits, stopper.q)
-    limits = _scaled(planned.run.limits, 1 / speed_factor)
     is_safe = controller.simulates or job.servo.contour_ratio is not None
-    rows.append(_check_accelerations(planned.run.name, points, limits, is_safe))
+    rows.append(_check_accelerations(planned.run, points, is_safe))
     return Played(
         job=job,
         plan=replace(planned, set_points=points),
         controller=controller.name,
-        speed_factor=speed_factor,
+        speed_factor=points.trajectory.speed_factor,
         checks=tuple(rows),
         motion=guarded_motion(stopper, predicted, lag, band),
     )
@@ -434,13 +447,15 @@ class Player:
         job = ready.job
         start = ready.motion.q[0]
         controller = self.controller
-        limits = _scaled(ready.plan.run.limits, min(SLOW / ready.speed_factor, 1.0))
+        limits = ready.plan.run.limits
+        speed_factor = min(SLOW, ready.speed_factor)
         for _ in range(ATTEMPTS):
             position = controller.position()
             if np.abs(position - start).max() <= START:
                 # Late set-points stopped the motion at its end.
                 return
-            approach = approach_of(job, limits, position, start, controller.cycle)
+            cycle = controller.cycle
+            approach = approach_of(job, limits, position, start, cycle, speed_factor)
             record = self._stream(approach, job.arm)
             distance = np.abs(record.measured[-1] - start).max()
             if self.stop_requested() or (record.stopped is None and distance <= LEAST):
@@ -497,16 +512,21 @@ def _measure_distance(ready: Played, position: FloatArray) -> float:
 
 
 def approach_of(
-    job: Job, limits: Limits, position: FloatArray, start: FloatArray, cycle: float
+    job: Job,
+    limits: Limits,
+    position: FloatArray,
+    start: FloatArray,
+    cycle: float,
+    speed_factor: float,
 ) -> Motion:
-    """Straight motion in joint space to the first set-point, without contact.
+    """Straight motion in joint space to the first set-point, at a fraction of the largest speed.
 
     Raises:
         ControllerRefused: The arm would come too near to itself or its cell.
     """
     line = _clear_line(job, position, start)
-    trajectory = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
-    return uncompensated_motion(trajectory, job.arm, cycle)
+    fastest = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
+    return uncompensated_motion(at_speed(fastest, speed_factor), job.arm, cycle)
 
 
 def _clear_line(job: Job, position: FloatArray, start: FloatArray) -> JointPath:
@@ -572,23 +592,6 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
     return replace(played, kept=kept, reason=reason, differences=tuple(rows))
 
 
-def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> Run:
-    """The run with all limits of the arm, scaled by a speed factor, and a minimum reserve."""
-    limits = _scaled(resolve_limits("play", job.arm, chosen.limits), factor)
-    timing = replace(chosen.timing, reserve=max(chosen.timing.reserve, reserve))
-    return replace(chosen, limits=limits, timing=timing)
-
-
-def _scaled(limits: Limits, factor: float) -> Limits:
-    """Limits scaled by a speed factor; torques and ranges do not change."""
-    values = {}
-    for name, limit in LIMITS.items():
-        value = getattr(limits, name)
-        if limit.power and value is not None:
-            values[name] = np.multiply(value, factor**limit.power)
-    return limits.replace(**values)
-
-
 def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
     """Refuse learned set-points whose plan differs from that of the job."""
     before = set_points.trajectory
@@ -598,13 +601,15 @@ def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
         or np.abs(before(before.duration / 2) - now(before.duration / 2)).max() > 1e-9
     ):
         raise InvalidInput(
-            "The learned set-points belong to another plan, because the job has changed since. "
-            "Learn again."
+            f"The learned set-points belong to another plan, which takes "
+            f"{number(before.duration, 's')} instead of {number(now.duration, 's')}. The job or "
+            "its speed factor has changed since. Use those with which you learned, or learn again."
         )
 
 
-def _check_accelerations(run_name: str, points: SetPoints, limits: Limits, is_safe: bool) -> Row:
-    """Ratio of the acceleration of set-points to the limits of each joint at full speed."""
+def _check_accelerations(run: Run, points: SetPoints, is_safe: bool) -> Row:
+    """Ratio of the acceleration of set-points to the limits of each joint."""
+    limits = run.limits
     use = use_of("joint_acceleration", limits, differences(points.q, 2) / points.cycle**2)
     i, j = divmod(int(use.ratio.argmax()), use.ratio.shape[1])
     needed = float(use.value[i, j])
@@ -612,11 +617,11 @@ def _check_accelerations(run_name: str, points: SetPoints, limits: Limits, is_sa
     if ratio > 1 + ROUNDING and not is_safe:
         unit = joint_units("rad/s^2", limits.prismatic or (False,) * (j + 1))[j]
         raise ControllerRefused(
-            f"The set-points of run {run_name} demand {number(needed, unit)} of joint "
+            f"The set-points of run {run.name} demand {number(needed, unit)} of joint "
             f"{j + 1}, above its limit {number(needed / ratio, unit)}, because they "
             "compensate a servo that was not identified. Identify it (armcontour identify --on), "
             "and copy the key servo of servo.yaml, with contour_ratio, to the job. Or play without "
-            f"compensation (--set runs.{run_name}.compensation.method=none).",
+            f"compensation (--set runs.{run.name}.compensation.method=none).",
             joint=j,
             needed=needed,
             allowed=needed / ratio,

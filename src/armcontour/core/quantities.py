@@ -282,6 +282,7 @@ Pole = Annotated[float, Quantity("1/s", "-100 1/s", "negative")]
 Mass = Annotated[float, Quantity("kg", "2 kg", "not negative")]
 Inertia = Annotated[float, Quantity("kg m^2", "0.002 kg m^2")]
 Ratio = Annotated[float, Quantity("1", "10 %")]
+SpeedFactor = Annotated[float, Quantity("1", "10 %", within=(1e-3, 1.0))]
 Reserve = Annotated[float, Quantity("1", "10 %", "share")]
 
 DEAD_TIME = Quantity("s", "4 ms", "not negative")

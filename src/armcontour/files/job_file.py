@@ -241,6 +241,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
                 limits=limits,
                 rounding=corners,
                 cycle=cycle,
+                speed_factor=model.speed_factor or job.speed_factor,
                 end_time=model.end_time,
                 experiment=job.experiment,
                 accuracy=job.accuracy,

@@ -21,6 +21,7 @@ from armcontour.core.quantities import (
     JointVelocities,
     Length,
     PartialFields,
+    SpeedFactor,
 )
 from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
@@ -39,6 +40,7 @@ from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
 from armcontour.planning import METHODS, PlanOptions
 from armcontour.planning.timing_options import FASTEST
 from armcontour.program import ContourProcess, Process
+from armcontour.program.process import FIRST_RUN
 from armcontour.robot import Limits
 from armcontour.robot.bodies import Payload
 from armcontour.robot.external_axes import Positioner, Rail
@@ -269,6 +271,9 @@ class SharedModel:
         command_limits: Limits of the set-points, as the controller checks them.
         corners: Rounding of corners; `sharp`, the default, means no rounding.
         cycle: Time between set-points [s]; by default 4 ms.
+        speed_factor: Fraction of the planned speed, for a first, slow run on the robot: contours,
+            rapids and everything else along the same joint path; by default 100 %, but 10 % for
+            `armcontour play`. Dwells keep their durations, and events their lead times.
     """
 
     limits: Annotated[dict[str, Any], PartialFields(Limits)] = field(default_factory=dict)
@@ -277,6 +282,9 @@ class SharedModel:
     )
     corners: Rounding | Literal["sharp"] | None = None
     cycle: Annotated[Interval | None, About(usual=(1e-4, 2e-2))] = None
+    speed_factor: Annotated[
+        SpeedFactor | None, About("--speed-factor", FIRST_RUN, read="to_quantity")
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -120,10 +120,12 @@ def with_advice(
     most = MAX_PLANNED if complete else _count_affordable(study.job)
     if not most:
         return study
-    runs = {
-        name: replace(x, advice=advise(study.job, x, subprogress(progress, name), most=most))
-        for name, x in study.runs.items()
-    }
+    runs = dict(study.runs)
+    for name, result in study.runs.items():
+        # The limits that changes would move do not determine the speed of a slow first run.
+        if result.trajectory.speed_factor == 1.0:
+            changes = advise(study.job, result, subprogress(progress, name), most=most)
+            runs[name] = replace(result, advice=changes)
     return replace(study, runs=MappingProxyType(runs))
 
 

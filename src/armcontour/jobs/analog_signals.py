@@ -29,12 +29,15 @@ def analog_outputs(
 
     A function takes increasing times [s], (n,), where the plan starts at 0, and gives (n,). The
     value is that of the planned tool speed while the process is at work on a contour and no output
-    that `Analog.follows` names is off, and the value of `Analog.off` otherwise.
+    that `Analog.follows` names is off, and the value of `Analog.off` otherwise. If the process
+    stays off, there are no outputs.
 
     Raises:
         InvalidInput: An output depends on the assigned velocity, and a contour has none; or it
             depends on S of G-code, and the program has no S or an S above `full_s`.
     """
+    if process.off:
+        return {}
     check_analog(program, process, limits)
     states = _States(trajectory, process)
     functions: dict[str, Values] = {}

@@ -29,6 +29,7 @@ from armcontour.core.quantities import (
     Named,
     Quantity,
     Speed,
+    SpeedFactor,
 )
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, digits, format_table, short_repr, show
@@ -353,6 +354,8 @@ class Run(Checked):
             tolerance.
         default_compensation: Whether the job file specifies no compensation. Then a certificate
             for servos has the inverse of the servo also for a run with an experiment.
+        speed_factor: Fraction of the planned speed, as of `Trajectory.stretched`; None means 1, but
+            0.1 for `play`.
 
     Raises:
         InvalidInput: A cycle out of range, a time that is not above zero, or a rounding
@@ -369,6 +372,7 @@ class Run(Checked):
     experiment: Experiment | None = None
     accuracy: Distance | None = None
     default_compensation: bool = False
+    speed_factor: SpeedFactor | None = None
 
     def _check_together(self) -> None:
         check_cycle(self.cycle)
@@ -451,7 +455,8 @@ class Job(Checked):
         runs: At least one run, with different names.
         certificate: Requirements of a certified plan.
         scene: Obstacles in the cell; None if they are unknown.
-        export: Files for robot controllers that the command `run` writes.
+        export: Files for robot controllers that the command `run` writes; they name no outputs if
+            the process is off.
         part: Part frame, with which the path is already transformed.
 
     Raises:
@@ -496,6 +501,8 @@ class Job(Checked):
                 check_analog(program, self.process, run.limits)
         with error_context("process"):
             check_process(program, self.process)
+        if self.process.off:
+            object.__setattr__(self, "export", replace(self.export, outputs={}))
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job must have at least one run, and runs must differ in name.")

@@ -32,7 +32,7 @@ from armcontour.robot import Arm
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limits import LIMITS
 from armcontour.simulation import RigidBodyPlant
-from armcontour.verification.evaluation import duration_row
+from armcontour.verification.evaluation import duration_row, tool_speeds
 
 # Name of the assigned velocity in explanations.
 ASSIGNED = LIMITS["speed"].label
@@ -146,6 +146,9 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
         label = "contour error expected, largest"
         yield Row("expected.max", value, "m", label, note, VERDICT)
     yield duration_row(result.trajectory.duration, VERDICT)
+    speed_factor = result.trajectory.speed_factor
+    if speed_factor != 1.0:
+        yield Row("speed_factor", speed_factor, "1", "speed factor", "of the plan", VERDICT)
     if (why := result.explanation) is not None and why.longest is not None:
         limit, share = why.longest
         note = f"{number(share, '1')} of the time"
@@ -253,7 +256,7 @@ def _execution_rows(result: RunRecord) -> Iterator[Row]:
     """Yield rows of the execution with the servo model, or of a plan that was not simulated."""
     evaluation = result.evaluation
     if evaluation is None and result.trajectory.arm is not None:
-        yield Row("speed", result.motion.tool_speed.max(), "m/s", "tool speed, largest")
+        yield from tool_speeds(result.motion).rows
     if evaluation is not None:
         for row in [*evaluation.to_data().rows, *_angular_rows(result.motion)]:
             if row.name == "limit_ratios":
@@ -391,7 +394,9 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     stops = result.full_stops
     yield Row("full_stops.count", sum(stops.values()))
     yield Row("full_stops.reasons", stops)
-    if job is not None and job.process.analog_names:
+    if job is not None and job.process.off:
+        yield Row("process_off", True, "", "process off", "no output is switched")
+    elif job is not None and job.process.analog_names:
         yield Row("analog", job.process.analog_names)
     if job is not None and job.export.outputs:
         outputs = job.export.outputs.items()

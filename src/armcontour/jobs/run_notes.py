@@ -53,8 +53,8 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
     yield from _capped(result.objective, run)
     yield compare_limits(run.limits, result.arm)
     yield _stops(result.jerk_stops)
-    # If a duration is specified, contours are slower than assigned on purpose.
-    if run.duration is None:
+    # With a duration or a speed factor, contours are slower than assigned on purpose.
+    if run.duration is None and trajectory.speed_factor == 1.0:
         yield _slow(result)
     yield from (x.sentence for x in result.weaves if x.differs)
     yield from _collisions(result)

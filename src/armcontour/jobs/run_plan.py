@@ -26,6 +26,7 @@ from armcontour.planning import (
     Optimal,
     Shaped,
     Tracing,
+    at_speed,
     explain,
     intervals_of,
     plan,
@@ -93,8 +94,10 @@ def explained_reach(job: Job) -> Iterator[None]:
 
 
 def explain_plan(job: Job, trajectory: Trajectory) -> Explanation | None:
-    """Active limits along a plan; None if its timing method is not optimal."""
-    return explain(trajectory, job.arm) if trajectory.method is Method.OPTIMAL else None
+    """Active limits along a plan; None if its timing is not optimal, or if it was stretched."""
+    if trajectory.method is not Method.OPTIMAL or trajectory.speed_factor != 1.0:
+        return None
+    return explain(trajectory, job.arm)
 
 
 def prepare_program(job: Job, run: Run, progress: Progress | None = None) -> Program:
@@ -129,7 +132,7 @@ def find_leads(job: Job, run: Run) -> list[Leads]:
     rounding = None if run.rounding is None else run.rounding.with_arcs
     assert isinstance(run.timing, Optimal)
     timing = dataclasses.replace(run.timing, duration=None)
-    run = dataclasses.replace(run, rounding=rounding, timing=timing)
+    run = dataclasses.replace(run, rounding=rounding, timing=timing, speed_factor=None)
     process = job.process
     # The contours are arranged first, so they have their direction already.
     unled: dict[str, Any] = {**dict.fromkeys(UNLED), "direction": "drawn"}
@@ -266,13 +269,14 @@ def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
 def time_run(
     job: Job, run: Run, objective: Program, traced: Tracing, progress: Progress
 ) -> RunResult:
-    """Plan along joint paths without a check of collisions."""
+    """Plan along joint paths, at the speed of the run, without a check of collisions."""
     progress(Step(("timing",)))
+    fastest = plan(traced, job.arm, run.limits, run.timing, progress=progress)
     return RunResult(
         run=run,
         objective=objective,
         path=traced.program,
-        trajectory=plan(traced, job.arm, run.limits, run.timing, progress=progress),
+        trajectory=at_speed(fastest, 1.0 if run.speed_factor is None else run.speed_factor),
         traced=traced,
     )
 

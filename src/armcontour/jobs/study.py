@@ -32,7 +32,7 @@ from armcontour.verification.clearance import Clearance
 STEPS = (ROUNDING, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 EXPERIMENT = "experiment"
 # Fields of a run that determine its plan.
-SHARED = "limits", "timing", "rounding", "end_time"
+SHARED = "limits", "timing", "rounding", "end_time", "speed_factor"
 # Maximum time between two samples of a simulation [s], unless the drive cycle is longer.
 RESOLUTION = 1e-3
 

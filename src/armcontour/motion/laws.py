@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +48,35 @@ class Law(Frozen, ABC):
         """
         return tuple(self.on_interval(i, t, k) for k in range(order + 1))
 
+    def stretched(self, speed_factor: float) -> Law:
+        """The same motion at a fraction of its speed: q(f t), with the speed factor f.
+
+        Derivatives of order k are multiplied by f^k.
+        """
+        return StretchedLaw(
+            law=self, speed_factor=speed_factor, breaks=np.asarray(self.breaks) / speed_factor
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StretchedLaw(Law):
+    """Another law at a fraction of its speed.
+
+    Args:
+        law: The law.
+        speed_factor: Ratio of its new speed to its old speed.
+        breaks: Breaks of `law` divided by the speed factor [s], (n + 1,).
+    """
+
+    law: Law
+    speed_factor: float
+    breaks: FloatArray
+
+    def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
+        """Joint positions of the law or their derivative, by the chain rule, (n, dof)."""
+        own = np.clip(t * self.speed_factor, self.law.breaks[i], self.law.breaks[i + 1])
+        return np.asarray(self.speed_factor**order * self.law.on_interval(i, own, order))
+
 
 class LawAlongPath(Law):
     """A law with a known arc length s(t), which never decreases.
@@ -57,6 +86,10 @@ class LawAlongPath(Law):
     """
 
     s: FloatArray
+
+    @abstractmethod
+    def stretched(self, speed_factor: float) -> LawAlongPath:
+        """The same motion along the path at a fraction of its speed."""
 
     @abstractmethod
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
@@ -117,6 +150,15 @@ class LapLaw(Law):
         if order == 1:
             return np.asarray(self.dq[i] + u * self.ddq[i])
         return np.asarray(self.ddq[i] if order == 2 else np.zeros_like(self.ddq[i]))
+
+    def stretched(self, speed_factor: float) -> Self:
+        """The same laps at a fraction of their speed."""
+        return replace(
+            self,
+            breaks=self.breaks / speed_factor,
+            dq=self.dq * speed_factor,
+            ddq=self.ddq * speed_factor**2,
+        )
 
 
 @checked
@@ -326,6 +368,16 @@ class PathLaw(LawAlongPath):
         """Joint positions and derivatives up to an order by the chain rule, (n, dof) each."""
         orders = tuple(range(order + 1))
         return chain_rule_motion(self.joint_path, self.s[i + 1], self.path_motion(i, t), orders)
+
+    def stretched(self, speed_factor: float) -> PathLaw:
+        """The same motion along the path at a fraction of its speed."""
+        rates = Rates(
+            ds=self.rates.ds * speed_factor,
+            dds=self.rates.dds * speed_factor**2,
+            slope=self.rates.slope * speed_factor**2,
+            jerk=self.rates.jerk * speed_factor**3,
+        )
+        return replace(self, breaks=self.breaks / speed_factor, rates=rates)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
         """Times at which intervals `i` reach arc lengths inside them, in closed form [s], (n,)."""

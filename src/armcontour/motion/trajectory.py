@@ -17,7 +17,7 @@ from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.lazy import load_method
-from armcontour.core.quantities import Interval
+from armcontour.core.quantities import Interval, SpeedFactor
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, draw, short_repr
 from armcontour.geometry import Path
@@ -63,6 +63,15 @@ class LawPhase(Frozen):
     s: tuple[float, float]
     demand: FloatArray
     speed: float
+
+    def stretched(self, speed_factor: float) -> LawPhase:
+        """The same part of a motion at a fraction of its speed."""
+        return replace(
+            self,
+            t=(self.t[0] / speed_factor, self.t[1] / speed_factor),
+            demand=self.demand * speed_factor**2,
+            speed=self.speed * speed_factor,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -161,6 +170,7 @@ class Trajectory(Checked):
             not planned with limits.
         reserve: Fraction of the limits of joint acceleration and torque reserved for the servo.
         arm: The arm for which the trajectory was planned; None if unknown.
+        speed_factor: Ratio of the speed to the planned speed, after `stretched`.
 
     Attributes:
         starts: Start times of the laws, and end time of the last law [s], (laws + 1,).
@@ -178,6 +188,7 @@ class Trajectory(Checked):
     limits: Limits | None = None
     reserve: float = 0.0
     arm: Arm | None = None
+    speed_factor: float = 1.0
     starts: FloatArray = field(init=False, repr=False)
     _law_ranges: tuple[_LawRange, ...] = field(init=False, repr=False)
     _ends: FloatArray = field(init=False, repr=False)
@@ -258,6 +269,49 @@ class Trajectory(Checked):
         """
         specified = (limits or Limits()).for_joints(self.dof)
         return specified if self.limits is None else specified.over(self.limits)
+
+    @checked
+    def stretched(self, speed_factor: SpeedFactor) -> Trajectory:
+        """The same motion at a fraction of its speed; dwells keep their durations.
+
+        The joints move through the same positions, q(f t) with the speed factor f. Velocities are
+        multiplied by f, accelerations by f², jerks by f³. Torques become g + f² (tau - g), where g
+        is the torque of gravity and dry friction, if the arm has no viscous friction. The times at
+        which events are due are those of the slower tool. Their lead times do not change, because
+        they are delays of the process.
+
+        >>> slow = planned.stretched(0.1)
+        >>> round(slow.duration / planned.duration, 9)
+        10.0
+
+        Args:
+            speed_factor: Ratio of the new speed to the planned speed.
+        """
+        if speed_factor == 1.0:
+            return self
+        spans = _stretch_spans(self.spans, speed_factor)
+        if spans:
+            laws = _laws_of_spans(self.laws, spans)
+            # Between the ends of its spans, the slower motion is proportional to the planned one.
+            ends = [x.t[1] for x in self.spans]
+            slow_ends = [x.t[1] for x in spans]
+        else:
+            laws = [law.stretched(speed_factor) for law in self.laws]
+            ends = [self.duration]
+            slow_ends = [self.duration / speed_factor]
+        events = list[TimedEvent]()
+        for event in self.events:
+            due = float(np.interp(event.due, [0.0, *ends], [0.0, *slow_ends]))
+            lead_time = event.due - event.t
+            events.append(replace(event, due=due, t=due - lead_time))
+        return replace(
+            self,
+            laws=tuple(laws),
+            stretches=tuple(x.stretched(speed_factor) for x in self.stretches),
+            spans=spans,
+            events=tuple(sorted(events, key=lambda x: x.t)),
+            speed_factor=self.speed_factor * speed_factor,
+        )
 
     @property
     def duration(self) -> float:
@@ -593,6 +647,37 @@ def _law_ranges(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_LawRan
     if len(parts) < len(laws):
         raise InvalidInput("The spans of a trajectory must have all laws of the trajectory.")
     return tuple(parts)
+
+
+def _stretch_spans(spans: tuple[Span, ...], speed_factor: float) -> tuple[Span, ...]:
+    """Spans at a fraction of their speed; dwells keep their durations."""
+    slow = list[Span]()
+    t = 0.0
+    for span in spans:
+        if span.trajectory is None:
+            end = t + span.t[1] - span.t[0]
+            slow.append(replace(span, t=(t, end)))
+        else:
+            trajectory = span.trajectory.stretched(speed_factor)
+            end = t + trajectory.duration
+            work = None
+            if span.work is not None:
+                begin_work, end_work = ((x - span.t[0]) / speed_factor for x in span.work)
+                work = (t + begin_work, t + end_work)
+            slow.append(replace(span, t=(t, end), work=work, trajectory=trajectory))
+        t = end
+    return tuple(slow)
+
+
+def _laws_of_spans(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> list[Law]:
+    """Laws of the trajectories of spans; dwells have their laws in `laws`."""
+    chosen = list[Law]()
+    for span in spans:
+        if span.trajectory is None:
+            chosen.append(laws[len(chosen)])
+        else:
+            chosen += span.trajectory.laws
+    return chosen
 
 
 def _law_range(law: Law, offset: float) -> _LawRange:

@@ -7,7 +7,7 @@ _HOME = {
     "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
     "timing_options": "Conventional METHODS Optimal Paper PlanOptions Shaped",
     "planner": "check_duration intervals_of plan",
-    "program_timing": "check_jerk_support",
+    "program_timing": "at_speed check_jerk_support",
     "program_tracing": "Tracing trace_program turn_along",
     "shaping": "shape",
 }

@@ -7,6 +7,7 @@ from armcontour.planning.explanation import find_jerk_stops as find_jerk_stops
 from armcontour.planning.planner import check_duration as check_duration
 from armcontour.planning.planner import intervals_of as intervals_of
 from armcontour.planning.planner import plan as plan
+from armcontour.planning.program_timing import at_speed as at_speed
 from armcontour.planning.program_timing import check_jerk_support as check_jerk_support
 from armcontour.planning.program_tracing import Tracing as Tracing
 from armcontour.planning.program_tracing import trace_program as trace_program

@@ -263,9 +263,15 @@ def explain(
         constraints: Additional constraints that the plan was made for.
 
     Raises:
-        InvalidInput: The trajectory is not a plan of the method "optimal" or "shaped".
+        InvalidInput: The trajectory is not a plan of the method "optimal" or "shaped", or it was
+            stretched, so that no limit is active.
     """
     arm = arm_of(trajectory, arm)
+    if trajectory.speed_factor != 1.0:
+        raise InvalidInput(
+            f"This plan was stretched to {100 * trajectory.speed_factor:.6g} % of its speed, so "
+            "that no limit determines its speed. Explain the plan before `stretched`."
+        )
     reduced = trajectory.limits
     if reduced is not None:
         reduced = reduce_limits(reduced, trajectory.reserve)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any, NoReturn
 
-from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.text import capitalise, count_noun
@@ -18,6 +18,7 @@ from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.planning.program_timing import (
     Timing,
     check_jerk_support,
+    check_longest,
     slow_down,
     time_contour,
     time_program,
@@ -115,13 +116,7 @@ def plan(
         trajectory = time_program(traced, timing, progress)
     if isinstance(options, Optimal) and options.duration is not None:
         trajectory = slow_down(trajectory, options.duration, traced, timing)
-    if not trajectory.duration <= LONGEST_MOTION:
-        raise NotRealizable(
-            f"The motion would take {trajectory.duration:.3g} s, but it may last "
-            f"at most {LONGEST_MOTION:g} s. Raise the active limits.",
-            needed=trajectory.duration,
-            allowed=LONGEST_MOTION,
-        )
+    check_longest(trajectory.duration, "Raise the active limits")
     trajectory = trajectory.limited(
         bounds, options.reserve, None if isinstance(arm, _JointSpace) else arm
     )

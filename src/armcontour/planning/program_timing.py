@@ -15,22 +15,30 @@ from armcontour.core.progress import Progress, Step
 from armcontour.motion import (
     JointPath,
     Law,
+    LawAlongPath,
     Method,
     PathLaw,
-    Rates,
     Span,
     TimedEvent,
     Trajectory,
+    arm_of,
     dwell_law,
 )
 from armcontour.planning.constraints import RapidSpeed
 from armcontour.planning.law_checks import check_limits
 from armcontour.planning.optimal_timing import plan_optimal
 from armcontour.planning.program_tracing import TracedMove, Tracing, ends_of
-from armcontour.planning.timing_options import Conventional, Optimal, Paper, PlanOptions, Shaped
+from armcontour.planning.timing_options import (
+    LONGEST_MOTION,
+    Conventional,
+    Optimal,
+    Paper,
+    PlanOptions,
+    Shaped,
+)
 from armcontour.program import Contour, Dwell, Event
 from armcontour.robot import Arm, Limits
-from armcontour.robot.limits import LIMITS
+from armcontour.robot.limits import LIMITS, reduce_limits
 
 # Number of grid intervals of a rapid. Few suffice, because limits change little along a straight
 # line of the joints or the tool.
@@ -336,28 +344,59 @@ def _slowing_factor(duration: float, contours: float, others: float) -> float:
     return max((duration - others) / contours, 1.0)
 
 
+def at_speed(trajectory: Trajectory, speed_factor: float) -> Trajectory:
+    """Stretch a plan to a fraction of its speed, and check its torques and duration.
+
+    The slower motion satisfies every limit that the plan satisfies, except torques if viscous
+    friction assists braking (see `slow_down`).
+
+    - `trajectory`: a plan with arm and limits.
+    - `speed_factor`: ratio of the new speed to the planned speed.
+    """
+    if speed_factor == 1.0:
+        return trajectory
+    slow = trajectory.stretched(speed_factor)
+    check_longest(slow.duration, "Raise the speed factor")
+    limits = reduce_limits(trajectory.limits_for(None), trajectory.reserve)
+    location = f"At {100 * speed_factor:.6g} % of the speed"
+    _check_friction(slow.laws, arm_of(trajectory), limits, location, "another speed factor")
+    return slow
+
+
+def check_longest(duration: float, remedy: str) -> None:
+    """Raise NotRealizable for a motion that takes too long; `remedy`: a sentence without period."""
+    if not duration <= LONGEST_MOTION:
+        raise NotRealizable(
+            f"The motion would take {duration:.3g} s, but it may last at most "
+            f"{LONGEST_MOTION:g} s. {remedy}.",
+            needed=duration,
+            allowed=LONGEST_MOTION,
+        )
+
+
 def _slow_down(fastest: Trajectory, factor: float, timing: Timing) -> Trajectory:
     """Motion along one path in `factor` times its shortest time."""
     if factor == 1.0:
         return fastest
-    laws = tuple(_stretch(x, factor) for x in fastest.laws if isinstance(x, PathLaw))
-    if timing.limits.joint_torque is not None and np.any(timing.arm.dynamics.chain.viscous):
-        check_limits(
-            laws,
-            timing.arm,
-            timing.limits,
-            ignored=[x for x in LIMITS if x != "joint_torque"],
-            location=f"Slowed down to {factor * fastest.duration:.6g} s",
-            t=0.0,
-            remedy="Viscous friction assists braking less in a slower motion. Specify another "
-            "duration, or raise joint_torque",
-        )
+    laws = tuple(law.stretched(1 / factor) for law in fastest.laws)
+    location = f"Slowed down to {factor * fastest.duration:.6g} s"
+    _check_friction(laws, timing.arm, timing.limits, location, "another duration")
     return replace(fastest, laws=laws)
 
 
-def _stretch(law: PathLaw, factor: float) -> PathLaw:
-    ds, dds, slope, jerk = law.rates
-    rates = Rates(
-        ds=ds / factor, dds=dds / factor**2, slope=slope / factor**2, jerk=jerk / factor**3
+def _check_friction(
+    laws: tuple[Law, ...], arm: Arm, limits: Limits, location: str, other: str
+) -> None:
+    """Check the torques of a slower motion, because viscous friction assists its braking less."""
+    if limits.joint_torque is None or not np.any(arm.dynamics.chain.viscous):
+        return
+    check_limits(
+        [x for x in laws if isinstance(x, LawAlongPath)],
+        arm,
+        limits,
+        ignored=[x for x in LIMITS if x != "joint_torque"],
+        location=location,
+        t=0.0,
+        remedy="Viscous friction assists braking less in a slower motion. Specify "
+        f"{other}, or raise joint_torque",
     )
-    return replace(law, breaks=law.breaks * factor, rates=rates)

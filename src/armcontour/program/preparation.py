@@ -111,6 +111,8 @@ def prepare(
             _add_leads(move, contour_process, leads, run_in if not contours else None, placement, k)
         )
     result = _link_moves(program.moves, contours, process, departing_rapids)
+    if process.off:
+        result = _without_outputs(result)
     notes = (*program.notes, *(() if placement is None else placement.notes))
     if changes:
         note = (
@@ -203,14 +205,25 @@ def _link_moves(
         followed = next_rapid(moves, range(i + 1, len(moves))) is not None
         added = _add_heights(contour, process, linked=before is not None, followed=followed)
         contour_process = process.of_contour(contour)
-        dwell = contour_process.dwell + (
-            0.0 if contour_process.pierce is None else contour_process.pierce.time
-        )
+        dwell = contour_process.dwell
+        if contour_process.pierce is not None and not process.off:
+            dwell += contour_process.pierce.time
         if dwell:
             added.insert(added.index(contour), Dwell(duration=dwell))
         result += added
         number += 1
     return result
+
+
+def _without_outputs(moves: Sequence[Move]) -> list[Move]:
+    """Moves without events that switch outputs; the tool still stops at tool changes."""
+    kept = list[Move]()
+    for move in moves:
+        if isinstance(move, Contour):
+            kept.append(replace(move, events=()))
+        elif not isinstance(move, Event) or move.changes_tool:
+            kept.append(move)
+    return kept
 
 
 def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:

@@ -40,6 +40,8 @@ from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weave import Weave
 from armcontour.program.moves import Contour, Event, Value
 
+# Section of the help for the options of the first run of a job on a robot.
+FIRST_RUN = "First run on the robot"
 # In a file, "auto" is the length of a lead that the arm needs.
 LEAD_LENGTH = Key(
     hint=Annotated[Literal["auto"] | Distance, Convert(lambda x: None if x == "auto" else x)],
@@ -280,6 +282,9 @@ class Process(Checked, LayerProcess):
         direction: Direction of travel along closed contours, seen from `up`: "drawn", "clockwise",
             "counterclockwise", or for a spindle that turns clockwise "climb", with the tool to the
             left of the part's edge, or "conventional". The tool is on the waste side.
+        off: Whether the process stays off, for a first run on the robot: the tool moves along the
+            same path, but no output is switched, no analog output has a value, and pierces take no
+            time.
         resume_at: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m].
 
@@ -303,6 +308,7 @@ class Process(Checked, LayerProcess):
     kerf_side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
     rapid_speed: Speed | None = None
     approach_speed: Speed | None = None
+    off: Annotated[bool, About("--process-off", FIRST_RUN)] = False
     resume_at: Annotated[Distance, About("--resume-at")] = 0.0
     _parts: Mapping[str | int, Process] = field(init=False, repr=False)
 

@@ -59,7 +59,9 @@ class Evaluation(Result, Frozen):
             required) and the required one at the path point [rad]; None if no orientation is
             required.
         corners: Cornering deviations (ISO 9283, 8.5) at the corners of the objective path.
-        speed: Largest tool speed [m/s].
+        speed: Largest tool speed on the contours while the process is at work [m/s].
+        rapid_speed: Largest tool speed in rapids and in leads without the process [m/s]; None if
+            the motion has none.
         speed_ratio: Largest ratio of the tool speed to the assigned velocity of the limits or of a
             segment; NaN if no velocity is assigned.
         speed_overshoot: Largest excess of the tool speed over the assigned velocity [m/s]; 0 if no
@@ -96,6 +98,7 @@ class Evaluation(Result, Frozen):
     orientation_error: ErrorProfile | None
     corners: tuple[CornerDeviation, ...]
     speed: float
+    rapid_speed: float | None
     speed_ratio: float
     speed_overshoot: float
     path_velocity: float
@@ -156,7 +159,7 @@ class Evaluation(Result, Frozen):
         if uses:
             largest = max(uses, key=lambda x: uses[x]).replace("_", " ")
         return (
-            Row("speed", self.speed, "m/s", "tool speed, largest"),
+            *ToolSpeeds(work=self.speed, rapids=self.rapid_speed).rows,
             Row("speed_ratio", self.speed_ratio, "1", "tool speed of the assigned"),
             Row("speed_overshoot", self.speed_overshoot, "m/s"),
             Row("path_velocity", self.path_velocity, "m/s", "tool speed, mean"),
@@ -185,6 +188,45 @@ class Evaluation(Result, Frozen):
 
     __repr__ = short_repr
     figure = draw
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToolSpeeds:
+    """Largest tool speeds of a motion.
+
+    Args:
+        work: On contours while the process is at work [m/s].
+        rapids: At other times, in rapids and in leads without the process [m/s]; None if the motion
+            has neither.
+    """
+
+    work: float
+    rapids: float | None
+
+    @property
+    def rows(self) -> tuple[Row, Row]:
+        """Rows of both speeds."""
+        return (
+            Row("speed", self.work, "m/s", "tool speed at work, largest"),
+            Row("rapid_speed", self.rapids, "m/s", "tool speed in rapids, largest"),
+        )
+
+
+def tool_speeds(motion: Execution) -> ToolSpeeds:
+    """Return the largest tool speeds of an execution, by the times at work of its plan."""
+    speed = motion.tool_speed
+    trajectory = motion.set_points.trajectory
+    if not trajectory.spans:
+        return ToolSpeeds(work=float(speed.max()), rapids=None)
+    at_work = np.zeros(len(speed), dtype=np.bool_)
+    for span in trajectory.contour_spans:
+        begin, end = span.work or span.t
+        at_work |= (motion.t >= begin) & (motion.t <= end)
+    elsewhere = ~at_work & (motion.t >= 0) & (motion.t <= trajectory.duration)
+    return ToolSpeeds(
+        work=float(speed[at_work].max(initial=0.0)),
+        rapids=float(speed[elsewhere].max()) if elsewhere.any() else None,
+    )
 
 
 def duration_row(duration: float, level: int = FIRST) -> Row:
@@ -306,6 +348,7 @@ def evaluate(
         contours=contours,
         drawing_errors=tuple(y for piece in pieces if (y := piece.drawing_error) is not None),
         speed=max(float(x.speed.max()) for x in pieces),
+        rapid_speed=tool_speeds(executed).rapids,
         speed_ratio=ratio if ratio > 0 else np.nan,
         speed_overshoot=max(
             float((piece.speed * (1 - 1 / np.maximum(share, 1.0))).max())

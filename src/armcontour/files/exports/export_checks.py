@@ -112,7 +112,9 @@ def _timed(job: Job) -> Iterator[TimedEvent]:
 
 
 def _events(job: Job) -> Iterator[Event]:
-    """Yield the events of a job's program, and those that its process adds."""
+    """Yield the events of a job's program, and those that its process adds, unless it is off."""
+    if job.process.off:
+        return
     yield from events_of(job.program.moves)
     for variant in job.process.variants:
         yield from variant.events

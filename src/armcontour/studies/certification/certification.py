@@ -12,6 +12,7 @@ from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.render import number
 from armcontour.geometry import Path, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.certificate_goal import CertificateGoal
@@ -122,6 +123,11 @@ def certify(
         raise InvalidInput(
             f"A certificate does not support runs with a duration, but run {chosen.name} has a "
             f"duration of {chosen.duration:g} s. Remove duration."
+        )
+    if chosen.speed_factor not in (None, 1.0):
+        raise InvalidInput(
+            f"A certificate is for the full speed, but run {chosen.name} has a speed factor of "
+            f"{number(chosen.speed_factor, '1')}. Remove speed_factor."
         )
     if chosen.rounding is not None and chosen.rounding.free:
         check_jerk_support(Method.SHAPED, chosen.limits)
