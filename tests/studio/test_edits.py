@@ -407,3 +407,12 @@ def test_tilting_the_tool_works_for_every_form_of_orientation(orientation):
         assert (tilt["angle"], tilt["towards"]) == pytest.approx(expected, abs=1e-6)
     (form,) = (x for x in ("axis", "rpy", "quaternion", "follow_tangent") if x in orientation)
     assert list(new["path"]["orientation"]) == [form]
+
+
+def test_lists_of_numbers_are_typed_as_text_or_numbers():
+    """A direction has no unit."""
+    for value in (["0", "1", "0"], [0, 1, 0], [0.0, 1.0, 0.0]):
+        rail = set_to("arm.rail.axis", value, text=SPACE)["arm"]["rail"]
+        assert rail["axis"] == [0, 1, 0]
+    origin = set_to("arm.rail.origin", ["0", "100", "0 m"], text=SPACE)["arm"]["rail"]["origin"]
+    assert origin == ["0 mm", "100 mm", "0 m"]

@@ -169,9 +169,13 @@ class Collision(ArmContourError):
 
     >>> ac.Collision("The arm touches the table.", needed=0.01, allowed=0.0).exit_code
     8
+
+    Attributes:
+        bodies: Names of the two bodies that are too near to each other; empty if unknown.
     """
 
     exit_code = 8
+    bodies: tuple[str, ...] = ()
 
 
 class ControllerRefused(ArmContourError):

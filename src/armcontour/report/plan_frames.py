@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.errors import ArmContourError
+from armcontour.core.errors import ArmContourError, Collision
 from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data, Table
 from armcontour.core.text import Keys
@@ -117,6 +117,7 @@ def refusal_header(
         **{"needed": error.needed, "allowed": error.allowed},
         **{"key": ".".join(map(str, error.key)), "remedies": edits},
         "at": {} if view is None else _position(error, view, planned, waypoints),
+        "bodies": error.bodies if isinstance(error, Collision) else (),
     }
 
 

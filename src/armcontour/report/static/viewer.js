@@ -104,6 +104,11 @@ export class Viewer {
     this.groups = [];
     /** @type {Map<string, MeshLambertMaterial | LineBasicMaterial>} */
     this.materials = new Map();
+    /** Bodies by name, each with the name of its usual colour. @type {{name: string, solid: Mesh, kind: string}[]} */
+    this.solids = [];
+    /** Names of the bodies that are shown in red. */
+    this.alarmed = "";
+    this.theme = theme;
     this.chain = new Chain(arm.head.joints, arm.head.tool);
     this.work = this.onPart = poseOf(arm.head.part.at);
     this.part = 0;
@@ -111,7 +116,6 @@ export class Viewer {
     this.joints = this.points = /** @type {Vector3[]} */ ([]);
     this.pieces = this.frames = this.waits = this.resting = 0;
     this.size = this.view = "";
-    this.theme = theme;
     this.setArm(arm);
     new ResizeObserver(() => this.draw()).observe(host);
   }
@@ -134,6 +138,8 @@ export class Viewer {
   setArm({ head, arrays }) {
     for (const x of this.groups) x.traverse((y) => /** @type {Mesh} */ (y).geometry?.dispose());
     this.scene.remove(...this.groups);
+    this.solids = [];
+    this.alarmed = "";
     this.chain = new Chain(head.joints, head.tool);
     this.onPart = poseOf(head.part.at);
     this.part = head.part.link;
@@ -180,6 +186,7 @@ export class Viewer {
       setMatrix(x, poseOf(at));
       this.groups[link].add(x);
     }
+    this.solids.push({ name, solid, kind });
   }
 
   /** Links without a shape are sticks between the joints. */
@@ -203,6 +210,7 @@ export class Viewer {
     solid.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), along.normalize());
     solid.castShadow = true;
     this.groups[link].add(solid);
+    this.solids.push({ name: colour, solid, kind: colour });
   }
 
   /** @param {string} name of a colour */
@@ -211,6 +219,8 @@ export class Viewer {
     if (!found) {
       found = name === "edge" ? new LineBasicMaterial({ transparent: true, opacity: 0.28 }) : new MeshLambertMaterial(BEHIND);
       if (name === "obstacle") Object.assign(found, { transparent: true, opacity: 0.7 });
+      const paint = /** @type {Record<string, string>} */ (PAINTS[this.theme]);
+      found.color.set(paint[name] ?? paint.link);
       this.materials.set(name, found);
     }
     return found;
@@ -263,6 +273,15 @@ export class Viewer {
     if (nearest) this.gap.geometry.setPositions(nearest.flat());
     this.alarm.visible = refused !== null;
     if (refused) this.alarm.position.fromArray(refused);
+    this.draw();
+  }
+
+  /** Show bodies that touch each other in red. @param {string[]} names */
+  alert(names) {
+    const alarmed = names.join("\n");
+    if (alarmed === this.alarmed) return;
+    this.alarmed = alarmed;
+    for (const { name, solid, kind } of this.solids) solid.material = this.material(names.includes(name) ? "alarm" : kind);
     this.draw();
   }
 

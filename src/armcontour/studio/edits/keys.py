@@ -150,7 +150,12 @@ def format_value(value: Any, old: Any, keys: Keys) -> Any:
         return value
     if isinstance(value, str):
         number = plain_number(value)
-        return value if number is None else _format_typed(value.strip(), old, kind)
+        if number is None or not kind.unit:
+            # Text with a unit, or a pure number, such as a component of a direction.
+            return value if number is None else number
+        return _format_typed(value.strip(), old, kind)
+    if not kind.unit:
+        return value
     if isinstance(value, int | float):
         checks.check_number(".".join(map(str, keys)), value, kind.unit)
         like = old if isinstance(old, int | float | str) and not isinstance(old, bool) else None

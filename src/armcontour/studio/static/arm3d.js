@@ -143,13 +143,14 @@ class ArmView {
     const refused = store.refusal?.head.at?.xyz ?? null;
     const tool = viewer?.setJoints(q) ?? [];
     viewer?.mark(headOf(store).nearest?.points ?? null, refused);
+    viewer?.alert(store.refusal?.head.bodies ?? []);
     const key = `${store.document?.id} ${arm.head.name} ${motion !== null}`;
     if (viewer && key !== this.fitted) {
       this.fitted = key;
       viewer.look("Arm");
     }
     Object.assign(region.dataset, {
-      time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", pieces: String(viewer?.pieces ?? 0),
+      time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: (store.refusal?.head.bodies ?? []).join(","), pieces: String(viewer?.pieces ?? 0),
     });
     say(this.note, this.noteText(motion));
   }

@@ -147,7 +147,9 @@ export function init(store) {
   region.append(...[speed, ...demands, error].map((x) => x.element));
   const update = () => {
     const [picture, executed] = [store.latest("picture"), store.latest("executed")];
-    const names = store.latest("arm")?.head.joints?.map((/** @type {any} */ x) => x.name) ?? [];
+    // The joints of an arm come from the floor on; those of a motion are in its columns.
+    const names = /** @type {string[]} */ ([]);
+    for (const { name, column } of store.latest("arm")?.head.joints ?? []) names[column] = name;
     // A long drawing comes without a plan first.
     speed.show(picture?.arrays.path_s.length ? speedContent(picture) : null);
     DEMANDS.forEach(([, array], k) => {

@@ -25,6 +25,7 @@ const ALARMS = { saturated: (share) => share > 0, "clearance.low": (low) => low 
 /** Figures that show their place: the time of the largest error, and of the nearest pair. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
 const PLACES = {
   off_drawing: (store) => worstTime(store.latest("executed")),
+  kept: (store) => store.refusal?.head.at?.t,
   "clearance.low": (store) => headOf(store).nearest?.t,
   obstacle: (store) => headOf(store).obstacle_t,
 };
@@ -42,15 +43,16 @@ function remember(store) {
 
 /** A figure; one that is not known for a moment leaves its place. @param {{name: string, row?: Row, seen?: Row, store: Store, exact: boolean}} props */
 function Figure({ name, row, seen, store, exact }) {
-  const place = PLACES[name];
-  const isRefused = name === "kept" && store.refusal?.head.tier === 1;
+  const place = name === "kept" && !PLACES.kept?.(store) ? undefined : PLACES[name];
+  const isRefused = name === "kept" && store.refusal !== null;
+  const refused = store.refusal?.head.error === "Collision" ? "✗ collision" : "✗ refused";
   const looks = name === "kept" && row ? verdictOf(row.value, store.theme) : { colour: "", mark: "" };
   const { accuracy } = store.document?.data ?? {};
   const old = name === "duration" ? (exact ? past.before : past.rows)?.get(name) : undefined;
   const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
   const text = row?.unit ? whole(row.text) : row?.text;
   const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
-    <span class="number"><span class="value">${isRefused ? "✗ refused" : `${looks.mark} ${text ?? (name === "kept" && hasMotion(store) ? "checking" : NONE)}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && ` of ${accuracy}`}</span></span>
+    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && hasMotion(store) ? "checking" : NONE)}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && ` of ${accuracy}`}</span></span>
     <span class=${gain ? `note ${row?.value > old?.value ? "worse" : "better"}` : "note"} title=${row?.note}>${gain || row?.note}</span>`;
   const shared = {
     class: `figure ${row && ALARMS[name]?.(row.value) ? "alarm" : ""}`, "data-figure": name, "data-value": row ? String(row.value) : "", "data-exact": String(exact),

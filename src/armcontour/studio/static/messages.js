@@ -45,14 +45,14 @@ export function init(store, link) {
   store.on("picture", () => clear("early"));
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
-  const refuse = (sentence = "", rest = "", edits = /** @type {any[]} */ ([])) =>
-    render(html`<span>${sentence}</span><span class="quiet">${rest}</span><${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
+  const refuse = (sentence = "", rest = "", edits = /** @type {any[]} */ ([]), t = /** @type {number | undefined} */ (undefined)) =>
+    render(html`<span>${sentence}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.setTime(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
   refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
     refused.hidden = !frame;
     document.body.dataset.refused = String(Boolean(frame));
     if (!frame) return;
-    refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "", frame.head.remedies);
+    refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "", frame.head.remedies, hasMotion(store) ? frame.head.at?.t : undefined);
   });
   let task = "";
   store.on("progress", (/** @type {any} */ { head }) => {

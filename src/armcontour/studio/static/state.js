@@ -120,11 +120,21 @@ export class Store {
       if (frame.head.tier === 3 && this.refusal?.head.tier === 1) return;
       return this.setRefusal(frame);
     }
-    if (frame.kind === "picture" || (frame.kind === "executed" && this.refusal?.head.tier >= 2)) this.setRefusal(null);
+    if (this.clearsRefusal(frame)) this.setRefusal(null);
     if (frame.kind === "document" && this.document && this.document.id !== frame.head.id) this.reset();
     if (frame.kind === "picture") this.keepContour(frame);
     this.frames.set(frame.kind, frame);
     this.tell(frame.kind, frame);
+  }
+
+  /** True if a frame shows that what was refused is no longer so. @param {Frame} frame */
+  clearsRefusal(frame) {
+    const { refusal } = this;
+    if (!refusal) return false;
+    // What the full run refuses, such as a collision, stays refused when its preview comes later.
+    const isSame = refusal.head.tier === 3 && refusal.rev === frame.rev && refusal.seq === frame.seq;
+    if (frame.kind === "picture") return !isSame;
+    return frame.kind === "executed" && refusal.head.tier === 2;
   }
 
   /** True if a newer frame is already shown. @param {Frame} frame @returns {boolean} */

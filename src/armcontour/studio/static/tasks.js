@@ -20,7 +20,7 @@ import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js
 /**
  * Result of a task.
  * @typedef {{id: string, task: string, title: string, time: string, state: "running" | "done" | "refused" | "cancelled" | "failed",
- *   rev?: number, progress?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
+ *   text?: string, progress?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
  */
 /** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 
@@ -30,8 +30,10 @@ import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js
 const [MAX_RESULTS, MAX_ROWS, LONG] = [12, 200, 24];
 
 const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
-/** Joints of the arm, whether the server hears, and the revision of the job. */
-const [joints, isOpen, newest] = [signal(0), signal(false), signal(-1)];
+/** Joints of the arm, whether the server hears, and the text of the job. */
+const [joints, isOpen, newest] = [signal(0), signal(false), signal("")];
+/** Tasks whose results hold for the job as it was. */
+const OF_JOB = new Set(["certify", "export", "changes", "report", "learn"]);
 /** The newest first. */
 const results = signal(/** @type {Result[]} */ ([]));
 
@@ -79,19 +81,20 @@ function Form({ start, ...task }) {
 }
 
 /** @param {{result: Result, store: Store, link: Link}} props */
-function Outcome({ result: { id, task, title, time, state, progress, frame, sentence, rev }, store, link }) {
+function Outcome({ result: { id, task, title, time, state, progress, frame, sentence, text }, store, link }) {
   const { steps = [], share, eta } = progress ?? {};
   const { sentence: said = sentence, rows = [], tables = [], changes = [], notes = [], warnings = [], file } = frame?.head ?? {};
+  const isOutdated = state !== "running" && OF_JOB.has(task) && text !== newest.value;
   const step = progress ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
-  return html`<article class="task-result" data-task=${task} data-id=${id} data-state=${state} data-share=${share ?? ""}>
+  return html`<article class="task-result" data-task=${task} data-id=${id} data-state=${state} data-share=${share ?? ""} data-outdated=${String(isOutdated)}>
     <h3>${title} <span class="quiet">${time}</span></h3>
     ${state === "running" && html`<div class="task-progress"><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label=${`${title}: progress`} /><span class="quiet">${step}</span>
       <button type="button" onClick=${() => link.send({ op: "cancel", id })}>Cancel</button></div>`}
     <div class="task-body">
+      ${isOutdated && html`<p class="outdated">Outdated: the job has changed since. ${title} again for the job as it is now.</p>`}
       ${rows.length > 0 && html`<${Tiles} rows=${rows} theme=${store.theme} />`}
       ${said && html`<p class="task-sentence">${said}</p>`}
-      ${task === "changes" && changes.length > 0 && rev !== newest.value && html`<p class="quiet">The job has changed since: search again for what saves time now.</p>`}
-      ${changes.length > 0 && (task !== "changes" || rev === newest.value) && html`<p class="task-file"><${Changes} changes=${changes} link=${link} /></p>`}
+      ${changes.length > 0 && !isOutdated && html`<p class="task-file"><${Changes} changes=${changes} link=${link} /></p>`}
       ${file && html`<${Download} file=${frame?.head} link=${link} />`}
       ${tables.map((/** @type {Table} */ { title: of, cells: [columns, ...all] }) => all.length > 0 && html`<div class="task-table" tabindex="0" role="group" aria-label=${of}>
         <table><caption>${of}</caption><${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
@@ -135,7 +138,7 @@ export function init(store, link) {
     results.value = results.value.map((x) => (x === old ? { ...x, ...more } : x));
     if (more.progress) return;
     tell();
-    if (old.task === "changes" && old.rev === store.latest("document")?.rev) store.tell("advice", more.frame?.head.changes);
+    if (old.task === "changes" && old.text === store.document?.text) store.tell("advice", more.frame?.head.changes);
     if (results.value.every((x) => x.state !== "running")) say(find("#spoken"), region.querySelector(".task-sentence, .tiles")?.textContent ?? "");
   };
   const tell = () => (region.dataset.running = results.value.filter((x) => x.state === "running").map((x) => x.id).join(" "));
@@ -146,7 +149,7 @@ export function init(store, link) {
     const time = new Date().toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
     const isSent = link.send({ op: "task", id, task, options }) >= 0;
     const how = /** @type {Partial<Result>} */ (isSent ? { state: "running" } : { state: "failed", sentence: "There is no connection to the server." });
-    results.value = /** @type {Result[]} */ ([{ id, task, title, time, rev: store.latest("document")?.rev, ...how }, ...results.value].slice(0, MAX_RESULTS));
+    results.value = /** @type {Result[]} */ ([{ id, task, title, time, text: store.document?.text, ...how }, ...results.value].slice(0, MAX_RESULTS));
     tell();
     if (isSent && task === "changes") store.tell("advice", null);
     // In a narrow page the results are below the forms.
@@ -165,7 +168,7 @@ export function init(store, link) {
   });
   const update = () => {
     joints.value = store.latest("arm")?.head.joints.length ?? 0;
-    newest.value = store.latest("document")?.rev ?? -1;
+    newest.value = store.document?.text ?? "";
     isOpen.value = link.state.state === "open" && store.document !== null;
     if (!isOpen.value) for (const { id } of results.value) renew(id, { state: "failed", sentence: "The connection was lost, and this work with it." });
   };

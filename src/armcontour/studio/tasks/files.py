@@ -170,8 +170,9 @@ def identify(request: Request) -> MessageFrame:
     changes = []
     if any(y.written for y in identification.joints):
         servo = servo_values(identification)
-        edit = {"do": "set", "key": "servo", "value": servo}
-        changes = [{"label": "Use this servo", "edits": [edit]}]
+        if identification.trusted:
+            edit = {"do": "set", "key": "servo", "value": servo}
+            changes = [{"label": "Use this servo", "edits": [edit]}]
         expected = (*_expected_errors(request, servo), *_gains(identification))
         # The gains of each joint are what the user needs.
         data = replace(data, rows=(*expected, *data.rows), tables=data.tables[::-1])
@@ -211,7 +212,9 @@ def _gains(identification: Identification) -> Iterator[Row]:
             values = [x.value for x in found]
             ends = dict.fromkeys(f"{x:.3g}" for x in (min(values), max(values)))
             text = f"{' to '.join(ends)} {found[0].unit}"
-            yield Row(name, text, "", name, "all joints", VERDICT)
+            count = len(identification.joints)
+            who = "all joints" if len(found) == count else f"{len(found)} of {count} joints"
+            yield Row(name, text, "", name, who, VERDICT)
 
 
 def learn(request: Request) -> MessageFrame:

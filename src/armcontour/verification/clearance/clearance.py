@@ -172,7 +172,7 @@ class Clearance(Result):
             return
         first, *others = self.too_near
         names = list_some([f"{x.second} and {x.first}" for x in others], 5)
-        raise Collision(
+        collision = Collision(
             f"{first}, but must not come nearer than {number(first.margin, 'm')}"
             f"{f' (also {names})' if others else ''}. "
             f"{remedy}, or allow them to touch.",
@@ -182,6 +182,8 @@ class Clearance(Result):
             needed=first.margin,
             allowed=first.high,
         )
+        collision.bodies = (first.first, first.second)
+        raise collision
 
     def to_data(self) -> Data:
         """The verdict, and the pairs, sorted by distance above the margin."""

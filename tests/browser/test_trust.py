@@ -1,0 +1,135 @@
+"""What the page states stays true: collisions, outdated results, names of joints, and rails."""
+
+import pytest
+from playwright.sync_api import expect
+from tests.dynamics_extra import needs_dynamics
+from tools.studio_page import serving
+
+from armcontour.core.yaml_loader import load
+
+pytestmark = [pytest.mark.browser, needs_dynamics]
+JOB = """\
+name: cell
+arm: ur5e
+path:
+  points: [[0.45, -0.03, 0.3], [0.50, -0.03, 0.3], [0.50, 0.03, 0.3]]
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 50 mm/s}
+corners: {tolerance: 1 mm}
+accuracy: 2 mm
+servo: {kp: 25 1/s, kv: 150 1/s}
+cycle: 4 ms
+runs: {only: {timing: {reserve: 5 %}}}
+"""
+POST = """\
+scene:
+  obstacles: [{type: box, name: post, size: [20 mm, 20 mm, 100 mm], at: [0.50, 0.03, 0.36]}]
+"""
+POSITIONER = """\
+  positioner:
+    axes:
+      - {name: tilt, axis: [0, 1, 0], origin: [0.9, 0, 0.3], lower: -100 deg, upper: 100 deg,
+         velocity: 60 deg/s, acceleration: 100 deg/s^2}
+      - {name: turn, axis: [0, 0, 1], origin: [0.9, 0, 0.4], lower: -400 deg, upper: 400 deg,
+         velocity: 90 deg/s, acceleration: 100 deg/s^2, hold: 0 deg}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("cells")
+
+
+@pytest.fixture(scope="module")
+def server(folder):
+    file = folder / "job.yaml"
+    file.write_text(JOB)
+    with serving(file, folder=folder) as address:
+        yield address
+
+
+def shown(page, folder, text, name="other.yaml"):
+    """Open a job in the page."""
+    file = folder / name
+    file.write_text(text)
+    page.open(file)
+    return page
+
+
+def test_a_collision_is_the_verdict_and_its_bodies_are_red(page, folder):
+    studio = shown(page, folder, JOB + POST, "post.yaml")
+    studio.wait("body", refused="true")
+    verdict = studio.find("[data-figure=kept] .value")
+    expect(verdict).to_have_text("✗ collision")
+    assert "post" in studio.refusal
+    # In the drawing a cross marks the place, in space the bodies are red.
+    expect(studio.find("path.refused")).to_be_visible()
+    studio.wait_for("#view3d[data-alarmed*=post]")
+    alarmed = studio.told("#view3d", "alarmed").split(",")
+    assert len(alarmed) == 2
+    studio.find("#messages .refusal").get_by_role("button", name="Show its place").click()
+    studio.wait_for('#view3d:not([data-time="0"])')
+    # Without the obstacle, the run is kept.
+    shown(page, folder, JOB, "free.yaml")
+    studio.rest()
+    expect(verdict).to_have_text("✓ kept")
+    studio.wait("#view3d", alarmed="")
+
+
+def test_results_of_a_job_that_has_changed_are_outdated(page, folder):
+    studio = shown(page, folder, JOB, "certified.yaml")
+    studio.rest()
+    studio.do("certify", {"tolerance": "2"})
+    studio.wait(".task-result[data-task=certify]", state="done", outdated="false")
+    studio.do("export", {"format": "csv"})
+    studio.wait(".task-result[data-task=export]", state="done", outdated="false")
+    studio.tab("process")
+    with studio.changing():
+        studio.type("limits.speed", "40 mm/s")
+    for task in ("certify", "export"):
+        studio.wait(f".task-result[data-task={task}]", outdated="true")
+    expect(studio.find(".task-result[data-task=certify] .outdated")).to_be_visible()
+    # With the last edit undone, the results are those of the job again.
+    with studio.changing():
+        studio.find("#undo").click()
+    for task in ("certify", "export"):
+        studio.wait(f".task-result[data-task={task}]", outdated="false")
+
+
+def test_charts_of_a_positioner_name_its_joints(page, folder):
+    text = JOB.replace("arm: ur5e\n", "arm:\n  name: ur5e\n" + POSITIONER)
+    text = text.replace("[[0.45, -0.03, 0.3], [0.50, -0.03, 0.3], [0.50, 0.03, 0.3]]",
+                        "[[0.02, -0.03, 0.1], [0.05, -0.03, 0.1], [0.05, 0.03, 0.1]]")  # fmt: skip
+    text = text.replace("  points", "  frame: {position: [0.5, 0, 0.2]}\n  points")
+    studio = shown(page, folder, text, "positioner.yaml")
+    studio.rest()
+    studio.tab("charts")
+    legend = studio.find("#charts [data-chart=velocity] .u-legend .u-label")
+    # As in Python, joint 1 is the axis next to the part.
+    names = [x.strip() for x in legend.all_inner_texts() if x.strip()[:1].isdigit()]
+    assert names[0].startswith("1 turn") and names[1].startswith("2 tilt")
+
+
+def test_a_rail_is_added_in_the_settings(page, folder):
+    studio = shown(page, folder, JOB, "rail.yaml")
+    studio.rest()
+    studio.tab("robot")
+    group = studio.find("#panel details[data-group='Arm and limits']")
+    if group.get_attribute("open") is None:
+        group.locator("summary").first.click()
+    if group.locator("button.rest").count():
+        group.locator("button.rest").click()
+    part = studio.find("#panel details[data-key='arm.rail']")
+    if part.get_attribute("open") is None:
+        part.locator("summary").first.click()
+    # Values wait for those that are required as well.
+    for key, text in (("axis", "0, 1, 0"), ("upper", "1 m"), ("velocity", "1 m/s")):
+        studio.type(f"arm.rail.{key}", text)
+        expect(studio.find("#panel .refused")).to_contain_text("required as well")
+    with studio.renewing():
+        studio.type("arm.rail.acceleration", "2 m/s^2")
+    studio.rest()
+    assert load(studio.text, "")["arm"] == {
+        "name": "ur5e",
+        "rail": {"axis": [0, 1, 0], "upper": "1 m", "velocity": "1 m/s", "acceleration": "2 m/s^2"},
+    }
