@@ -24,10 +24,12 @@ from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.rows import reason_of
 from armcontour.jobs.run_learning import measured_pieces
 from armcontour.jobs.run_result import RunResult
+from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
 from armcontour.jobs.study import run
 from armcontour.jobs.verdict import Errors
 from armcontour.motion import JointPath, Log, SetPoints, Trajectory
-from armcontour.planning import plan, stop
+from armcontour.planning import plan
+from armcontour.planning.early_stop import plan_stop
 from armcontour.planning.timing_options import Optimal
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of
@@ -129,21 +131,34 @@ class Stopper:
         Raises:
             NotRealizable: The stop would also change set-points before k.
         """
+        return self._find(k)[0]
+
+    def end_of(self, k: int) -> float:
+        """Time at which the plan is where the stop from cycle k on ends [s].
+
+        Raises:
+            NotRealizable: As a call.
+        """
+        return self._find(k)[1]
+
+    def _find(self, k: int) -> tuple[Stop, float]:
+        """The stop from cycle k on, and the time at which the plan is where it ends [s]."""
         plan = self.set_points.trajectory
         foresight = FORESIGHT
         while foresight <= LONGEST_FORESIGHT:
             t = k * self.cycle + self._start_time
             t += float(np.max(self.servo.dead_time)) + foresight * self.set_points.cycle
             if t >= plan.duration:
-                return Stop(k=k, q=self.q[min(k, len(self.q) - 1) :])
-            stopped = self._compensate(stop(plan, max(t, 0.0)))
+                return Stop(k=k, q=self.q[min(k, len(self.q) - 1) :]), plan.duration
+            early = plan_stop(plan, max(t, 0.0))
+            stopped = self._compensate(early.trajectory)
             if abs(stopped.start_time - self._start_time) > SAME * stopped.cycle:
                 raise NotRealizable(
                     "The set-points of a stop start at another time than the plan's."
                 )
             q = commands_at(stopped, self.cycle, self.servo.interpolation)
             if np.abs(q[:k] - self._planned[:k]).max(initial=0.0) < SAME:
-                return Stop(k=k, q=q[k:] + self._correction(k, len(q) - k))
+                return Stop(k=k, q=q[k:] + self._correction(k, len(q) - k)), early.end
             foresight *= 2
         raise NotRealizable(
             f"The set-points before cycle {k} depend on the stop after it, because the "
@@ -199,6 +214,7 @@ class Played(Result):
         kept: True if the robot completed the run as simulated; None if that was not judged.
         reason: The requirement that decides, as a clause; empty if there is none.
         differences: Differences of the motion from the simulation, and its contour error.
+        stopped_at: Where to resume the job after a stop; None if the motion was not stopped.
     """
 
     job: Job
@@ -213,6 +229,7 @@ class Played(Result):
     kept: bool | None = None
     reason: str = ""
     differences: tuple[Row, ...] = ()
+    stopped_at: StoppedPlace | None = None
 
     @property
     def log(self) -> Log:
@@ -240,6 +257,14 @@ class Played(Result):
         if self.kept is not None:
             yield Row("kept", self.kept, JUDGED, "verdict", self.reason, VERDICT)
 
+    def _resume_rows(self) -> Iterator[Row]:
+        """Yield the option that resumes a stopped job, and its value, if the motion was stopped."""
+        place = self.stopped_at
+        if place is not None:
+            option = place.option or "nothing to resume"
+            yield Row("resume.option", option, "", "to continue", place.words, FIRST)
+            yield Row("resume.at", place.resume_at, "m")
+
     def to_data(self) -> Data:
         """Rows on the run, the checks, and the motion if one was executed."""
         record = self.record
@@ -248,6 +273,7 @@ class Played(Result):
         rows = [
             Row("executed", bool(record or self.approach), "", "executed", level=VERDICT),
             *self._verdict_rows(),
+            *self._resume_rows(),
             *self.differences,
             Row("controller", self.controller, "", "controller", level=FIRST),
             Row("run", self.plan.run.name, "", "run", level=FIRST),
@@ -531,6 +557,12 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
         return played
     assert motion.predicted is not None and planned.judged is not None
     k = np.rint(record.t / cycle).astype(int)
+    stopped_at = None
+    stopper = motion.next_stop
+    if record.stopped is not None and isinstance(stopper, Stopper):
+        t = planned.set_points.start_time + record.t
+        end = stopper.end_of(record.stopped)
+        stopped_at = find_stopped_place(played.job, planned, end, t, record.measured)
     if record.stopped is not None:
         k = k[k < max(record.stopped, 1)]
     measured = record.measured[: len(k)]
@@ -569,7 +601,7 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
             kept = False
             rest = number(joints[-1, j], unit_of(arm, "rad", j))
             reason = f"joint {j + 1} rests {rest} from its simulated end"
-    return replace(played, kept=kept, reason=reason, differences=tuple(rows))
+    return replace(played, kept=kept, reason=reason, differences=tuple(rows), stopped_at=stopped_at)
 
 
 def at_speed(chosen: Run, job: Job, factor: float, reserve: float = RESERVE) -> Run:

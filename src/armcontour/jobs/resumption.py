@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armcontour.core.checks import FloatArray
 from armcontour.core.render import number
 from armcontour.geometry import ShapedPath
 from armcontour.geometry.segments import REPEATED_POINT
@@ -54,6 +55,43 @@ class Resumption:
         )
 
 
+def mark(objective: Program, number: int, s: FloatArray) -> Program:
+    """The program with events at places of a contour, which has no other events.
+
+    - `number`: index of the contour.
+    - `s`: arc lengths of the contour [m], (n,), which increase.
+    """
+    contours = 0
+    moves = list[Move]()
+    for move in objective.moves:
+        if isinstance(move, Contour):
+            if contours == number:
+                events = tuple(Event(name="place", s=float(x)) for x in s)
+                move = replace(move, events=events)
+            contours += 1
+        moves.append(move)
+    return replace(objective, moves=tuple(moves))
+
+
+def marked_places(contour: Contour) -> FloatArray:
+    """Arc lengths of the events of a marked contour [m], (n,)."""
+    return np.array([x.s for x in contour.events])
+
+
+def shaped_places(objective: Program, path: Program, number: int, s: FloatArray) -> FloatArray:
+    """Arc lengths of a shaped contour at places of the drawn contour [m], (n,).
+
+    - `objective`: the program with sharp corners.
+    - `path`: the program with shaped corners.
+    - `number`: index of the contour.
+    - `s`: arc lengths of the drawn contour [m], (n,), which increase.
+    """
+    drawn = draw_with_arcs(mark(objective, number, s).contours[number])
+    shaped = path.contours[number].path
+    assert isinstance(shaped, ShapedPath)
+    return shaped.place(marked_places(drawn))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResumedPlace:
     """Place at which a whole job is resumed.
@@ -78,31 +116,6 @@ class ResumedPlace:
         start, end = works[number]
         s = min(start + max(resume_at - float(breaks[number]), 0.0), end)
         return cls(number=number, s=s)
-
-    def mark(self, objective: Program) -> Program:
-        """The program with an event at the place, which has no other events on its contour."""
-        contours = 0
-        moves = list[Move]()
-        for move in objective.moves:
-            if isinstance(move, Contour):
-                if contours == self.number:
-                    move = replace(move, events=(Event(name="resume", s=self.s),))
-                contours += 1
-            moves.append(move)
-        return replace(objective, moves=tuple(moves))
-
-    def marked_s(self, marked: Program) -> float:
-        """Arc length of the event on the contour of a marked program [m]."""
-        (event,) = marked.contours[self.number].events
-        return event.s
-
-    def shaped_s(self, objective: Program, path: Program) -> float:
-        """Arc length of the place on the shaped contour of `path` [m]."""
-        drawn = draw_with_arcs(self.mark(objective).contours[self.number])
-        shaped = path.contours[self.number].path
-        assert isinstance(shaped, ShapedPath)
-        (event,) = drawn.events
-        return float(shaped.place(np.array([event.s]))[0])
 
     def traced(self, tracing: Tracing, s: float) -> TracedWhole:
         """Joint path of the whole contour, and those of the later moves.

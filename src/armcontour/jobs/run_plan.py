@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.text import capitalise
@@ -21,7 +22,13 @@ from armcontour.jobs.alternatives import (
     first_contour_clear,
 )
 from armcontour.jobs.job import TANGENT, Job, Run
-from armcontour.jobs.resumption import ResumedPlace, Resumption
+from armcontour.jobs.resumption import (
+    ResumedPlace,
+    Resumption,
+    mark,
+    marked_places,
+    shaped_places,
+)
 from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
@@ -110,17 +117,14 @@ def resume_run(
             # `prepare_program` refuses the arc length.
             return None
         path = round_program(whole, run, objective, report)
-        if run.is_shaped:
-            s = place.shaped_s(objective, path)
-        else:
-            s = place.marked_s(round_program(whole, run, place.mark(objective), report))
+        (s,) = places_on_path(whole, run, objective, path, place.number, np.array([place.s]))
         traced = trace_run(whole, run, path, report)
         notes: tuple[str, ...] = ()
         if clear:
             traced, notes = first_clear(whole, run, traced, report)
     except ArmContourError as error:
         return Resumption(resume_at=resume_at, reason=capitalise(str(error)))
-    return Resumption(resume_at=resume_at, whole=place.traced(traced, s), notes=notes)
+    return Resumption(resume_at=resume_at, whole=place.traced(traced, float(s)), notes=notes)
 
 
 @contextmanager
@@ -287,6 +291,22 @@ def round_program(
         continuity=run.continuity or TANGENT,
     )
     return _join_smoothly(rounded, run, rounded=True)
+
+
+def places_on_path(
+    job: Job, run: Run, objective: Program, path: Program, number: int, s: FloatArray
+) -> FloatArray:
+    """Arc lengths of a contour with rounded or shaped corners at places of the drawing [m], (n,).
+
+    - `objective`: the program with sharp corners.
+    - `path`: the program with rounded or shaped corners.
+    - `number`: index of the contour.
+    - `s`: arc lengths of the contour with sharp corners [m], (n,), which increase.
+    """
+    if run.is_shaped:
+        return shaped_places(objective, path, number, s)
+    marked = round_program(job, run, mark(objective, number, s))
+    return marked_places(marked.contours[number])
 
 
 def trace_run(
