@@ -264,6 +264,32 @@ def test_compensated_set_points_above_the_limits_need_an_identified_servo(job, p
     assert 0.9 < max(simple) <= 1.0
 
 
+def test_outputs_that_are_not_switched_are_named_before_the_robot_moves(tmp_path, monkeypatch):
+    asked = []
+
+    def answer(prompt, **_):
+        asked.append(prompt)
+        return ""
+
+    monkeypatch.setattr(play_command, "controller_of", lambda *_: simulated())
+    monkeypatch.setattr(play_command, "refuse_without_terminal", lambda _: None)
+    monkeypatch.setattr(play_command.typer, "prompt", answer)
+    monkeypatch.chdir(tmp_path)
+    names = [f"valve {k}" for k in range(6)]
+    events = ", ".join(f"{{name: {x}, value: true, at: 10 mm}}" for x in names)
+    process = f"process: {{switch: {{name: laser}}, events: [{events}], analog: [{{name: power}}]}}"
+    (tmp_path / "job.yaml").write_text(f"{JOB}{process}\n", encoding="utf-8")
+    words = ["play", "job.yaml", "--on", "linuxcnc", "--speed-factor", "100 %"]
+    code, printed, _ = run_command(words)
+    line = next(x for x in printed.splitlines() if "no outputs are switched" in x)
+    assert code == 0 and "laser" in line and line.endswith("and 2 more.")
+    code, _, _ = run_command([*words, "--execute"])
+    assert code == 10 and "laser" in asked[0] and "No outputs are switched" in asked[0]
+    # A job without outputs needs no line.
+    (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
+    assert "outputs" not in run_command(words)[1]
+
+
 @pytest.mark.parametrize(
     ("robot", "code", "word"),
     [

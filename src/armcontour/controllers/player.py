@@ -27,6 +27,7 @@ from armcontour.core.quantities import AngularDistance, Axes, Quantity, any_unit
 from armcontour.core.render import Result, figure, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.sampled_data import differences, interpolate
+from armcontour.core.text import list_some
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.rows import reason_of
@@ -84,6 +85,8 @@ STILL = 0.1
 TURN = 2 * np.pi
 # Relative excess of a limit that is ignored as a rounding error.
 ROUNDING = 1e-6
+# Maximum number of outputs that a sentence names.
+MAX_OUTPUTS = 6
 # Maximum number of attempts to play a motion that late set-points disturb.
 ATTEMPTS = 3
 
@@ -291,6 +294,21 @@ class Played(Result):
         return 0.0 if self.approaches is None else float(self.approaches.max())
 
     @property
+    def executed(self) -> bool:
+        """True if the robot has moved, or was to play the motion."""
+        return self.record is not None or self.approaches is not None
+
+    @property
+    def outputs_note(self) -> str:
+        """Sentence that no output is switched, with their names; empty without outputs."""
+        events = (x.name for x in self.plan.trajectory.events)
+        names = list(dict.fromkeys((*events, *self.job.process.analog_names)))
+        if not names:
+            return ""
+        listed = list_some(names, MAX_OUTPUTS)
+        return f"no outputs are switched on the robot; those of the job are {listed}."
+
+    @property
     def log(self) -> Log:
         """Log of the motion for `identify` and `learn`, with the commands that the robot used.
 
@@ -331,7 +349,7 @@ class Played(Result):
         arm = self.job.arm
         distances = np.zeros(arm.dof) if self.distances is None else self.distances
         rows = [
-            Row("executed", bool(record or self.approach), "", "executed", level=VERDICT),
+            Row("executed", self.executed, "", "executed", level=VERDICT),
             *self._verdict_rows(),
             *self._resume_rows(),
             *self.differences,
@@ -349,6 +367,8 @@ class Played(Result):
                 "Stopped on the way to the start: the joints have moved by up to "
                 f"{figure(largest_distance(self.approaches, arm))}.",
             )
+        if not self.executed and self.outputs_note:
+            notes = (*notes, self.outputs_note)
         return Data(f"Run {self.plan.run.name} on {self.controller}", tuple(rows), notes=notes)
 
 
@@ -591,7 +611,7 @@ def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
         )
     if not _is_at_start(arm, distance):
         _clear_line(ready.job, position, start)
-    return distance
+    return np.asarray(distance)
 
 
 def approach_of(

@@ -92,7 +92,7 @@ class RobotIdentification(Result):
         first = self.played[RUN]
         stopped = Row("stopped", self.stopped, "", "stopped", level=VERDICT)
         records = [x.record for x in self.played.values() if x.record is not None]
-        notes: list[str] = []
+        notes = [] if first.executed or not first.outputs_note else [first.outputs_note]
         for record in records:
             if record.stopped is not None:
                 notes += record.notes

@@ -110,7 +110,10 @@ class RobotLearning(Result):
             rows.append(Row("errors", errors, "m", "errors, RMS"))
             rows.append(Row("best", min(errors), "m", best, level=FIRST))
         rows.append(Row("ended", self.ended))
-        return Data(f"Learning of run {self.plan.run.name}", tuple(rows))
+        notes: tuple[str, ...] = ()
+        if first is not None and not first.executed and first.outputs_note:
+            notes = (first.outputs_note,)
+        return Data(f"Learning of run {self.plan.run.name}", tuple(rows), notes=notes)
 
 
 def start_learning(
