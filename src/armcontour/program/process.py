@@ -281,7 +281,8 @@ class Process(Checked, LayerProcess):
             "counterclockwise", or for a spindle that turns clockwise "climb", with the tool to the
             left of the part's edge, or "conventional". The tool is on the waste side.
         resume_at: Arc length at which to resume the program, over all contours from their start
-            points, with overlaps and without leads or rounding [m].
+            points, with overlaps and without leads or rounding [m]. A job keeps the configuration
+            of the whole job.
 
     Raises:
         InvalidInput: A value is not valid.
