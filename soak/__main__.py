@@ -32,6 +32,7 @@ TOPICS = {
     "off-drawing": ("soak.off_drawing:run", 60),
     "kerf": ("soak.kerf:run", 2000),
     "outputs": ("soak.outputs:run", 600),
+    "resuming": ("soak.resuming:run", 40),
     "clearance": ("soak.clearance:run", 10_000),
     "certificates": ("soak.certificates:run", 100),
     "boxes": ("soak.boxes:run", 24),

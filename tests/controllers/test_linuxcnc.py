@@ -143,6 +143,41 @@ class Later:
         return self.calls < 0
 
 
+RAIL = """
+name: seam
+arm:
+  name: ur5e
+  rail: {axis: [0, 1, 0], upper: 1 m, velocity: 1 m/s, acceleration: 2 m/s^2}
+path: {points: [[-0.5, 0, 0.3], [-0.5, 0.2, 0.3]], orientation: {axis: [0, 0, -1]}}
+limits: {speed: 0.15 m/s}
+servo: {kp: 25 1/s, kv: 150 1/s}
+cycle: 4 ms
+runs: {only: {timing: {reserve: 50 %}}}
+"""
+
+
+@needs_linuxcnc
+def test_a_rail_is_played(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "job.yaml"
+    file.write_text(RAIL, encoding="utf-8")
+    code, printed, _ = run_command(["play", "job.yaml", "--on", "linuxcnc"])
+    assert code == 0 and "0 deg, 0 mm" in printed
+    job = ac.read_job(file)
+
+    def play_once():
+        on = LinuxCNC(drives=SERVO.replace(acceleration_limit=2.0))
+        return play(job, on, execute=True, speed_factor=0.5)
+
+    for _ in range(3):
+        played = play_once()
+        if played.record.faithful:
+            break
+    assert played.kept, played.reason
+    assert np.ptp(played.record.measured[:, 0]) > 0.05
+    assert max(played.to_data()["difference.joints"].value) < 1e-3
+
+
 @needs_linuxcnc
 def test_a_wrong_start_and_swapped_joints_are_refused(job, planned, refuses):
     u = commands(planned.set_points)

@@ -128,6 +128,60 @@ def test_values_of_a_rail_are_in_m():
     assert "friction 1 mm, 1 mrad" in text and "acceleration limit 3 m/s², 3 rad/s²" in text
 
 
+def test_a_rail_has_its_own_tolerances():
+    job = parse_job(RAIL)
+    dry = play(job, simulated(cycle=4e-3))
+    assert str(dry).count("0 deg, 0 mm") == 1
+    start = dry.motion.q[0]
+    away = start + np.array([0.05, 0.1, 0, 0, 0, 0, 0])
+    far = run_at(job, simulated(acceleration=3.0, cycle=4e-3, at=away))
+    assert far.kept and far.distances == pytest.approx(np.abs(away - start))
+    assert far.to_data()["distance"].value == pytest.approx([0.1, 0.05])
+    assert "5.73 deg, 50 mm" in str(far)
+    # A band of revolute joints is no band of the rail, which has 2 mm and the distance of 50 ms.
+    default = dry.motion.band
+    wide = play(job, simulated(cycle=4e-3), band=0.1).motion.band
+    assert wide[0] == default[0] and set(wide[1:]) == {0.1}
+    q = dry.motion.predicted
+    assert default[0] == pytest.approx(2e-3 + 0.05 * np.abs(np.diff(q[:, 0])).max() / 4e-3)
+    # It rests 3 mm from its simulated end.
+    stuck = run_at(job, Offset(late=False, acceleration=3.0, cycle=4e-3), band=0.1)
+    assert stuck.kept is False and "joint 1 rests 3 mm from its simulated end" in stuck.reason
+
+
+class Offset(Simulated):
+    """A robot whose rail drifts by 3 mm until the end."""
+
+    def stream(self, motion, stop_requested=lambda: False):
+        record = super().stream(motion, stop_requested)
+        measured = record.measured.copy()
+        measured[:, 0] += np.linspace(0.0, 3e-3, len(measured))
+        return replace(record, measured=measured)
+
+
+@pytest.mark.parametrize("execute", [False, True])
+def test_the_command_line_plays_a_rail(tmp_path, monkeypatch, execute):
+    asked = []
+
+    def answer(prompt, **_):
+        asked.append(prompt)
+        return "UR5e"
+
+    def robot(*_):
+        return simulated(acceleration=3.0, cycle=4e-3)
+
+    monkeypatch.setattr(play_command, "controller_of", robot)
+    monkeypatch.setattr(play_command, "refuse_without_terminal", lambda _: None)
+    monkeypatch.setattr(play_command.typer, "prompt", answer)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "job.yaml").write_text(RAIL, encoding="utf-8")
+    words = ["play", "job.yaml", "--on", "linuxcnc", "--speed-factor", "100 %"]
+    code, printed, _ = run_command([*words, *["--execute"] * execute])
+    assert code == 0 and "0 deg, 0 mm" in printed
+    assert ("joint difference" in printed) == execute
+    assert [x for x in asked if "0 deg, 0 mm to the start" in x] == asked
+
+
 @pytest.mark.parametrize(
     ("robot", "stops"),
     [
@@ -250,6 +304,32 @@ def test_compensated_set_points_above_the_limits_need_an_identified_servo(job, p
     assert played.kept and max(played.to_data()["command_use"].value) > 10
     simple = play(plain, Machine(late=False), speed_factor=1.0).to_data()["command_use"].value
     assert 0.9 < max(simple) <= 1.0
+
+
+def test_outputs_that_are_not_switched_are_named_before_the_robot_moves(tmp_path, monkeypatch):
+    asked = []
+
+    def answer(prompt, **_):
+        asked.append(prompt)
+        return ""
+
+    monkeypatch.setattr(play_command, "controller_of", lambda *_: simulated())
+    monkeypatch.setattr(play_command, "refuse_without_terminal", lambda _: None)
+    monkeypatch.setattr(play_command.typer, "prompt", answer)
+    monkeypatch.chdir(tmp_path)
+    names = [f"valve {k}" for k in range(6)]
+    events = ", ".join(f"{{name: {x}, value: true, at: 10 mm}}" for x in names)
+    process = f"process: {{switch: {{name: laser}}, events: [{events}], analog: [{{name: power}}]}}"
+    (tmp_path / "job.yaml").write_text(f"{JOB}{process}\n", encoding="utf-8")
+    words = ["play", "job.yaml", "--on", "linuxcnc", "--speed-factor", "100 %"]
+    code, printed, _ = run_command(words)
+    line = next(x for x in printed.splitlines() if "no outputs are switched" in x)
+    assert code == 0 and "laser" in line and line.endswith("and 2 more.")
+    code, _, _ = run_command([*words, "--execute"])
+    assert code == 10 and "laser" in asked[0] and "No outputs are switched" in asked[0]
+    # A job without outputs needs no line.
+    (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
+    assert "outputs" not in run_command(words)[1]
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from armcontour.files.drawings.path_reader import YAML
 from armcontour.files.job_file import read_cell_scene
 from armcontour.files.joint_table import TrajectoryFile
 from armcontour.files.robots.arm_loading import load_arm
-from armcontour.jobs import Job, Run, prepare_program, round_program
+from armcontour.jobs import Job, Run, prepare_program, resume_run, round_program
 from armcontour.jobs.job import find_run
 from armcontour.motion.log import raise_other_joints
 from armcontour.motion.log_checks import check_range_of_log, refuse_wrapped
@@ -111,7 +111,9 @@ def _limits_and_path(
     limits = arm.limits
     if job is not None:
         run = _run(job, options)
-        path = round_program(job, run, prepare_program(job, run))
+        resumption = resume_run(job, run)
+        objective = prepare_program(job, run, resumption=resumption)
+        path = round_program(job, run, objective, resumption=resumption)
         limits = run.limits
     if options.limits is None:
         return limits, path, {}

@@ -377,9 +377,9 @@ class Play(JobOptions, ControllerOptions, Results, Json):
 
     Args:
         run_name: Run of the job.
-        band: Largest difference of a joint from its simulated position before the motion is
-            stopped, such as '5 mrad'; by default 2 mrad and the distance that it moves in 50 ms at
-            its largest speed.
+        band: Largest difference of a revolute joint from its simulated position before the motion
+            is stopped, such as '5 mrad'; by default 2 mrad and the distance that it moves in 50 ms
+            at its largest speed. The band of a linear axis is always 2 mm and this distance.
         set_points: Learned set-points: set_points.csv of learn, or its folder; with the
             --speed-factor with which they were learned.
     """

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
 import typer
 
 from armcontour.cli.command_execution import Outcome
@@ -16,8 +17,9 @@ from armcontour.cli.inputs import open_job, read_option
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerRefused, InvalidInput
-from armcontour.core.quantities import AngularDistance, any_unit
-from armcontour.core.render import number, plain
+from armcontour.core.quantities import AngularDistance
+from armcontour.core.render import figure, plain
+from armcontour.core.text import capitalise
 from armcontour.files import ResultFolder
 from armcontour.files.limits_and_servo_files import read_servo
 from armcontour.files.log_file import log_text
@@ -103,11 +105,13 @@ def confirmed(dry: Played, stop: threading.Event, progress: ProgressDisplay) -> 
     """Context of a motion, which a signal stops, after the user has typed the name of the arm."""
     arm = dry.job.arm
     name = arm.name
-    distance = number(dry.distance, any_unit("rad", arm.chain.slides))
+    distances = np.zeros(arm.dof) if dry.distances is None else dry.distances
+    distance = figure(player.largest_distance(distances, arm))
+    outputs = f" {capitalise(dry.outputs_note)}" if dry.outputs_note else ""
     progress.hide()
     answer = typer.prompt(
         f"{name} will move on {dry.controller}, first by up to {distance} to "
-        f"the start. Type {name} to continue",
+        f"the start.{outputs} Type {name} to continue",
         default="",
     )
     if answer.strip() != name:

@@ -39,8 +39,10 @@ PAUSE = 5e-3
 LEAD = 0.15
 # Time between the first cycles of two consecutive stops [s].
 INTERVAL = 0.2
-# Maximum distance of a joint from the first set-point when a motion starts [rad].
+# Maximum distance of a revolute joint from the first set-point when a motion starts [rad].
 START = 1e-3
+# The same of a linear axis [m].
+START_LINEAR = 1e-3
 # Tolerance between the set-points and the commands that the controller recorded [rad].
 SAME = 1e-9
 # Maximum number of characters of a feeder's error message.
@@ -434,7 +436,7 @@ class Controller:
         needed = excess.needed
         allowed = excess.allowed
         at = number(excess.row * self.cycle, "s")
-        unit = "rad/s" if excess.order else "rad"
+        unit = unit_of(self._arm, "rad/s" if excess.order else "rad", joint)
         raise ControllerRefused(
             f"Joint {joint + 1} {'moves with' if excess.order else 'is at'} "
             f"{number(needed, unit)} at {at}, beyond the limit {number(allowed, unit)} of the "
@@ -447,16 +449,17 @@ class Controller:
     def _check_motion(self, motion: Motion) -> None:
         """Refuse a motion whose first set-point differs from the commanded position."""
         distance = np.abs(motion.q[0] - self.position())
-        j = int(distance.argmax())
-        if distance[j] > START:
+        allowed = per_joint(self._arm, START, START_LINEAR, len(distance))
+        j = int((distance / allowed).argmax())
+        if distance[j] > allowed[j]:
             unit = unit_of(self._arm, "rad", j)
             raise ControllerRefused(
                 f"Joint {j + 1} is commanded to {number(self.position()[j], unit)}, "
                 f"{number(distance[j], unit)} from the first set-point, but at most "
-                f"{number(START, unit)} are allowed. Move the robot there first.",
+                f"{number(allowed[j], unit)} are allowed. Move the robot there first.",
                 joint=j,
                 needed=float(distance[j]),
-                allowed=START,
+                allowed=float(allowed[j]),
             )
 
     def _record(
@@ -501,6 +504,16 @@ class Controller:
             faithful=not (late or missing) and deviation <= SAME,
             notes=tuple(notes),
         )
+
+
+def per_joint(arm: Arm | None, angular: float, linear: float, dof: int) -> FloatArray:
+    """A value for each joint, (dof,): `angular` [rad] for revolute joints, `linear` [m] for others.
+
+    The joints of an unknown arm are revolute.
+    """
+    if arm is None:
+        return np.full(dof, angular)
+    return np.where(arm.chain.slides, linear, angular)
 
 
 def rows_as_lines(q: FloatArray) -> list[str]:

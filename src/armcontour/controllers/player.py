@@ -4,29 +4,48 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
 from armcontour.control.compensation import CompensationOptions, NoCompensation
 from armcontour.control.compensation.compensator import unchecked_set_points
-from armcontour.controllers.controller import START, Controller, Motion, PlayedMotion, Stop
+from armcontour.controllers.controller import (
+    START,
+    START_LINEAR,
+    Controller,
+    Motion,
+    PlayedMotion,
+    Stop,
+    per_joint,
+)
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput, NotRealizable
 from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import AngularDistance, SpeedFactor, any_unit, joint_units
-from armcontour.core.render import Result, number
+from armcontour.core.quantities import (
+    AngularDistance,
+    Axes,
+    Quantity,
+    SpeedFactor,
+    any_unit,
+    joint_units,
+)
+from armcontour.core.render import Result, figure, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.sampled_data import differences, interpolate
+from armcontour.core.text import list_some
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.rows import reason_of
 from armcontour.jobs.run_learning import measured_pieces
 from armcontour.jobs.run_result import RunResult
+from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
 from armcontour.jobs.study import run
 from armcontour.jobs.verdict import Errors
 from armcontour.motion import JointPath, Log, SetPoints, Trajectory
-from armcontour.planning import at_speed, plan, stop
+from armcontour.planning import at_speed, plan
+from armcontour.planning.early_stop import plan_stop
 from armcontour.planning.timing_options import Optimal
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of
@@ -46,15 +65,20 @@ FORESIGHT = 16
 LONGEST_FORESIGHT = 256
 # Duration in which a stop reduces learned corrections to 0 [s].
 FADING = 0.2
-# Default band: a joint may differ from its prediction by this distance [rad], and by the distance
-# of LAG. Also the tolerance of its positions before and after a motion, and the shortest motion
-# from which a drive that does not move is recognized.
+# Default band: a revolute joint may differ from its prediction by this distance [rad], and by the
+# distance of LAG. Also the tolerance of its positions before and after a motion, and the shortest
+# motion from which a drive that does not move is recognized.
 LEAST = 2e-3
+# The same for a linear axis [m], whose band is not specified.
+LEAST_LINEAR = 2e-3
 # Default band: a joint may also differ from its prediction by the distance that it moves in this
 # time at its largest speed [s].
 LAG = 0.05
 # The same if the servo is unknown, instead of LAG [s].
 UNKNOWN_LAG = 0.25
+# Band of revolute joints [rad], or of each joint, (dof,); None for the default.
+Band: TypeAlias = float | FloatArray | None
+JointDistances = Annotated[FloatArray, Quantity("rad"), Axes("joints")]
 # Default speed factor, and largest speed factor of the motion to the start.
 SLOW = 0.1
 # Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
@@ -66,6 +90,8 @@ STILL = 0.1
 TURN = 2 * np.pi
 # Relative excess of a limit that is ignored as a rounding error.
 ROUNDING = 1e-6
+# Maximum number of outputs that a sentence names.
+MAX_OUTPUTS = 6
 # Maximum number of attempts to play a motion that late set-points disturb.
 ATTEMPTS = 3
 
@@ -126,21 +152,34 @@ class Stopper:
         Raises:
             NotRealizable: The stop would also change set-points before k.
         """
+        return self._find(k)[0]
+
+    def end_of(self, k: int) -> float:
+        """Time at which the plan is where the stop from cycle k on ends [s].
+
+        Raises:
+            NotRealizable: As a call.
+        """
+        return self._find(k)[1]
+
+    def _find(self, k: int) -> tuple[Stop, float]:
+        """The stop from cycle k on, and the time at which the plan is where it ends [s]."""
         plan = self.set_points.trajectory
         foresight = FORESIGHT
         while foresight <= LONGEST_FORESIGHT:
             t = k * self.cycle + self._start_time
             t += float(np.max(self.servo.dead_time)) + foresight * self.set_points.cycle
             if t >= plan.duration:
-                return Stop(k=k, q=self.q[min(k, len(self.q) - 1) :])
-            stopped = self._compensate(stop(plan, max(t, 0.0)))
+                return Stop(k=k, q=self.q[min(k, len(self.q) - 1) :]), plan.duration
+            early = plan_stop(plan, max(t, 0.0))
+            stopped = self._compensate(early.trajectory)
             if abs(stopped.start_time - self._start_time) > SAME * stopped.cycle:
                 raise NotRealizable(
                     "The set-points of a stop start at another time than the plan's."
                 )
             q = commands_at(stopped, self.cycle, self.servo.interpolation)
             if np.abs(q[:k] - self._planned[:k]).max(initial=0.0) < SAME:
-                return Stop(k=k, q=q[k:] + self._correction(k, len(q) - k))
+                return Stop(k=k, q=q[k:] + self._correction(k, len(q) - k)), early.end
             foresight *= 2
         raise NotRealizable(
             f"The set-points before cycle {k} depend on the stop after it, because the "
@@ -171,12 +210,46 @@ def uncompensated_motion(trajectory: Trajectory, arm: Arm, cycle: float) -> Moti
 
 
 def guarded_motion(
-    stopper: Stopper, predicted: FloatArray, lag: float, band: float | None = None
+    stopper: Stopper, predicted: FloatArray, lag: float, band: Band = None
 ) -> Motion:
-    """Motion that stops if a joint leaves a band around its predicted positions."""
+    """Motion that stops if a joint leaves a band around its predicted positions.
+
+    `band`: the band of revolute joints [rad], or of each joint, (dof,); by default the distance
+    that a joint moves in the time `lag` [s] at its largest speed, in addition to 2 mrad or 2 mm.
+    """
     speed = np.abs(np.diff(predicted, axis=0)).max(axis=0, initial=0.0) / stopper.cycle
-    allowed = LEAST + lag * speed if band is None else np.full_like(speed, band)
+    arm = stopper.arm
+    allowed = per_joint(arm, LEAST, LEAST_LINEAR, arm.dof) + lag * speed
+    if band is not None:
+        allowed = _with_band(arm, allowed, band)
     return Motion(q=stopper.q, next_stop=stopper, predicted=predicted, band=allowed)
+
+
+def _with_band(arm: Arm, default: FloatArray, band: float | FloatArray) -> FloatArray:
+    """Replace tolerances, (dof,), by a band of revolute joints [rad] or of each joint, (dof,)."""
+    if isinstance(band, np.ndarray):
+        return band
+    return np.where(arm.chain.slides, default, band)
+
+
+def _rest_tolerance(arm: Arm, band: Band) -> FloatArray:
+    """Largest distance of each joint from its simulated end [rad], (dof,)."""
+    default = per_joint(arm, LEAST, LEAST_LINEAR, arm.dof)
+    return default if band is None else _with_band(arm, default, band)
+
+
+def largest_distance(distances: FloatArray, arm: Arm) -> Row:
+    """Row with the largest distance of a joint; with one value per unit if the units differ.
+
+    `distances`: distance of each joint [rad], (dof,).
+    """
+    slides = arm.chain.slides
+    unit = any_unit("rad", slides)
+    if slides.any() and not slides.all():
+        value: Any = [float(distances[~slides].max()), float(distances[slides].max())]
+    else:
+        value = float(distances.max(initial=0.0))
+    return Row("distance", value, unit, "distance from the start", level=FIRST)
 
 
 @declared(eq=False)
@@ -190,12 +263,15 @@ class Played(Result):
         speed_factor: Fraction of the planned speed.
         checks: What was compared with the controller.
         motion: Set-points and predicted positions at the cycles of the controller.
-        distance: Largest distance of a joint from the first set-point before the motion [rad].
-        approach: Largest distance that a joint has moved on the way to the start [rad].
+        distances: Distance of each joint from the first set-point before the motion [rad], (dof,);
+            None before it is measured.
+        approaches: Distance that each joint has moved on the way to the start [rad], (dof,); None
+            if no joint has moved.
         record: What the controller recorded; None in a dry run.
         kept: True if the robot completed the run as simulated; None if that was not judged.
         reason: The requirement that decides, as a clause; empty if there is none.
         differences: Differences of the motion from the simulation, and its contour error.
+        stopped_at: Where to resume the job after a stop; None if the motion was not stopped.
     """
 
     job: Job
@@ -204,12 +280,38 @@ class Played(Result):
     speed_factor: float
     checks: tuple[Row, ...]
     motion: Motion
-    distance: float = 0.0
-    approach: float = 0.0
+    distances: JointDistances | None = None
+    approaches: JointDistances | None = None
     record: PlayedMotion | None = None
     kept: bool | None = None
     reason: str = ""
     differences: tuple[Row, ...] = ()
+    stopped_at: StoppedPlace | None = None
+
+    @property
+    def distance(self) -> float:
+        """Largest of the `distances`, in rad or m; 0 before they are measured."""
+        return 0.0 if self.distances is None else float(self.distances.max())
+
+    @property
+    def approach(self) -> float:
+        """Largest of the `approaches`, in rad or m; 0 if no joint has moved."""
+        return 0.0 if self.approaches is None else float(self.approaches.max())
+
+    @property
+    def executed(self) -> bool:
+        """True if the robot has moved, or was to play the motion."""
+        return self.record is not None or self.approaches is not None
+
+    @property
+    def outputs_note(self) -> str:
+        """Sentence that no output is switched, with their names; empty without outputs."""
+        events = (x.name for x in self.plan.trajectory.events)
+        names = list(dict.fromkeys((*events, *self.job.process.analog_names)))
+        if not names:
+            return ""
+        listed = list_some(names, MAX_OUTPUTS)
+        return f"no outputs are switched on the robot; those of the job are {listed}."
 
     @property
     def log(self) -> Log:
@@ -237,29 +339,41 @@ class Played(Result):
         if self.kept is not None:
             yield Row("kept", self.kept, JUDGED, "verdict", self.reason, VERDICT)
 
+    def _resume_rows(self) -> Iterator[Row]:
+        """Yield the option that resumes a stopped job, and its value, if the motion was stopped."""
+        place = self.stopped_at
+        if place is not None:
+            option = place.option or "nothing to resume"
+            yield Row("resume.option", option, "", "to continue", place.words, FIRST)
+            yield Row("resume.at", place.resume_at, "m")
+
     def to_data(self) -> Data:
         """Rows on the run, the checks, and the motion if one was executed."""
         record = self.record
         moved = None if record is None else record.stopped is None
-        units = any_unit("rad", self.job.arm.chain.slides)
+        arm = self.job.arm
+        distances = np.zeros(arm.dof) if self.distances is None else self.distances
         rows = [
-            Row("executed", bool(record or self.approach), "", "executed", level=VERDICT),
+            Row("executed", self.executed, "", "executed", level=VERDICT),
             *self._verdict_rows(),
+            *self._resume_rows(),
             *self.differences,
             Row("controller", self.controller, "", "controller", level=FIRST),
             Row("run", self.plan.run.name, "", "run", level=FIRST),
             Row("speed_factor", self.speed_factor, "1", "share of the speed", level=FIRST),
             Row("duration", self.plan.trajectory.duration, "s", "duration", level=FIRST),
-            Row("distance", self.distance, units, "distance from the start", level=FIRST),
+            largest_distance(distances, arm),
             *self.checks,
             Row("completed", moved, "", "played to its end", level=FIRST),
         ]
         notes = () if record is None else record.notes
-        if record is None and self.approach:
+        if record is None and self.approaches is not None:
             notes = (
                 "Stopped on the way to the start: the joints have moved by up to "
-                f"{number(self.approach, units)}.",
+                f"{figure(largest_distance(self.approaches, arm))}.",
             )
+        if not self.executed and self.outputs_note:
+            notes = (*notes, self.outputs_note)
         return Data(f"Run {self.plan.run.name} on {self.controller}", tuple(rows), notes=notes)
 
 
@@ -295,8 +409,9 @@ def play(
             set-points and position.
         speed_factor: Fraction of the planned speed, of contours and rapids; accelerations change by
             its square, jerks by its cube. By default that of the run, or 10 % if it has none.
-        band: Largest difference of a joint from its simulated position before the motion is stopped
-            [rad]; by default 2 mrad and the distance that it moves in 50 ms at its largest speed.
+        band: Largest difference of a revolute joint from its simulated position before the motion
+            is stopped [rad]; by default 2 mrad and the distance that it moves in 50 ms at its
+            largest speed. The band of a linear axis is always 2 mm and the distance of 50 ms.
         set_points: Set-points of `learn` for this run, instead of those of the compensation; with
             the speed factor with which they were learned.
         stop_requested: Called often during the motion; True stops it on its path.
@@ -369,12 +484,13 @@ def prepare_motion(
     controller: Controller,
     *,
     set_points: SetPoints | None = None,
-    band: float | None = None,
+    band: Band = None,
     lag: float = LAG,
 ) -> Played:
     """Motion of a planned run, checked against the controller without a connection.
 
-    `set_points`: learned set-points; by default those of the plan. `lag`: as of `guarded_motion`.
+    `set_points`: learned set-points; by default those of the plan. `band`, `lag`: as of
+    `guarded_motion`.
     """
     points = planned.set_points if set_points is None else set_points
     stopper = Stopper(points, job.servo, planned.run.compensation, job.arm, controller.cycle)
@@ -429,14 +545,15 @@ class Player:
             report(Step(("connecting",)))
             controller.connect(ready.job.arm, start)
             position = controller.position()
-            played = replace(ready, distance=_measure_distance(ready, position))
+            distances = _measure_distances(ready, position)
+            played = replace(ready, distances=distances)
             if not self.execute or self.stop_requested():
                 return played
-            if played.distance > START:
+            if not _is_at_start(ready.job.arm, distances):
                 report(Step(("moving to the start",)))
                 self._move_to_start(played)
-                moved = float(np.abs(controller.position() - position).max())
-                played = replace(played, approach=moved)
+                moved = np.abs(controller.position() - position)
+                played = replace(played, approaches=moved)
                 if self.stop_requested():
                     return played
             report(Step(("playing",)))
@@ -451,18 +568,19 @@ class Player:
         speed_factor = min(SLOW, ready.speed_factor)
         for _ in range(ATTEMPTS):
             position = controller.position()
-            if np.abs(position - start).max() <= START:
+            if _is_at_start(job.arm, np.abs(position - start)):
                 # Late set-points stopped the motion at its end.
                 return
             cycle = controller.cycle
             approach = approach_of(job, limits, position, start, cycle, speed_factor)
             record = self._stream(approach, job.arm)
-            distance = np.abs(record.measured[-1] - start).max()
-            if self.stop_requested() or (record.stopped is None and distance <= LEAST):
+            distances = np.abs(record.measured[-1] - start)
+            arrived = bool((distances <= _rest_tolerance(job.arm, None)).all())
+            if self.stop_requested() or (record.stopped is None and arrived):
                 return
             if record.stopped is None or record.deviated:
                 break
-        rest = number(distance, any_unit("rad", job.arm.chain.slides))
+        rest = figure(largest_distance(distances, job.arm))
         raise ControllerRefused(
             f"The motion to the start ended {rest} from it. "
             f"{' '.join(record.notes) or 'Check the drives.'}"
@@ -474,8 +592,9 @@ class Player:
         if not len(record.t):
             raise ControllerRefused(f"Nothing was recorded: {' '.join(record.notes)}")
         commanded, moved = (np.ptp(x, axis=0) for x in (record.command, record.measured))
-        j = int(commanded.argmax())
-        if commanded[j] > LEAST and moved[j] < STILL * commanded[j]:
+        least = per_joint(arm, LEAST, LEAST_LINEAR, arm.dof)
+        j = int((commanded / least).argmax())
+        if commanded[j] > least[j] and moved[j] < STILL * commanded[j]:
             unit = unit_of(arm, "rad", j)
             raise ControllerRefused(
                 f"The drives have not moved: joint {j + 1} was commanded to move by "
@@ -487,12 +606,19 @@ class Player:
         return record
 
 
-def _measure_distance(ready: Played, position: FloatArray) -> float:
-    """Largest distance of a joint from the start [rad], if the robot can move there straight."""
+def _is_at_start(arm: Arm, distances: FloatArray) -> bool:
+    """Return whether joints at some distances from the start [rad], (dof,), are at the start."""
+    return bool((distances <= per_joint(arm, START, START_LINEAR, arm.dof)).all())
+
+
+def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
+    """Distance of each joint from the start [rad], (dof,), if the robot can move there straight."""
     start = ready.motion.q[0]
+    arm = ready.job.arm
     low, high = ready.plan.run.limits.joint_range(len(start))
     distance = np.abs(position - start)
-    beyond = np.maximum(low - position, position - high) - START
+    tolerance = per_joint(arm, START, START_LINEAR, arm.dof)
+    beyond = np.maximum(low - position, position - high) - tolerance
     turn = np.where(ready.job.arm.chain.slides, np.inf, TURN)
     j = int(np.maximum(beyond, distance - turn).argmax())
     if beyond[j] > 0 or distance[j] >= turn[j]:
@@ -506,9 +632,9 @@ def _measure_distance(ready: Played, position: FloatArray) -> float:
             joint=j,
             needed=float(position[j]),
         )
-    if distance.max() > START:
+    if not _is_at_start(arm, distance):
         _clear_line(ready.job, position, start)
-    return float(distance.max())
+    return np.asarray(distance)
 
 
 def approach_of(
@@ -551,13 +677,21 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
         return played
     assert motion.predicted is not None and planned.judged is not None
     k = np.rint(record.t / cycle).astype(int)
+    stopped_at = None
+    stopper = motion.next_stop
+    if record.stopped is not None and isinstance(stopper, Stopper):
+        t = planned.set_points.start_time + record.t
+        end = stopper.end_of(record.stopped)
+        stopped_at = find_stopped_place(played.job, planned, end, t, record.measured)
     if record.stopped is not None:
         k = k[k < max(record.stopped, 1)]
     measured = record.measured[: len(k)]
     predicted = motion.predicted[k.clip(0, len(motion.q) - 1)]
     joints = np.abs(measured - predicted)
     tool = np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1)
-    i, j = divmod(int(joints.argmax()), arm.dof)
+    tolerance = _rest_tolerance(arm, band)
+    # Differences in rad and in m are compared by their ratio to the tolerance.
+    i, j = divmod(int((joints / tolerance).argmax()), arm.dof)
     where = f"from the simulation, joint {j + 1} at {number(record.t[i], 's')}"
     when = f"from the simulation, at {number(record.t[tool.argmax()], 's')}"
     kept = False
@@ -584,12 +718,12 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
         verdict = planned.judge({"measured": errors})
         kept = verdict.kept is not False
         reason = reason_of(planned.run, verdict)
-        j = int(joints[-1].argmax())
-        if joints[-1, j] > (LEAST if band is None else band):
+        j = int((joints[-1] / tolerance).argmax())
+        if joints[-1, j] > tolerance[j]:
             kept = False
             rest = number(joints[-1, j], unit_of(arm, "rad", j))
             reason = f"joint {j + 1} rests {rest} from its simulated end"
-    return replace(played, kept=kept, reason=reason, differences=tuple(rows))
+    return replace(played, kept=kept, reason=reason, differences=tuple(rows), stopped_at=stopped_at)
 
 
 def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:

@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
-from armcontour.controllers.controller import Controller, Motion, PlayedMotion
+from armcontour.controllers.controller import Controller, Motion, PlayedMotion, per_joint
 from armcontour.controllers.player import (
     UNKNOWN_LAG,
     Played,
@@ -48,8 +48,10 @@ FREQUENCIES = (0.31, 0.83, 1.9, 3.7)
 # The frequencies of joint j are higher by the fraction j * DETUNED, so that motions of joints are
 # not correlated.
 DETUNED = 0.17
-# Maximum amplitude of the excitation [rad].
+# Maximum amplitude of the excitation of a revolute joint [rad].
 AMPLITUDE = 0.1
+# The same of a linear axis [m].
+AMPLITUDE_LINEAR = 0.1
 # Fraction of the limits that the excitation uses.
 SHARE = 0.6
 # Interval between the states whose limits are checked [s].
@@ -90,7 +92,7 @@ class RobotIdentification(Result):
         first = self.played[RUN]
         stopped = Row("stopped", self.stopped, "", "stopped", level=VERDICT)
         records = [x.record for x in self.played.values() if x.record is not None]
-        notes: list[str] = []
+        notes = [] if first.executed or not first.outputs_note else [first.outputs_note]
         for record in records:
             if record.stopped is not None:
                 notes += record.notes
@@ -192,7 +194,8 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
     start = base(0.0)
     t = np.arange(0.0, DURATION + STEP / 2, STEP)
     low, high = limits.joint_range(len(start))
-    room = np.minimum(AMPLITUDE, SHARE * np.minimum(start - low, high - start))
+    amplitude = per_joint(job.arm, AMPLITUDE, AMPLITUDE_LINEAR, job.arm.dof)
+    room = np.minimum(amplitude, SHARE * np.minimum(start - low, high - start))
     j = int(room.argmin())
     if room[j] <= 0:
         raise ControllerRefused(f"Joint {j + 1} starts at the end of its range.", joint=j)

@@ -8,15 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour.control.learning import LearningResult
-from armcontour.controllers.controller import Controller
+from armcontour.controllers.controller import Controller, per_joint
 from armcontour.controllers.player import (
     ATTEMPTS,
+    Band,
     Played,
     Player,
     commands_at,
     plan_played,
     prepare_motion,
 )
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
@@ -27,6 +29,7 @@ from armcontour.jobs.job import Job
 from armcontour.jobs.run_learning import LearningStudy, learn_logs
 from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Log, SetPoints
+from armcontour.robot import Arm
 
 # Default of the minimum reserve: learned corrections need additional acceleration, and learning
 # assumes that drives do not saturate.
@@ -36,9 +39,11 @@ RUNS = 4
 # A run is stopped if a joint deviates from the plan by more than this multiple of the maximum
 # deviation of the best earlier run, and by more than LEAST.
 RUNAWAY = 3.0
-# Deviations from the plan up to this are no reason to stop a run [rad], unless the specified band
-# is narrower.
+# Deviations of a revolute joint from the plan up to this are no reason to stop a run [rad], unless
+# the specified band is narrower.
 LEAST = 1e-3
+# The same for a linear axis [m], whose band is not specified.
+LEAST_LINEAR = 1e-3
 # Tolerance between the commands of a log and the set-points of its run [rad].
 SAME = 1e-6
 STOPPED = "stopped on request"
@@ -105,7 +110,10 @@ class RobotLearning(Result):
             rows.append(Row("errors", errors, "m", "errors, RMS"))
             rows.append(Row("best", min(errors), "m", best, level=FIRST))
         rows.append(Row("ended", self.ended))
-        return Data(f"Learning of run {self.plan.run.name}", tuple(rows))
+        notes: tuple[str, ...] = ()
+        if first is not None and not first.executed and first.outputs_note:
+            notes = (first.outputs_note,)
+        return Data(f"Learning of run {self.plan.run.name}", tuple(rows), notes=notes)
 
 
 def start_learning(
@@ -130,10 +138,13 @@ def learn_next(result: RobotLearning, player: Player, band: float | None = None)
         return replace(result, ended=STOPPED)
     lesson = result.lesson
     run = f"run {len(result.logs) + 1}"
+    allowed: Band = band
     if lesson is not None:
-        largest = float(np.abs(lesson.runs[lesson.best].error).max())
-        band = min(np.inf if band is None else band, max(RUNAWAY * largest, LEAST))
-    ready = prepare_motion(result.job, result.plan, player.controller, set_points=lesson, band=band)
+        error = lesson.runs[lesson.best].error
+        allowed = _runaway_band(result.job.arm, np.abs(error).max(axis=0), band)
+    ready = prepare_motion(
+        result.job, result.plan, player.controller, set_points=lesson, band=allowed
+    )
     played = player.play(ready, lambda x: (x.stopped is None and x.faithful) or x.deviated)
     result = replace(result, played=played)
     record = played.record
@@ -152,6 +163,23 @@ def learn_next(result: RobotLearning, player: Player, band: float | None = None)
     if record.stopped is not None or not record.faithful:
         raise ControllerRefused(f"The run was disturbed in each of {ATTEMPTS} attempts: {notes}")
     return _learn_from(result, replace(played.log, source=run), player.progress)
+
+
+def _runaway_band(arm: Arm, largest: FloatArray, band: float | None) -> FloatArray:
+    """Deviation of each joint from the plan at which a run is stopped [rad], (dof,).
+
+    - `largest`: largest deviation of each joint in the best run [rad], (dof,).
+    - `band`: upper bound for revolute joints [rad]; None without one.
+    """
+    slides = arm.chain.slides
+    angular = float(largest[~slides].max(initial=0.0))
+    linear = float(largest[slides].max(initial=0.0))
+    return per_joint(
+        arm,
+        min(np.inf if band is None else band, max(RUNAWAY * angular, LEAST)),
+        max(RUNAWAY * linear, LEAST_LINEAR),
+        arm.dof,
+    )
 
 
 def _learn_from(result: RobotLearning, log: Log, progress: Progress | None) -> RobotLearning:
@@ -204,8 +232,8 @@ def learn_on(
         reserve: Smallest reserve of the plan: corrections need acceleration.
         execute: Whether the robot moves; otherwise the first run is compared only.
         logs: Logs of earlier runs, with which learning goes on.
-        band: Largest deviation of a joint from the plan before a motion is stopped, also in the
-            first run [rad]; in the first run by default as in `play`.
+        band: Largest deviation of a revolute joint from the plan before a motion is stopped, also
+            in the first run [rad]; in the first run by default as in `play`.
         stop_requested: Called often during a motion; True stops it on its path and ends learning.
         progress: Called with the steps.
 

@@ -13,6 +13,7 @@ from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
+from armcontour.jobs.resumption import Resumption
 from armcontour.motion import JointPath, Span, Trajectory, dwell_law
 from armcontour.planning import Tracing, trace_program
 from armcontour.planning.duration_bound import bound_duration
@@ -48,12 +49,18 @@ NO_SHAPES = (
 
 
 def alternatives(
-    job: Job, run: Run, traced: Tracing, progress: Progress
+    job: Job,
+    run: Run,
+    traced: Tracing,
+    progress: Progress,
+    resumption: Resumption | None = None,
 ) -> Iterator[tuple[Tracing, tuple[str, ...]]]:
     """Yield joint paths and notes on them: the fastest, then alternatives without collisions.
 
     Use the next alternative if the plan along the previous joint paths has a collision. If no
     alternative is free of collisions, the last one has the longest collision-free part.
+
+    A resumed job keeps the configuration of the whole job, so it has no alternatives.
     """
     # Alternatives are another configuration, or another rotation about a free tool axis.
     if not _is_checked(job):
@@ -63,12 +70,34 @@ def alternatives(
         yield traced, ()
         return
     notes = ((OTHER_CONFIGURATION,) if traced.faster_rejected else ()) + _about_tool(job.arm)
+    if resumption is not None and resumption.whole is not None:
+        yield traced, tuple(dict.fromkeys((*resumption.notes, *notes)))
+        return
     yield traced, notes
     if (reached := _count_clear(traced, job.cell)) < np.inf:
         other = _other_start(job, run, traced, reached, progress)
         if other is not None:
             clear = _count_clear(other, job.cell, np.inf) == np.inf
             yield other, tuple(dict.fromkeys((*[OTHER_CONFIGURATION] * clear, *notes)))
+
+
+def first_clear(
+    job: Job, run: Run, traced: Tracing, progress: Progress
+) -> tuple[Tracing, tuple[str, ...]]:
+    """The first of the `alternatives` that is free of collisions, and notes on it.
+
+    Raises:
+        Collision: All alternatives have collisions.
+    """
+    checked = _is_checked(job) and _has_pairs(job)
+    for candidate, notes in alternatives(job, run, traced, progress):
+        if not checked or all(job.cell.check(x).satisfied for x in candidate.joint_paths):
+            return candidate, notes
+    for step in candidate.steps:
+        if step.joint_path is not None:
+            with step.named():
+                job.cell.check(step.joint_path).refuse()
+    return candidate, notes
 
 
 def clearance_of(job: Job, motion: Trajectory | JointPath) -> Clearance | None:

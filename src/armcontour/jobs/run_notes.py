@@ -50,6 +50,8 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
     run = result.run
     trajectory = result.trajectory
     executed = result.execution
+    if result.resumption is not None:
+        yield result.resumption.warning
     yield from _capped(result.objective, run)
     yield compare_limits(run.limits, result.arm)
     yield _stops(result.jerk_stops)
@@ -80,6 +82,8 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
 
 def remarks(result: RunRecord) -> Iterator[str]:
     """Yield notes about plan and execution that are not warnings."""
+    if result.resumption is not None and (remark := result.resumption.remark):
+        yield remark
     yield from result.path.remarks
     yield from (x.sentence for x in result.weaves if not x.differs)
     if result.set_points is not None and (used := result.set_points.command_note):

@@ -10,15 +10,25 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.text import capitalise
 from armcontour.jobs.alternatives import (
     alternatives,
     check_collision,
     clearance_of,
+    first_clear,
     first_contour_clear,
 )
 from armcontour.jobs.job import TANGENT, Job, Run
+from armcontour.jobs.resumption import (
+    ResumedPlace,
+    Resumption,
+    mark,
+    marked_places,
+    shaped_places,
+)
 from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
@@ -66,20 +76,56 @@ def plan_one(
     *,
     objective: Program | None = None,
     clear: bool = True,
+    resumption: Resumption | None = None,
 ) -> RunResult:
     """Plan a run: prepare, round and trace its program, and time it on a collision-free joint path.
 
-    `objective`: the prepared program, if known; `clear`: whether to avoid collisions.
+    `objective`: the prepared program, if known; `clear`: whether to avoid collisions;
+    `resumption`: configuration of a resumed `objective`.
 
     Raises:
         ArmContourError: The run cannot be planned.
     """
     report = subprogress(progress)
-    objective = prepare_program(job, run, report) if objective is None else objective
-    path = round_program(job, run, objective, report)
-    traced = trace_run(job, run, path, report)
-    time = time_clear if clear else time_run
-    return time(job, run, objective, traced, report)
+    if objective is None:
+        resumption = resume_run(job, run, report, clear=clear)
+        objective = prepare_program(job, run, report, resumption)
+    path = round_program(job, run, objective, report, resumption)
+    traced = trace_run(job, run, path, report, resumption)
+    if clear:
+        return time_clear(job, run, objective, traced, report, resumption)
+    planned = time_run(job, run, objective, traced, report)
+    return dataclasses.replace(planned, resumption=resumption)
+
+
+def resume_run(
+    job: Job, run: Run, progress: Progress | None = None, *, clear: bool = True
+) -> Resumption | None:
+    """Configuration of the whole job where it is resumed; None if it is not resumed.
+
+    The whole job is traced, but not timed. `clear`: whether the whole job avoids collisions.
+    """
+    resume_at = job.process.resume_at
+    if resume_at == 0:
+        return None
+    process = dataclasses.replace(job.process, resume_at=0.0)
+    whole = dataclasses.replace(job, process=process)
+    report = subprogress(progress)
+    try:
+        objective = prepare_program(whole, run, report)
+        place = ResumedPlace.find(objective, resume_at)
+        if place is None:
+            # `prepare_program` refuses the arc length.
+            return None
+        path = round_program(whole, run, objective, report)
+        (s,) = places_on_path(whole, run, objective, path, place.number, np.array([place.s]))
+        traced = trace_run(whole, run, path, report)
+        notes: tuple[str, ...] = ()
+        if clear:
+            traced, notes = first_clear(whole, run, traced, report)
+    except ArmContourError as error:
+        return Resumption(resume_at=resume_at, reason=capitalise(str(error)))
+    return Resumption(resume_at=resume_at, whole=place.traced(traced, float(s)), notes=notes)
 
 
 @contextmanager
@@ -100,8 +146,12 @@ def explain_plan(job: Job, trajectory: Trajectory) -> Explanation | None:
     return explain(trajectory, job.arm)
 
 
-def prepare_program(job: Job, run: Run, progress: Progress | None = None) -> Program:
+def prepare_program(
+    job: Job, run: Run, progress: Progress | None = None, resumption: Resumption | None = None
+) -> Program:
     """Program of a job with leads, overlaps and events of the process, and with sharp corners.
+
+    `resumption`: as of `resume_run`; automatic leads depend on it.
 
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
@@ -114,14 +164,14 @@ def prepare_program(job: Job, run: Run, progress: Progress | None = None) -> Pro
                 f"Run {run.name}: leads of automatic length require the timing method optimal, but "
                 f"the method is {run.timing.method}. Specify the lengths of the leads."
             )
-        leads = find_leads(job, run)
+        leads = find_leads(job, run, resumption)
     with error_context("process"):
         prepared = prepare(job.program, job.process, leads)
     run.check_end_time(prepared)
     return prepared
 
 
-def find_leads(job: Job, run: Run) -> list[Leads]:
+def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list[Leads]:
     """Leads with which each contour has full speed where the process switches on and off.
 
     The tool is assumed to accelerate as along the contour itself. Full speed is the assigned
@@ -149,7 +199,7 @@ def find_leads(job: Job, run: Run) -> list[Leads]:
     # Events may be due before the motion without leads begins.
     still = (dataclasses.replace(x, events=()) if isinstance(x, Contour) else x for x in moves)
     program = Program(moves=tuple(x for x in still if not isinstance(x, Event)))
-    planned = plan_one(job, run, objective=program, clear=False)
+    planned = plan_one(job, run, objective=program, clear=False, resumption=resumption)
     with error_context("leads"):
         return [
             _leads_of_contour(job, run, x, span.trajectory)
@@ -200,9 +250,16 @@ def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory |
 
 
 def round_program(
-    job: Job, run: Run, program: Program, progress: Progress | None = None
+    job: Job,
+    run: Run,
+    program: Program,
+    progress: Progress | None = None,
+    resumption: Resumption | None = None,
 ) -> Program:
-    """Round or shape the corners of a program as the run specifies; they can stay sharp."""
+    """Round or shape the corners of a program as the run specifies; they can stay sharp.
+
+    `resumption`: as of `resume_run`; shapes depend on the configuration.
+    """
     rounding = run.rounding
     if rounding is None:
         return program
@@ -211,13 +268,17 @@ def round_program(
 
         with error_context("corners"):
             assert isinstance(run.timing, Optimal) and rounding.tolerance is not None
+            configuration = job.configuration
+            seed = job.seed
+            if resumption is not None and resumption.whole is not None:
+                configuration, seed = resumption.whole.start_of(program.contours[0], job.arm)
             options = Shaped(
                 tolerance=rounding.tolerance,
                 angular_tolerance=rounding.angular_tolerance,
                 iterations=rounding.iterations,
                 reserve=run.timing.reserve,
-                configuration=job.configuration,
-                seed=job.seed,
+                configuration=configuration,
+                seed=seed,
                 intervals=run.timing.intervals or intervals_of(program),
             )
             return shape(program, job.arm, run.limits, options, progress=progress)
@@ -235,8 +296,33 @@ def round_program(
     return _join_smoothly(rounded, run, rounded=True)
 
 
-def trace_run(job: Job, run: Run, program: Program, progress: Progress) -> Tracing:
-    """Trace the joint paths of all moves of a program within the limits of a run."""
+def places_on_path(
+    job: Job, run: Run, objective: Program, path: Program, number: int, s: FloatArray
+) -> FloatArray:
+    """Arc lengths of a contour with rounded or shaped corners at places of the drawing [m], (n,).
+
+    - `objective`: the program with sharp corners.
+    - `path`: the program with rounded or shaped corners.
+    - `number`: index of the contour.
+    - `s`: arc lengths of the contour with sharp corners [m], (n,), which increase.
+    """
+    if run.is_shaped:
+        return shaped_places(objective, path, number, s)
+    marked = round_program(job, run, mark(objective, number, s))
+    return marked_places(marked.contours[number])
+
+
+def trace_run(
+    job: Job,
+    run: Run,
+    program: Program,
+    progress: Progress,
+    resumption: Resumption | None = None,
+) -> Tracing:
+    """Trace the joint paths of all moves of a program within the limits of a run.
+
+    `resumption`: as of `resume_run`.
+    """
     # A shaped program is traced in the configuration with which it was shaped, other programs in
     # the fastest configuration that is collision-free and above the base.
     progress(Step(("tracing",)))
@@ -248,6 +334,7 @@ def trace_run(job: Job, run: Run, program: Program, progress: Progress) -> Traci
         seed=job.seed,
         accept=first_contour_clear(job),
         progress=progress,
+        whole=None if resumption is None else resumption.whole,
     )
 
 
@@ -282,15 +369,24 @@ def time_run(
 
 
 def time_clear(
-    job: Job, run: Run, objective: Program, traced: Tracing, progress: Progress
+    job: Job,
+    run: Run,
+    objective: Program,
+    traced: Tracing,
+    progress: Progress,
+    resumption: Resumption | None = None,
 ) -> RunResult:
     """Plan along the first of several alternative joint paths that is collision-free."""
-    for candidate, notes in alternatives(job, run, traced, progress):
+    for candidate, notes in alternatives(job, run, traced, progress, resumption):
         planned = time_run(job, run, objective, candidate, progress)
         progress(Step(("clearance",)))
         clearance = clearance_of(job, planned.trajectory)
-        planned = dataclasses.replace(planned, clearance=clearance, avoided=notes)
+        planned = dataclasses.replace(
+            planned, clearance=clearance, avoided=notes, resumption=resumption
+        )
         if clearance is None or clearance.satisfied:
             return planned
-    check_collision(job, planned.path, planned.trajectory)
+    is_kept = resumption is not None and resumption.whole is not None
+    with error_context("in the configuration of the whole job" if is_kept else ""):
+        check_collision(job, planned.path, planned.trajectory)
     return planned

@@ -22,6 +22,7 @@ from armcontour.jobs.plan_quantities import (
     stops_of_path,
     weavings,
 )
+from armcontour.jobs.resumption import Resumption
 from armcontour.jobs.verdict import (
     BODIES,
     EXPECTED,
@@ -165,6 +166,7 @@ class RunRecord:
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None
     advice: Advice | None = None
+    resumption: Resumption | None = None
 
     @classmethod
     def from_plan(cls, planned: RunRecord, **changes: Any) -> Self:

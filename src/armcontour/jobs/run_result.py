@@ -41,6 +41,7 @@ class RunResult(RunRecord, Result):
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.
         advice: Suggested changes; None if they were not computed.
+        resumption: Configuration in which a resumed job begins; None if it is not resumed.
     """
 
     def to_data(self) -> Data:

@@ -55,6 +55,19 @@ ROUNDING = 1e-6
 SAME_TIME = 1e-12
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EarlyStop:
+    """A trajectory that ends early, on the path of its plan.
+
+    Args:
+        trajectory: The trajectory, as of `stop`.
+        end: Time at which the plan is where the stop ends [s].
+    """
+
+    trajectory: Trajectory
+    end: float
+
+
 @checked
 def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     """Stop a trajectory on its path within its limits, from a given time on.
@@ -74,11 +87,20 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     Raises:
         InvalidInput: The trajectory has no arm.
     """
+    return plan_stop(trajectory, t).trajectory
+
+
+def plan_stop(trajectory: Trajectory, t: float) -> EarlyStop:
+    """The `stop` of a trajectory, and where it ends.
+
+    `t`: time at which the stop begins [s].
+    """
     arm = arm_of(trajectory)
     limits = trajectory.limits_for(None)
     rest = _next_rest(trajectory, t)
     if np.abs(trajectory(min(t, rest), 1)).max() < REST_SPEED:
-        return _cut_at(trajectory, min(t, rest))
+        end = min(t, rest)
+        return EarlyStop(trajectory=_cut_at(trajectory, end), end=end)
     joint_path = _path_over_time(trajectory, t, rest)
     inner = trajectory.smooth_breaks
     jumps = inner[(inner > t) & (inner < rest)] - t
@@ -86,11 +108,11 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
     # A part of the reserve is used first, then all of it.
     for reserve in sorted({max(trajectory.reserve - MARGIN, 0.0), 0.0}, reverse=True):
         found = find(joint_path, arm, reduce_limits(limits, reserve))
-        if found is not None and found[0] + found[1].breaks[-1] < rest - t:
-            delay, law = found
-            begin = _cut_at(trajectory, t + delay)
-            return replace(begin, laws=(*begin.laws, law))
-    return _cut_at(trajectory, rest)
+        if found is not None and found.delay + found.law.breaks[-1] < rest - t:
+            begin = _cut_at(trajectory, t + found.delay)
+            stopped = replace(begin, laws=(*begin.laws, found.law))
+            return EarlyStop(trajectory=stopped, end=t + found.end)
+    return EarlyStop(trajectory=_cut_at(trajectory, rest), end=rest)
 
 
 def _next_rest(trajectory: Trajectory, t: float) -> float:
@@ -158,6 +180,20 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _StopLaw:
+    """Law of a stop along a path over time.
+
+    - `delay`: time from the request to the start of the law [s].
+    - `law`: the law, which ends at rest.
+    - `end`: parameter of the path at which the law ends [s].
+    """
+
+    delay: float
+    law: Law
+    end: float
+
+
 class _PlanSpeed(Constraint):
     """Limit of the speed to the speed of the plan, dtau/dt <= 1."""
 
@@ -168,14 +204,15 @@ class _PlanSpeed(Constraint):
         return (Ceiling(np.ones((len(path.grid.s) - 1, 2))),)
 
 
-def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> tuple[float, Law] | None:
-    """Delay 0 and the fastest stop, on the shortest feasible part of a path; None if infeasible."""
+def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> _StopLaw | None:
+    """The fastest stop, on the shortest feasible part of a path; None if infeasible."""
     braking = (x.from_limits(joint_path, arm, limits) for x in FROM_LIMITS if x.brakes)
     constraints = (_PlanSpeed(), *(x for x in braking if x is not None))
     options = Optimal(constraints=constraints, start_speed=1.0, intervals=INTERVALS)
     law = None
     low = 0
     high = len(joint_path.breaks) - 1
+    # The stop ends at the end of the shortest feasible part.
     while high - low > 1:
         middle = (low + high) // 2
         part = JointPath(
@@ -186,13 +223,15 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> tuple[floa
             high = middle
         except NotRealizable:
             low = middle
-    return None if law is None else (0.0, law)
+    if law is None:
+        return None
+    return _StopLaw(delay=0.0, law=law, end=float(joint_path.breaks[high]))
 
 
 def _smooth_stop(
     jumps: FloatArray, joint_path: JointPath, arm: Arm, limits: Limits
-) -> tuple[float, Law] | None:
-    """Earliest stop with a cubic speed, and its delay [s]; None if no stop is feasible.
+) -> _StopLaw | None:
+    """Earliest stop with a cubic speed; None if no stop is feasible.
 
     Derivatives of the path may be discontinuous at its parameters `jumps`.
     """
@@ -233,7 +272,11 @@ def _smooth_stop(
         else:
             high = middle
             stopped = shorter
-    return share * high, PathLaw.over_time(stopped)
+    delay = share * high
+    speed = _cubic_speed(joint_path, lengths, delay, high - delay)
+    assert speed is not None
+    end = _time_at(joint_path, lengths, speed.length(np.array([speed.duration])))
+    return _StopLaw(delay=delay, law=PathLaw.over_time(stopped), end=float(end[0]))
 
 
 @dataclass(frozen=True, slots=True)

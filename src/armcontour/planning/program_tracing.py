@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -21,12 +21,14 @@ from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal_timing import plan_optimal
 from armcontour.planning.timing_options import Optimal
-from armcontour.planning.tracing import sketch_all, trace, trace_all
+from armcontour.planning.tracing import sketch_all, trace, trace_all, trace_rest, trace_to
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 
 # Joint positions closer than this are equal [rad]; closed-form inverse kinematics has this error.
 SAME_POSITION = 1e-9
+# Distance of the vertices of two paths below which the paths are equal [m].
+SAME_VERTEX = 1e-12
 # Options of the coarse plans by which configurations are compared
 COARSE_PLAN = Optimal(intervals=400)
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
@@ -76,6 +78,52 @@ class TracedMove:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TracedWhole:
+    """Joint path of a whole contour; a resumed program begins with the rest of this contour.
+
+    Args:
+        joint_path: The joint path.
+        s: Arc length of the whole contour at which the rest begins [m].
+        later: Joint paths of the later moves of the whole program, by their number from its end;
+            the last move has the number 1.
+    """
+
+    joint_path: JointPath
+    s: float
+    later: Mapping[int, JointPath]
+
+    @property
+    def q(self) -> FloatArray:
+        """Joint positions at which the rest begins [rad], (dof,)."""
+        return self.joint_path(self.s)
+
+    def start_of(self, contour: Contour, arm: Arm) -> tuple[str | None, FloatArray | None]:
+        """Configuration, or seed [rad], (dof,), for the rest of the contour with its leads."""
+        start = ends_of(self.trace(contour, arm))[0]
+        if isinstance(arm, PlanarTwoLink):
+            return arm.configuration_of(start), None
+        return None, start
+
+    def later_paths(self, moves: Sequence[Move]) -> dict[int, JointPath]:
+        """Joint paths of the moves of the resumed program that equal those of the whole program.
+
+        The key is the index of the move.
+        """
+        paths: dict[int, JointPath] = {}
+        for number, joint_path in self.later.items():
+            i = len(moves) - number
+            path = joint_path.tool_path
+            move = moves[i]
+            if isinstance(move, Contour) and path is not None and _is_same(path, move.path):
+                paths[i] = joint_path
+        return paths
+
+    def trace(self, contour: Contour, arm: Arm) -> JointPath:
+        """Trace the rest of the contour, with its leads, in the configuration of the whole."""
+        return trace_rest(contour.path, arm, self.joint_path, self.s, contour.at_work[0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tracing:
     """A program with its joint paths; plans that differ only in timing share it.
 
@@ -116,6 +164,7 @@ def trace_program(
     accept: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
     fastest: dict[int, JointPath] | None = None,
+    whole: TracedWhole | None = None,
 ) -> Tracing:
     """Trace all moves of a program.
 
@@ -136,6 +185,8 @@ def trace_program(
             is chosen; a rejected configuration is used only if all are rejected.
         progress: Called after every contour with the step "tracing" and the fraction done.
         fastest: Cache of the fastest joint paths, for calls that differ in `seed` only.
+        whole: Joint path of the whole first contour, whose configuration a resumed program keeps;
+            `configuration`, `seed` and `accept` do not apply to this contour.
 
     Raises:
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
@@ -148,6 +199,12 @@ def trace_program(
     contours = program.contours
     cached = {} if fastest is None else fastest
     tracer = _Tracer(program, contours, limited, configuration, seed, accept, cached)
+    if whole is not None:
+        with error_context(contour_called(contours[0], 0)):
+            tracer.first = whole.trace(contours[0], limited)
+        # A later contour that the arm cannot reach from the previous contour starts in the
+        # configuration of the whole program.
+        cached.update(whole.later_paths(program.moves))
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
         if isinstance(move, Contour) and progress is not None:
@@ -170,6 +227,7 @@ class _Tracer:
     fastest: dict[int, JointPath]
     steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None
+    first: JointPath | None = None  # Joint path of the first contour, if known
     done: int = 0
     looks_ahead: bool = True
     faster_rejected: bool = False
@@ -181,7 +239,8 @@ class _Tracer:
             alone = self.program.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
             with TracedMove(move=i, called=called).named():
-                self._append(i, self._trace(move.path, i), called)
+                known = None if self.done else self.first
+                self._append(i, self._trace(move.path, i) if known is None else known, called)
             self.done += 1
         elif not isinstance(move, Rapid):
             self.steps.append(TracedMove(move=i))
@@ -198,6 +257,10 @@ class _Tracer:
             called = f"rapid away from {contour_called(before[0], self.done - 1)}"
         turned = turn_along(path, before, after)
         with error_context(called):
+            if self.first is not None and not self.done:
+                start = ends_of(self.first)[0]
+                self._append(i, trace_to(turned, self.arm, start), called)
+                return
             first = self.last is None and self.seed is None
             joint_path = self._trace_to(after[0], turned, i) if first else self._trace(turned, i)
             self._append(i, joint_path, called)
@@ -275,6 +338,13 @@ class _Tracer:
                 return np.inf
         joint_paths = [x.joint_path for x in trial.steps if x.joint_path is not None]
         return sum(bound_duration(x, self.arm.limits) for x in joint_paths)
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    """Test whether two paths have the same vertices."""
+    if len(path) != len(other):
+        return False
+    return bool(np.abs(path.vertices - other.vertices).max() <= SAME_VERTEX)
 
 
 def _straight_line(begin: FloatArray, end: FloatArray) -> JointPath:

@@ -286,7 +286,8 @@ class Process(Checked, LayerProcess):
             same path, but no output is switched, no analog output has a value, and pierces take no
             time.
         resume_at: Arc length at which to resume the program, over all contours from their start
-            points, with overlaps and without leads or rounding [m].
+            points, with overlaps and without leads or rounding [m]. A job keeps the configuration
+            of the whole job.
 
     Raises:
         InvalidInput: A value is not valid.

@@ -30,6 +30,7 @@ from armcontour.jobs.run_plan import (
     explain_plan,
     explained_reach,
     prepare_program,
+    resume_run,
     round_program,
     time_run,
     trace_run,
@@ -318,18 +319,36 @@ class CoarsePlanner:
         )
         leads = (corners, arm_inputs, limits, run.timing) if job.process.automatic else ()
         made_of = drawn, comparable(job.process), run.end_time, leads
-        objective = get("preparing", made_of, lambda: prepare_program(job, run, report))
+        resumption = None
+        if job.process.resume_at:
+            # The configuration in which the job resumes depends on the whole plan.
+            resumption = get(
+                "resuming",
+                (made_of, corners, arm_inputs, limits, run.timing),
+                lambda: resume_run(job, run, report, clear=False),
+            )
+        objective = get(
+            "preparing",
+            (made_of, resumption),
+            lambda: prepare_program(job, run, report, resumption),
+        )
         path = get(
-            "rounding", (objective, corners), lambda: round_program(job, run, objective, report)
+            "rounding",
+            (objective, corners, resumption),
+            lambda: round_program(job, run, objective, report, resumption),
         )
         ranges = limits if job.seed is None else comparable(run.limits.joint_range(job.arm.dof))
         traced = get(
-            "tracing", (path, arm_inputs, ranges), lambda: trace_run(job, run, path, report)
+            "tracing",
+            (path, arm_inputs, ranges, resumption),
+            lambda: trace_run(job, run, path, report, resumption),
         )
         return get(
             "timing",
             (traced, limits, run.timing),
-            lambda: time_run(job, run, objective, traced, report),
+            lambda: dataclasses.replace(
+                time_run(job, run, objective, traced, report), resumption=resumption
+            ),
         )
 
 

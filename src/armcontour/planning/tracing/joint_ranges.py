@@ -83,6 +83,11 @@ def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
     min_turns = np.ceil((lower - ROUNDING - q.min(axis=0)) / (2 * np.pi))
     max_turns = np.floor((upper + ROUNDING - q.max(axis=0)) / (2 * np.pi))
     turns = np.where(min_turns <= max_turns, np.clip(0.0, min_turns, max_turns), 0.0)
+    return turn_by(joint_path, turns)
+
+
+def turn_by(joint_path: JointPath, turns: FloatArray) -> JointPath:
+    """Shift the joints of a joint path by whole turns, (dof,)."""
     if not turns.any():
         return joint_path
     coefficients = joint_path.coefficients.copy()

@@ -18,8 +18,14 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
+from armcontour.geometry.path import cut_path
+from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import JointPath, quintic
-from armcontour.planning.tracing.joint_ranges import check_joint_range, turn_into_range
+from armcontour.planning.tracing.joint_ranges import (
+    check_joint_range,
+    turn_by,
+    turn_into_range,
+)
 from armcontour.planning.tracing.knots import (
     MIDDLE,
     PLACES,
@@ -41,6 +47,8 @@ if TYPE_CHECKING:
 
 # Length below which an interval outside the tolerance indicates a singularity [m].
 SMALLEST_INTERVAL = 1e-9
+# Largest distance between the tool and its position on the path between knots [m].
+TOLERANCE = 1e-10
 # Powers of `PLACES`, (places, 6).
 POWERS = PLACES[:, None] ** np.arange(6)
 # q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
@@ -294,7 +302,7 @@ def trace(
     limits: Limits | None = None,
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
-    tolerance: float = 1e-10,
+    tolerance: float = TOLERANCE,
 ) -> JointPath:
     """Compute the joint path along which the arm's tool follows `path`.
 
@@ -341,7 +349,7 @@ def trace_all(
     limits: Limits | None = None,
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
-    tolerance: float = 1e-10,
+    tolerance: float = TOLERANCE,
     max_count: int | None = None,  # Largest number of joint paths; all by default
 ) -> list[JointPath]:
     """Joint paths of all configurations that complete the path, the shortest first."""
@@ -435,6 +443,110 @@ def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
     return np.flatnonzero(fresh)
 
 
+def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -> JointPath:
+    """Trace the rest of a path in the configuration in which the whole path is traced.
+
+    At the start of the rest, the joint positions equal those on the whole path, including whole
+    turns and the positions of free joints, and also along the rest as far as both paths are equal.
+
+    Args:
+        path: The rest of the path, possibly with a lead-in.
+        arm: The arm with the limits of the motion.
+        whole: Joint path along the whole path.
+        s: Arc length of the whole path at which the rest begins [m].
+        start: Arc length of `path` at which the rest begins, after the lead-in [m].
+
+    Raises:
+        Unreachable: The arm cannot follow the lead-in in this configuration.
+    """
+    known = whole(s)
+    if isinstance(arm, PlanarTwoLink):
+        joint_path = trace(path, arm, configuration=arm.configuration_of(known))
+        return _turn_to(joint_path, arm, known - joint_path(start))
+    assert isinstance(arm, SerialArm)
+    # Joint positions on the whole path may exceed a joint range by rounding errors.
+    lower, upper = arm.limits.joint_range(arm.dof)
+    seed = np.clip(known, lower, upper)
+    before = None
+    if start > REPEATED_POINT:
+        before = trace(cut_path(path, 0.0, start).reversed(), arm, seed=seed)
+        seed = np.clip(before(before.length), lower, upper)
+    if not _is_redundant(path, arm):
+        return trace(path, arm, seed=seed)
+
+    def positions(along: FloatArray) -> FloatArray:
+        """Known joint positions at arc lengths of the rest [rad], (n, dof)."""
+        # Both paths end at the same point, so arc lengths are counted from there.
+        rest = np.clip(whole.length - (path.length - along), 0.0, whole.length)
+        q = whole(np.where(along <= start, s, rest))
+        if before is not None:
+            lead = along < start
+            q[lead] = before(np.clip(start - along[lead], 0.0, before.length))
+        return q
+
+    return _trace_near(path, arm, positions, start)
+
+
+def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
+    """Trace a path in the configuration in which it ends at joint positions.
+
+    Args:
+        path: The path.
+        arm: The arm with the limits of the motion.
+        q: Joint positions at the end of the path [rad], (dof,).
+
+    Raises:
+        Unreachable: The arm cannot follow the path in this configuration.
+    """
+    if isinstance(arm, PlanarTwoLink):
+        joint_path = trace(path, arm, configuration=arm.configuration_of(q))
+        return _turn_to(joint_path, arm, q - joint_path(joint_path.length))
+    assert isinstance(arm, SerialArm)
+    lower, upper = arm.limits.joint_range(arm.dof)
+    back = trace(path.reversed(), arm, seed=np.clip(q, lower, upper))
+    if not _is_redundant(path, arm):
+        return trace(path, arm, seed=np.clip(back(back.length), lower, upper))
+
+    def positions(along: FloatArray) -> FloatArray:
+        """Known joint positions at arc lengths of the path [rad], (n, dof)."""
+        return back(np.clip(path.length - along, 0.0, back.length))
+
+    return _trace_near(path, arm, positions, 0.0)
+
+
+def _is_redundant(path: Path, arm: SerialArm) -> bool:
+    """Test whether the joints of an arm that are not held can move while the tool rests."""
+    moving, _ = _moving(arm)
+    return task_dimension(path, moving) < moving.dof
+
+
+def _turn_to(joint_path: JointPath, arm: Arm, difference: FloatArray) -> JointPath:
+    """Shift joints by the whole turns nearest to a difference [rad], (dof,)."""
+    joint_path = turn_by(joint_path, np.rint(difference / (2 * np.pi)))
+    check_joint_range(joint_path, arm.limits, arm)
+    return joint_path
+
+
+def _trace_near(
+    path: Path, arm: SerialArm, positions: Callable[[FloatArray], FloatArray], knot: float
+) -> JointPath:
+    """Trace a path of a redundant arm near known joint positions, which it meets at its knots.
+
+    - `positions`: joint positions at arc lengths [m], (n,) -> (n, dof).
+    - `knot`: arc length of an additional knot [m].
+    """
+    _, joints = _moving(arm)
+    knots = first_knots(path, arm.span, FINER)
+    s = np.append(knots.s0, path.length)
+    if np.abs(s - knot).min() > REPEATED_POINT:
+        split = (knots.s0 < knot) & (knot < s[1:])
+        u = (knots.u0 + knot - knots.s0)[split]
+        knots = knots.halve(split, u)[0]
+        s = np.append(knots.s0, path.length)
+    q = positions(s)[:, joints]
+    return _refine_solution(path, arm, knots, row_of_poses(path, knots), q)
+
+
 def _trace_planar(
     path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
 ) -> JointPath:
@@ -451,7 +563,6 @@ def _trace_serial(
 ) -> list[JointPath]:
     """Joint paths of a serial arm in its configurations, the shortest first."""
     from armcontour.planning.tracing.branch_solutions import find_solutions
-    from armcontour.planning.tracing.redundancy import Guide, null_space
 
     moving, joints = _moving(arm)
     task = task_dimension(path, moving)
@@ -459,23 +570,44 @@ def _trace_serial(
     poses = row_of_poses(path, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
-        q = solution.q
-        guide = None
-        if task < moving.dof:
-            w = null_space(moving, poses, task, q)
-            s = np.append(knots.s0, path.length)
-            guide = Guide.through(s, q, w, path.stops)
-        numeric = NumericSolver(path, moving, task, tolerance, guide)
-        joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
-        if moving is not arm:
-            joint_path = _with_held(joint_path, arm.chain, joints)
-        check_joint_range(joint_path, arm.limits, arm)
-        check_tilt(joint_path, arm)
-        return joint_path
+        return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
 
     near = None if seed is None else seed[joints]
     solutions = find_solutions(path, moving, knots, poses, task, near)
     return _complete((partial(refine_solution, x) for x in solutions), max_count)
+
+
+def _refine_solution(
+    path: Path,
+    arm: SerialArm,
+    knots: Knots,
+    poses: FloatArray,
+    q: FloatArray,
+    tolerance: float = TOLERANCE,
+) -> JointPath:
+    """Joint path near joint positions at knots, checked against the ranges of the joints.
+
+    - `poses`: tool poses at the starts of the knot intervals and at the end of the last one, (n +
+      1, 3, 4).
+    - `q`: positions at the same knots of the joints that are not held [rad], (n + 1, joints).
+    - `tolerance`: largest distance of the tool from the path between knots [m].
+    """
+    from armcontour.planning.tracing.redundancy import Guide, null_space
+
+    moving, joints = _moving(arm)
+    task = task_dimension(path, moving)
+    guide = None
+    if task < moving.dof:
+        w = null_space(moving, poses, task, q)
+        s = np.append(knots.s0, path.length)
+        guide = Guide.through(s, q, w, path.stops)
+    numeric = NumericSolver(path, moving, task, tolerance, guide)
+    joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
+    if moving is not arm:
+        joint_path = _with_held(joint_path, arm.chain, joints)
+    check_joint_range(joint_path, arm.limits, arm)
+    check_tilt(joint_path, arm)
+    return joint_path
 
 
 def _with_held(joint_path: JointPath, chain: Chain, joints: IntArray) -> JointPath:

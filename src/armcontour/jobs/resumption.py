@@ -1,0 +1,130 @@
+"""`Resumption`: the configuration of a whole job, which the rest of the job keeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.render import number
+from armcontour.geometry import ShapedPath
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.planning import Tracing
+from armcontour.planning.program_tracing import TracedWhole
+from armcontour.program import Contour, Event, Program
+from armcontour.program.corner_rounding import draw_with_arcs
+from armcontour.program.moves import Move
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Resumption:
+    """Configuration in which a job resumes.
+
+    Args:
+        resume_at: Arc length at which the job is resumed [m].
+        whole: Joint path of the whole job at this place; None if the whole job has none.
+        notes: Notes on the joint path of the whole job, as of `alternatives`.
+        reason: Why the whole job has no joint path, as a sentence; empty if it has one.
+    """
+
+    resume_at: float
+    whole: TracedWhole | None = None
+    notes: tuple[str, ...] = ()
+    reason: str = ""
+
+    @property
+    def remark(self) -> str:
+        """Note that the configuration of the whole job is kept; empty if it is not."""
+        if self.whole is None:
+            return ""
+        return (
+            f"resumed at {number(self.resume_at, 'm')} in the configuration of the whole job, with "
+            "its joint positions at this place."
+        )
+
+    @property
+    def warning(self) -> str:
+        """Warning that the whole job has no configuration to keep; empty if it has one."""
+        if self.whole is not None:
+            return ""
+        return (
+            "the configuration at the start is chosen for the rest of the job, because the whole "
+            f"job has no plan: {self.reason} Before you play it, compare its first joint positions "
+            "(start) with those of the robot."
+        )
+
+
+def mark(objective: Program, number: int, s: FloatArray) -> Program:
+    """The program with events at places of a contour, which has no other events.
+
+    - `number`: index of the contour.
+    - `s`: arc lengths of the contour [m], (n,), which increase.
+    """
+    contours = 0
+    moves = list[Move]()
+    for move in objective.moves:
+        if isinstance(move, Contour):
+            if contours == number:
+                events = tuple(Event(name="place", s=float(x)) for x in s)
+                move = replace(move, events=events)
+            contours += 1
+        moves.append(move)
+    return replace(objective, moves=tuple(moves))
+
+
+def marked_places(contour: Contour) -> FloatArray:
+    """Arc lengths of the events of a marked contour [m], (n,)."""
+    return np.array([x.s for x in contour.events])
+
+
+def shaped_places(objective: Program, path: Program, number: int, s: FloatArray) -> FloatArray:
+    """Arc lengths of a shaped contour at places of the drawn contour [m], (n,).
+
+    - `objective`: the program with sharp corners.
+    - `path`: the program with shaped corners.
+    - `number`: index of the contour.
+    - `s`: arc lengths of the drawn contour [m], (n,), which increase.
+    """
+    drawn = draw_with_arcs(mark(objective, number, s).contours[number])
+    shaped = path.contours[number].path
+    assert isinstance(shaped, ShapedPath)
+    return shaped.place(marked_places(drawn))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResumedPlace:
+    """Place at which a whole job is resumed.
+
+    Args:
+        number: Index of the contour in the program.
+        s: Arc length of the contour, with its lead-in and sharp corners [m].
+    """
+
+    number: int
+    s: float
+
+    @classmethod
+    def find(cls, objective: Program, resume_at: float) -> ResumedPlace | None:
+        """Find the place in the prepared program of the whole job; None if it is after its end."""
+        works = [contour.at_work for contour in objective.contours]
+        breaks = np.cumsum([0.0, *(end - start for start, end in works)])
+        # The end of a contour counts as the start of the next contour.
+        number = int(np.searchsorted(breaks, resume_at + REPEATED_POINT, side="right")) - 1
+        if number >= len(works):
+            return None
+        start, end = works[number]
+        s = min(start + max(resume_at - float(breaks[number]), 0.0), end)
+        return cls(number=number, s=s)
+
+    def traced(self, tracing: Tracing, s: float) -> TracedWhole:
+        """Joint path of the whole contour, and those of the later moves.
+
+        `s`: arc length of the place on the contour with rounded or shaped corners [m].
+        """
+        moves = tracing.program.moves
+        index = [i for i, move in enumerate(moves) if isinstance(move, Contour)][self.number]
+        paths = {x.move: x.joint_path for x in tracing.steps if x.joint_path is not None}
+        later = {len(moves) - i: x for i, x in paths.items() if i is not None and i > index}
+        joint_path = paths[index]
+        return TracedWhole(joint_path=joint_path, s=min(s, joint_path.length), later=later)

@@ -1,0 +1,159 @@
+"""`find_stopped_place`: where to resume a job whose motion was stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.jobs.job import Job
+from armcontour.jobs.run_plan import places_on_path
+from armcontour.jobs.run_result import RunResult
+from armcontour.program import contour_called
+
+# Largest distances of the measured tool from its path at which it counts as on the path [m]. The
+# second one applies if the tool was always farther than the first one.
+ON_PATH = (0.1e-3, 2e-3)
+# Largest time by which the measured tool follows its plan [s].
+LAG = 0.5
+# Duration before the end of a motion in which the tool is searched on its path [s].
+SEARCHED = 5.0
+# Time between two points of the path with which a measured tool is compared [s].
+STEP = 2e-3
+# Numbers of samples that are compared at once.
+AT_ONCE = 500
+# Number of places of a contour that are compared in one iteration, and number of iterations: the
+# last one has places that are 1e-9 of the contour apart.
+PLACES = 1001
+ITERATIONS = 3
+# Resolution of the arc length within a contour [m].
+RESOLUTION = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoppedPlace:
+    """Where to resume a job whose motion was stopped.
+
+    Args:
+        resume_at: Value of `process.resume_at` [m]; None if no work is left, or the place is
+            unknown.
+        words: The place in words, as a clause.
+    """
+
+    resume_at: float | None
+    words: str
+
+    @property
+    def option(self) -> str:
+        """Option of the command line that resumes the job; empty if it cannot be resumed."""
+        if self.resume_at is None:
+            return ""
+        text = f"{1e3 * self.resume_at:.6f}".rstrip("0").rstrip(".")
+        return f"--resume-at '{text} mm'"
+
+
+def find_stopped_place(
+    job: Job, planned: RunResult, end: float, t: FloatArray, measured: FloatArray
+) -> StoppedPlace:
+    """Find where to resume a job after a stop, such that no part of its contours is left out.
+
+    The place is not after the measured tool, and before it by at most the distance of the tool from
+    its path and a micrometre.
+
+    Args:
+        job: The job, as it was played.
+        planned: The plan that was played.
+        end: Time at which the plan is where the stop ends [s].
+        t: Times of the samples on the clock of the plan [s], (n,).
+        measured: Measured joint positions [rad], (n, dof).
+    """
+    reached = _last_time_on_path(planned, end, t, measured)
+    if reached is None:
+        return StoppedPlace(
+            resume_at=None,
+            words="the tool has left its path, so the place of the stop is unknown",
+        )
+    time, distance = reached
+    return _place_at(job, planned, time, distance)
+
+
+def _last_time_on_path(
+    planned: RunResult, end: float, t: FloatArray, measured: FloatArray
+) -> tuple[float, float] | None:
+    """Last time of the plan that the measured tool reached [s], and its distance [m] there.
+
+    None if the tool was not on its path before it stopped.
+    """
+    arm = planned.arm
+    last = t >= min(end, float(t[-1])) - SEARCHED
+    tools = arm.tool_position(measured[last])
+    latest = np.clip(t[last], 0.0, end)
+    # The first point is the end, which a robot that follows its plan reaches exactly.
+    ages = np.append(np.arange(0.0, LAG, STEP), LAG)
+    nearest_times = list[FloatArray]()
+    smallest_distances = list[FloatArray]()
+    for first in range(0, len(tools), AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        times = np.maximum(latest[part, None] - ages, 0.0)
+        points = arm.tool_position(planned.trajectory(times.ravel())).reshape(*times.shape, -1)
+        distances = np.linalg.norm(points - tools[part, None], axis=2)
+        nearest = distances.argmin(axis=1)
+        rows = np.arange(len(nearest))
+        nearest_times.append(times[rows, nearest])
+        smallest_distances.append(distances[rows, nearest])
+    reached = np.concatenate(nearest_times)
+    distance = np.concatenate(smallest_distances)
+    for tolerance in ON_PATH:
+        on_path = np.flatnonzero(distance <= tolerance)
+        if len(on_path):
+            # Of several samples at the last time, the nearest one.
+            i = on_path[np.lexsort((distance[on_path], -reached[on_path]))[0]]
+            return float(reached[i]), float(distance[i])
+    return None
+
+
+def _place_at(job: Job, planned: RunResult, time: float, distance: float) -> StoppedPlace:
+    """Place at a time of the plan [s], or before it by a distance within the contour [m]."""
+    objective = planned.objective
+    works = [contour.at_work for contour in objective.contours]
+    lengths = np.cumsum([0.0, *(end - start for start, end in works)])
+    # A job that was resumed itself counts from the start of the whole job.
+    breaks = job.process.resume_at + lengths
+    for number, span in enumerate(planned.trajectory.contour_spans):
+        name = contour_called(objective.contours[number], number)
+        if time <= span.t[0]:
+            return StoppedPlace(
+                resume_at=float(breaks[number]), words=f"before {name}, which is resumed as a whole"
+            )
+        if time >= span.t[1]:
+            continue
+        start, end = works[number]
+        s = float(planned.trajectory.s(time)) - span.s[0]
+        drawn = _drawn_place(job, planned, number, s) - distance
+        if drawn <= start + REPEATED_POINT:
+            return StoppedPlace(resume_at=float(breaks[number]), words=f"at the start of {name}")
+        if drawn < end - REPEATED_POINT:
+            # Rounded down, so that the text of the option is not after the place.
+            value = np.floor((breaks[number] + drawn - start) / RESOLUTION) * RESOLUTION
+            return StoppedPlace(resume_at=float(max(value, breaks[number])), words=f"on {name}")
+    return StoppedPlace(resume_at=None, words="all contours are complete")
+
+
+def _drawn_place(job: Job, planned: RunResult, number: int, s: float) -> float:
+    """Arc length of a contour with sharp corners at or before a place of the path [m].
+
+    `s`: arc length of the contour with rounded or shaped corners [m].
+    """
+    low = 0.0
+    high = planned.objective.contours[number].path.length
+    for _ in range(ITERATIONS):
+        drawn = np.linspace(low, high, PLACES)
+        placed = places_on_path(job, planned.run, planned.objective, planned.path, number, drawn)
+        i = int(np.searchsorted(placed, s, side="right")) - 1
+        low = float(drawn[max(i, 0)])
+        high = float(drawn[min(max(i, 0) + 1, PLACES - 1)])
+        if high <= low:
+            break
+    return low

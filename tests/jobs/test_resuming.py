@@ -1,0 +1,116 @@
+"""Resumed jobs keep the configuration of the whole job."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from docs.pages import run_command
+from soak import resuming
+from tests.dynamics_extra import needs_dynamics
+
+import armcontour as ac
+from armcontour.core.errors import Collision
+from armcontour.core.frames import Frame
+from armcontour.files import parse_job
+from armcontour.robot.scene import Box, Obstacle, Scene
+
+# Angles of an arc around the base, which crosses the angle at which the inverse kinematics jumps.
+BEFORE, AFTER = np.radians([30.0, 330.0])
+RADIUS = 0.35
+# A post that the arm touches on its approach to the middle of the seam, but not on that to its
+# start: its distance above the elbow [m], and its size [m].
+ABOVE_ELBOW = 0.06
+POST = 0.04
+
+
+@pytest.mark.parametrize(
+    ("name", "shares"),
+    [("planar", [0.03, 0.4]), ("spatial", [0.2, 0.9]), ("leads", [0.02, 0.6]), ("drawing", [0.7])],
+)
+def test_a_resumed_job_starts_with_the_joints_of_the_whole_job(name, shares):
+    assert [resuming.judge(name, x) for x in shares] == [[] for _ in shares]
+
+
+@needs_dynamics
+def test_a_resumed_job_keeps_the_alternative_of_the_whole_job():
+    assert resuming.judge("avoiding", 0.5) == []
+    job, whole = resuming.whole_plan("avoiding")
+    rest = resuming.plan_of(resuming.resume(job, 0.1))
+    assert rest.avoided == whole.avoided and "another configuration" in rest.avoided[0]
+
+
+def test_the_rest_of_a_redundant_arm_follows_the_joints_of_the_whole_path():
+    job, whole = resuming.whole_plan("spatial")
+    rest = resuming.plan_of(resuming.resume(job, 0.23))
+    begins = np.array([x.trajectory.s(x.trajectory.duration) for x in (whole, rest)])
+    left = np.linspace(0.01, 0.16, 40)
+    (a,), (b,) = (x.traced.joint_paths for x in (whole, rest))
+    # The knots differ, so the free rotation about the tool axis differs slightly between them.
+    np.testing.assert_allclose(a(begins[0] - left), b(begins[1] - left), atol=1e-4)
+
+
+@pytest.mark.parametrize("configuration", ["positive", "negative"])
+def test_whole_turns_and_a_given_branch_are_kept(configuration):
+    job = replace(parse_job(resuming.PLANAR), configuration=configuration)
+    angles = np.linspace(BEFORE, AFTER, 30)
+    base = np.array([job.arm.base, 0.0])
+    points = base + RADIUS * np.column_stack([np.cos(angles), np.sin(angles)])
+    job = replace(job, path=ac.Path.polyline(points))
+    whole = resuming.plan_of(job)
+    ends = whole.trajectory(np.array([0.0, whole.trajectory.duration]))
+    # The first joint passes half a turn.
+    assert np.abs(ends[:, 0]).max() > np.pi
+    resume_at = 0.95 * float(resuming.work_lengths(whole)[-1])
+    rest = resuming.plan_of(resuming.resume(job, resume_at))
+    joints, gap, _ = resuming.compare(whole, rest, resume_at)
+    assert joints < resuming.SAME_JOINTS + resuming.JOINTS_PER_DISTANCE * gap
+
+
+def test_a_seed_states_the_start_of_the_whole_job():
+    job = parse_job(resuming.LED)
+    rest = resuming.plan_of(resuming.resume(job, 0.2))
+    # Another turn of the base than without a seed.
+    assert resuming.start_of_work(rest)[0] < -np.pi
+
+
+def test_the_rest_of_a_job_whose_whole_has_no_plan_says_why():
+    job = parse_job(resuming.PLANAR)
+    far = ac.Path.polyline([[0.9, 0.9], [1.0, 0.9]])
+    near = job.program.contours[0].path
+    both = ac.Program(moves=(ac.Contour(path=far), ac.Contour(path=near)))
+    rest = resuming.plan_of(resuming.resume(replace(job, path=both), far.length))
+    (warning,) = (x for x in rest.warnings if "whole job has no plan" in x)
+    assert "contour 1" in warning.casefold() and "reach" in warning
+    assert not any("configuration of the whole job" in x for x in rest.remarks)
+
+
+@needs_dynamics
+def test_a_collision_in_the_kept_configuration_is_refused():
+    job = parse_job(resuming.SEAM + "process: {approach: 150 mm}\n")
+    elbow = job.arm.links(resuming.plan_of(resuming.resume(job, 0.1)).trajectory(0.0))[3]
+    place = Frame(position=elbow + [0.0, 0.0, ABOVE_ELBOW])
+    post = Obstacle(name="post", shape=Box(size=[POST, POST, POST]), place=place)
+    blocked = replace(job, scene=Scene(obstacles=(post,)))
+    assert resuming.plan_of(blocked).clearance.satisfied
+    with pytest.raises(Collision, match="in the configuration of the whole job") as error:
+        resuming.plan_of(resuming.resume(blocked, 0.1))
+    assert "post" in str(error.value)
+
+
+def test_the_command_line_keeps_the_configuration_and_says_so(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "job.yaml").write_text(resuming.PLANAR, encoding="utf-8")
+    words = ["run", "job.yaml", "--out"]
+    assert run_command([*words, "whole"])[0] == 0
+    code, printed, _ = run_command([*words, "rest", "--resume-at", "80 mm"])
+    assert code == 0 and "in the configuration of the whole job" in " ".join(printed.split())
+    whole, rest = (
+        np.loadtxt(tmp_path / x / "only" / "planned.csv", delimiter=",", skiprows=1)
+        for x in ("whole", "rest")
+    )
+    arm = ac.load_arm("pmk3s")
+    start = arm.tool_position(rest[0, 1:3])
+    np.testing.assert_allclose(start, [0.36, 0.21], atol=1e-6)
+    near = np.linalg.norm(arm.tool_position(whole[:, 1:3]) - start, axis=1).argmin()
+    # Rows of the table are 0.1 mm apart.
+    np.testing.assert_allclose(rest[0, 1:3], whole[near, 1:3], atol=2e-3)
