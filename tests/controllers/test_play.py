@@ -250,6 +250,11 @@ def test_the_motion_to_the_start_is_at_most_a_tenth_of_the_speed(job):
         accelerations = np.abs(np.diff(robot.motions[0].q, 2, axis=0)) / 1e-6
         limit = min(speed, 0.1) ** 2 * job.arm.limits.joint_acceleration
         assert (accelerations.max(axis=0) <= limit * (1 + 1e-3)).all()
+        # A dry run states the speed of the tool.
+        stated = play(job, simulated(at=START + 0.05), speed_factor=speed).approach_speed
+        steps = np.diff(job.arm.tool_position(robot.motions[0].q), axis=0)
+        assert stated == pytest.approx(np.linalg.norm(steps, axis=1).max() / 1e-3, rel=0.01)
+    assert play(job, simulated()).approach_speed is None
 
 
 def test_drives_that_do_not_move_are_refused(job, refuses):

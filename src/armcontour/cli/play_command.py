@@ -18,7 +18,7 @@ from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, pla
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.quantities import AngularDistance
-from armcontour.core.render import figure, plain
+from armcontour.core.render import figure, number, plain
 from armcontour.core.text import capitalise
 from armcontour.files import ResultFolder
 from armcontour.files.limits_and_servo_files import read_servo
@@ -107,11 +107,14 @@ def confirmed(dry: Played, stop: threading.Event, progress: ProgressDisplay) -> 
     name = arm.name
     distances = np.zeros(arm.dof) if dry.distances is None else dry.distances
     distance = figure(player.largest_distance(distances, arm))
+    speed = ""
+    if dry.approach_speed is not None:
+        speed = f", with the tool at up to {number(dry.approach_speed, 'm/s')}"
     outputs = f" {capitalise(dry.outputs_note)}" if dry.outputs_note else ""
     progress.hide()
     answer = typer.prompt(
         f"{name} will move on {dry.controller}, first by up to {distance} to "
-        f"the start.{outputs} Type {name} to continue",
+        f"the start{speed}.{outputs} Type {name} to continue",
         default="",
     )
     if answer.strip() != name:

@@ -92,6 +92,10 @@ TURN = 2 * np.pi
 ROUNDING = 1e-6
 # Maximum number of outputs that a sentence names.
 MAX_OUTPUTS = 6
+# Number of samples from which the largest tool speed of the motion to the start is determined, and
+# smallest time between them [s].
+SPEED_SAMPLES = 1000
+SMALLEST_STEP = 1e-6
 # Maximum number of attempts to play a motion that late set-points disturb.
 ATTEMPTS = 3
 
@@ -265,6 +269,8 @@ class Played(Result):
         motion: Set-points and predicted positions at the cycles of the controller.
         distances: Distance of each joint from the first set-point before the motion [rad], (dof,);
             None before it is measured.
+        approach_speed: Largest tool speed of the motion to the start [m/s]; None if the robot is at
+            the start.
         approaches: Distance that each joint has moved on the way to the start [rad], (dof,); None
             if no joint has moved.
         record: What the controller recorded; None in a dry run.
@@ -281,6 +287,7 @@ class Played(Result):
     checks: tuple[Row, ...]
     motion: Motion
     distances: JointDistances | None = None
+    approach_speed: float | None = None
     approaches: JointDistances | None = None
     record: PlayedMotion | None = None
     kept: bool | None = None
@@ -363,6 +370,7 @@ class Played(Result):
             Row("speed_factor", self.speed_factor, "1", "share of the speed", level=FIRST),
             Row("duration", self.plan.trajectory.duration, "s", "duration", level=FIRST),
             largest_distance(distances, arm),
+            Row("approach_speed", self.approach_speed, "m/s", "tool speed to the start, largest"),
             *self.checks,
             Row("completed", moved, "", "played to its end", level=FIRST),
         ]
@@ -547,6 +555,9 @@ class Player:
             position = controller.position()
             distances = _measure_distances(ready, position)
             played = replace(ready, distances=distances)
+            if not _is_at_start(ready.job.arm, distances):
+                approach = self._approach(played, position)
+                played = replace(played, approach_speed=_tool_speed(approach))
             if not self.execute or self.stop_requested():
                 return played
             if not _is_at_start(ready.job.arm, distances):
@@ -559,21 +570,25 @@ class Player:
             report(Step(("playing",)))
             return replace(played, record=self._stream(ready.motion, ready.job.arm))
 
+    def _approach(self, ready: Played, position: FloatArray) -> Trajectory:
+        """Plan the motion from a position to the first set-point."""
+        limits = ready.plan.run.limits
+        start = ready.motion.q[0]
+        return approach_of(ready.job, limits, position, start, min(SLOW, ready.speed_factor))
+
     def _move_to_start(self, ready: Played) -> None:
         """Move in joint space to the first set-point, again if set-points were late."""
         job = ready.job
         start = ready.motion.q[0]
         controller = self.controller
-        limits = ready.plan.run.limits
-        speed_factor = min(SLOW, ready.speed_factor)
         for _ in range(ATTEMPTS):
             position = controller.position()
             if _is_at_start(job.arm, np.abs(position - start)):
                 # Late set-points stopped the motion at its end.
                 return
-            cycle = controller.cycle
-            approach = approach_of(job, limits, position, start, cycle, speed_factor)
-            record = self._stream(approach, job.arm)
+            approach = self._approach(ready, position)
+            motion = uncompensated_motion(approach, job.arm, controller.cycle)
+            record = self._stream(motion, job.arm)
             distances = np.abs(record.measured[-1] - start)
             arrived = bool((distances <= _rest_tolerance(job.arm, None)).all())
             if self.stop_requested() or (record.stopped is None and arrived):
@@ -638,13 +653,8 @@ def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
 
 
 def approach_of(
-    job: Job,
-    limits: Limits,
-    position: FloatArray,
-    start: FloatArray,
-    cycle: float,
-    speed_factor: float,
-) -> Motion:
+    job: Job, limits: Limits, position: FloatArray, start: FloatArray, speed_factor: float
+) -> Trajectory:
     """Straight motion in joint space to the first set-point, at a fraction of the largest speed.
 
     Raises:
@@ -652,7 +662,15 @@ def approach_of(
     """
     line = _clear_line(job, position, start)
     fastest = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
-    return uncompensated_motion(at_speed(fastest, speed_factor), job.arm, cycle)
+    return at_speed(fastest, speed_factor)
+
+
+def _tool_speed(trajectory: Trajectory) -> float:
+    """Largest tool speed of a trajectory [m/s]."""
+    samples = trajectory.sample(max(trajectory.duration / SPEED_SAMPLES, SMALLEST_STEP))
+    assert trajectory.arm is not None
+    velocities = trajectory.arm.tool_velocity(samples.q, samples.dq)
+    return float(np.linalg.norm(velocities, axis=1).max())
 
 
 def _clear_line(job: Job, position: FloatArray, start: FloatArray) -> JointPath:
