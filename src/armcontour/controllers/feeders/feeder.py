@@ -203,7 +203,9 @@ class Record:
                 while self._unwritten:
                     del self._unwritten[: os.write(self._descriptor, self._unwritten)]
             except OSError:
-                os.ftruncate(self._descriptor, whole)
+                # Not possible if it is a pipe or a device.
+                with suppress(OSError):
+                    os.ftruncate(self._descriptor, whole)
                 raise
         except OSError as error:
             self.error = error.strerror or str(error)
@@ -418,7 +420,9 @@ class Feeder:
 
     def end_motion(self, k: int) -> None:
         """Discard the rows from cycle k on, for which the controller has ended the motion."""
-        self.say("U", k)
+        # At rest, no row is missing.
+        if k == 0 or any(row != self.rows[k - 1] for row in self.rows[k:]):
+            self.say("U", k)
         self.rows = self.rows[:k]
         self.sent = len(self.rows)
         self.stops = {}

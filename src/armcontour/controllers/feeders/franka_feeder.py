@@ -197,4 +197,4 @@ class FrankaDevice:
 
 
 if __name__ == "__main__":
-    main(FrankaDevice(sys.argv[2]))
+    main(FrankaDevice(sys.argv[3]))

@@ -110,13 +110,23 @@ class LinuxCNCDevice:
     def hold(self) -> Row:
         """Command the measured position, and return it."""
         held = self.next_sample()[3]
-        self.write(-1, held)
+        self.put(-1, held)
+        self.settle()
         while self.next_sample()[2] != held:
             pass
         return held
 
-    def attach(self, name: str) -> None:
-        """Open the FIFOs, and link the pins of this process to the signals of the HAL file."""
+    def settle(self) -> None:
+        """Wait until the row of a held position is played, and the streamer is off again."""
+        if self.waiting:
+            self.obey(lambda: not self.waiting, "streamer.0 plays no row", self.switch_on)
+        self.obey(lambda: not self.component["playing"], f"{PREFIX}playing remains true")
+
+    def attach(self, name: str, replaces: str = "") -> None:
+        """Open the FIFOs, and link the pins of this process to the signals of the HAL file.
+
+        `replaces`: name of a component whose pins are unlinked.
+        """
         self.component = hal.component(name)
         self.driven = DRIVEN | {f"acceleration-{j + 1}": hal.HAL_FLOAT for j in range(self.dof)}
         for pin, kind in self.driven.items():
@@ -126,15 +136,18 @@ class LinuxCNCDevice:
         self.component.ready()
         self.out = hal.stream(self.component, hal.streamer_base, "f" * (self.dof + 1))
         self.back = hal.stream(self.component, hal.sampler_base, "f" * (2 * self.dof + 1))
+        for pin in self.driven:
+            if replaces:
+                hal.disconnect(f"{replaces}.{pin}")
+            # A signal takes the value of the pin that drives it.
+            self.component[pin] = hal.get_value(f"{PREFIX}{pin}")
         for pin in (*self.driven, *READ):
             hal.connect(f"{name}.{pin}", f"{PREFIX}{pin}")
         self.heard = time.monotonic()
 
     def take_over(self) -> int:
         """Continue a motion; returns the number of rows received, or one less if the FIFO wraps."""
-        for pin in (*DRIVEN, *(f"acceleration-{j + 1}" for j in range(self.dof))):
-            hal.disconnect(f"{COMPONENT}.{pin}")
-        self.attach(f"{COMPONENT}-guard")
+        self.attach(f"{COMPONENT}-guard", replaces=COMPONENT)
         self.limits = tuple(self.component[f"acceleration-{j + 1}"] for j in range(self.dof))
         self.has_played = self.enabled = True
         seen: list[int] = []
@@ -193,14 +206,13 @@ class LinuxCNCDevice:
                 "of a condition of the HAL file. Connect again"
             )
         # The last row of the motion before.
-        self.obey(lambda: not self.waiting, "streamer.0 does not play its row", self.switch_on)
+        self.settle()
         if not self.enabled:
             # Disabled joints may have moved since the connection.
             moved = max(abs(a - b) for a, b in zip(self.hold(), self.held, strict=True))
             if moved > STILL:
                 raise DeviceError(f"a joint has moved by {moved:.4f} rad while drives were off")
             self.enable()
-        self.obey(lambda: not self.component["playing"], f"{PREFIX}playing remains true")
         self.has_played = False
         self.waiting = True
         self.unread = 0
@@ -328,8 +340,10 @@ class LinuxCNCDevice:
 
     def finish(self) -> None:
         """Hold the last row, with -1 as its cycle."""
-        if self.end is None:
-            self.obey(lambda: not self.component["playing"], f"{PREFIX}playing remains true")
+        self.settle()
+        # Rows that came too late stay in the FIFO, so that no other motion is possible.
+        if self.end is None or not int(self.out.depth):
+            self.end = None
             names = (f"streamer.0.pin.{j + 1}" for j in range(self.dof))
             self.put(-1, tuple(float(hal.get_value(x)) for x in names))
 

@@ -309,4 +309,4 @@ class UrDevice:
 
 
 if __name__ == "__main__":
-    main(UrDevice(sys.argv[2]))
+    main(UrDevice(sys.argv[3]))
