@@ -370,7 +370,9 @@ def main(seed: int) -> None:
         except CameLate:
             continue
     else:
-        code, notes, ratio = 0, ["this machine is too busy"], 0.0
+        code = 0
+        ratio = 0.0
+        notes = ["this machine is too busy"]
     print(json.dumps({"code": code, "notes": notes, "ratio": ratio}))
 
 

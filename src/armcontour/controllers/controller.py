@@ -537,7 +537,7 @@ class Controller:
             command=command,
             measured=table[:, 2 + dof :],
             stopped=stopped,
-            faithful=not (late or missing) and deviation <= SAME,
+            faithful=not (late or missing or "U" in channel.events) and deviation <= SAME,
             notes=tuple(notes),
         )
 

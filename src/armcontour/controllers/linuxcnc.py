@@ -44,6 +44,11 @@ SAFEGUARDS = {
     "armcontour-alive": "armcontour-latch.ok-in",
     "armcontour-enable": "armcontour-latch.ok-out",
 }
+# Time after which a thread that moves a machine counts as dead [s]: later, it would catch up on the
+# missed cycles at once.
+SILENCE = 0.1
+# The same for simulated drives, whose time is that of the thread [s].
+SIMULATED_SILENCE = 1.0
 # Capacity of the FIFO from the feeder to the servo thread [rows].
 STREAMER_DEPTH = 4000
 # Capacity of the FIFO from the servo thread to the feeder [rows].
@@ -116,6 +121,7 @@ class LinuxCNC(Controller):
         apart = _own_ipc() if self.hal_file is None else []
         words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.feeders.linuxcnc_feeder"]
         words += [*self._record_arguments(folder), str(file), str(self.ahead), str(arm.dof)]
+        words.append(repr(SIMULATED_SILENCE if self.simulates else SILENCE))
         return words, environment
 
 

@@ -32,7 +32,8 @@ BEAT = 0.02
 TIMEOUT = 0.5
 # Longest time in which HAL has to obey a change of a pin [s].
 OBEYING = 2.0
-# Timeout of the servo thread: it counts as dead after this time without a sample [s].
+# Timeout of the servo thread between motions: it counts as dead after this time without a sample
+# [s].
 SILENCE = 1.0
 # Largest motion of a disabled joint between a connection and the first motion [rad].
 STILL = 1e-3
@@ -72,13 +73,15 @@ class LinuxCNCDevice:
         file: HAL file that loads components and threads; `start` is called after it.
         ahead: Rows that the FIFO holds, against pauses of this process.
         dof: Number of joints.
+        silence: Timeout of the thread in a motion [s].
     """
 
-    def __init__(self, cycle: float, file: str, ahead: int, dof: int) -> None:
+    def __init__(self, cycle: float, file: str, ahead: int, dof: int, silence: float) -> None:
         self.cycle = cycle
         self.file = file
         self.ahead = ahead
         self.dof = dof
+        self.silence = silence
         self.enabled = self.is_used = False
         # Whether the streamer has to be switched on, and whether it was in this motion.
         self.waiting = self.has_played = False
@@ -173,8 +176,9 @@ class LinuxCNCDevice:
 
     def check_alive(self) -> None:
         """Raise DeviceError if the thread writes no samples."""
-        if time.monotonic() - self.heard > SILENCE:
-            raise DeviceError(f"HAL's servo thread has written no sample for {SILENCE:g} s")
+        silence = self.silence if self.has_played else SILENCE
+        if time.monotonic() - self.heard > silence:
+            raise DeviceError(f"HAL's servo thread has written no sample for {silence:g} s")
 
     def beat(self) -> None:
         """Show HAL that this process is alive."""
@@ -381,6 +385,7 @@ class LinuxCNCDevice:
 
 
 if __name__ == "__main__":
+    period, hal_file, rows_ahead, joints, timeout = sys.argv[2:]
     main_guarded(
-        LinuxCNCDevice(float(sys.argv[2]), sys.argv[3], int(sys.argv[4]), int(sys.argv[5]))
+        LinuxCNCDevice(float(period), hal_file, int(rows_ahead), int(joints), float(timeout))
     )
