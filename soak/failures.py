@@ -21,6 +21,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
@@ -197,12 +198,15 @@ class Trial:
             time.sleep(0.02)
             os.kill(second, signal.SIGKILL)
         elif self.target not in ("nothing", "disk of the log"):
-            for pid in self.targets():
+            targets = self.targets()
+            for pid in targets:
                 os.kill(pid, signal.SIGKILL if self.duration is None else signal.SIGSTOP)
             if self.duration is not None:
                 time.sleep(self.duration)
-                for pid in self.targets():
-                    os.kill(pid, signal.SIGCONT)
+                for pid in targets:
+                    # The guard may have killed its child.
+                    with suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGCONT)
 
     def targets(self) -> list[int]:
         """The processes of this case."""

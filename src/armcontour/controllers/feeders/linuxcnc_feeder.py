@@ -101,7 +101,10 @@ class LinuxCNCDevice:
         components = self.halcmd("list", "comp").split()
         self.is_used = not all(x.startswith("halcmd") for x in components)
         if self.is_used:
-            raise DeviceError("HAL is in use. End LinuxCNC first (halrun -U unloads its rest)")
+            raise DeviceError(
+                "HAL is in use. End LinuxCNC first. `pkill rtapi_app` ends the HAL of a program that "
+                "was killed"
+            )
         self.halcmd("-f", self.file)
         self.attach(COMPONENT)
         self.component["off"] = True
@@ -320,7 +323,9 @@ class LinuxCNCDevice:
         After each falling edge it is checked that no row was played, so a streamer that has played
         all its rows, while this process was halted, is never switched on again.
         """
-        if self.component["playing"] or int(self.out.depth) < self.unread:
+        # HAL counts one row too few if the FIFO wraps.
+        read = int(self.out.depth) + (self.unread > 1) < self.unread
+        if read or self.component["playing"]:
             self.component["play"] = False
             self.waiting = False
             self.has_played = True
