@@ -107,8 +107,7 @@ class PlayedMotion(Checked):
         stopped: Cycle from which on a stop replaced the motion, or from which on it was not played
             or not recorded because of a failure; None if it was played to its end.
         faithful: Whether the controller used the set-points as they were sent, each in its cycle.
-        deviated: Whether it was stopped because a joint left the band around its prediction, or
-            because the controller had no set-point in time and braked the joints itself.
+        deviated: Whether it was stopped because a joint left the band around its prediction.
         notes: Sentences on what differs from the ideal: late rows, lost samples, following errors.
     """
 
@@ -421,7 +420,7 @@ class Controller:
         finally:
             stops.end()
         record = self._record(begin, motion, stops.sent, notes)
-        return replace(record, deviated=bool(deviation) or "U" in channel.events)
+        return replace(record, deviated=bool(deviation))
 
     def close(self) -> None:
         """End the connection; a motion that is played stops on its path first."""

@@ -102,8 +102,8 @@ class LinuxCNCDevice:
         self.is_used = not all(x.startswith("halcmd") for x in components)
         if self.is_used:
             raise DeviceError(
-                "HAL is in use. End LinuxCNC first. `pkill rtapi_app` ends the HAL of a program that "
-                "was killed"
+                "HAL is in use. End LinuxCNC first. If a program that was killed has left it, "
+                "`pkill rtapi_app` ends it"
             )
         self.halcmd("-f", self.file)
         self.attach(COMPONENT)
