@@ -386,7 +386,9 @@ class Feeder:
         k = max(self.stops, default=len(self.rows))
         if k < len(self.rows):
             rows = self.rows[max(k - 2, 0) : k] + self.stops[k]
-            self.say("L", self.device.take_limits(rows, new=False))
+            settling = self.device.take_limits(rows, new=False)
+            if self.playing:
+                self.say("L", settling)
 
     def feed(self) -> None:
         """Send the next rows of the motion or of a stop."""

@@ -253,7 +253,7 @@ class LinuxCNCDevice:
         limits = [0.0] * self.dof if new else [*self.limits]
         speeds = [0.0] * self.dof
         for a, b, c in zip(rows, rows[1:], rows[2:], strict=False):
-            if b is c:
+            if a is c:
                 # The rest at the end.
                 continue
             for j in range(self.dof):
@@ -267,7 +267,8 @@ class LinuxCNCDevice:
             braking = max(braking, BRAKING * speeds[j] / limit)
         timeout = self.ahead * period + braking + TIMEOUT
         self.component["timeout"] = timeout if new else max(timeout, self.component["timeout"])
-        return float(self.component["timeout"])
+        # Before row 0, the FIFO may also hold rows of the motion to it.
+        return float(self.component["timeout"]) + ALIGNING * period * new
 
     def missed(self, all_sent: bool) -> int | None:
         """First cycle without a row, once the FIFO has become empty in a motion."""
