@@ -357,7 +357,7 @@ def try_command_line(draw: random.Random) -> Outcome:
     os.write(terminal, b"PMK-3s\n")
     printed: list[bytes] = []
     threading.Thread(target=_drain, args=(terminal, printed), daemon=True).start()
-    file = _wait_for(lambda: next(iter(trial.folder.rglob("samples.csv")), None))
+    file = _wait_for(lambda: next(iter(trial.folder.rglob("unfinished.csv")), None))
     _wait_for(lambda: has_begun(file))
     time.sleep(draw.uniform(0.0, 4.0))
     os.write(terminal, b"\x03")
@@ -383,7 +383,8 @@ def try_command_line(draw: random.Random) -> Outcome:
 def has_begun(file: FilePath) -> bool:
     """Whether a record has rows of a motion."""
     lines = file.read_text().splitlines()[:-1]
-    return bool(lines) and int(lines[-1].split(",")[-1]) >= 0
+    # A record in a result folder begins with comments and titles.
+    return bool(lines) and lines[-1].split(",")[-1].isdigit()
 
 
 def _drain(terminal: int, printed: list[bytes]) -> None:
