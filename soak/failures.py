@@ -151,6 +151,8 @@ class Trial:
         (self.folder / "machine.hal").write_text(own_hal_file(self.samples), encoding="utf-8")
         self.printed = b""
         self.happened = False
+        # Whether the motion has begun.
+        self.begun = False
 
     def run(self) -> tuple[int, list[str], float]:
         """Play, do what the case says, and judge; exit code, notes, and ratio of acceleration."""
@@ -330,8 +332,10 @@ class Trial:
                 lines = file.read().decode(errors="replace").splitlines()[1:-1]
         except OSError:
             return -1.0
-        # The motion to the start ends before, at a larger speed factor it would count as well.
-        return float(lines[-1].split()[1]) if lines and b"playing" in self.printed else -1.0
+        k = float(lines[-1].split()[1]) if lines and b"playing" in self.printed else -1.0
+        # The last samples may be of the motion to the start.
+        self.begun = self.begun or 0 <= k < CYCLES / MOMENTS / 2
+        return k if self.begun else -1.0
 
     def _read(self, terminal: int) -> None:
         try:

@@ -76,6 +76,9 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
             except ControllerLost as lost:
                 error = lost
                 played = lost_motion(played, lost)
+                if played.record is None:
+                    # The record of the feeder remains.
+                    raise
         if not is_approach(played):
             played = player.judge_motion(played, controller.cycle, band)
         end = write_log(folder, played)
