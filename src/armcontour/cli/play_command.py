@@ -28,6 +28,7 @@ from armcontour.files.limits_and_servo_files import read_servo
 from armcontour.files.log_file import log_head, log_text
 from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import Job
+from armcontour.motion.log import FEWEST
 
 # Exit code: the motion was as simulated, or this was a dry run.
 DONE = 0
@@ -105,9 +106,12 @@ def is_approach(played: Played) -> bool:
 
 
 def lost_motion(played: Played, lost: ControllerLost) -> Played:
-    """The motion until its controller was lost, with a note that its record is incomplete."""
+    """The motion until its controller was lost, with a note that its record is incomplete.
+
+    If the record is too short for a log, the motion has none.
+    """
     record = lost.record
-    if not isinstance(record, PlayedMotion) or not len(record.t):
+    if not isinstance(record, PlayedMotion) or len(record.t) < FEWEST:
         return played
     note = f"This log is incomplete: {lost}"
     return replace(played, record=replace(record, faithful=False, notes=(note, *record.notes)))
