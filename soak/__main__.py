@@ -44,6 +44,7 @@ TOPICS = {
     "readers": ("soak.readers:run", 200_000),
     "interrupts": ("soak.interrupts:run", 400),
     "playing": ("soak.playing:run", 250),
+    "failures": ("soak.failures:run", 420),
     "studio": ("soak.studio:run", 1),
     "calls": ("soak.calls:run", 60_000),
 }

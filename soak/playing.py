@@ -248,18 +248,19 @@ def try_killed_player(draw: random.Random) -> Outcome:
     program = "from soak.playing import *; Trial().play()"
     environment = {**os.environ, "TMPDIR": str(trial.folder)}
     player = subprocess.Popen([sys.executable, "-c", program], env=environment)
-    file = _wait_for(lambda: next(iter(trial.folder.rglob("samples.txt")), None))
+    file = _wait_for(lambda: next(iter(trial.folder.rglob("samples.csv")), None))
     _wait_for(lambda: has_begun(file))
     time.sleep(draw.uniform(0.0, 4.0))
     player.kill()
     player.wait()
     _wait_for(lambda: None if programs(trial.folder) else True)
-    table = np.loadtxt(file)
-    table = table[int(np.argmax(table[:, 1] == 0)) :]
-    if (np.diff(table[:-1200, 1]) == 0).any():
+    # Time, commands, measured positions, and cycle of the motion.
+    table = np.loadtxt(file, delimiter=",")
+    table = table[int(np.argmax(table[:, 5] == 0)) :]
+    if (np.diff(table[:-1200, 5]) == 0).any():
         trial.close()
         raise CameLate
-    notes, ratio = judge(table[:, 0] * CYCLE, table[:, 2:4], table[:, 4:6])
+    notes, ratio = judge(table[:, 0], table[:, 1:3], table[:, 3:5])
     result = "stopped" if len(table) < 5500 else "ended"
     return Outcome(kind="player killed", result=result, notes=notes + trial.close(), worst=ratio)
 
@@ -356,7 +357,7 @@ def try_command_line(draw: random.Random) -> Outcome:
     os.write(terminal, b"PMK-3s\n")
     printed: list[bytes] = []
     threading.Thread(target=_drain, args=(terminal, printed), daemon=True).start()
-    file = _wait_for(lambda: next(iter(trial.folder.rglob("samples.txt")), None))
+    file = _wait_for(lambda: next(iter(trial.folder.rglob("unfinished.csv")), None))
     _wait_for(lambda: has_begun(file))
     time.sleep(draw.uniform(0.0, 4.0))
     os.write(terminal, b"\x03")
@@ -382,7 +383,8 @@ def try_command_line(draw: random.Random) -> Outcome:
 def has_begun(file: FilePath) -> bool:
     """Whether a record has rows of a motion."""
     lines = file.read_text().splitlines()[:-1]
-    return bool(lines) and int(lines[-1].split()[1]) >= 0
+    # A record in a result folder begins with comments and titles.
+    return bool(lines) and lines[-1].split(",")[-1].isdigit()
 
 
 def _drain(terminal: int, printed: list[bytes]) -> None:

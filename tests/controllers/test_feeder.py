@@ -1,10 +1,11 @@
 """Commands and events of a feeder, with a simulated device and without a clock."""
 
 import io
+import os
 
 import pytest
 
-from armcontour.controllers.feeders.feeder import Feeder
+from armcontour.controllers.feeders.feeder import DeviceError, Feeder, Record
 
 
 class Device:
@@ -15,9 +16,18 @@ class Device:
         self.written = []
         self.calls = []
         self.new = []
+        self.limits = []
+        self.end = None
 
     def start(self):
         self.calls.append("start")
+
+    def take_limits(self, rows, new):
+        self.limits.append(([row[0] for row in rows], new))
+        return 1.5
+
+    def missed(self, all_sent):
+        return self.end
 
     def room(self):
         return self.at_once
@@ -44,7 +54,7 @@ class Bench:
     def __init__(self, record, **device):
         self.device = Device(**device)
         self.out = io.StringIO()
-        self.feeder = Feeder(self.device, str(record), self.out)
+        self.feeder = Feeder(self.device, Record(str(record), 1e-3), self.out)
 
     def send(self, *lines):
         self.feeder.take("".join(f"{x}\n" for x in lines).encode())
@@ -56,7 +66,7 @@ class Bench:
 
     @property
     def events(self):
-        return [x for x in self.out.getvalue().splitlines() if not x.startswith("s")]
+        return [x for x in self.out.getvalue().splitlines() if x[0] not in "sL"]
 
     @property
     def commands(self):
@@ -85,12 +95,11 @@ def test_a_motion_is_played_after_its_start_command_and_recorded(bench, tmp_path
     bench.loop(5)
     assert bench.commands == list(range(10))
     assert bench.device.calls == ["start", "finish"] and bench.events == ["D"]
-    bench.feeder.record.flush()
+    bench.feeder.record.close()
     lines = (tmp_path / "samples.txt").read_text().splitlines()
-    assert lines[3] == "4 3 3.0 0.0 3.0 0.0"
-    assert [f"s {x}" for x in lines] == [
-        x for x in bench.out.getvalue().splitlines() if x.startswith("s")
-    ]
+    assert lines[3] == "0.0040000000000000001,3,0,3,0,3"
+    printed = [x for x in bench.out.getvalue().splitlines() if x.startswith("s")]
+    assert printed[3] == "s 4 3 3.0 0.0 3.0 0.0" and len(printed) == len(lines)
 
 
 def test_a_stop_is_not_played_before_the_request(bench):
@@ -160,3 +169,56 @@ def test_a_second_request_takes_no_stop_of_the_replaced_motion(bench):
     bench.send(*MOTION, "T 2", *rows(20), "E", "G", "S")
     bench.loop(2)
     assert bench.commands[9:] == [0, 1, 20]
+
+
+def test_rows_after_a_missing_one_are_not_sent_and_the_motion_ends(bench):
+    bench.send(*MOTION, "T 8", *rows(80), "E", "G")
+    bench.loop(2)
+    bench.device.end = 3  # The controller had no row for cycle 3.
+    bench.send("T 9", *rows(90), "E", "S")
+    bench.loop(3)
+    assert bench.commands == [0, 1, 2, 3]
+    assert bench.events == ["U 3", "D"] and not bench.feeder.playing
+
+
+def test_a_controller_gets_the_limits_of_the_motion_and_of_each_stop(bench):
+    bench.send(*MOTION, "T 6", *rows(60, 61), "E", "G")
+    assert bench.device.limits == [([*range(10)], True), ([4, 5, 60, 61], False)]
+    bench.send("T 8", *rows(80), "E")
+    assert bench.device.limits[2:] == [([6, 7, 80], False)]
+    assert "L 1.5" in bench.out.getvalue().splitlines()
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
+def test_a_record_that_cannot_be_written_stops_the_motion_on_its_path(bench):
+    bench.feeder.record.file = "/dev/full"
+    bench.send(*MOTION, "T 6", *rows(60), "E", "G")
+    bench.loop(5)
+    assert bench.commands == [0, 1, 2, 3, 4, 5, 60]
+    assert [x[0] for x in bench.events] == ["N", "X", "D"] and "space" in bench.events[0]
+    samples = [x for x in bench.out.getvalue().splitlines() if x.startswith("s")]
+    assert len(samples) == 7, "the sender gets all samples"
+    with pytest.raises(DeviceError, match="space"):
+        bench.send(*MOTION, "G")
+
+
+def test_a_record_has_whole_lines_after_an_error_of_the_disk(tmp_path, monkeypatch):
+    file = tmp_path / "record.csv"
+    record = Record(str(file), 1e-3)
+    record.begun = True
+    record.add((1, 0, (0.5,), (0.25,)))
+    record.write(at_once=True)
+    whole = file.read_text()
+    write = os.write
+
+    def write_some(descriptor, data):
+        if len(data) < 20:
+            raise OSError(28, "No space left on device")
+        return write(descriptor, data[:20])
+
+    monkeypatch.setattr(os, "write", write_some)
+    record.add((2, 1, (0.5,), (0.25,)))
+    record.write(at_once=True)
+    record.close()
+    assert file.read_text() == whole == "0.001,0.5,0.25,0\n"
+    assert record.error == "No space left on device"

@@ -190,11 +190,16 @@ def test_a_wrong_start_and_swapped_joints_are_refused(job, planned, refuses):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("net joint-1 ", "net joint-2 ", ["net joint-1 streamer.0.pin.1,"]),
+        ("net joint-1 ", "net joint-2 ", ["net joint-1 armcontour-limit-1.out,"]),
+        ("pin.1 => armcontour", "pin.2 => armcontour", ["net armcontour-set-point-1 streamer"]),
+        ("net armcontour-acceleration-2", "# ", ["net armcontour-acceleration-2"]),
+        (".out => streamer.0.enable", ".out", ["net armcontour-playing streamer.0.enable"]),
+        (" armcontour-limit-2.load", "", ["armcontour-limit-2.load"]),
+        ("setp armcontour-alive.falling 1", "", ["setp armcontour-alive.falling 1"]),
+        ("addf armcontour-limit-2 servo", "", ["addf armcontour-limit-2 servo"]),
         ("cfg=fff\n", "cfg=ffff\n", ["loadrt streamer cfg=fff,", "2 joints", "complete HAL"]),
         ("cfg=fffff\n", "cfg=ffffff\n", ["loadrt sampler cfg=fffff,"]),
-        ("armcontour-enable", "enable", ["armcontour-enable"]),
-        ("net armcontour-enable", "newsig armcontour-enable bit #", ["armcontour-enable"]),
+        ("net armcontour-enable armcontour-latch.ok-out", "", ["armcontour-enable"]),
         ("period1=1000000", "period1=500000", ["500000 ns", "1000000 ns"]),
         ("period1=1000000", "period1=2000000", ["2000000 ns", "1000000 ns"]),
         # HAL makes 900000 ns of it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ import armcontour as ac
 from armcontour.cli import play_command
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import play
-from armcontour.core.errors import ControllerRefused
+from armcontour.core.errors import ControllerLost, ControllerRefused
 from armcontour.files import parse_job
 from armcontour.files.limits_and_servo_files import servo_yaml
 from armcontour.files.log_file import log_text
@@ -365,3 +366,43 @@ def test_play_asks_for_the_robot_name_and_writes_a_log(tmp_path, monkeypatch, ro
     assert (tmp_path / "out" / "log.csv").exists() == (code < 10)
     dry, printed, _ = run_command(words)
     assert dry == 0 and "kept" not in printed
+
+
+class Lost(Simulated):
+    """A controller that is lost after some cycles of a motion."""
+
+    def __init__(self, cycles: int) -> None:
+        super().__init__(late=False)
+        self.cycles = cycles
+
+    def stream(self, motion, stop_requested=lambda: False):
+        record = super().stream(motion, stop_requested)
+        n = self.cycles
+        lost = ControllerLost("simulated was lost: its process has ended")
+        lost.record = replace(
+            record, t=record.t[:n], command=record.command[:n], measured=record.measured[:n],
+            stopped=n,
+        )  # fmt: skip
+        if self.record_file is not None:
+            with open(self.record_file, "a") as file:
+                file.write("".join(f"{1e-3 * k},2,-2,2,-2,{k}\n" for k in range(60)))
+        raise lost
+
+
+@pytest.mark.parametrize(("cycles", "file"), [(700, "log.csv"), (3, "unfinished.csv")])
+def test_a_lost_controller_leaves_a_log_that_is_marked(tmp_path, monkeypatch, cycles, file):
+    monkeypatch.setattr(play_command, "controller_of", lambda *_: Lost(cycles))
+    monkeypatch.setattr(play_command, "refuse_without_terminal", lambda _: None)
+    monkeypatch.setattr(play_command.typer, "prompt", lambda *_, **__: "PMK-3s")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
+    words = ["play", "job.yaml", "--on", "linuxcnc", "--speed-factor", "100 %", "--execute"]
+    code, _, errors = run_command([*words, "--out", "out"])
+    assert code == 11 and "its process has ended" in errors
+    out = tmp_path / "out"
+    assert {x.name for x in out.iterdir() if x.suffix == ".csv"} == {file}
+    assert "incomplete" in (out / file).read_text()
+    assert len(ac.read_log(out / file).t) == max(cycles, 60)
+    if file == "log.csv":
+        summary = json.loads((out / "summary.json").read_text())
+        assert summary["kept"] is False and summary["completed"] is False

@@ -158,3 +158,17 @@ def test_a_folded_arm_does_not_move_to_the_start(arm):
     q[2] = 2.9
     with pytest.raises(ControllerRefused, match="upper_arm_link touch"):
         approach_of(job, arm.limits, q, START, 0.1)
+
+
+def test_a_program_without_its_next_row_stops_and_does_not_resume(arm, double):
+    address, _ = double("missing_at=100")
+    part = motion(arm, START, START + 0.1, stops=False)
+    with Ur(address) as robot:
+        robot.connect(arm, START)
+        record = robot.stream(part)
+    end = record.stopped
+    assert 100 < end <= 105 and end < len(part.q) - 500
+    assert np.array_equal(record.command[:end], part.q[:end])
+    assert (record.command[end:] == part.q[end - 1]).all()
+    assert not record.faithful
+    assert any("no set-point for cycle" in x for x in record.notes)

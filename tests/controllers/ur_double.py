@@ -6,7 +6,8 @@ depends on time; with `paced` a cycle also takes 2 ms. URScript's `end` and Pyth
 make programs of this kind Python, so the double executes the text that it gets.
 
 Words such as `safety_mode=3` set a variable, `used=input_int_register_24` is another client's, and
-`stopped_at=100` makes a protective stop in cycle 100 of a motion.
+`stopped_at=100` makes a protective stop in cycle 100 of a motion, and from cycle `missing_at=100`
+on the program gets no inputs.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ class Double:
         self.paced = paced
         self.used = used
         self.stopped_at = state.pop("stopped_at", float("inf"))
+        self.missing_at = state.pop("missing_at", float("inf"))
         self.values: dict[str, float] = dict.fromkeys(TYPES, 0)
         self.values |= {"robot_mode": 7, "safety_mode": 1, "runtime_state": 1}
         self.values |= {"target_speed_fraction": 1.0, **state}
@@ -116,7 +118,7 @@ class Double:
         self.cycle()
         if self.paced:
             select.select([], [], [], CYCLE)
-        while self.obey() != "U":
+        while self.values["output_int_register_24"] < self.missing_at and self.obey() != "U":
             pass
 
     def cycle(self) -> None:

@@ -217,3 +217,25 @@ def test_a_refused_folder_is_not_locked(tmp_path, monkeypatch):
             ResultFolder(tmp_path)
     write(tmp_path, ["report.html"])
     assert contents(tmp_path) == {"report.html", "summary.json"}
+
+
+def test_a_record_remains_only_if_the_command_fails(tmp_path):
+    out = tmp_path / "out"
+    with ResultFolder(out) as results:
+        record = results.begin_record("unfinished.csv", "t,q1\n")
+        record.write_text("t,q1\n0,0\n")
+        results.write("log.csv", "log")
+    assert contents(out) == {"log.csv"}
+    with pytest.raises(RuntimeError), ResultFolder(out, force=True) as results:
+        results.begin_record("unfinished.csv", "t,q1\n")
+        raise RuntimeError("Nothing was recorded.")
+    assert contents(out) == {"log.csv"}
+    with pytest.raises(RuntimeError), ResultFolder(out, force=True) as results:
+        results.begin_record("unfinished.csv", "t,q1\n").write_text("t,q1\n0,0\n")
+        results.write("log.csv", "newer")
+        raise RuntimeError("The command has failed.")
+    assert contents(out) == {"log.csv", "unfinished.csv"}
+    assert (out / "log.csv").read_text() == "log"
+    with pytest.raises(InvalidInput, match="Move it"), ResultFolder(out, force=True) as results:
+        results.begin_record("unfinished.csv", "t,q1\n")
+    assert (out / "unfinished.csv").read_text() == "t,q1\n0,0\n"

@@ -12,7 +12,7 @@ import typer
 
 from armcontour import files
 from armcontour.cli.console import ProgressDisplay, print_lines
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.progress import listen_to_compilation
 
 # File names of the report and of the JSON output in a result folder.
@@ -62,11 +62,13 @@ class Outcome:
         lines: Lines to print.
         page: Data for --json, and for summary.json if the work has written files.
         code: Exit code.
+        error: Error that is raised after the files were written; the lines are printed before.
     """
 
     lines: Sequence[str] = ()
     page: Mapping[str, Any] | None = None
     code: int = 0
+    error: ArmContourError | None = None
 
 
 Work: TypeAlias = Callable[[Any, Any, ProgressDisplay], Outcome]
@@ -91,11 +93,19 @@ def execute(work: Work, options: Any) -> int:
             write_summary(folder, outcome.page)
     if outcome.page is not None and isinstance(options, Json) and options.as_json:
         print(files.to_json(outcome.page), end="")
+        raise_if_failed(outcome)
         return outcome.code
     print_lines(*outcome.lines)
     if folder is not None and REPORT in folder.files:
         print_lines(report_line(folder.folder))
+    raise_if_failed(outcome)
     return outcome.code
+
+
+def raise_if_failed(outcome: Outcome) -> None:
+    """Raise the error of an outcome, if it has one."""
+    if outcome.error is not None:
+        raise outcome.error
 
 
 def write_summary(folder: files.ResultFolder, page: Mapping[str, Any]) -> None:

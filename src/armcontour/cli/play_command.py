@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path as FilePath
 
 import numpy as np
 import typer
@@ -14,22 +17,30 @@ from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import ControllerOptions, Play
 from armcontour.cli.console import ProgressDisplay, data_lines, on_interrupt
 from armcontour.cli.inputs import open_job, read_option
-from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
+from armcontour.controllers import Controller, Franka, LinuxCNC, Played, PlayedMotion, Ur, player
+from armcontour.controllers.controller import START, UNFINISHED
 from armcontour.core.checks import check_choice, raise_if
-from armcontour.core.errors import ControllerRefused, InvalidInput
+from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput
 from armcontour.core.quantities import AngularDistance
 from armcontour.core.render import figure, number, plain
 from armcontour.core.text import capitalise
 from armcontour.files import ResultFolder
 from armcontour.files.limits_and_servo_files import read_servo
-from armcontour.files.log_file import log_text
+from armcontour.files.log_file import log_head, log_text
 from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import Job
+from armcontour.motion.log import FEWEST
 
 # Exit code: the motion was as simulated, or this was a dry run.
 DONE = 0
 # Exit code: the motion was stopped, or it differs from the simulation.
 STOPPED = 1
+LOG = "log.csv"
+# Comment in a record that remains because its command did not end.
+UNFINISHED_NOTE = (
+    "This record is incomplete: the command was ended or failed. It includes the motion to the "
+    "start. In the column cycle, -1 and less is not the motion of the job."
+)
 DRY = "Dry run: the robot has not moved. Add --execute to move the robot."
 
 
@@ -56,17 +67,73 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     played = player.Player(controller, progress=progress).play(ready)
     end = [DRY]
     stop = threading.Event()
+    error = None
     if execute:
         with confirmed(played, stop, progress):
-            played = player.Player(controller, True, stop.is_set, progress).play(ready)
-        played = player.judge_motion(played, controller.cycle, band)
-        end = []
-        if folder is not None and played.record is not None:
-            folder.write("log.csv", log_text(played.log))
-            end = [f"Log: {folder.folder / 'log.csv'}"]
+            begin_record(controller, folder, played)
+            try:
+                played = player.Player(controller, True, stop.is_set, progress).play(ready)
+            except ControllerLost as lost:
+                error = lost
+                played = lost_motion(played, lost)
+                if played.record is None:
+                    # The record of the feeder remains.
+                    raise
+        if not is_approach(played):
+            played = player.judge_motion(played, controller.cycle, band)
+        end = write_log(folder, played)
     data = played.to_data()
     code = DONE if played.kept or not execute else STOPPED
-    return Outcome(lines=[*data_lines(data), *end], page=plain(data), code=code)
+    return Outcome(lines=[*data_lines(data), *end], page=plain(data), code=code, error=error)
+
+
+def begin_record(controller: Controller, folder: ResultFolder | None, played: Played) -> None:
+    """Let the feeder process write its record into the result folder, where it survives kills."""
+    if folder is not None:
+        arm = played.job.arm
+        comments = ("interpolation: linear", UNFINISHED_NOTE)
+        head = log_head(comments, arm.chain.prismatic or (False,) * arm.dof)
+        controller.record_file = folder.begin_record(UNFINISHED, f"{head},cycle\n")
+
+
+def is_approach(played: Played) -> bool:
+    """Return whether the controller was lost in the motion to the start, which is not judged."""
+    record = played.record
+    if record is None or played.distance <= START:
+        return False
+    return bool(np.abs(record.command[0] - played.motion.q[0]).max() > START)
+
+
+def lost_motion(played: Played, lost: ControllerLost) -> Played:
+    """The motion until its controller was lost, with a note that its record is incomplete.
+
+    If the record is too short for a log, the motion has none.
+    """
+    record = lost.record
+    if not isinstance(record, PlayedMotion) or len(record.t) < FEWEST:
+        return played
+    note = f"This log is incomplete: {lost}"
+    return replace(played, record=replace(record, faithful=False, notes=(note, *record.notes)))
+
+
+def write_log(folder: ResultFolder | None, played: Played) -> list[str]:
+    """Write the log of a motion, and return a line that says where it is.
+
+    Raises:
+        InvalidInput: It cannot be written to the folder; the message says where it is instead.
+    """
+    if folder is None or played.record is None:
+        return []
+    text = log_text(played.log)
+    try:
+        folder.write(LOG, text)
+    except InvalidInput as error:
+        with suppress(OSError):
+            file = FilePath(tempfile.mkdtemp(prefix="armcontour-log-")) / LOG
+            file.write_text(text, encoding="utf-8")
+            raise InvalidInput(f"{error} The log of the motion is in {file}.") from None
+        raise
+    return [f"Log: {folder.folder / LOG}"]
 
 
 def controller_of(job: Job, options: ControllerOptions) -> Controller:

@@ -52,7 +52,14 @@ EVENTS = {
     "W": "The feeder received nothing from the sending process, and stopped the motion.",
     "A": "The next stop was not ready in time, so the feeder executed the previous one.",
     "V": "A process of the feeder ended or halted, and the other one stopped the motion.",
+    "N": "The feeder could not write its record ({}), and stopped the motion.",
+    "U": (
+        "The controller had no set-point for cycle {}, because the feeder halted or came late. It "
+        "braked the joints off the path, and the motion ended."
+    ),
 }
+# Name of the record that remains in a result folder if a command ends during a motion.
+UNFINISHED = "unfinished.csv"
 
 Positions = Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
 # Command of a feeder process, and its additional environment variables.
@@ -99,7 +106,8 @@ class PlayedMotion(Checked):
         t: Times by the controller's clock, 0 at the first set-point [s], (n,).
         command: Set-points that the controller used [rad], (n, dof).
         measured: Measured positions [rad], (n, dof).
-        stopped: Cycle from which on a stop replaced the motion; None if it was played to its end.
+        stopped: Cycle from which on a stop replaced the motion, or from which on it was not played
+            or not recorded because of a failure; None if it was played to its end.
         faithful: Whether the controller used the set-points as they were sent, each in its cycle.
         deviated: Whether it was stopped because a joint left the band around its prediction.
         notes: Sentences on what differs from the ideal: late rows, lost samples, following errors.
@@ -140,6 +148,8 @@ class _Channel:
         self.events: dict[str, list[str]] = {}
         self.positions: list[float] = []
         self.failure = ""
+        # Time after which the controller has stopped the joints if the process has ended [s].
+        self.settling = 0.0
         self.alive = True
         self._lock = threading.Lock()
         self._listener = threading.Thread(target=self._listen, daemon=True)
@@ -155,6 +165,8 @@ class _Channel:
                 self.positions = [float(x) for x in words]
             elif kind == "F":
                 self.failure = " ".join(words)
+            elif kind == "L":
+                self.settling = float(words[0])
             else:
                 self.events[kind] = words
         self.alive = False
@@ -187,7 +199,9 @@ class _Channel:
         self._listener.join(CLOSING)
         self.stdout.close()
         if self.process.returncode and self.clean_up:
-            # If the process failed or was killed, programs of the controller may still run.
+            # If the process failed or was killed, programs of the controller may still run. They
+            # are ended after they have stopped the joints.
+            time.sleep(self.settling)
             no = subprocess.DEVNULL
             subprocess.run(self.clean_up, env=self.environment, stdin=no, stdout=no, stderr=no)
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -278,6 +292,8 @@ class Controller:
         ahead: Number of rows that are sent before they are due, and can no longer be replaced.
         simulates: Whether it simulates the drives, so that no machine moves.
         clean_up: Command that ends its programs after the feeder process has failed.
+        record_file: File to which the feeder process writes all samples while the robot is
+            connected; None for a temporary file.
     """
 
     name: ClassVar[str]
@@ -288,13 +304,19 @@ class Controller:
 
     def __init__(self, address: str = "") -> None:
         self.address = address
+        self.record_file: FilePath | None = None
         self._channel: _Channel | None = None
         self._arm: Arm | None = None
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
         """Command of the feeder process, which writes its files to `folder`."""
         feeder = f"armcontour.controllers.feeders.{self.name}_feeder"
-        return [sys.executable, "-m", feeder, str(folder / "samples.txt"), self.address], {}
+        return [sys.executable, "-m", feeder, *self._record_arguments(folder), self.address], {}
+
+    def _record_arguments(self, folder: FilePath) -> list[str]:
+        """The first two arguments of a feeder process: file of the samples, and cycle [s]."""
+        file = folder / "samples.csv" if self.record_file is None else self.record_file
+        return [str(file), repr(self.cycle)]
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare arm, limits and set-points with those of the controller.
@@ -379,7 +401,7 @@ class Controller:
             while "D" not in channel.events:
                 if not channel.alive:
                     lost = ControllerLost(f"{self.name} was lost: {channel.describe_failure()}")
-                    lost.record = self._record(begin, motion, stops.sent, notes)
+                    lost.record = self._record(begin, motion, stops.sent, notes, lost=True)
                     raise lost
                 # An empty line shows the feeder that this process is alive.
                 channel.send([""])
@@ -463,9 +485,18 @@ class Controller:
             )
 
     def _record(
-        self, begin: int, motion: Motion, stops: Mapping[int, FloatArray], notes: list[str]
+        self,
+        begin: int,
+        motion: Motion,
+        stops: Mapping[int, FloatArray],
+        notes: list[str],
+        *,
+        lost: bool = False,
     ) -> PlayedMotion:
-        """Make the record of a motion from the samples from index `begin` on."""
+        """Make the record of a motion from the samples from index `begin` on.
+
+        `lost`: whether the controller was lost, so that the motion is not recorded to its end.
+        """
         channel = self._connected()
         dof = motion.q.shape[1]
         table = np.array(channel.samples[begin:], dtype=float).reshape(-1, 2 + 2 * dof)
@@ -474,18 +505,25 @@ class Controller:
         table = table[np.logical_or.accumulate(table[:, 1] == 0) & (table[:, 1] >= 0)]
         clock = table[:, 0]
         k = table[:, 1].astype(int)
-        stopped = None
+        stopped = int(k[-1]) + 1 if lost and len(k) else None
         q = motion.q
         if "X" in channel.events:
             stopped = int(channel.events["X"][0])
             q = np.concatenate([q[:stopped], stops[stopped]])
+        if "U" in channel.events:
+            ended = int(channel.events["U"][0])
+            stopped = ended if stopped is None else min(stopped, ended)
+            q = q[: max(ended, 1)]
+        notes = list(notes)
         missing = int((np.diff(clock) - 1).sum()) if len(clock) else 0
         # A motion ends with a rest, so repeated samples of the last row are not late.
         late = int((np.diff(k[k < len(q) - 1]) == 0).sum())
         command = table[:, 2 : 2 + dof]
         deviations = np.abs(command - q[np.minimum(k, len(q) - 1)]).max(axis=0, initial=0.0)
         deviation = float(deviations.max())
-        notes = [*notes, *(x for kind, x in EVENTS.items() if kind in channel.events)]
+        for kind, sentence in EVENTS.items():
+            if kind in channel.events:
+                notes.append(sentence.format(" ".join(channel.events[kind])))
         if missing:
             notes.append(f"{count_noun(missing, 'sample')} of the record are missing.")
         if late:
@@ -501,7 +539,7 @@ class Controller:
             command=command,
             measured=table[:, 2 + dof :],
             stopped=stopped,
-            faithful=not (late or missing) and deviation <= SAME,
+            faithful=not (late or missing or "U" in channel.events) and deviation <= SAME,
             notes=tuple(notes),
         )
 

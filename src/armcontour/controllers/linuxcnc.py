@@ -31,8 +31,24 @@ NOBODY = 65534
 # Parameters of servo models that simulated drives do not have.
 UNSUPPORTED = "dead_time drive_cycle friction velocity_feedforward acceleration_feedforward".split()
 SEE = "The page LinuxCNC of the documentation has a complete HAL file."
-# Signal of a HAL file that enables the drives after the measured position has been commanded.
-ENABLE = "armcontour-enable"
+# Nets of the components by which HAL stops the joints when armcontour fails: name of the signal
+# and one of its pins. The feeder links its own pins to the first five.
+SAFEGUARDS = {
+    "armcontour-heartbeat": "armcontour-alive.in",
+    "armcontour-timeout": "armcontour-alive.width",
+    "armcontour-on": "armcontour-latch.reset",
+    "armcontour-off": "armcontour-latch.fault-in",
+    "armcontour-play": "armcontour-player.clk",
+    "armcontour-empty": "armcontour-player.reset",
+    "armcontour-playing": "streamer.0.enable",
+    "armcontour-alive": "armcontour-latch.ok-in",
+    "armcontour-enable": "armcontour-latch.ok-out",
+}
+# Time after which a thread that moves a machine counts as dead [s]: later, it would catch up on the
+# missed cycles at once.
+SILENCE = 0.1
+# The same for simulated drives, whose time is that of the thread [s].
+SIMULATED_SILENCE = 1.0
 # Capacity of the FIFO from the feeder to the servo thread [rows].
 STREAMER_DEPTH = 4000
 # Capacity of the FIFO from the servo thread to the feeder [rows].
@@ -46,10 +62,10 @@ class LinuxCNC(Controller):
 
     Args:
         hal_file: HAL file of the machine. It loads a servo thread of the cycle, a `streamer` with a
-            float for the cycle number and one per joint, and a `sampler` with the same and the
-            measured positions [rad]. The signal of the command of a joint has the joint's name,
-            with `-` in place of spaces; the signal `armcontour-enable` enables the drives, which
-            ignore their command before.
+            float for the cycle number and one per joint, a `limit3` per joint, and a `sampler` with
+            the cycle, the commands and the measured positions [rad]. The signal of the command of a
+            joint has the joint's name, with `-` in place of spaces; the signal `armcontour-enable`
+            enables the drives, which ignore their command before.
         drives: Servo of simulated drives in place of a HAL file: position and velocity loops by
             HAL's `pid`, which integrate to positions, with gains and integrators of the model, and
             the acceleration limits of the model or of the arm. A dead time of one cycle is `pid`
@@ -104,7 +120,8 @@ class LinuxCNC(Controller):
         # HAL uses one fixed address per machine, which other programs also use.
         apart = _own_ipc() if self.hal_file is None else []
         words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.feeders.linuxcnc_feeder"]
-        words += [str(folder / "samples.txt"), str(file), str(self.ahead), str(arm.dof)]
+        words += [*self._record_arguments(folder), str(file), str(self.ahead), str(arm.dof)]
+        words.append(repr(SIMULATED_SILENCE if self.simulates else SILENCE))
         return words, environment
 
 
@@ -123,18 +140,8 @@ def _check_file(file: FilePath, arm: Arm, period: int) -> None:
     """
     text = re.sub(r"[ \t]+", " ", re.sub(r"#.*", "", read_text(file, "HAL file")))
     dof = arm.dof
-    joints = [signal_name(x) for x in arm.joint_names]
-    lines = {
-        rf"loadrt streamer .*cfg=f{{{dof + 1}}}": f"loadrt streamer cfg={'f' * (dof + 1)}",
-        rf"loadrt sampler .*cfg=f{{{2 * dof + 1}}}": f"loadrt sampler cfg={'f' * (2 * dof + 1)}",
-    }
-    for j, name in enumerate(joints, 1):
-        pin = f"streamer.0.pin.{j}"
-        lines[rf"net {re.escape(name)} .*\b{re.escape(pin)}"] = f"net {name} {pin}"
-    # The drives are enabled once their measured position is commanded.
-    lines[rf"net {ENABLE} .*\w"] = f"net {ENABLE} => and the pins that enable the drives"
-    for pattern, line in lines.items():
-        if not re.search(rf"^ ?{pattern}\b", text, re.M):
+    for pattern, line in _required_lines(arm):
+        if not re.search(rf"^ ?{pattern}", text, re.M):
             raise ControllerRefused(
                 f"{file.name} has no line such as {line}, which the "
                 f"{count_noun(dof, 'joint')} of {arm.name} need. {SEE}"
@@ -153,6 +160,39 @@ def _check_file(file: FilePath, arm: Arm, period: int) -> None:
                 f"sent every {period} ns, as in loadrt threads name1=servo period1={period} and "
                 f"addf {component}.0 servo."
             )
+
+
+def _required_lines(arm: Arm) -> Iterator[tuple[str, str]]:
+    """Yield regular expressions that lines of a HAL file must begin with, with examples."""
+    dof = arm.dof
+    yield rf"loadrt streamer .*cfg=f{{{dof + 1}}}\b", f"loadrt streamer cfg={'f' * (dof + 1)}"
+    yield rf"loadrt sampler .*cfg=f{{{2 * dof + 1}}}\b", f"loadrt sampler cfg={'f' * (2 * dof + 1)}"
+    nets = dict(SAFEGUARDS)
+    for j, name in enumerate(arm.joint_names, 1):
+        limit = f"armcontour-limit-{j}"
+        nets[f"armcontour-set-point-{j}"] = f"{limit}.in"
+        nets[f"armcontour-acceleration-{j}"] = f"{limit}.maxa"
+        nets[signal_name(name)] = f"{limit}.out"
+        yield (
+            _net_pattern(r"armcontour-disabled", f"{limit}.load"),
+            (f"net armcontour-disabled armcontour-latch.fault-out => {limit}.load"),
+        )
+        yield (
+            _net_pattern(f"armcontour-set-point-{j}", f"streamer.0.pin.{j}"),
+            (f"net armcontour-set-point-{j} streamer.0.pin.{j} => {limit}.in"),
+        )
+    for name, pin in nets.items():
+        yield _net_pattern(name, pin), f"net {name} {pin}"
+    yield r"setp armcontour-player\.data 1\b", "setp armcontour-player.data 1"
+    yield r"setp armcontour-alive\.falling 1\b", "setp armcontour-alive.falling 1"
+    pins = ["streamer.0", "armcontour-player", "armcontour-alive", "armcontour-latch"]
+    for function in (*pins, *(f"armcontour-limit-{j + 1}" for j in range(dof)), "sampler.0"):
+        yield rf"addf {re.escape(function)} \S", f"addf {function} servo"
+
+
+def _net_pattern(name: str, pin: str) -> str:
+    """Regular expression of a line that links a pin to a signal."""
+    return rf"net {re.escape(name)} (.* )?{re.escape(pin)}(?![\w.-])"
 
 
 def signal_name(joint: str) -> str:
@@ -192,7 +232,7 @@ def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: floa
     yield f"loadrt pid names={each('p')},{each('v')}"
     yield f"loadrt integ names={each('iv')},{each('iq')}"
     yield f"loadrt sum2 names={each('q')}"
-    yield f"newsig {ENABLE} bit"
+    yield from _safeguards(dof)
     yield "net cycle streamer.0.pin.0 => sampler.0.pin.0"
     for j in joints:
         yield f"setp p{j}.Pgain {servo.kp[j]:.15g}"
@@ -201,18 +241,47 @@ def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: floa
         if np.isfinite(limits[j]):
             yield f"setp v{j}.maxoutput {limits[j]:.15g}"
         for loop in "pv":
-            yield f"net {ENABLE} {loop}{j}.enable"
+            yield f"net armcontour-enable => {loop}{j}.enable"
             yield f"setp {loop}{j}.error-previous-target {int(late)}"
         yield f"setp q{j}.offset {start[j]:.17g}"
-        yield f"net {names[j]} streamer.0.pin.{j + 1} => p{j}.command sampler.0.pin.{j + 1}"
+        limit = f"armcontour-limit-{j + 1}"
+        yield f"net {names[j]} {limit}.out => p{j}.command sampler.0.pin.{j + 1}"
         yield f"net w{j} p{j}.output => v{j}.command"
         yield f"net a{j} v{j}.output => iv{j}.in"
         yield f"net s{j} iv{j}.out => v{j}.feedback iq{j}.in"
         yield f"net x{j} iq{j}.out => q{j}.in0"
         yield f"net m{j} q{j}.out => p{j}.feedback sampler.0.pin.{dof + j + 1}"
-    order = ["streamer.0", *(f"q{j}" for j in joints), "sampler.0"]
+    order = ["streamer.0", "armcontour-player", "armcontour-alive", "armcontour-latch"]
+    order += [f"armcontour-limit-{j + 1}" for j in joints]
+    order += [*(f"q{j}" for j in joints), "sampler.0"]
     for loop in "pv":
         order += [f"{loop}{j}.do-pid-calcs" for j in joints]
     for integrator in ("iv", "iq"):
         order += [f"{integrator}{j}" for j in joints]
     yield from (f"addf {x} servo" for x in order)
+
+
+def _safeguards(dof: int) -> Iterator[str]:
+    """Lines of a HAL file by which HAL stops the joints when the feeder fails."""
+    numbers = range(1, dof + 1)
+    limits = [f"armcontour-limit-{j}" for j in numbers]
+    yield "loadrt flipflop names=armcontour-player"
+    yield "setp armcontour-player.data 1"
+    yield "net armcontour-play => armcontour-player.clk"
+    yield "net armcontour-empty streamer.0.empty => armcontour-player.reset"
+    yield "net armcontour-playing armcontour-player.out => streamer.0.enable"
+    yield f"loadrt limit3 names={','.join(limits)}"
+    for j, limit in zip(numbers, limits, strict=True):
+        yield f"net armcontour-set-point-{j} streamer.0.pin.{j} => {limit}.in"
+        yield f"net armcontour-acceleration-{j} => {limit}.maxa"
+    yield "loadrt oneshot names=armcontour-alive"
+    yield "setp armcontour-alive.falling 1"
+    yield "net armcontour-heartbeat => armcontour-alive.in"
+    yield "net armcontour-timeout => armcontour-alive.width"
+    yield "loadrt estop_latch names=armcontour-latch"
+    yield "net armcontour-on => armcontour-latch.reset"
+    yield "net armcontour-off => armcontour-latch.fault-in"
+    yield "net armcontour-alive armcontour-alive.out => armcontour-latch.ok-in"
+    yield "net armcontour-enable armcontour-latch.ok-out"
+    loads = " ".join(f"{x}.load" for x in limits)
+    yield f"net armcontour-disabled armcontour-latch.fault-out => {loads}"

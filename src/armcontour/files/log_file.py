@@ -79,21 +79,30 @@ def read_log(
 def log_text(log: Log) -> str:
     """CSV text of a log with all digits and its notes, which `read_log` can read."""
     text = io.StringIO()
-    units = joint_units("rad", log.prismatic)
-    titles = ["t [s]"]
-    for role in ROLES:
-        titles += [f"{role} {j} [{unit}]" for j, unit in enumerate(units, start=1)]
     comments = [] if log.interpolation is None else [f"interpolation: {log.interpolation}"]
-    comment = "".join(f"# {x}\n" for x in (*comments, *log.notes))
     np.savetxt(
         text,
         np.column_stack([log.t, log.command, log.measured]),
         delimiter=",",
         fmt="%.17g",
-        header=f"{comment}{','.join(titles)}",
+        header=log_head([*comments, *log.notes], log.prismatic),
         comments="",
     )
     return text.getvalue()
+
+
+def log_head(comments: Iterable[str], prismatic: Sequence[bool]) -> str:
+    """Comments and titles of a log: times [s], commands and measured positions [rad or m].
+
+    Args:
+        comments: The comments, without #.
+        prismatic: For each joint, whether it slides.
+    """
+    units = joint_units("rad", prismatic)
+    titles = ["t [s]"]
+    for role in ROLES:
+        titles += [f"{role} {j} [{unit}]" for j, unit in enumerate(units, start=1)]
+    return "".join(f"# {x}\n" for x in comments) + ",".join(titles)
 
 
 def read_run_log(

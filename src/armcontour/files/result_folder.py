@@ -61,6 +61,9 @@ class ResultFolder:
         self.files: list[str] = []
         self._force = force
         self._kind = replaces
+        # File of a record that other processes write, and its size at the begin [bytes].
+        self._record: FilePath | None = None
+        self._empty_size = 0
         if os.path.lexists(folder) and not folder.is_dir():
             raise InvalidInput(f"{folder} is not a folder. Choose another --out.")
         try:
@@ -99,18 +102,63 @@ class ResultFolder:
         inside = sorted(x for x in file.rglob("*") if x.is_file()) if file.is_dir() else [file]
         self.files += [x.relative_to(self._new).as_posix() for x in inside]
 
+    def begin_record(self, name: str, text: str) -> FilePath:
+        """Create a file in the folder itself, to which other processes append a record.
+
+        It is removed if the command ends without an error. If the command fails or its process is
+        killed, the record remains, and no result replaces it.
+
+        Args:
+            name: Name of the file.
+            text: The beginning of the file. If nothing is appended, the file is removed.
+
+        Returns:
+            The path of the file.
+
+        Raises:
+            InvalidInput: The folder has a record that an earlier command left, or cannot be
+                written.
+        """
+        file = self._target / name
+        try:
+            with open(file, "x", encoding="utf-8") as stream:
+                stream.write(text)
+        except FileExistsError:
+            raise InvalidInput(
+                f"{self.folder / name} has the record of a motion whose command did not end. Move "
+                "it elsewhere, or choose another --out."
+            ) from None
+        except OSError as error:
+            file.unlink(missing_ok=True)
+            raise file_access.unwritable(self.folder / name, error) from None
+        self._record = file
+        self._empty_size = file.stat().st_size
+        return file
+
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        complete = False
         try:
             if kind is None and self.files:
                 self._move_to_destination()
+            complete = kind is None
         except OSError as error:
             raise self._unwritable(error) from None
         finally:
+            self._end_record(complete)
             self._staging.remove()
+
+    def _end_record(self, complete: bool) -> None:
+        """Remove the record if the command has ended without an error, or if it is empty."""
+        if self._record is None or not self._record.exists():
+            return
+        if complete or self._record.stat().st_size <= self._empty_size:
+            self._record.unlink()
 
     def _find_earlier(self) -> list[str]:
         """Names of the files and folders of an earlier result, which may be replaced."""
         present = _names_in(self._target) - {file_access.NEXT}
+        if self._record is not None:
+            present.discard(self._record.name)
         if not present:
             return []
         manifest = _manifest(self._target)

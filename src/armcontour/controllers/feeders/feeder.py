@@ -23,7 +23,9 @@ Lines from a feeder: `R q1 q2 ...` connected, at these commanded positions; `s n
 measured` a sample of the controller's clock, k is -1 between motions; `X k` a stop from cycle k on;
 `D` the motion has ended; `A` no later stop has come, so the last one is taken; `W` no sign of life,
 so the next stop is taken; `V` the sender or a process of the feeder is gone, so the next stop is
-taken; `F message` the controller failed. A cycle that a sample repeats had no row in time.
+taken; `N reason` the record cannot be written, so the next stop is taken; `U k` the controller had
+no row for cycle k, so it ended the motion by itself; `L t` if the feeder is gone, the controller
+has stopped the joints after the time t [s]; `F message` the controller failed.
 """
 
 from __future__ import annotations
@@ -35,8 +37,9 @@ import select
 import signal
 import sys
 import time
+import traceback
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import Any, Protocol
 
@@ -47,6 +50,8 @@ SILENCE = 0.5
 HALT = 0.2
 # Number of stops that a guard stores.
 KEPT = 8
+# Time between two writes to the record [s].
+RECORDING = 0.05
 # A controller without a FIFO is recorded at rest in every RARE-th cycle.
 RARE = 50
 # Pause of the loop between two readings of the controller [s].
@@ -71,6 +76,24 @@ class Device(Protocol):
 
     def start(self) -> None:
         """Prepare a motion."""
+
+    def take_limits(self, rows: Sequence[Row], new: bool) -> float:
+        """Take the largest accelerations of rows as those of a controller that stops by itself.
+
+        Args:
+            rows: Rows of a motion, or of a stop with the two rows before it.
+            new: Whether a motion begins; else, limits are only increased.
+
+        Returns:
+            The time after which the controller has stopped if the feeder is gone [s].
+        """
+
+    def missed(self, all_sent: bool) -> int | None:
+        """First cycle for which the controller had no row, so that it ended the motion; else None.
+
+        Args:
+            all_sent: Whether all rows of the motion were sent.
+        """
 
     def room(self) -> int:
         """Number of rows that the controller can receive now."""
@@ -128,23 +151,92 @@ class Pipe:
         os.close(self.descriptor)
 
 
+class Record:
+    """CSV file of all samples from the first motion on, which remains if the sender is gone.
+
+    A line has the time by the controller's clock [s], the commanded and measured positions of all
+    joints [rad], and the cycle of the motion. After an error of the disk, whole lines remain.
+
+    Args:
+        file: The file; lines are appended.
+        cycle: Cycle of the controller's clock [s].
+
+    Attributes:
+        begun: Whether the first motion has begun; samples before are ignored.
+        error: Why the file could not be written; empty if there was no error.
+    """
+
+    def __init__(self, file: str, cycle: float) -> None:
+        self.file = file
+        self.cycle = cycle
+        self.begun = False
+        self.error = ""
+        self._descriptor = -1
+        self._unwritten = bytearray()
+        self._written_at = 0.0
+
+    def add(self, sample: Sample) -> None:
+        """Add a sample."""
+        if not self.begun or self.error:
+            return
+        number, k, command, measured = sample
+        values = (number * self.cycle, *command, *measured)
+        line = ",".join(format(x, ".17g") for x in values)
+        self._unwritten += f"{line},{k}\n".encode()
+
+    def write(self, at_once: bool = False) -> None:
+        """Write the samples of some time, or all; an error is kept in `error`."""
+        now = time.monotonic()
+        if (
+            self.error
+            or not self._unwritten
+            or (now - self._written_at < RECORDING and not at_once)
+        ):
+            return
+        self._written_at = now
+        try:
+            if self._descriptor < 0:
+                flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
+                self._descriptor = os.open(self.file, flags, 0o644)
+            whole = os.fstat(self._descriptor).st_size
+            try:
+                while self._unwritten:
+                    del self._unwritten[: os.write(self._descriptor, self._unwritten)]
+            except OSError:
+                # Not possible if it is a pipe or a device.
+                with suppress(OSError):
+                    os.ftruncate(self._descriptor, whole)
+                raise
+        except OSError as error:
+            self.error = error.strerror or str(error)
+
+    def close(self) -> None:
+        """Write the rest, and close the file."""
+        self.write(at_once=True)
+        if self._descriptor >= 0:
+            with suppress(OSError):
+                os.close(self._descriptor)
+            self._descriptor = -1
+
+
 class Feeder:
     """Reads commands from stdin, plays motions on a device, and prints samples and events.
 
     Args:
         device: The controller.
-        record: File that gets every sample, which remains if the sender is gone.
+        record: File of all samples.
         out: What gets the lines.
         state: Memory shared with a guard: number of loops, whether a motion is played, number of
             rows sent, and 1 + the cycle of the stop that was taken.
     """
 
     def __init__(
-        self, device: Device, record: str, out: Pipe, state: memoryview | None = None
+        self, device: Device, record: Record, out: Pipe, state: memoryview | None = None
     ) -> None:
         self.device = device
-        self.record = open(record, "a")
+        self.record = record
         self.out = out
+        self.guarded = state is not None
         self.state = memoryview(bytearray(32)).cast("q") if state is None else state
         self.rows: list[Row] = []
         self.stops: dict[int, list[Row]] = {}
@@ -154,6 +246,7 @@ class Feeder:
         self.lines: deque[bytes] = deque()
         self.sent = 0
         self.playing = self.stop_requested = self.orphaned = self.quitting = self.stopped = False
+        self.ended = False
         self.heard = time.monotonic()
 
     def say(self, *words: object) -> None:
@@ -189,6 +282,12 @@ class Feeder:
             self.loop()
         except (DeviceError, OSError) as error:
             self.say("F", str(error).replace("\n", " | "))
+        except Exception:
+            traceback.print_exc()
+            if self.guarded and self.playing:
+                # The guard stops the motion on its path, which this process no longer can.
+                os.kill(os.getpid(), signal.SIGKILL)
+            raise
         finally:
             self.state[1] = 0
             self.end()
@@ -252,17 +351,18 @@ class Feeder:
         elif kind in "MT":
             self.block = []
             self.block_start = int(words[1]) if kind == "T" else None
-        elif kind == "E" and self.block_start is None:
-            self.rows = self.block
-            self.stops = {}
-            self.stopped = False
-        elif kind == "E" and not self.stopped:
-            self.stops[self.block_start or 0] = self.block
+        elif kind == "E":
+            self.end_block()
         elif kind == "G":
+            if self.record.error:
+                raise DeviceError(f"{self.record.file} cannot be written: {self.record.error}")
+            self.say("L", self.device.take_limits(self.rows, new=True))
+            self.extend_limits()
             self.device.start()
+            self.record.begun = True
             self.sent = 0
             self.playing = True
-            self.stop_requested = False
+            self.stop_requested = self.ended = False
             self.state[3] = 0
         elif kind == "S":
             self.stop_requested = self.playing
@@ -270,10 +370,33 @@ class Feeder:
             self.quitting = True
             self.stop_requested = self.playing
 
+    def end_block(self) -> None:
+        """Store the rows of a motion or of a stop."""
+        if self.block_start is None:
+            self.rows = self.block
+            self.stops = {}
+            self.stopped = False
+        elif not self.stopped:
+            self.stops[self.block_start] = self.block
+            if self.playing:
+                self.extend_limits()
+
+    def extend_limits(self) -> None:
+        """Increase the limits of the controller to those of the last stop that was received."""
+        k = max(self.stops, default=len(self.rows))
+        if k < len(self.rows):
+            rows = self.rows[max(k - 2, 0) : k] + self.stops[k]
+            settling = self.device.take_limits(rows, new=False)
+            if self.playing:
+                self.say("L", settling)
+
     def feed(self) -> None:
         """Send the next rows of the motion or of a stop."""
         if not self.playing:
             return
+        missed = self.device.missed(self.sent == len(self.rows))
+        if missed is not None and not self.ended:
+            self.end_motion(missed)
         self.stops = {k: rows for k, rows in self.stops.items() if k >= self.sent}
         # Rows from the first cycle of the last received stop on are not sent, because then the
         # motion could no longer stop on the path.
@@ -297,6 +420,17 @@ class Feeder:
             self.playing = False
             self.say("D")
 
+    def end_motion(self, k: int) -> None:
+        """Discard the rows from cycle k on, for which the controller has ended the motion."""
+        # At rest, no row is missing.
+        if k == 0 or any(row != self.rows[k - 1] for row in self.rows[k:]):
+            self.say("U", k)
+        self.rows = self.rows[:k]
+        self.sent = len(self.rows)
+        self.stops = {}
+        self.stop_requested = False
+        self.ended = self.stopped = True
+
     def take_stop(self, k: int) -> None:
         """Replace the rows from cycle k on, and discard the stops of the old rows."""
         self.rows = self.rows[:k] + self.stops[k]
@@ -306,10 +440,15 @@ class Feeder:
 
     def report(self) -> None:
         """Record the new samples, and print them for the parent process."""
-        for number, k, command, measured in self.device.exchange():
-            line = " ".join(map(repr, (number, k, *command, *measured)))
-            self.record.write(line + "\n")
-            self.say("s", line)
+        for sample in self.device.exchange():
+            number, k, command, measured = sample
+            self.record.add(sample)
+            self.say("s", number, k, *command, *measured)
+        had_error = bool(self.record.error)
+        self.record.write()
+        if self.record.error and not had_error:
+            self.say("N", self.record.error)
+            self.stop_requested = self.stop_requested or self.playing
 
 
 class Guard(Feeder):
@@ -374,10 +513,13 @@ class Guard(Feeder):
         self.say("")
         try:
             self.lose_sender()
+            self.record.begun = True
             if self.state[1]:
                 # Each of the two counts may lack the last row.
                 self.sent = max(self.device.take_over(), self.state[2])
                 self.playing = True
+                for k, rows in self.stops.items():
+                    self.device.take_limits(self.rows[max(k - 2, 0) : k] + rows, new=False)
                 self.loop()
         except DeviceError as error:
             self.say("F", str(error).replace("\n", " | "))
@@ -392,23 +534,28 @@ def take_stdout() -> Pipe:
     return out
 
 
+def new_record() -> Record:
+    """Record with the file and the cycle of the first two command-line arguments."""
+    return Record(sys.argv[1], float(sys.argv[2]))
+
+
 def main(device: Device) -> None:
-    """Run a feeder; the first command-line argument is the file for the samples."""
+    """Run a feeder; the first two command-line arguments are those of its record."""
     # A garbage collection can take longer than a cycle. The loop creates no cyclic garbage.
     gc.disable()
-    Feeder(device, sys.argv[1], take_stdout()).run()
+    Feeder(device, new_record(), take_stdout()).run()
 
 
 def main_guarded(device: GuardedDevice) -> None:
-    """Run a feeder behind a guard; the first command-line argument is the file for the samples."""
+    """Run a feeder behind a guard; the first two command-line arguments are those of its record."""
     out = take_stdout()
     lines, pipe = os.pipe()
     state = memoryview(mmap.mmap(-1, 32)).cast("q")
     child = os.fork()
     if child:
         os.close(lines)
-        Guard(child, Pipe(pipe), device, sys.argv[1], out, state).run()
+        Guard(child, Pipe(pipe), device, new_record(), out, state).run()
     os.dup2(lines, 0)
     os.close(lines)
     os.close(pipe)
-    Feeder(device, sys.argv[1], out, state).run()
+    Feeder(device, new_record(), out, state).run()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ipaddress
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 import pylibfranka
@@ -21,6 +21,9 @@ SAME = 1e-6
 ALIGNING = 500
 # Maximum length of this motion, for each joint [rad].
 FARTHEST = 2e-3
+# Maximum number of cycles without an answer in a motion. The robot continues its motion for so many
+# cycles, then it stops; later, the next row would be a jump.
+UNANSWERED = 20
 
 
 @contextmanager
@@ -81,6 +84,14 @@ class FrankaDevice:
         # libfranka's examples since version 0.15 start like this.
         self._read()
         self.row = self.sent = tuple(self.state.q)
+
+    def take_limits(self, rows: Sequence[Row], new: bool) -> float:
+        """The robot stops by its reflex when answers are missing."""
+        return 0.0
+
+    def missed(self, all_sent: bool) -> int | None:
+        """None: the robot ends the control by an error if rows are missing."""
+        return None
 
     def room(self) -> int:
         """Number of rows that are due according to the robot's clock; only the last one is sent."""
@@ -164,6 +175,8 @@ class FrankaDevice:
         self.due = clock - self.clock
         self.clock = clock
         self.answered = False
+        if self.control is not None and self.k >= 0 and self.due > UNANSWERED:
+            raise DeviceError(f"the feeder has not answered for {self.due} cycles")
         if self.unconfirmed is not None:
             number, k, row, measured = self.unconfirmed
             used = tuple(self.state.q_d)
@@ -184,4 +197,4 @@ class FrankaDevice:
 
 
 if __name__ == "__main__":
-    main(FrankaDevice(sys.argv[2]))
+    main(FrankaDevice(sys.argv[3]))

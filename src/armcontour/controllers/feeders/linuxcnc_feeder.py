@@ -9,16 +9,31 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 
 import hal  # type: ignore[import-not-found]
 
 from armcontour.controllers.feeders.feeder import PAUSE, DeviceError, Row, Sample, main_guarded
 
 COMPONENT = "armcontour-play"
-# Signal of the HAL file that enables the drives.
-ENABLE = "armcontour-enable"
-# Timeout of the servo thread: it counts as dead after this time without a sample [s].
+# Signals of the HAL file that pins of this process drive, and their pins.
+DRIVEN = {"heartbeat": hal.HAL_BIT, "on": hal.HAL_BIT, "off": hal.HAL_BIT, "play": hal.HAL_BIT}
+DRIVEN |= {"timeout": hal.HAL_FLOAT}
+# Signals of the HAL file that pins of this process read: whether the streamer plays, and whether
+# the drives are enabled.
+READ = ("playing", "enable")
+# Prefix of these signals.
+PREFIX = "armcontour-"
+# Time between two edges of the heartbeat [s].
+BEAT = 0.02
+# After this time without an edge, when the FIFO is empty and the joints rest, HAL disables the
+# drives [s].
+TIMEOUT = 0.5
+# Longest time in which HAL has to obey a change of a pin [s].
+OBEYING = 2.0
+# Timeout of the servo thread between motions: it counts as dead after this time without a sample
+# [s].
 SILENCE = 1.0
 # Largest motion of a disabled joint between a connection and the first motion [rad].
 STILL = 1e-3
@@ -26,6 +41,17 @@ STILL = 1e-3
 AGREEING = 5
 # Time between two readings of the FIFO [s].
 LOOK = 1.7e-3
+# Relative and absolute margins of the limit of an acceleration against rounding [1, rad/s²].
+MARGINS = (1e-6, 1e-6)
+# Duration of a braking with HAL's limit3, in multiples of velocity over acceleration: to rest, and
+# back to the last row.
+BRAKING = 2.5
+# Number of samples with the same command after which the joints rest.
+RESTING = 200
+# Largest number of rows of the motion from the held position to the first row.
+ALIGNING = 2000
+# Largest second derivative of the smooth motion between 0 and 1 in a time of 1.
+STEEPEST = 5.78
 PROGRAM = "/usr/bin/rtapi_app"
 # Beginnings of lines that halcmd always prints.
 USUAL = ("Running with fallback_uid", "Note: Using POSIX")
@@ -34,29 +60,55 @@ USUAL = ("Running with fallback_uid", "Note: Using POSIX")
 class LinuxCNCDevice:
     """HAL with a streamer of n + 1 floats and a sampler of 2 n + 1.
 
-    The first float of both is the cycle of the motion, -1 at rest. The others are the commands of
-    the joints, and in the sampler their measured positions [rad].
+    The first float of both is the cycle of the motion, -1 at rest and less before row 0. The others
+    are the commands of the joints, and in the sampler their measured positions [rad].
+
+    HAL stops the joints without this process: when the FIFO is empty, the streamer is switched off
+    until the next motion, and a `limit3` per joint keeps the acceleration of the command below the
+    limit. Pins that are used in a motion belong to this process, because HAL's other functions
+    take a lock, which a killed process would keep.
 
     Args:
+        cycle: Period of the thread [s].
         file: HAL file that loads components and threads; `start` is called after it.
         ahead: Rows that the FIFO holds, against pauses of this process.
         dof: Number of joints.
+        silence: Timeout of the thread in a motion [s].
     """
 
-    def __init__(self, file: str, ahead: int, dof: int) -> None:
+    def __init__(self, cycle: float, file: str, ahead: int, dof: int, silence: float) -> None:
+        self.cycle = cycle
         self.file = file
         self.ahead = ahead
         self.dof = dof
-        self.waiting = self.enabled = self.is_used = False
+        self.silence = silence
+        self.enabled = self.is_used = False
+        # Whether the streamer has to be switched on, and whether it was in this motion.
+        self.waiting = self.has_played = False
+        # Number of rows that were written since the streamer was off.
+        self.unread = 0
+        # First cycle of the motion without a row, after the FIFO has become empty.
+        self.end: int | None = None
+        self.beaten = 0.0
+        self.heard = time.monotonic()
+        self.limits: Row = (0.0,) * dof
+        # The last command of a sample, and number of samples with it.
+        self.command: Row = ()
+        self.still = 0
 
     def connect(self) -> Row:
         """Load the HAL file, start threads, and command the measured position; drives are off."""
         components = self.halcmd("list", "comp").split()
         self.is_used = not all(x.startswith("halcmd") for x in components)
         if self.is_used:
-            raise DeviceError("HAL is in use. End LinuxCNC first (halrun -U unloads its rest)")
+            raise DeviceError(
+                "HAL is in use. End LinuxCNC first. If a program that was killed has left it, "
+                "`pkill rtapi_app` ends it"
+            )
         self.halcmd("-f", self.file)
         self.attach(COMPONENT)
+        self.component["off"] = True
+        self.component["timeout"] = TIMEOUT
         self.halcmd("start")
         self.held = self.hold()
         return self.held
@@ -64,44 +116,79 @@ class LinuxCNCDevice:
     def hold(self) -> Row:
         """Command the measured position, and return it."""
         held = self.next_sample()[3]
-        self.write(-1, held)
+        self.put(-1, held)
+        self.settle()
         while self.next_sample()[2] != held:
             pass
         return held
 
-    def attach(self, name: str) -> None:
-        """Open the FIFOs."""
+    def settle(self) -> None:
+        """Wait until the row of a held position is played, and the streamer is off again."""
+        if self.waiting:
+            self.obey(lambda: not self.waiting, "streamer.0 plays no row", self.switch_on)
+        self.obey(lambda: not self.component["playing"], f"{PREFIX}playing remains true")
+
+    def attach(self, name: str, replaces: str = "") -> None:
+        """Open the FIFOs, and link the pins of this process to the signals of the HAL file.
+
+        `replaces`: name of a component whose pins are unlinked.
+        """
         self.component = hal.component(name)
+        self.driven = DRIVEN | {f"acceleration-{j + 1}": hal.HAL_FLOAT for j in range(self.dof)}
+        for pin, kind in self.driven.items():
+            self.component.newpin(pin, kind, hal.HAL_OUT)
+        for pin in READ:
+            self.component.newpin(pin, hal.HAL_BIT, hal.HAL_IN)
         self.component.ready()
         self.out = hal.stream(self.component, hal.streamer_base, "f" * (self.dof + 1))
         self.back = hal.stream(self.component, hal.sampler_base, "f" * (2 * self.dof + 1))
+        for pin in self.driven:
+            if replaces:
+                hal.disconnect(f"{replaces}.{pin}")
+            # A signal takes the value of the pin that drives it.
+            self.component[pin] = hal.get_value(f"{PREFIX}{pin}")
+        for pin in (*self.driven, *READ):
+            hal.connect(f"{name}.{pin}", f"{PREFIX}{pin}")
         self.heard = time.monotonic()
 
     def take_over(self) -> int:
         """Continue a motion; returns the number of rows received, or one less if the FIFO wraps."""
-        self.attach(f"{COMPONENT}-guard")
-        self.waiting = True
+        self.attach(f"{COMPONENT}-guard", replaces=COMPONENT)
+        self.limits = tuple(self.component[f"acceleration-{j + 1}"] for j in range(self.dof))
+        self.has_played = self.enabled = True
         seen: list[int] = []
         # The thread may have read a row but not yet set its pins, so several readings must agree.
         while len(seen) < AGREEING or len(set(seen[-AGREEING:])) > 1:
+            self.beat()
             depth = int(self.out.depth)
             k = int(hal.get_value("streamer.0.pin.0"))
             if depth == int(self.out.depth):
-                seen.append(k + depth + 1)
+                seen.append(k + depth + (1 if k >= 0 else 2))
             time.sleep(LOOK)
+        if k == -1:
+            raise DeviceError("the feeder has failed before the motion")
         return seen[-1]
 
     def next_sample(self) -> Sample:
         """The next sample of the thread."""
         while not self.back.readable:
             self.check_alive()
+            self.beat()
             time.sleep(1e-3)
         return next(iter(self.exchange()))
 
     def check_alive(self) -> None:
         """Raise DeviceError if the thread writes no samples."""
-        if time.monotonic() - self.heard > SILENCE:
-            raise DeviceError(f"HAL's servo thread has written no sample for {SILENCE:g} s")
+        silence = self.silence if self.has_played else SILENCE
+        if time.monotonic() - self.heard > silence:
+            raise DeviceError(f"HAL's servo thread has written no sample for {silence:g} s")
+
+    def beat(self) -> None:
+        """Show HAL that this process is alive."""
+        now = time.monotonic()
+        if now - self.beaten > BEAT:
+            self.beaten = now
+            self.component["heartbeat"] = not self.component["heartbeat"]
 
     def halcmd(self, *words: str) -> str:
         """Run halcmd and return its output, without a pipe: rtapi_app would keep it open."""
@@ -117,16 +204,79 @@ class LinuxCNCDevice:
         return printed
 
     def start(self) -> None:
-        """Enable the drives, and disable the streamer until the FIFO is filled."""
+        """Enable the drives, and keep the streamer off until the FIFO is filled."""
+        if self.end is not None:
+            raise DeviceError("it has ended a motion by itself. Connect again")
+        if self.enabled and not self.component["enable"]:
+            raise DeviceError(
+                f"the drives were disabled, because the feeder halted for {TIMEOUT:g} s or because "
+                "of a condition of the HAL file. Connect again"
+            )
+        # The last row of the motion before.
+        self.settle()
         if not self.enabled:
             # Disabled joints may have moved since the connection.
             moved = max(abs(a - b) for a, b in zip(self.hold(), self.held, strict=True))
             if moved > STILL:
                 raise DeviceError(f"a joint has moved by {moved:.4f} rad while drives were off")
-            self.halcmd("sets", ENABLE, "1")
-            self.enabled = True
-        hal.set_p("streamer.0.enable", "0")
+            self.enable()
+        self.has_played = False
         self.waiting = True
+        self.unread = 0
+
+    def enable(self) -> None:
+        """Enable the drives by a rising edge of `on`, repeated until the thread sees it."""
+        self.component["off"] = False
+
+        def edge() -> None:
+            self.component["on"] = not self.component["on"]
+
+        self.obey(lambda: bool(self.component["enable"]), f"{PREFIX}enable remains false", edge)
+        self.component["on"] = False
+        self.enabled = True
+
+    def obey(
+        self, done: Callable[[], bool], failure: str, act: Callable[[], None] = lambda: None
+    ) -> None:
+        """Wait until HAL has obeyed; DeviceError if it does not. `act` is called repeatedly."""
+        end = time.monotonic() + OBEYING
+        while not done():
+            if time.monotonic() > end:
+                raise DeviceError(f"{failure}. Compare the HAL file with that of the documentation")
+            act()
+            self.beat()
+            time.sleep(2 * PAUSE)
+
+    def take_limits(self, rows: Sequence[Row], new: bool) -> float:
+        """Set the limits of `limit3` to accelerations of rows, and the timeout of the drives."""
+        period = self.cycle
+        limits = [0.0] * self.dof if new else [*self.limits]
+        speeds = [0.0] * self.dof
+        for a, b, c in zip(rows, rows[1:], rows[2:], strict=False):
+            if a is c:
+                # The rest at the end.
+                continue
+            for j in range(self.dof):
+                limits[j] = max(limits[j], abs(a[j] - 2 * b[j] + c[j]) / period**2)
+                speeds[j] = max(speeds[j], abs(c[j] - b[j]) / period)
+        self.limits = tuple(limits)
+        braking = 0.0
+        for j in range(self.dof):
+            limit = limits[j] * (1 + MARGINS[0]) + MARGINS[1]
+            self.component[f"acceleration-{j + 1}"] = limit
+            braking = max(braking, BRAKING * speeds[j] / limit)
+        timeout = self.ahead * period + braking + TIMEOUT
+        self.component["timeout"] = timeout if new else max(timeout, self.component["timeout"])
+        # Before row 0, the FIFO may also hold rows of the motion to it.
+        return float(self.component["timeout"]) + ALIGNING * period * new
+
+    def missed(self, all_sent: bool) -> int | None:
+        """First cycle without a row, once the FIFO has become empty in a motion."""
+        if self.end is None and self.has_played and not self.component["playing"]:
+            # Rows that are written after the FIFO was empty are not played.
+            if not all_sent or int(self.out.depth):
+                self.end = max(int(hal.get_value("streamer.0.pin.0")) + 1, 0)
+        return self.end
 
     def room(self) -> int:
         """Number of rows that fill the FIFO up to `ahead`."""
@@ -134,51 +284,114 @@ class LinuxCNCDevice:
 
     def write(self, k: int, row: Row) -> None:
         """Put one row into the FIFO."""
+        if k == 0:
+            self.align(row)
+        self.put(k, row)
+
+    def put(self, k: int, row: Row) -> None:
+        """Put one row into the FIFO; the streamer has to be on to play the held position."""
         self.out.write((float(k), *row))
+        self.unread += 1
+        if k == -1:
+            self.unread = 1
+            self.waiting = True
+
+    def align(self, row: Row) -> None:
+        """Put rows of a smooth motion from the held position to row 0 into the FIFO."""
+        steps = [b - a for a, b in zip(self.command, row, strict=True)]
+        count = 0
+        for step, limit in zip(steps, self.limits, strict=True):
+            if step:
+                shortest = (STEEPEST * abs(step) / max(limit, MARGINS[1])) ** 0.5
+                count = max(count, min(int(shortest / self.cycle) + 2, ALIGNING))
+        for i in range(1, count):
+            x = i / count
+            w = x**3 * (10 - x * (15 - 6 * x))
+            self.put(
+                i - count - 1, tuple(a + w * s for a, s in zip(self.command, steps, strict=True))
+            )
+        self.component["timeout"] += count * self.cycle
 
     def is_done(self) -> bool:
-        """Return whether the FIFO is empty."""
+        """Return whether the FIFO is empty, and the joints rest if HAL has stopped them."""
+        if self.end is not None:
+            return self.still > RESTING
         return int(self.out.depth) == 0
 
-    def exchange(self) -> Iterable[Sample]:
-        """Samples of the thread; the first call in a motion enables the streamer."""
-        if self.waiting:
-            hal.set_p("streamer.0.enable", "1")
+    def switch_on(self) -> None:
+        """Switch the streamer on by a rising edge of `play`, repeated until the thread sees it.
+
+        After each falling edge it is checked that no row was played, so a streamer that has played
+        all its rows, while this process was halted, is never switched on again.
+        """
+        # HAL counts one row too few if the FIFO wraps.
+        read = int(self.out.depth) + (self.unread > 1) < self.unread
+        if read or self.component["playing"]:
+            self.component["play"] = False
             self.waiting = False
+            self.has_played = True
+        else:
+            self.component["play"] = not self.component["play"]
+
+    def exchange(self) -> Iterable[Sample]:
+        """Samples of the thread; the first calls in a motion switch the streamer on."""
+        self.beat()
+        if self.waiting and self.unread:
+            self.switch_on()
         if not self.back.readable:
             self.check_alive()
         while self.back.readable:
             self.heard = time.monotonic()
             values = self.back.read()
-            yield (
-                int(self.back.sampleno),
-                int(values[0]),
-                tuple(values[1 : 1 + self.dof]),
-                tuple(values[1 + self.dof :]),
-            )
+            command = tuple(values[1 : 1 + self.dof])
+            self.still = self.still + 1 if command == self.command else 0
+            self.command = command
+            yield int(self.back.sampleno), int(values[0]), command, tuple(values[1 + self.dof :])
 
     def finish(self) -> None:
         """Hold the last row, with -1 as its cycle."""
-        names = (f"streamer.0.pin.{j + 1}" for j in range(self.dof))
-        self.write(-1, tuple(float(hal.get_value(x)) for x in names))
+        self.settle()
+        # Rows that came too late stay in the FIFO, so that no other motion is possible.
+        if self.end is None or not int(self.out.depth):
+            self.end = None
+            names = (f"streamer.0.pin.{j + 1}" for j in range(self.dof))
+            self.put(-1, tuple(float(hal.get_value(x)) for x in names))
 
     def wait(self) -> None:
         """Pause: the FIFO contains rows for many cycles."""
         time.sleep(PAUSE)
 
     def close(self) -> None:
-        """Stop the threads and unload HAL, unless another program uses it."""
+        """Disable the drives, stop the threads and unload HAL, unless another program uses it."""
         if self.is_used:
             return
+        if hasattr(self, "component"):
+            self.disable()
         for name in ("out", "back"):
             self.__dict__.pop(name, None)
         if hasattr(self, "component"):
             self.component.exit()
         no = subprocess.DEVNULL
-        disable = ("halcmd", "sets", ENABLE, "0")
-        for words in (disable, ("halcmd", "stop"), ("halcmd", "unload", "all"), (PROGRAM, "exit")):
+        for words in (("halcmd", "stop"), ("halcmd", "unload", "all"), (PROGRAM, "exit")):
             subprocess.run(words, stdin=no, stdout=no, stderr=no)
+
+    def disable(self) -> None:
+        """Disable the drives; if the thread no longer does it, set the signal itself."""
+        self.component["off"] = True
+        end = time.monotonic() + 10 * LOOK
+        while self.component["enable"] and time.monotonic() < end:
+            time.sleep(PAUSE)
+        if self.component["enable"]:
+            name = f"{PREFIX}enable"
+            for signal in hal.get_info_signals():
+                if signal["NAME"] == name and signal["DRIVER"]:
+                    hal.disconnect(signal["DRIVER"])
+            with suppress(DeviceError):
+                self.halcmd("sets", name, "0")
 
 
 if __name__ == "__main__":
-    main_guarded(LinuxCNCDevice(sys.argv[2], int(sys.argv[3]), int(sys.argv[4])))
+    period, hal_file, rows_ahead, joints, timeout = sys.argv[2:]
+    main_guarded(
+        LinuxCNCDevice(float(period), hal_file, int(rows_ahead), int(joints), float(timeout))
+    )

@@ -48,17 +48,20 @@ OUTPUTS = [
     *(f"output_double_register_{FIRST + j}" for j in range(DOF)),
 ]
 INPUTS = [
-    *("input_int_register_24", "input_int_register_25"),
+    *("input_int_register_24", "input_int_register_25", "input_int_register_26"),
     *(f"input_double_register_{FIRST + i}" for i in range(SLOTS * DOF)),
 ]
-# The program counts the cycles k of a motion; it holds the last row if the next row is missing.
-# Input register 24 is the number of the newest row, or -1 between motions. Input register 25 is 0
-# to end the program. Outputs are k, the program's number, and the row. Without inputs for 0.1 s the
+# The program counts the cycles k of a motion. If the next row is missing, it stops the joints and
+# ends, because a row that comes late would make them jump to the speed of the motion. Input
+# register 24 is the number of the newest row, or -1 between motions. Input register 25 is 0 to end
+# the program, register 26 is 1 if the newest row is the last one of the motion. Outputs are k, the
+# program's number (negative if a row was missing), and the row. Without inputs for 0.1 s the
 # controller ends the program.
 PROGRAM = """\
 def armcontour():
   q = get_target_joint_positions()
   k = -1
+  ended = 0
   rtde_set_watchdog("input_int_register_24", 10, "stop")
   while read_input_integer_register(25) != 0:
     newest = read_input_integer_register(24)
@@ -70,6 +73,9 @@ def armcontour():
       q = [read_input_float_register(slot), read_input_float_register(slot + 1), \
 read_input_float_register(slot + 2), read_input_float_register(slot + 3), \
 read_input_float_register(slot + 4), read_input_float_register(slot + 5)]
+    elif k >= 0 and read_input_integer_register(26) == 0:
+      ended = -PROGRAM_NUMBER
+      break
     end
     write_output_integer_register(24, k)
     write_output_float_register(24, q[0])
@@ -81,7 +87,7 @@ read_input_float_register(slot + 4), read_input_float_register(slot + 5)]
     write_output_integer_register(25, PROGRAM_NUMBER)
     servoj(q, 0, 0, 0.002, 0.1, 300)
   end
-  write_output_integer_register(25, 0)
+  write_output_integer_register(25, ended)
   stopj(4.0)
 end
 """
@@ -102,6 +108,11 @@ class UrDevice:
         self.slots: list[Row] = [(0.0,) * DOF] * SLOTS
         self.newest = -1
         self.k = -1
+        # Whether the newest row is the last one of the motion.
+        self.is_last = False
+        # First cycle without a row, after which the program has ended, and whether it still runs.
+        self.end: int | None = None
+        self.stopping = False
         self.received = b""
         self.complete: list[Sample] = []
 
@@ -130,8 +141,11 @@ class UrDevice:
 
     def start(self) -> None:
         """Start the program, which holds the position."""
+        self.is_last = False
         if self.running:
             return
+        self.end = None
+        self.newest = -1
         self._send_inputs(1)
         text = PROGRAM.replace("PROGRAM_NUMBER", str(self.number))
         with self._open(SCRIPT_PORT) as script:
@@ -149,8 +163,19 @@ class UrDevice:
                 raise DeviceError("its program does not start. Set the robot to remote control")
         self.running = True
 
+    def take_limits(self, rows: Sequence[Row], new: bool) -> float:
+        """The program stops with `stopj`, and has stopped before its connection is ended."""
+        return 0.0
+
+    def missed(self, all_sent: bool) -> int | None:
+        """First cycle for which the program had no row, so that it has stopped the joints."""
+        self.is_last = all_sent
+        return self.end
+
     def room(self) -> int:
         """Number of rows that fit into the registers."""
+        if self.end is not None:
+            return 0
         if self.newest < 0 <= self.k:
             return 0
         return self.k + SLOTS - self.newest
@@ -161,8 +186,8 @@ class UrDevice:
         self.newest = k
 
     def is_done(self) -> bool:
-        """Return whether the program has used the newest row."""
-        return self.k == self.newest
+        """Return whether the program has used the newest row, or has stopped and ended."""
+        return self.k == self.newest if self.end is None else not self.stopping
 
     def exchange(self) -> Iterable[Sample]:
         """Send the registers once per cycle, and return the new samples."""
@@ -191,7 +216,7 @@ class UrDevice:
         if not hasattr(self, "rtde"):
             return
         with suppress(DeviceError, OSError):
-            if self.running:
+            if self.running or self.stopping:
                 self.running = False
                 self._send_inputs(0)
                 for _ in range(RARE):
@@ -249,7 +274,8 @@ class UrDevice:
     def _send_inputs(self, run: int) -> None:
         """Send the registers."""
         values = [x for row in self.slots for x in row]
-        self._send(DATA_PACKAGE, self.inputs.pack(self.recipe, self.newest, run, *values))
+        registers = (self.newest, run, int(self.is_last))
+        self._send(DATA_PACKAGE, self.inputs.pack(self.recipe, *registers, *values))
 
     def _take(self, data: bytes) -> None:
         """Process a package with the controller's state."""
@@ -260,7 +286,15 @@ class UrDevice:
         runtime = self.state[15]
         number = self.state[18]
         measured = tuple(self.state[7:13])
-        if self.running:
+        if self.running and number == -self.number:
+            self.end = self.state[17] + 1
+            self.running = False
+            self.stopping = True
+        if self.stopping:
+            self.stopping = runtime == PLAYING
+            # The registers still have the row before.
+            self.complete.append((clock, self.k, tuple(self.state[1:7]), measured))
+        elif self.running:
             if runtime != PLAYING or number != self.number:
                 safety = self.state[14]
                 raise DeviceError(
@@ -275,4 +309,4 @@ class UrDevice:
 
 
 if __name__ == "__main__":
-    main(UrDevice(sys.argv[2]))
+    main(UrDevice(sys.argv[3]))
