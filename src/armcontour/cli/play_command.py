@@ -18,7 +18,7 @@ from armcontour.cli.commands import ControllerOptions, Play
 from armcontour.cli.console import ProgressDisplay, data_lines, on_interrupt
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, PlayedMotion, Ur, player
-from armcontour.controllers.controller import START, UNFINISHED
+from armcontour.controllers.controller import UNFINISHED
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput
 from armcontour.core.quantities import AngularDistance
@@ -99,9 +99,10 @@ def begin_record(controller: Controller, folder: ResultFolder | None, played: Pl
 def is_approach(played: Played) -> bool:
     """Return whether the controller was lost in the motion to the start, which is not judged."""
     record = played.record
-    if record is None or played.distance <= START:
+    if record is None or played.approach_speed is None:
         return False
-    return bool(np.abs(record.command[0] - played.motion.q[0]).max() > START)
+    distances = np.abs(record.command[0] - played.motion.q[0])
+    return not player.is_at_start(played.job.arm, distances)
 
 
 def lost_motion(played: Played, lost: ControllerLost) -> Played:

@@ -555,12 +555,12 @@ class Player:
             position = controller.position()
             distances = _measure_distances(ready, position)
             played = replace(ready, distances=distances)
-            if not _is_at_start(ready.job.arm, distances):
+            if not is_at_start(ready.job.arm, distances):
                 approach = self._approach(played, position)
                 played = replace(played, approach_speed=_tool_speed(approach))
             if not self.execute or self.stop_requested():
                 return played
-            if not _is_at_start(ready.job.arm, distances):
+            if not is_at_start(ready.job.arm, distances):
                 report(Step(("moving to the start",)))
                 self._move_to_start(played)
                 moved = np.abs(controller.position() - position)
@@ -583,7 +583,7 @@ class Player:
         controller = self.controller
         for _ in range(ATTEMPTS):
             position = controller.position()
-            if _is_at_start(job.arm, np.abs(position - start)):
+            if is_at_start(job.arm, np.abs(position - start)):
                 # Late set-points stopped the motion at its end.
                 return
             approach = self._approach(ready, position)
@@ -621,7 +621,7 @@ class Player:
         return record
 
 
-def _is_at_start(arm: Arm, distances: FloatArray) -> bool:
+def is_at_start(arm: Arm, distances: FloatArray) -> bool:
     """Return whether joints at some distances from the start [rad], (dof,), are at the start."""
     return bool((distances <= per_joint(arm, START, START_LINEAR, arm.dof)).all())
 
@@ -647,7 +647,7 @@ def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
             joint=j,
             needed=float(position[j]),
         )
-    if not _is_at_start(arm, distance):
+    if not is_at_start(arm, distance):
         _clear_line(ready.job, position, start)
     return np.asarray(distance)
 
