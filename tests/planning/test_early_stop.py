@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.planning import stop
-from armcontour.planning.early_stop import ShortenedLaw
+from armcontour.planning.early_stop import ShortenedLaw, plan_stop
 
 POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
 TIMES = np.linspace(0.02, 0.98, 17)
@@ -32,8 +32,12 @@ def test_a_stop_stays_on_the_path_within_the_limits_and_ends_at_rest(method: str
     plan = _plan(method)
     assert plan.arm is not None and plan.limits is not None and plan.path is not None
     for t in TIMES * plan.duration:
-        stopped = stop(plan, float(t))
+        early = plan_stop(plan, float(t))
+        stopped = early.trajectory
         assert t <= stopped.duration <= plan.duration + 1e-9
+        # The stop ends where the plan is at a time that is not after the end of the stop.
+        assert t <= early.end <= stopped.duration + 1e-9
+        np.testing.assert_allclose(stopped(stopped.duration), plan(early.end), atol=1e-8)
         before = np.linspace(0, t, 50, endpoint=False)
         np.testing.assert_array_equal(stopped(before, 0), plan(before, 0))
         result = ac.check(stopped, plan.arm, plan.limits, plan.path)

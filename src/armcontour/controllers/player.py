@@ -350,8 +350,9 @@ class Played(Result):
         """Yield the option that resumes a stopped job, and its value, if the motion was stopped."""
         place = self.stopped_at
         if place is not None:
-            option = place.option or "nothing to resume"
-            yield Row("resume.option", option, "", "to continue", place.words, FIRST)
+            answer = place.option or place.words
+            note = place.words if place.option else ""
+            yield Row("resume.option", answer, "", "to continue", note, FIRST)
             yield Row("resume.at", place.resume_at, "m")
 
     def to_data(self) -> Data:
@@ -709,7 +710,8 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
     tool = np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1)
     tolerance = _rest_tolerance(arm, band)
     # Differences in rad and in m are compared by their ratio to the tolerance.
-    i, j = divmod(int((joints / tolerance).argmax()), arm.dof)
+    scale = np.maximum(tolerance, SAME)
+    i, j = divmod(int((joints / scale).argmax()), arm.dof)
     where = f"from the simulation, joint {j + 1} at {number(record.t[i], 's')}"
     when = f"from the simulation, at {number(record.t[tool.argmax()], 's')}"
     kept = False
@@ -736,7 +738,7 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
         verdict = planned.judge({"measured": errors})
         kept = verdict.kept is not False
         reason = reason_of(planned.run, verdict)
-        j = int((joints[-1] / tolerance).argmax())
+        j = int((joints[-1] / scale).argmax())
         if joints[-1, j] > tolerance[j]:
             kept = False
             rest = number(joints[-1, j], unit_of(arm, "rad", j))
