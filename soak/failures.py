@@ -40,8 +40,8 @@ limits: {speed: 0.15 m/s, centripetal_acceleration: 0.09 m/s²}
 servo: {kp: 25 1/s, kv: 150 1/s}
 runs: {only: {cycle: 1 ms, compensation: {method: none}}}
 """
-# Acceleration limit of the joints of this arm at the speed factor of the trials [rad/s²].
-LIMIT = 0.72 * 0.5**2
+# Acceleration limit of the joints of this arm [rad/s²], which stops use at every speed factor.
+LIMIT = 0.72
 # Number of cycles of the motion without its rest.
 CYCLES = 5400
 MOMENTS = 12

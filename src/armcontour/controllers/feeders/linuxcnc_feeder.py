@@ -39,6 +39,9 @@ SILENCE = 1.0
 STILL = 1e-3
 # Number of successive equal readings of the FIFO that are required.
 AGREEING = 5
+# Time for which the threads still run after the drives were disabled, so that their hardware and
+# other samplers notice it before HAL is unloaded [s].
+DISABLED = 0.1
 # Time between two readings of the FIFO [s].
 LOOK = 1.7e-3
 # Relative and absolute margins of the limit of an acceleration against rounding [1, rad/s²].
@@ -367,6 +370,7 @@ class LinuxCNCDevice:
             return
         if hasattr(self, "component"):
             self.disable()
+            time.sleep(DISABLED)
         for name in ("out", "back"):
             self.__dict__.pop(name, None)
         if hasattr(self, "component"):
