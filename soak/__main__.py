@@ -39,6 +39,8 @@ TOPICS = {
     "compensations": ("soak.compensations:run", 50),
     "learning": ("soak.learning:run", 600),
     "learning-servos": ("soak.learning:run_wrong_model", 200),
+    "learning-loops": ("soak.loops:run", 24),
+    "learning-exact": ("soak.loops:run_exact", 12),
     "identification": ("soak.identification:run", 2000),
     "readers": ("soak.readers:run", 200_000),
     "interrupts": ("soak.interrupts:run", 400),

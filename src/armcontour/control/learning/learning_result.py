@@ -9,8 +9,8 @@ import numpy as np
 
 from armcontour.control.identification.joint_fit import split_logs
 from armcontour.control.identification.model_selection import LEAST_SHARE, find_saturation
-from armcontour.control.learning.lifted_model import Lifted
-from armcontour.core.checks import FloatArray
+from armcontour.control.learning.lifted_model import INDEPENDENT_SERVOS, Lifted
+from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Quantity, shared_unit
@@ -132,12 +132,18 @@ class LearningRun(Result, Checked):
         error: Measured deviations of the joints from the plan, with noise, at the times
             `LearningResult.lifted.t` [rad], (m, dof).
         noise: Standard deviation of the white noise in `error` [rad], (dof,).
+        rest: Deviations of the joints from the end of the plan where they come to rest after the
+            last set-point [rad], (dof,).
+        rests_later: Whether each joint comes to rest after the times of `error`, (dof,).
         joint_rms: RMS error of each joint [rad], (dof,).
         joint_max: Largest error of each joint [rad], (dof,).
         tool_rms: RMS distance of the tool from its planned position at the same time [m].
-        tool_max: Largest distance of the tool from its planned position at the same time [m].
+        tool_max: Largest distance of the tool from its planned position at the same time, also at
+            rest [m].
+        tool_rest: Distance of the tool from the end of the plan where it comes to rest [m].
         contour_rms: RMS distance of the tool from its path [m]; None if the plan has no path.
-        contour_max: Largest distance of the tool from its path [m]; None if the plan has no path.
+        contour_max: Largest distance of the tool from its path, also at rest [m]; None if the plan
+            has no path.
         offset: Time of the plan at which the clock of the log is 0 [s].
         rate: Time of the plan per time of the log.
         set_points_off: RMS difference of the set-points in the log from those of the run [rad]; 0
@@ -150,10 +156,13 @@ class LearningRun(Result, Checked):
     q: FloatArray
     error: FloatArray
     noise: FloatArray
+    rest: FloatArray
+    rests_later: BoolArray
     joint_rms: FloatArray
     joint_max: FloatArray
     tool_rms: float
     tool_max: float
+    tool_rest: float = 0.0
     contour_rms: float | None = None
     contour_max: float | None = None
     offset: float = 0.0
@@ -178,6 +187,7 @@ class LearningRun(Result, Checked):
                 Row("contour_max", self.contour_max, "m", largest, "", FIRST),
                 Row("tool_rms", self.tool_rms, "m", "tracking error, RMS", level=level),
                 Row("tool_max", self.tool_max, "m", "tracking error, largest", level=level),
+                Row("tool_rest", self.tool_rest, "m", "error at rest"),
                 Row("offset", self.offset, "s"),
                 Row("begin", -self.offset / self.rate, "s", "begins in the log at", "", FIRST),
                 Row("rate", self.rate),
@@ -203,7 +213,8 @@ class LearningResult(Result, SetPoints):
 
     Args:
         runs: The runs so far, in order.
-        servo: The servo whose response is used for learning, as specified for the first run.
+        servo: The servo whose response is used for learning, as specified for the first run or as
+            identified from its log.
         best: Index of the run with the smallest measured error.
         repeats: RMS of the mean error of all runs with the set-points of the best run [m].
         noise: RMS error that differs between runs of equal set-points [m]; None if there are no
@@ -212,7 +223,8 @@ class LearningResult(Result, SetPoints):
         finished: True if no further improvement is expected. The set-points are then those of the
             best run.
         reason: Reason why learning is finished, or limit that restricts the step; may be empty.
-        expected: RMS error expected of the next run, if `servo` is exact [m]; None if finished.
+        model: Model whose response is used: "rigid bodies" or "independent servos", whichever the
+            first log supports, or "independent servos identified from the first log".
         lifted: The linear model, reused from run to run because computing it takes most of the
             time; None computes it again.
 
@@ -228,7 +240,7 @@ class LearningResult(Result, SetPoints):
     setbacks: int = 0
     finished: bool = False
     reason: str = ""
-    expected: float | None = None
+    model: str = INDEPENDENT_SERVOS
     lifted: Lifted | None = field(default=None, repr=False)
 
     def _check_together(self) -> None:
@@ -243,15 +255,12 @@ class LearningResult(Result, SetPoints):
             f"Learning from {count_noun(len(self.runs), 'run')}: "
             f"{count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}",
             (
-                Row(
-                    "expected", self.expected, "m", "next run, RMS",
-                    "expected; play its set-points and add the log", FIRST,
-                ),
                 Row("finished", self.finished, "", "finished", self.reason, VERDICT),
                 Row("first", self.runs[0].rms, "m", "before learning, RMS", level=FIRST),
                 Row("remaining", self.remaining, "m", "best run, RMS", best, FIRST),
                 Row("repeats", self.repeats, "m"),
                 Row("does_not_repeat", self.noise, "m", "does not repeat, RMS", level=FIRST),
+                Row("model", self.model, "", "model", level=FIRST),
                 Row("best", self.best + 1),
                 Row("setbacks", self.setbacks, "", "setbacks"),
                 Row("reason", self.reason),
