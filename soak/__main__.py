@@ -41,6 +41,7 @@ TOPICS = {
     "learning-servos": ("soak.learning:run_wrong_model", 200),
     "learning-loops": ("soak.loops:run", 24),
     "learning-exact": ("soak.loops:run_exact", 12),
+    "expectations": ("soak.expectations:run", 24),
     "identification": ("soak.identification:run", 2000),
     "readers": ("soak.readers:run", 200_000),
     "interrupts": ("soak.interrupts:run", 400),

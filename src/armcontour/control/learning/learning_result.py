@@ -7,8 +7,11 @@ from typing import Annotated
 
 import numpy as np
 
-from armcontour.control.identification.joint_fit import split_logs
-from armcontour.control.identification.model_selection import LEAST_SHARE, find_saturation
+from armcontour.control.identification.joint_fit import Search, split_logs
+from armcontour.control.identification.model_selection import (
+    LEAST_SHARE,
+    find_supported_saturation,
+)
 from armcontour.control.learning.lifted_model import INDEPENDENT_SERVOS, Lifted
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
@@ -18,12 +21,14 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.log import renew_positions
+from armcontour.motion.log import regularize_times, renew_positions
 from armcontour.motion.log_checks import check_gaps
 from armcontour.robot.servo import ServoModel
 
 # Largest difference of an execution's set-points from the set-points of the run [rad].
 SET_POINT_TOLERANCE = 1e-9
+# Longest dead time of the models that confirm saturation [s].
+SEARCHED_DEAD_TIME = 0.25
 # Consequence of saturation.
 SATURATED = "Learning assumes a linear response. Plan with a larger reserve."
 
@@ -92,10 +97,11 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
             ),
         )
     elif isinstance(executed, Log):
-        log, repeats = renew_positions(executed)
+        timed, jitter = regularize_times(executed)
+        log, repeats = renew_positions(timed)
         recording = Recording(
             t=log.t, q=log.measured, command=log.command, source=log.source,
-            notes=(*repeats, *_describe_saturation(log)),
+            notes=(*jitter, *repeats, *_describe_saturation(log)),
         )  # fmt: skip
     elif isinstance(executed, Recording):
         recording = executed
@@ -115,10 +121,15 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
 
 def _describe_saturation(log: Log) -> list[str]:
     """Sentences about the joints that saturate in a log."""
-    every = [split_logs([log], j, "linear") for j in range(log.dof)]
-    found = [find_saturation(x) if x else None for x in every]
-    joints = zip(log.joint_names, log.prismatic, found, strict=True)
-    return [f"{x.describe(n, prismatic=slides)}. {SATURATED}" for n, slides, x in joints if x]
+    longest = min(SEARCHED_DEAD_TIME, float(np.ptp(log.t)) / 4)
+    search = Search(longest, 0.0, ("delay", "first", "second"))
+    sentences = []
+    for j, (name, slides) in enumerate(zip(log.joint_names, log.prismatic, strict=True)):
+        segments = split_logs([log], j, "linear")
+        found = find_supported_saturation(segments, search)[0] if segments else None
+        if found is not None:
+            sentences.append(f"{found.describe(name, prismatic=slides)}. {SATURATED}")
+    return sentences
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
