@@ -41,8 +41,8 @@ def learned(plan, step=1e-3):
     set_points = plan.set_points
     zeros = np.zeros(2)
     run = LearningRun(
-        q=set_points.q, error=np.zeros((5, 2)), noise=zeros, joint_rms=zeros, joint_max=zeros,
-        tool_rms=0.0, tool_max=0.0,
+        q=set_points.q, error=np.zeros((5, 2)), noise=zeros, rest=zeros, rests_later=zeros > 0,
+        joint_rms=zeros, joint_max=zeros, tool_rms=0.0, tool_max=0.0,
     )  # fmt: skip
     return LearningResult(
         cycle=set_points.cycle, q=set_points.q + step / 3, trajectory=set_points.trajectory,
@@ -112,7 +112,9 @@ def made(plan, runs=2):
     def run(k):
         return LearningRun(
             q=q + k * np.pi, error=random.standard_normal((40, 2)),
-            noise=np.array([1e-5, 2e-5]) / 3, joint_rms=random.random(2),
+            noise=np.array([1e-5, 2e-5]) / 3, rest=random.random(2),
+            rests_later=np.array([True, False]),
+            joint_rms=random.random(2),
             joint_max=random.random(2), tool_rms=0.1 / 3, tool_max=0.2 / 3,
             contour_rms=None if k else 1 / 7, offset=-100 / 3, source="run, 'ü'.csv",
             notes=("joint 1 saturates.",) * k,
@@ -176,7 +178,7 @@ def test_damaged_and_other_files_are_refused(plan, tmp_path):
         return read_lesson(file, plan.trajectory)
 
     table = [
-        (other(version=99), "version 99 ... requires version 4"),
+        (other(version=99), "version 99 ... requires version 5"),
         (other(runs=[]), "a.npz ... at least one run"),
         (lambda parts: parts.update({"q.npy": b"\x93NUMPY garbage"}), "damaged"),
         (lambda parts: parts.pop("about.json"), "damaged"),

@@ -224,7 +224,7 @@ _REAL = {
 }  # fmt: skip
 _IDENTIFIED = {
     "model_error": 1e-4, "logged_velocity": 2.0, "logged_acceleration": 9.0,
-    "contour_ratio": 0.2, "programs": 2,
+    "logged_frequency": 4.5, "contour_ratio": 0.2, "program_ratio": 0.1, "programs": 2,
 }  # fmt: skip
 _FED = {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.5}
 _UR5E = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")

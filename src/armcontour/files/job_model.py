@@ -52,7 +52,15 @@ Point = Annotated[list[Length], Items(2, 3)]
 # Names of runs, which are names of files.
 RUN_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 # Results of an identification, which are no parameters of a plant.
-IDENTIFIED = ("model_error", "logged_velocity", "logged_acceleration", "contour_ratio", "programs")
+IDENTIFIED = (
+    "model_error",
+    "logged_velocity",
+    "logged_acceleration",
+    "logged_frequency",
+    "contour_ratio",
+    "program_ratio",
+    "programs",
+)
 Timing = Annotated[
     PlanOptions,
     Methods(

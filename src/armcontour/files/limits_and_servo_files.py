@@ -31,7 +31,9 @@ COMMENTS = {
     "model_error": "with the offset, largest error on motion that was not fitted",
     "logged_velocity": "largest velocity of this motion",
     "logged_acceleration": "largest acceleration of this motion",
+    "logged_frequency": "smallest acceleration / velocity of one log",
     "contour_ratio": "contour error with / without compensation, on motion that was not fitted",
+    "program_ratio": "the same in the logs of programs, without multisines",
     "programs": "number of programs from which contour_ratio was determined",
 }
 

@@ -89,10 +89,7 @@ class LearningStudy:
         if lesson.finished:
             return f"Finished: {lesson.reason}. The set-points are those of {best}: {error}."
         because = f" ({lesson.reason})" if lesson.reason else ""
-        return (
-            f"Continue with another run, of which {number(lesson.expected, 'm')} RMS is expected"
-            f"{because}. The best run is {best}: {error}."
-        )
+        return f"Continue with another run{because}. The best run is {best}: {error}."
 
 
 def measured_pieces(

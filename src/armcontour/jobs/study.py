@@ -173,16 +173,18 @@ def expect_errors(
     plan = executed.set_points.trajectory
     unexplained = evaluation.model_error
     ratio = servo.contour_ratio
+    program_ratio = ratio if servo.program_ratio is None else servo.program_ratio
     similar = servo.is_similar(*sample_rates(plan))
     plain = isinstance(run.compensation, NoCompensation)
     if ratio is None or ratio > TRUSTED or unexplained is None or plain or not similar:
         return None
+    assert program_ratio is not None
     without = _simulate_uncompensated(job, run, plan, path, None)
     moved = replace(executed, q=executed.q + servo.offset, plant=None)
     still = evaluate(moved, path, end_time=run.end_time)
     worst = evaluation.contour_error.max + unexplained[1]
     pairs = zip(without.contours, still.contours, strict=True)
-    contours = tuple(min(math.hypot(ratio * x.max, y.max), worst) for x, y in pairs)
+    contours = tuple(min(math.hypot(program_ratio * x.max, y.max), worst) for x, y in pairs)
     return ExpectedErrors(contours=contours, worst=worst)
 
 

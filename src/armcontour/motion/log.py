@@ -40,6 +40,13 @@ RESOLUTIONS = 4.0
 SLOW = 0.5
 # Differences of positions up to this fraction of their range are rounding errors.
 ROUNDING = 1e-9
+# Times jitter if the standard deviation of their steps exceeds this fraction of the interval.
+LEAST_JITTER = 0.02
+# The other times describe a motion better if it deviates from a smooth motion by less than this
+# fraction.
+SMOOTHER = 0.8
+# Number of samples over which the drift of a clock is averaged.
+DRIFT_SAMPLES = 101
 
 
 @declared(eq=False)
@@ -231,6 +238,72 @@ def renew_positions(log: Log) -> tuple[Log, tuple[str, ...]]:
         f"{log.source} repeats {repeated[:, joints].mean():.0%} of the measured positions of "
         f"{names}. Interpolation between the new positions replaces them.",
     )
+
+
+def regularize_times(log: Log) -> tuple[Log, tuple[str, ...]]:
+    """Replace times that jitter although the samples are regular, and describe this.
+
+    Times of a computer that receives or writes samples jitter, which moves samples on a curve by
+    speed times jitter. The samples are regular if the positions are smoother at regular times than
+    at their own times. Lost samples are counted by the times.
+
+    Args:
+        log: A log.
+
+    Returns:
+        The log with regular times, and a sentence if its times were replaced.
+    """
+    steps = np.diff(log.t)
+    interval = log.interval
+    counts = np.maximum(np.rint(steps / interval), 1.0)
+    every = counts <= GAP
+    interval = float(steps[every].sum() / counts[every].sum())
+    jitter = float(np.std((steps - counts * interval)[every]))
+    if jitter <= LEAST_JITTER * interval:
+        return log, ()
+    # If times jitter by half an interval, samples seem lost that are not.
+    trials = [_smooth_times(log.t, x) for x in (counts, np.ones_like(counts))]
+    regular = min(trials, key=lambda x: float(np.std(log.t - x)))
+    measured = _compare_roughness(log.measured, log.t, regular)
+    commanded = _compare_roughness(log.command, log.t, regular)
+    ratio = commanded if SMOOTHER < measured < 1 / SMOOTHER else measured
+    if ratio >= SMOOTHER or (np.diff(regular) <= 0).any():
+        return log, ()
+    deviation = float(np.std(log.t - regular))
+    return replace(log, t=regular), (
+        f"The times of {log.source} jitter by {deviation * 1e3:.2g} ms (standard deviation), but "
+        f"its positions are regular. Regular times {np.median(np.diff(regular)) * 1e3:.4g} ms "
+        "apart replace them.",
+    )
+
+
+def _smooth_times(t: FloatArray, counts: FloatArray) -> FloatArray:
+    """Times without jitter [s], (n,): regular times that follow the slow drift of the clock.
+
+    `counts` are the numbers of sample intervals between successive times, (n - 1,).
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    number = np.concatenate([[0.0], np.cumsum(counts)])
+    regular = np.polyval(np.polyfit(number, t, 1), number)
+    return np.asarray(regular + uniform_filter1d(t - regular, DRIFT_SAMPLES, mode="nearest"))
+
+
+def _compare_roughness(positions: FloatArray, t: FloatArray, regular: FloatArray) -> float:
+    """Deviation of positions from a smooth motion at regular times, relative to that at times t."""
+    return _roughness(positions, regular) / max(_roughness(positions, t), 1e-300)
+
+
+def _roughness(positions: FloatArray, t: FloatArray) -> float:
+    """RMS deviation of positions [rad], (n, dof), from cubics through four neighbours each."""
+    nodes = np.stack([t[:-4], t[1:-3], t[3:-1], t[4:]]) - t[2:-2]
+    values = np.stack([positions[:-4], positions[1:-3], positions[3:-1], positions[4:]])
+    predicted = np.zeros_like(positions[2:-2])
+    for i, node in enumerate(nodes):
+        others = np.delete(nodes, i, axis=0)
+        weight = np.prod(others / (others - node), axis=0)
+        predicted += weight[:, None] * values[i]
+    return float(np.sqrt(np.mean((positions[2:-2] - predicted) ** 2)))
 
 
 def _find_repeats(q: FloatArray) -> BoolArray:

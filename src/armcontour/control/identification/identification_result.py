@@ -53,6 +53,8 @@ class JointIdentification(Result, Frozen):
         rests: Residuals of each log: measured less predicted positions [rad], (n,); nan at samples
             that do not count. Empty if no model was fitted. Predictions are those from the other
             parts of the logs.
+        program_rest: The same for the only log of a program, whose parts are predicted by fits of
+            its other parts and of the other logs [rad], (n,); otherwise empty.
         order: Order of the servo that is written to the file: "second", "first" or "delay";
             "unknown" if none is written. `parameters` then are those of the rejected model.
         servo: Values that are written to the file.
@@ -67,6 +69,8 @@ class JointIdentification(Result, Frozen):
         effective: True if the residuals are not white. Then an effect is not modelled, and the
             parameters differ from the settings of the drive because they compensate for it.
         saturation: A sentence about samples at a limit of the drive, or empty.
+        twin: A sentence about a second servo, with exchanged K_p and k_i, whose motion is nearly
+            the same; or empty. The intervals include it.
         contour_ratio: RMS deviation from the contour with compensation divided by the deviation
             without compensation, in the worst log.
         offsets: Static deviation of the joint (or offset of its encoder) that was fitted with
@@ -78,6 +82,7 @@ class JointIdentification(Result, Frozen):
     parameters: dict[str, Estimate] = field(default_factory=dict)
     rms: float = math.nan
     rests: tuple[FloatArray, ...] = ()
+    program_rest: FloatArray = field(default_factory=lambda: np.zeros(0))
     order: str = "unknown"
     servo: JointServo = field(default_factory=lambda: JointServo(math.inf))
     tracking_rms: float = math.nan
@@ -89,6 +94,7 @@ class JointIdentification(Result, Frozen):
     note: str = ""
     effective: bool = False
     saturation: str = ""
+    twin: str = ""
     contour_ratio: float = math.nan
     offsets: dict[int, float] = field(default_factory=dict)
     prismatic: bool = False
@@ -110,7 +116,7 @@ class JointIdentification(Result, Frozen):
         weak = "weak" if self.written and self.note else ""
         delay = "delay only" if not self.written and self.servo.dead_time else ""
         words = (weak, "effective" * self.effective, delay)
-        notes = (self.saturation, self.note)
+        notes = (self.saturation, self.twin, self.note)
         unit = shared_unit("rad", (self.prismatic,))
         return Data(
             f"Servo of {self.name}",
@@ -123,7 +129,7 @@ class JointIdentification(Result, Frozen):
                 Row("order", self.order, "", "model", ", ".join(filter(None, words))),
                 *(Row(x, getattr(self, x), unit) for x in ("tracking_rms", "rms", "largest")),
                 *(Row(x, getattr(self, x)) for x in ("determined", "effective", "written")),
-                *(Row(x, getattr(self, x)) for x in ("noise", "note", "saturation")),
+                *(Row(x, getattr(self, x)) for x in ("noise", "note", "saturation", "twin")),
             ),
             (Table.from_rows("parameters", [x.to_data().rows for x in self.estimates]),),
             notes=tuple(filter(None, notes)),
@@ -152,15 +158,24 @@ class Judgement:
 
     Args:
         programs: Number of different programs. If it is 1, parts of this program were predicted.
-        ratio: RMS contour error with compensation divided by the error without compensation, in the
-            worst log; 0 if only the noise of the encoders remains.
+        ratios: RMS contour error with compensation divided by the error without compensation in
+            each log, (logs,); 0 if only the noise of the encoders remains.
+        program_ratio: The same in the worst of the logs that reverse about as slowly as the slowest
+            log, such as programs in contrast to multisines. If this is one log among others, its
+            parts are predicted by fits of its other parts and of the other logs.
         errors: RMS contour errors of each log without and with compensation, (logs, 2): in m with
             an arm, otherwise in multiples of the tracking errors.
     """
 
     programs: int
-    ratio: float
+    ratios: FloatArray
+    program_ratio: float
     errors: FloatArray
+
+    @property
+    def ratio(self) -> float:
+        """Largest of `ratios`, that of the worst log."""
+        return float(self.ratios.max())
 
     @property
     def trusted(self) -> bool:
@@ -220,6 +235,8 @@ class Identification(Result, Frozen):
                     "judgement.programs", result.programs, "", "programs",
                     sole * (result.programs == 1), VERDICT,
                 ),
+                Row("judgement.ratios", result.ratios),
+                Row("judgement.program_ratio", result.program_ratio, "1"),
                 Row("judgement.errors", result.errors),
                 Row("version", __version__),
                 Row("logs", [x.source for x in self.logs]),
@@ -262,7 +279,9 @@ class Identification(Result, Frozen):
             f"Effective parameters: {names}. The residuals are not white, so an effect is not "
             "modelled, and the parameters differ from the settings of the drive."
         )
-        sentences = [*self.repeats, *(x.saturation for x in self.joints if x.saturation)]
+        sentences = [*self.repeats]
+        for joint in self.joints:
+            sentences += filter(None, (joint.saturation, joint.twin))
         return (*sentences, effective) if names else tuple(sentences)
 
     __repr__ = short_repr
@@ -290,9 +309,11 @@ class Identification(Result, Frozen):
             drive_cycle=self.drive_cycle,
             offset=[round_digits(x) for x in offsets],
             model_error=[round_digits(min(x * ROUND_UP, math.pi)) for x in largest],
-            logged_velocity=[round_digits(x) for x in fastest[0]],
-            logged_acceleration=[round_digits(x) for x in fastest[1]],
+            logged_velocity=[round_digits(x) for x in fastest.velocity],
+            logged_acceleration=[round_digits(x) for x in fastest.acceleration],
+            logged_frequency=[round_digits(x) for x in fastest.frequency],
             contour_ratio=float(f"{self.judgement.ratio:.3g}"),
+            program_ratio=float(f"{self.judgement.program_ratio:.3g}"),
             programs=self.judgement.programs,
             **parameters,
         )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,9 +16,15 @@ from armcontour.core.result import Data, Row
 from armcontour.core.sampled_data import white_noise
 from armcontour.motion.log import Log
 from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import MOVING_SHARE
 
 # Spacing of the samples from which velocities and accelerations are computed [s].
 SAMPLE_SPACING = 8e-3
+# Logs whose frequency is at most this multiple of that of the slowest log are slow, as programs are
+# compared with multisines.
+SLOW_RATIO = 3.0
+# Lower bound of a velocity that is used as a divisor [rad/s].
+LEAST_VELOCITY = 1e-9
 # The correlation length is the sum of the autocorrelations before the first one below this value.
 LEAST_CORRELATION = 0.05
 # Significance level of the whiteness test.
@@ -49,16 +55,41 @@ Ends = tuple[float, float]
 LOGARITHMIC = ("kp", "kv", "ki", "acceleration_limit")
 
 
-def fastest_motion(logs: Sequence[Log]) -> tuple[FloatArray, FloatArray]:
-    """Largest velocities [rad/s] and accelerations [rad/s²] of commands, (dof,) each."""
-    sizes = []
+class FastestMotion(NamedTuple):
+    """Largest rates of the commands of logs, (dof,) each."""
+
+    velocity: FloatArray  # Largest velocity of all logs [rad/s]
+    acceleration: FloatArray  # Largest acceleration of all logs [rad/s²]
+    # Smallest ratio of the largest acceleration to the largest velocity of a log [1/s]. A joint
+    # that hardly moves in a log does not count there.
+    frequency: FloatArray
+    of_logs: FloatArray  # Smallest of these ratios in each log [1/s], (logs,)
+
+    @property
+    def slow_logs(self) -> BoolArray:
+        """Mask of the logs that reverse about as slowly as the slowest log, (logs,)."""
+        return np.asarray(self.of_logs <= SLOW_RATIO * self.of_logs.min())
+
+
+def fastest_motion(logs: Sequence[Log]) -> FastestMotion:
+    """Largest velocities, accelerations and smallest frequencies of the commands of logs."""
+    velocities = []
+    accelerations = []
     for log in logs:
         some = slice(None, None, max(round(SAMPLE_SPACING / log.interval), 1))
         rates = np.gradient(log.command[some], log.t[some], axis=0)
-        accelerations = np.gradient(rates, log.t[some], axis=0)
-        sizes.append([np.abs(x).max(axis=0) for x in (rates, accelerations)])
-    largest = np.max(sizes, axis=0)
-    return largest[0], largest[1]
+        changes = np.gradient(rates, log.t[some], axis=0)
+        velocities.append(np.abs(rates).max(axis=0))
+        accelerations.append(np.abs(changes).max(axis=0))
+    velocity = np.array(velocities)
+    acceleration = np.array(accelerations)
+    frequency = acceleration / np.maximum(velocity, LEAST_VELOCITY)
+    # Every joint counts in the log in which it is fastest.
+    least = np.minimum(MOVING_SHARE * velocity.max(axis=1, keepdims=True), velocity.max(axis=0))
+    frequency[velocity < least] = np.inf
+    return FastestMotion(
+        velocity.max(axis=0), acceleration.max(axis=0), frequency.min(axis=0), frequency.min(axis=1)
+    )
 
 
 def is_white(residuals: FloatArray, step: float) -> bool:
@@ -211,6 +242,28 @@ class Estimate(Result):
         sure = bool(sd <= allowed_deviation(value, also))
         fields: dict[str, Any] = {"unit": UNITS[name], "determined": sure, **others}
         return cls(name=name, value=value, sd=sd, low=low, high=high, **fields)
+
+    def including(self, other: float) -> Estimate:
+        """The estimate with an interval that also contains the interval of another solution.
+
+        The interval about the value `other` is as wide as that about this value, relative to it for
+        LOGARITHMIC.
+        """
+        if not (math.isfinite(self.low) and math.isfinite(other)):
+            return self
+        shift = other - self.value
+        low = self.low + shift
+        high = self.high + shift
+        if self.name in LOGARITHMIC:
+            low = self.low * other / self.value
+            high = self.high * other / self.value
+        within = self.low <= other <= self.high
+        return replace(
+            self,
+            low=min(self.low, max(low, 0.0)),
+            high=max(self.high, high),
+            determined=self.determined and within,
+        )
 
     @property
     def label(self) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 from armcontour.control.identification.joint_fit import (
     HALF_INTERVAL,
+    PARTS,
     ROUNDING,
     Fit,
     LogSegment,
@@ -128,6 +129,12 @@ POORER_RATIO = 2.0
 # A cascade is fitted if the error of the best model so far is below this fraction of the tracking
 # error.
 CASCADE_SHARE = 0.5
+# Saturation is reported only if the error of the best linear model at the saturated samples exceeds
+# this multiple of the error of the model of the other samples.
+SATURATED_ERROR = 2.0
+# Two solutions with exchanged K_p and k_i are different if their K_p differs by more than this
+# factor.
+TWIN_FACTOR = 1.1
 # Smallest damping ratio of a fitted loop; no drive is tuned with less damping.
 LEAST_DAMPING = 0.2
 # Largest number of evaluations of a cross-validation fit, which starts from the fit of all parts.
@@ -242,6 +249,33 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
             clipped=every,
         )  # fmt: skip
     return None
+
+
+def find_supported_saturation(
+    segments: Sequence[LogSegment], search: Search
+) -> tuple[Saturation | None, Selected | None]:
+    """Saturation that models support, and the model of the unsaturated samples; None if none.
+
+    A linear joint can also have plateaus, on which the commanded acceleration is inaccurate. A
+    model without saturation then predicts the plateaus as well as the other samples.
+    """
+    saturation = find_saturation(segments)
+    if saturation is None:
+        return None, None
+    selected = select_unsaturated(segments, saturation, search)
+    linear = select_model(segments, search, limited=False)
+    if linear is None:
+        return saturation, selected
+    order = linear.fit.problem.model.order
+    every = []
+    for s, clipped in zip(segments, saturation.clipped, strict=True):
+        every.append((s.y - predict(s, linear.servo, order, search.drive_cycle))[clipped & s.use])
+    errors = np.concatenate(every)
+    error = float(np.sqrt(np.mean(errors**2))) if len(errors) else 0.0
+    usual = linear.fit.noise if selected is None else max(selected.rms, selected.fit.noise)
+    if error <= SATURATED_ERROR * max(usual, ROUNDING):
+        return None, None
+    return saturation, selected
 
 
 def select_unsaturated(
@@ -429,6 +463,8 @@ class Selected:
     limit: Estimate | None = None  # Acceleration limit if it is estimated separately from the fit
     without: Sequence[JointServo] = ()  # Servos, each fitted without one part
     rivals: Sequence[JointServo] = ()  # Servos of other models with nearly the same error
+    # The solution with exchanged K_p and k_i if its error is nearly the same.
+    twin: JointServo | None = None
 
     @property
     def servo(self) -> JointServo:
@@ -490,8 +526,8 @@ def select_model(
     elif order != "delay" and not trials.best.explains_all:
         trials.add(Model(order, (*free, FRICTION)))
     trials.drop_open_dead_time()
-    best = trials.best
-    rivals = [x.fit.servo for x in trials.tried if x.rms * GAIN < best.rms and x is not best]
+    best = replace(trials.best, twin=trials.find_twin())
+    rivals = [x.fit.servo for x in trials.tried if x.rms * GAIN < best.rms and x is not trials.best]
     if some is segments:
         return replace(best, rivals=rivals)
     whole = Problem(best.fit.problem.model, segments, search)
@@ -553,6 +589,25 @@ class _Trials:
         loop = self.best.fit.problem.model.order != "delay"
         if loop and not estimate_parameters(self.best.fit, self.best.without)[DELAY].determined:
             self._drop(DELAY)
+
+    def find_twin(self) -> JointServo | None:
+        """Servo with exchanged K_p and k_i that fits nearly as well as the best; None if none.
+
+        The poles of both servos are the same. Feed-forward of about 1 also makes their zeros equal.
+        """
+        assert self.best is not None
+        best = self.best.fit
+        model = best.problem.model
+        if KI not in model.free:
+            return None
+        servo = best.servo._replace(kp=best.servo.ki, ki=best.servo.kp)
+        problem = Problem(model, self.segments, self.search)
+        result = fit(problem, [problem.guess(servo._asdict(), servo.dead_time)], 30)
+        factor = result.servo.kp / best.servo.kp
+        differs = max(factor, 1 / factor) > TWIN_FACTOR
+        if is_implausible(result) or result.cost * GAIN**2 > best.cost or not differs:
+            return None
+        return result.servo
 
     def _drop(self, name: str) -> None:
         """Remove a parameter unless the best model is significantly worse without it."""
@@ -622,7 +677,7 @@ def _thin_segments(segments: Sequence[LogSegment]) -> Sequence[LogSegment]:
 
 def _moving_parts(segments: Sequence[LogSegment]) -> IntArray:
     """Indices of the parts in which the command of some used samples moves."""
-    every = [s.part[s.use & (s.weight > 0)] for s in segments]
+    every = [s.part[s.use & (s.weight > 0) & (s.part >= 0)] for s in segments]
     return np.unique(np.concatenate(every))
 
 
@@ -640,12 +695,44 @@ def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
     return servo if limit is None else servo._replace(acceleration_limit=limit.value)
 
 
+def divide_log(segments: Sequence[LogSegment], log: int) -> list[LogSegment]:
+    """Divide one of several logs into PARTS parts of equal motion; other logs become part -1."""
+    total = sum(float(s.weight.sum()) for s in segments if s.log == log)
+    divided = []
+    done = 0.0
+    for s in segments:
+        part = np.full(len(s.y), -1)
+        if s.log == log:
+            share = (done + np.cumsum(s.weight)) / max(total, 1e-300)
+            part = np.minimum((share * PARTS).astype(np.intp), PARTS - 1)
+            done += float(s.weight.sum())
+        divided.append(replace(s, part=part))
+    return divided
+
+
+def predict_program(selected: Selected, log: int) -> list[FloatArray]:
+    """Predict the parts of one log by fits of the other parts of this log and of the other logs.
+
+    Returns:
+        Predicted positions of each of the predicted segments [rad].
+    """
+    result = selected.fit
+    problem = result.problem
+    # The segments on which the model was selected can have fewer samples than those of the fit.
+    fitted = selected.segments if selected.limit is None else problem.segments
+    parts = divide_log(fitted, log)
+    divided = replace(result, problem=Problem(problem.model, parts, problem.search))
+    judged = divide_log(selected.segments, log)
+    return predict_parts(divided, judged, selected.limit).unseen
+
+
 def predict_parts(
     result: Fit, judged: Sequence[LogSegment] | None = None, limit: Estimate | None = None
 ) -> Selected:
     """Predict each moving part by a fit of the other parts (cross-validation).
 
-    `judged` are the segments that are predicted, by default those of the fit.
+    `judged` are the segments that are predicted, by default those of the fit. Part -1 is always
+    fitted.
     """
     p = result.problem
     segments = judged or result.problem.segments

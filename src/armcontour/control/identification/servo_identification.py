@@ -26,13 +26,17 @@ from armcontour.control.identification.joint_fit import (
     predict,
     split_logs,
 )
-from armcontour.control.identification.least_squares import encoder_resolution, is_white
+from armcontour.control.identification.least_squares import (
+    encoder_resolution,
+    fastest_motion,
+    is_white,
+)
 from armcontour.control.identification.model_selection import (
     Selected,
     find_lag,
-    find_saturation,
+    find_supported_saturation,
+    predict_program,
     select_model,
-    select_unsaturated,
 )
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
@@ -47,6 +51,7 @@ from armcontour.motion.log import (
     INTERPOLATIONS,
     Log,
     arrange_joints,
+    regularize_times,
     renew_positions,
     with_units_of,
 )
@@ -159,13 +164,15 @@ def choose_and_judge(
     interpolation: str,
     longest: float,
     arm: Arm | None,
+    program: int | None = None,
 ) -> tuple[tuple[JointIdentification, ...], Judgement]:
     """Choose by the contour error which model of each joint is written, and judge the result.
 
     Good models are written. For the other joints, the weak model, the delay or nothing is written,
     whichever has the smallest contour error. Without an arm, the contour is a curve in joint space.
 
-    `longest` is the longest dead time of the search [s].
+    `longest` is the longest dead time of the search [s]. `program` is the index of the only log of
+    a program if the other logs are multisines.
     """
     delays = _joint_delays(logs, longest)
     motions = [_sample_log(logs, i, joints, longest) for i in range(len(logs))]
@@ -198,11 +205,16 @@ def choose_and_judge(
     else:
         moves = arm.tool_jacobian(motions[0].command) * noises
         noise = float(np.sqrt(np.mean(np.sum(moves**2, axis=(1, 2)))))
+    slow = fastest_motion(logs).slow_logs
+    program_ratio = float(ratio[slow].max())
+    if program is not None:
+        names = ["program" if x == "model" else x for x in choice]
+        left = motions[program].deviate(names, float(delays.max()), weight, arm)[0]
+        program_ratio = left / max(float(before[program]), TINY)
     judgement = Judgement(
         programs=count_programs(logs),
-        ratio=float(
-            np.max(np.where(after > NOISE_MULTIPLE * noise, ratio, np.minimum(ratio, TRUSTED)))
-        ),
+        ratios=np.where(after > NOISE_MULTIPLE * noise, ratio, np.minimum(ratio, TRUSTED)),
+        program_ratio=program_ratio,
         errors=errors,
     )
     written = []
@@ -259,6 +271,9 @@ def _sample_log(
         "delay": late - offsets,
         "model": np.where(predicted, model, 0.0),
     }
+    if all(len(x.program_rest) == len(log.t) for x in joints if x.rests):
+        rows = [x.program_rest if x.rests else np.zeros(len(log.t)) for x in joints]
+        residuals["program"] = np.nan_to_num(np.stack(rows, axis=1))
     some = slice(None, None, every)
     rest = {name: x[some] for name, x in residuals.items()}
     return _LogSamples(log.t[some] - log.t[0], log.command[some], use[some], rest)
@@ -414,7 +429,8 @@ def identify(
     arm = options.kinematics
     if arm is not None:
         originals = tuple(_with_joints_of(x, arm) for x in originals)
-    pairs = [renew_positions(x) for x in originals]
+    timed = [regularize_times(x) for x in originals]
+    pairs = [renew_positions(x) for x, _ in timed]
     every = tuple(x for x, _ in pairs)
     first = every[0]
     for log in every[1:]:
@@ -436,18 +452,20 @@ def identify(
     shortest = min(float(x.t[-1] - x.t[0]) for x in every)
     longest = min(options.longest_dead_time, shortest / 4)
     orders = MODELS[options.model]
+    slow = np.flatnonzero(fastest_motion(every).slow_logs)
+    program = int(slow[0]) if len(slow) == 1 < len(every) else None
     search = Search(longest, options.drive_cycle or 0.0, orders)
     for j, name in enumerate(first.joint_names):
         report(Step((name,), j / first.dof))
-        joints.append(identify_joint(every, j, interpolation, search))
-    judged, judgement = choose_and_judge(every, joints, interpolation, search.longest, arm)
+        joints.append(identify_joint(every, j, interpolation, search, program))
+    judged, judgement = choose_and_judge(every, joints, interpolation, search.longest, arm, program)
     return Identification(
         logs=every,
         interpolation=interpolation,
         joints=judged,
         drive_cycle=search.drive_cycle,
         judgement=judgement,
-        repeats=tuple(chain.from_iterable(x for _, x in pairs)),
+        repeats=tuple(chain.from_iterable(x for _, x in (*timed, *pairs))),
     )
 
 
@@ -462,9 +480,12 @@ def _with_joints_of(log: Log, arm: Arm) -> Log:
 
 
 def identify_joint(
-    logs: Sequence[Log], j: int, interpolation: str, search: Search
+    logs: Sequence[Log], j: int, interpolation: str, search: Search, program: int | None = None
 ) -> JointIdentification:
-    """Identify the servo of joint j (index from 0); order "unknown" if no model is accepted."""
+    """Identify the servo of joint j (index from 0); order "unknown" if no model is accepted.
+
+    `program` is the index of the only log of a program if the other logs are multisines.
+    """
     name = logs[0].joint_names[j]
     segments = split_logs(logs, j, interpolation)
     lag = find_lag(segments, search.longest)
@@ -473,10 +494,8 @@ def identify_joint(
     joint = JointIdentification(name=name, prismatic=slides)
     if reason := _explain_no_model(segments):
         return _mark_unknown(joint, segments, f"{name} has no model, because {reason}")
-    saturation = find_saturation(segments)
-    selected = None
+    saturation, selected = find_supported_saturation(segments, search)
     if saturation is not None:
-        selected = select_unsaturated(segments, saturation, search)
         if selected is None and not saturation.determines_servo:
             note = saturation.explain_no_model(name, prismatic=slides)
             return _mark_unknown(joint, segments, note)
@@ -515,24 +534,31 @@ def identify_joint(
     step = max(encoder_resolution(s.y) for s in segments)
     effective = not is_white(selected.fit.problem.residuals(selected.fit.x) / MRAD, step)
     rivals = selected.rivals if effective else ()
-    rests = [np.full(len(x.t), np.nan) for x in logs]
-    for s, errors in zip(selected.segments, unseen, strict=True):
-        t = logs[s.log].t - logs[s.log].t[s.start]
-        some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
-        rests[s.log][some] = np.interp(t[some], s.command.t, errors)
+    rests = _at_samples(logs, selected.segments, unseen)
+    program_rest = np.zeros(0)
+    if program is not None:
+        predicted = predict_program(selected, program)
+        errors = [s.y - q for s, q in zip(selected.segments, predicted, strict=True)]
+        program_rest = _at_samples(logs, selected.segments, errors)[program]
     described = saturation.describe(name, prismatic=slides) if saturation else ""
     estimates = estimate_parameters(selected.fit, selected.without, unknown_cycle, rivals) | limit
+    twin = ""
+    if selected.twin is not None:
+        twin = _describe_twin(name, selected.servo, selected.twin)
+        estimates = {x: y.including(getattr(selected.twin, x)) for x, y in estimates.items()}
     if slides:
         estimates = {x: replace(y, unit=linear_unit(y.unit)) for x, y in estimates.items()}
     joint = replace(
         joint,
         parameters=estimates,
         effective=effective,
+        twin=twin,
         saturation=f"{described}, which the fit allows for." if described else "",
         unseen_rms=error,
         share=error / tracking,
         noise=noise,
         rests=tuple(rests),
+        program_rest=program_rest,
     )
     if saturation is not None and saturation.hides and not joint.kp.determined:
         note = saturation.explain_no_model(name, prismatic=slides)
@@ -558,6 +584,27 @@ def identify_joint(
     joint = replace(joint, note=note, tracking_rms=_rms(_lags(segments), segments)[0])
     used = np.concatenate([x[s.use] for x, s in zip(unseen, selected.segments, strict=True)])
     return write_servo(joint, segments, servo, order, search.drive_cycle, float(np.abs(used).max()))
+
+
+def _at_samples(
+    logs: Sequence[Log], segments: Sequence[LogSegment], errors: Sequence[FloatArray]
+) -> list[FloatArray]:
+    """Errors of segments [rad] at the samples of each log, (n,); nan at unused samples."""
+    rests = [np.full(len(x.t), np.nan) for x in logs]
+    for s, error in zip(segments, errors, strict=True):
+        t = logs[s.log].t - logs[s.log].t[s.start]
+        some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
+        rests[s.log][some] = np.interp(t[some], s.command.t, error)
+    return rests
+
+
+def _describe_twin(name: str, servo: JointServo, twin: JointServo) -> str:
+    """Sentence about two servos with exchanged K_p and k_i."""
+    return (
+        f"The log of {name} agrees with two servos: kp {servo.kp:.3g} 1/s and ki {servo.ki:.3g} "
+        f"1/s, or kp {twin.kp:.3g} 1/s and ki {twin.ki:.3g} 1/s. Their motion is nearly the same, "
+        "and the file has the first one."
+    )
 
 
 def _check_columns(log: Log, j: int, lag: float) -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from armcontour.control.identification import identify
 from armcontour.control.learning import log_alignment
 from armcontour.control.learning.learning_result import (
     LearningResult,
@@ -17,14 +18,21 @@ from armcontour.control.learning.learning_result import (
     Recording,
     record,
 )
-from armcontour.control.learning.lifted_model import REST_TIME, Lifted, Nominal
-from armcontour.core.checks import FloatArray
+from armcontour.control.learning.lifted_model import (
+    IDENTIFIED_SERVOS,
+    REST_TIME,
+    RIGID_BODIES,
+    Lifted,
+    Nominal,
+)
+from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import shared_unit
 from armcontour.core.sampled_data import differences, interpolate
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.execution import check_set_points, describe_excess
+from armcontour.motion.log import INTERPOLATIONS
 from armcontour.motion.nearest_commands import command_bounds, find_excess, nearest_commands
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
@@ -48,6 +56,12 @@ TYPICAL_GAIN = 25.0
 # A log contradicts the servo if the deviation of a joint from the simulation exceeds this multiple
 # of its deviation from the set-points.
 MAX_MISFIT = 1.05
+# The first model whose deviation is below this fraction of the deviation from the set-points is
+# used.
+CERTAIN_MISFIT = 0.02
+# A servo that is identified from a log is used if the deviation of each joint from its simulation
+# is below this fraction of the deviation from the set-points.
+IDENTIFIED_MISFIT = 0.5
 # The deviation from the set-points of a joint that hardly moves counts as this fraction of the
 # largest one of all joints, because coupled joints move it.
 LEAST_LAG = 0.3
@@ -106,10 +120,17 @@ class ErrorEstimate:
         # The model of the correction, a random walk, applies to the change since the first run. It
         # does not apply to the remaining error, which has peaks at reversals and corners.
         moved = lifted.respond(best.q - runs[0].q)
-        remaining = np.mean([x.error for x in equal], axis=0) - moved
+        error = np.mean([x.error for x in equal], axis=0)
+        rest = np.mean([x.rest for x in equal], axis=0)
+        # The errors in the last REST_TIME stand for the errors of the arm at rest.
+        later = np.any([x.rests_later for x in equal], axis=0)
+        error[lifted.is_rest] = np.where(later, rest, error[lifted.is_rest])
+        remaining = error - moved
         noise = best.noise**2 / self.count + MODEL_ERROR**2 * (remaining**2).mean(axis=0)
         penalty = lifted.choose_penalty(remaining, float(np.mean(noise)))
-        change, response = lifted.correct(remaining, penalty)
+        # The last set-point determines where a joint rests, also after the times of the model.
+        last = np.where(later, best.q[-1] - rest - runs[0].q[-1], np.nan)
+        change, response = lifted.correct(remaining, penalty, last)
         self.q = np.asarray(runs[0].q + change)
         self.error = moved - response
         self.repeats = lifted.measure_tool_error(self.error).rms
@@ -161,7 +182,8 @@ def learn(
 
     After each further run, pass the returned result and the log of its execution. Errors that
     repeat are distinguished from other errors if there are logs of several runs of the same
-    set-points. If the log contradicts the servo, learning ends, and `reason` states the deviation.
+    set-points. If the first log contradicts the servo, the servo that is identified from this log
+    is used. If it does not fit either, learning ends, and `reason` states the deviation.
 
     >>> improved = ac.learn(set_points, executed, arm=arm, servo=servo)
     >>> improved.q.shape[1], len(improved.runs)
@@ -173,7 +195,8 @@ def learn(
         executed: Motion of the joints, for one run or several runs: an execution, a log whose
             set-points determine the clock, or a recording of only joint positions.
         arm: The nominal arm. If it has masses and the servo is of second order, the response is
-            that of rigid bodies with drives, otherwise that of independent servos.
+            that of rigid bodies with drives or of independent servos, whichever the first log
+            supports.
         servo: The nominal servo, whose response is used.
         limits: Limits of the controller, as in `compensate`; by default the limits of the plan,
             unless the set-points of the last run exceed them.
@@ -187,21 +210,102 @@ def learn(
     if not logs:
         raise InvalidInput("The number of logs must be at least one, but is 0.")
     recordings = [record(x, set_points) for x in logs]
-    lifted = _make_lifted_model(set_points, recordings, Nominal(arm, servo, gravity_feedforward))
+    nominal = Nominal(arm, servo, gravity_feedforward)
+    chosen = _choose_model(set_points, recordings, nominal)
+    lifted = chosen.lifted
     new = tuple(_measure_errors(lifted, set_points, x) for x in recordings)
+    if chosen.note:
+        new = tuple(replace(x, notes=(*x.notes, chosen.note)) for x in new)
     for recording, run in zip(recordings, new, strict=True):
         log_alignment.require_same_set_points(recording, run, set_points)
-    return _learn_next(set_points, lifted, new, limits)
+    return _learn_next(set_points, chosen, new, limits)
+
+
+class Chosen(NamedTuple):
+    """The lifted model that the first log supports."""
+
+    lifted: Lifted
+    model: str  # As in `LearningResult`
+    note: str = ""  # Sentence on a servo that contradicts the log, or empty
+
+
+def _choose_model(
+    set_points: SetPoints, recordings: Sequence[Recording], nominal: Nominal
+) -> Chosen:
+    """Model of the earlier runs, or the model that the first log supports.
+
+    The models are rigid bodies with drives, if the arm has masses, and independent servos. If the
+    log contradicts both, the servo is identified from this log.
+    """
+    if isinstance(set_points, LearningResult):
+        lifted = set_points.lifted
+        if lifted is None:
+            nominal = nominal._replace(servo=set_points.servo)
+            if set_points.model != RIGID_BODIES:
+                nominal = nominal.without_bodies()
+            lifted = Lifted(set_points, nominal, len(set_points.runs[0].error))
+        return Chosen(lifted, set_points.model)
+    candidates = [_linearize(nominal)]
+    if candidates[0].drives is not None:
+        candidates.append(_linearize(nominal.without_bodies()))
+    recording = recordings[0]
+    best: Lifted | None = None
+    least = math.inf
+    refused: InvalidInput | None = None
+    for candidate in candidates:
+        try:
+            lifted = _make_lifted_model(set_points, recordings, candidate)
+            misfit = _compare(lifted, set_points, recording).largest
+        except InvalidInput as error:
+            # A log that does not agree at all with one model can agree with the other.
+            refused = refused or error
+            continue
+        if best is None or misfit < least:
+            best = lifted
+            least = misfit
+        if least < CERTAIN_MISFIT:
+            break
+    if best is None:
+        assert refused is not None
+        raise refused
+    if least > MAX_MISFIT and (servo := _identify_servo(set_points, recording, nominal)):
+        identified = _linearize(nominal.without_bodies()._replace(servo=servo))
+        lifted = _make_lifted_model(set_points, recordings, identified)
+        if _compare(lifted, set_points, recording).largest < IDENTIFIED_MISFIT:
+            measured = log_alignment.align(recording, best, set_points).measured
+            described = _describe_contradiction(best, set_points.q, measured, recording)
+            note = f"{described}. Learning uses the servo that was identified from this log."
+            return Chosen(lifted, IDENTIFIED_SERVOS, note)
+    return Chosen(best, best.nominal.model)
+
+
+def _identify_servo(
+    set_points: SetPoints, recording: Recording, nominal: Nominal
+) -> ServoModel | None:
+    """Servo that is identified from a recording; None if the recording does not determine one."""
+    kind = nominal.servo.interpolation
+    command = recording.command
+    if command is None and recording.in_plan_time:
+        command = interpolate(recording.t, set_points.t, set_points.q)
+    if command is None or kind not in INTERPOLATIONS:
+        return None
+    try:
+        log = Log(
+            t=recording.t,
+            command=command,
+            measured=recording.q,
+            interpolation=kind,
+            source=recording.source,
+        )
+        return identify(log).servo_model()
+    except InvalidInput:
+        return None
 
 
 def _make_lifted_model(
     set_points: SetPoints, recordings: Sequence[Recording], nominal: Nominal
 ) -> Lifted:
-    """Lifted model: that of the earlier runs, or a new one that lasts until the arm is at rest."""
-    if isinstance(set_points, LearningResult):
-        nominal = nominal._replace(servo=set_points.servo)
-        return set_points.lifted or Lifted(set_points, nominal, len(set_points.runs[0].error))
-    nominal = nominal._replace(servo=_linearize(nominal.servo, nominal.arm))
+    """Lifted model that lasts until the arm is at rest."""
     lifted = Lifted(set_points, nominal)
     end = max(log_alignment.find_rest(x, lifted, set_points) for x in recordings)
     if end > lifted.t[-1]:
@@ -210,23 +314,25 @@ def _make_lifted_model(
     return lifted
 
 
-def _linearize(servo: ServoModel, arm: Arm) -> ServoModel:
-    """Linear servo model with values per joint, for the lifted response."""
+def _linearize(nominal: Nominal) -> Nominal:
+    """The nominal robot with a linear servo with values per joint, for the lifted response."""
     # Friction is removed, because its effect is learned. A pure delay becomes order "first" with
     # velocity feed-forward 1. With rigid bodies, a drive cycle is replaced by a dead time of half a
     # drive cycle.
-    servo = servo.replace(friction=0.0).for_joints(arm.dof)
+    arm = nominal.arm
+    servo = nominal.servo.replace(friction=0.0).for_joints(arm.dof)
     if servo.drive_cycle and arm.has_bodies and servo.replace(drive_cycle=0.0).is_plain("second"):
         dead_time = np.minimum(servo.dead_time + servo.drive_cycle / 2, LONGEST_DEAD_TIME)
         servo = servo.replace(drive_cycle=0.0, dead_time=dead_time)
     loop = np.isfinite(servo.kp)
     orders = np.broadcast_to(servo.order, loop.shape)
-    return servo.replace(
+    servo = servo.replace(
         order=tuple(np.where(loop, orders, "first")),
         kp=np.where(loop, servo.kp, TYPICAL_GAIN),
         velocity_feedforward=np.where(loop, servo.velocity_feedforward, 1.0),
         acceleration_feedforward=np.where(loop, servo.acceleration_feedforward, 0.0),
     )
+    return nominal._replace(servo=servo)
 
 
 def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording) -> LearningRun:
@@ -236,7 +342,6 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
         before = set_points.runs[set_points.best]
         added = lifted.respond(set_points.q - before.q)
         expected = lifted.planned + smooth_error(lifted, before.error, before.noise) + added
-    arm = set_points.trajectory.arm
     aligned = log_alignment.align(recording, lifted, set_points, expected)
     offset, rate, measured, noise = aligned
     error = measured - lifted.planned
@@ -245,20 +350,42 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
     smooth = smooth_error(lifted, error, noise)
     plan_times = offset + rate * recording.t
+    rest = log_alignment.measure_rest(recording, aligned, lifted, set_points)
+    resting = np.concatenate([rest.positions[None], rest.measured]) - lifted.planned[-1]
+    at_rest = lifted.measure_rest(resting)
+    tool = lifted.measure_tool_error(smooth)
+    tool = tool._replace(tool_max=max(tool.tool_max, at_rest.tool))
+    if tool.contour_max is not None and at_rest.contour is not None:
+        tool = tool._replace(contour_max=max(tool.contour_max, at_rest.contour))
     return LearningRun(
-        q=set_points.q, error=error, noise=noise,
+        q=set_points.q, error=error, noise=noise, rest=resting[0],
+        rests_later=rest.later, tool_rest=at_rest.tool,
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
-        offset=offset, rate=rate, source=recording.source, notes=recording.notes,
+        offset=offset, rate=rate, source=recording.source,
+        notes=(*recording.notes, *_describe_creep(recording.source, rest.creeps)),
         set_points_off=log_alignment.set_points_off(plan_times, recording.command, set_points),
-        prismatic=() if arm is None or arm.chain.prismatic is None else arm.chain.prismatic,
-        **lifted.measure_tool_error(smooth)._asdict(),
+        prismatic=lifted.prismatic,
+        **tool._asdict(),
     )  # fmt: skip
 
 
+def _describe_creep(source: str, creeps: BoolArray) -> list[str]:
+    """Sentence about the joints that still move at the end of a recording."""
+    joints = [f"joint {j + 1}" for j in np.flatnonzero(creeps)]
+    if not joints:
+        return []
+    return [
+        f"At the end of {source}, {', '.join(joints)} still creeps, as with an integrator in the "
+        "velocity loop, and is assumed to come to rest at the last set-point. Record a longer rest "
+        "to measure this."
+    ]
+
+
 def _learn_next(
-    set_points: SetPoints, lifted: Lifted, new: tuple[LearningRun, ...], limits: Limits | None
+    set_points: SetPoints, chosen: Chosen, new: tuple[LearningRun, ...], limits: Limits | None
 ) -> LearningResult:
     """Learn from the new runs and from the earlier runs of the set-points."""
+    lifted = chosen.lifted
     last = set_points if isinstance(set_points, LearningResult) else None
     earlier, setbacks = (last.runs, last.setbacks) if last else ((), 0)
     runs = (*earlier, *new)
@@ -282,21 +409,19 @@ def _learn_next(
     for k in range(setbacks, setbacks + TRIALS):
         requested = best.q + SETBACK_STEP**k * change
         q, reason = _keep_limits(set_points, requested, best.q, applied, fastest)
-        expected = float(lifted.measure_tool_error(estimate.error + lifted.respond(q - best.q)).rms)
-        if useful := expected * USEFUL_FACTOR < estimate.repeats:
+        left = lifted.measure_tool_error(estimate.error + lifted.respond(q - best.q)).rms
+        if useful := left * USEFUL_FACTOR < estimate.repeats:
             break
     end = _reason_to_finish(lifted, runs, estimate, setbacks)
     if not (end or useful):
         end = f"no change reduces the error by more than {USEFUL_FACTOR - 1:.0%}"
         end += f", because {reason}" if reason else ""
-    # The model and the noise limit what the next run can reach.
-    floor = MODEL_ERROR * best.rms, estimate.noise or 0.0
     return LearningResult(
         cycle=set_points.cycle, q=best.q if end else q, trajectory=set_points.trajectory,
         method="learning", start_time=set_points.start_time, command_limits=command_limits,
         servo=lifted.nominal.servo, lifted=lifted, runs=runs, best=estimate.best,
         repeats=estimate.repeats, noise=estimate.noise, setbacks=setbacks, finished=bool(end),
-        reason=end or reason, expected=None if end else math.hypot(expected, *floor),
+        reason=end or reason, model=chosen.model,
     )  # fmt: skip
 
 
@@ -315,22 +440,58 @@ def _reason_to_finish(
     return f"{reason}, so identify the servo" if unproven else reason
 
 
-def _contradiction(lifted: Lifted, run: LearningRun) -> str:
-    """Reason to identify the servo before learning; empty if the log agrees with the servo."""
+class Misfit(NamedTuple):
+    """RMS deviations of the joints in a run, without constant ones [rad], (dof,) each."""
+
+    model: FloatArray  # Deviations from the simulation with the servo
+    lag: FloatArray  # Deviations from the set-points
+
+    @property
+    def ratios(self) -> FloatArray:
+        """Deviations from the simulation relative to those from the set-points, (dof,)."""
+        return np.asarray(self.model / np.maximum(self.lag, LEAST_LAG * self.lag.max()))
+
+    @property
+    def largest(self) -> float:
+        """Largest ratio of a joint."""
+        return float(np.max(self.ratios))
+
+
+def _compare(lifted: Lifted, set_points: SetPoints, recording: Recording) -> Misfit:
+    """Compare a recording with the simulation of its set-points."""
+    measured = log_alignment.align(recording, lifted, set_points).measured
+    return _find_misfit(lifted, set_points.q, measured)
+
+
+def _find_misfit(lifted: Lifted, q: FloatArray, measured: FloatArray) -> Misfit:
+    """Misfit of measured positions at the model's times, (n, dof), with set-points q [rad]."""
     # Constant deviations, such as from gravity, are no errors of the servo.
     times = np.asarray(lifted.start + lifted.cycle * np.arange(lifted.count), dtype=float)
+    misfit = (measured - lifted.expected(q)).std(axis=0)
+    lag = (measured - interpolate(lifted.t, times, q)).std(axis=0)
+    return Misfit(misfit, lag)
+
+
+def _contradiction(lifted: Lifted, run: LearningRun) -> str:
+    """Reason to identify the servo before learning; empty if the log agrees with the servo."""
     measured = lifted.planned + run.error
-    misfit = (measured - lifted.expected(run.q)).std(axis=0)
-    lag = (measured - interpolate(lifted.t, times, run.q)).std(axis=0)
-    ratios = misfit / np.maximum(lag, LEAST_LAG * lag.max())
-    j = int(np.argmax(ratios))
-    if not ratios[j] > MAX_MISFIT:
+    if not _find_misfit(lifted, run.q, measured).largest > MAX_MISFIT:
         return ""
-    unit = shared_unit("mrad", run.prismatic[j : j + 1])
+    described = _describe_contradiction(lifted, run.q, measured, run)
+    return f"{described}. Identify the servo first"
+
+
+def _describe_contradiction(
+    lifted: Lifted, q: FloatArray, measured: FloatArray, run: LearningRun | Recording
+) -> str:
+    """Clause on the joint that contradicts the servo most; arguments as of `_find_misfit`."""
+    found = _find_misfit(lifted, q, measured)
+    j = int(np.argmax(found.ratios))
+    unit = shared_unit("mrad", lifted.prismatic[j : j + 1])
     return (
-        f"{run.source} contradicts the servo: joint {j + 1} deviates by {misfit[j] * 1e3:.3g} "
-        f"{unit} RMS from the simulation with the servo, but by {lag[j] * 1e3:.3g} {unit} from its "
-        "set-points. Identify the servo first"
+        f"{run.source} contradicts the servo: joint {j + 1} deviates by {found.model[j] * 1e3:.3g} "
+        f"{unit} RMS from the simulation with {lifted.nominal.model}, but by "
+        f"{found.lag[j] * 1e3:.3g} {unit} from its set-points"
     )
 
 

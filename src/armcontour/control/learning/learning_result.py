@@ -7,10 +7,13 @@ from typing import Annotated
 
 import numpy as np
 
-from armcontour.control.identification.joint_fit import split_logs
-from armcontour.control.identification.model_selection import LEAST_SHARE, find_saturation
-from armcontour.control.learning.lifted_model import Lifted
-from armcontour.core.checks import FloatArray
+from armcontour.control.identification.joint_fit import Search, split_logs
+from armcontour.control.identification.model_selection import (
+    LEAST_SHARE,
+    find_supported_saturation,
+)
+from armcontour.control.learning.lifted_model import INDEPENDENT_SERVOS, Lifted
+from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Quantity, shared_unit
@@ -18,12 +21,14 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.log import renew_positions
+from armcontour.motion.log import regularize_times, renew_positions
 from armcontour.motion.log_checks import check_gaps
 from armcontour.robot.servo import ServoModel
 
 # Largest difference of an execution's set-points from the set-points of the run [rad].
 SET_POINT_TOLERANCE = 1e-9
+# Longest dead time of the models that confirm saturation [s].
+SEARCHED_DEAD_TIME = 0.25
 # Consequence of saturation.
 SATURATED = "Learning assumes a linear response. Plan with a larger reserve."
 
@@ -92,10 +97,11 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
             ),
         )
     elif isinstance(executed, Log):
-        log, repeats = renew_positions(executed)
+        timed, jitter = regularize_times(executed)
+        log, repeats = renew_positions(timed)
         recording = Recording(
             t=log.t, q=log.measured, command=log.command, source=log.source,
-            notes=(*repeats, *_describe_saturation(log)),
+            notes=(*jitter, *repeats, *_describe_saturation(log)),
         )  # fmt: skip
     elif isinstance(executed, Recording):
         recording = executed
@@ -115,10 +121,15 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
 
 def _describe_saturation(log: Log) -> list[str]:
     """Sentences about the joints that saturate in a log."""
-    every = [split_logs([log], j, "linear") for j in range(log.dof)]
-    found = [find_saturation(x) if x else None for x in every]
-    joints = zip(log.joint_names, log.prismatic, found, strict=True)
-    return [f"{x.describe(n, prismatic=slides)}. {SATURATED}" for n, slides, x in joints if x]
+    longest = min(SEARCHED_DEAD_TIME, float(np.ptp(log.t)) / 4)
+    search = Search(longest, 0.0, ("delay", "first", "second"))
+    sentences = []
+    for j, (name, slides) in enumerate(zip(log.joint_names, log.prismatic, strict=True)):
+        segments = split_logs([log], j, "linear")
+        found = find_supported_saturation(segments, search)[0] if segments else None
+        if found is not None:
+            sentences.append(f"{found.describe(name, prismatic=slides)}. {SATURATED}")
+    return sentences
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,12 +143,18 @@ class LearningRun(Result, Checked):
         error: Measured deviations of the joints from the plan, with noise, at the times
             `LearningResult.lifted.t` [rad], (m, dof).
         noise: Standard deviation of the white noise in `error` [rad], (dof,).
+        rest: Deviations of the joints from the end of the plan where they come to rest after the
+            last set-point [rad], (dof,).
+        rests_later: Whether each joint comes to rest after the times of `error`, (dof,).
         joint_rms: RMS error of each joint [rad], (dof,).
         joint_max: Largest error of each joint [rad], (dof,).
         tool_rms: RMS distance of the tool from its planned position at the same time [m].
-        tool_max: Largest distance of the tool from its planned position at the same time [m].
+        tool_max: Largest distance of the tool from its planned position at the same time, also at
+            rest [m].
+        tool_rest: Distance of the tool from the end of the plan where it comes to rest [m].
         contour_rms: RMS distance of the tool from its path [m]; None if the plan has no path.
-        contour_max: Largest distance of the tool from its path [m]; None if the plan has no path.
+        contour_max: Largest distance of the tool from its path, also at rest [m]; None if the plan
+            has no path.
         offset: Time of the plan at which the clock of the log is 0 [s].
         rate: Time of the plan per time of the log.
         set_points_off: RMS difference of the set-points in the log from those of the run [rad]; 0
@@ -150,10 +167,13 @@ class LearningRun(Result, Checked):
     q: FloatArray
     error: FloatArray
     noise: FloatArray
+    rest: FloatArray
+    rests_later: BoolArray
     joint_rms: FloatArray
     joint_max: FloatArray
     tool_rms: float
     tool_max: float
+    tool_rest: float = 0.0
     contour_rms: float | None = None
     contour_max: float | None = None
     offset: float = 0.0
@@ -178,6 +198,7 @@ class LearningRun(Result, Checked):
                 Row("contour_max", self.contour_max, "m", largest, "", FIRST),
                 Row("tool_rms", self.tool_rms, "m", "tracking error, RMS", level=level),
                 Row("tool_max", self.tool_max, "m", "tracking error, largest", level=level),
+                Row("tool_rest", self.tool_rest, "m", "error at rest"),
                 Row("offset", self.offset, "s"),
                 Row("begin", -self.offset / self.rate, "s", "begins in the log at", "", FIRST),
                 Row("rate", self.rate),
@@ -203,7 +224,8 @@ class LearningResult(Result, SetPoints):
 
     Args:
         runs: The runs so far, in order.
-        servo: The servo whose response is used for learning, as specified for the first run.
+        servo: The servo whose response is used for learning, as specified for the first run or as
+            identified from its log.
         best: Index of the run with the smallest measured error.
         repeats: RMS of the mean error of all runs with the set-points of the best run [m].
         noise: RMS error that differs between runs of equal set-points [m]; None if there are no
@@ -212,7 +234,8 @@ class LearningResult(Result, SetPoints):
         finished: True if no further improvement is expected. The set-points are then those of the
             best run.
         reason: Reason why learning is finished, or limit that restricts the step; may be empty.
-        expected: RMS error expected of the next run, if `servo` is exact [m]; None if finished.
+        model: Model whose response is used: "rigid bodies" or "independent servos", whichever the
+            first log supports, or "independent servos identified from the first log".
         lifted: The linear model, reused from run to run because computing it takes most of the
             time; None computes it again.
 
@@ -228,7 +251,7 @@ class LearningResult(Result, SetPoints):
     setbacks: int = 0
     finished: bool = False
     reason: str = ""
-    expected: float | None = None
+    model: str = INDEPENDENT_SERVOS
     lifted: Lifted | None = field(default=None, repr=False)
 
     def _check_together(self) -> None:
@@ -243,15 +266,12 @@ class LearningResult(Result, SetPoints):
             f"Learning from {count_noun(len(self.runs), 'run')}: "
             f"{count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}",
             (
-                Row(
-                    "expected", self.expected, "m", "next run, RMS",
-                    "expected; play its set-points and add the log", FIRST,
-                ),
                 Row("finished", self.finished, "", "finished", self.reason, VERDICT),
                 Row("first", self.runs[0].rms, "m", "before learning, RMS", level=FIRST),
                 Row("remaining", self.remaining, "m", "best run, RMS", best, FIRST),
                 Row("repeats", self.repeats, "m"),
                 Row("does_not_repeat", self.noise, "m", "does not repeat, RMS", level=FIRST),
+                Row("model", self.model, "", "model", level=FIRST),
                 Row("best", self.best + 1),
                 Row("setbacks", self.setbacks, "", "setbacks"),
                 Row("reason", self.reason),

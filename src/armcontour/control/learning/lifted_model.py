@@ -14,7 +14,7 @@ from scipy.sparse import block_array, block_diag, coo_array, csc_array, diags_ar
 from scipy.sparse.linalg import splu
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampled_data import interpolate
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import GAP
@@ -45,8 +45,16 @@ FIRST_PENALTY = 1e-3
 BRIDGE_ITERATIONS = 10
 # Relative error of the model that the estimate in gaps of a log assumes.
 BRIDGE_ERROR = 1e-3
-# Number of cached factorizations; the final step of a search for the penalty compares three.
-MAX_FACTORS = 3
+# Number of cached factorizations; the final step of a search for the penalty compares three, and
+# the correction with a given last set-point requires one more.
+MAX_FACTORS = 4
+# Penalty on the deviation of the last set-point from a given one, relative to the weight of an
+# error at one time.
+LAST_PENALTY = 1e10
+# Names of the models.
+RIGID_BODIES = "rigid bodies"
+INDEPENDENT_SERVOS = "independent servos"
+IDENTIFIED_SERVOS = "independent servos identified from the first log"
 
 
 class ToolError(NamedTuple):
@@ -61,6 +69,13 @@ class ToolError(NamedTuple):
     def rms(self) -> float:
         """RMS error by which runs are compared [m]: contour error, or tool error without a path."""
         return self.tool_rms if self.contour_rms is None else self.contour_rms
+
+
+class RestError(NamedTuple):
+    """Largest errors of the tool at rest after a run [m]."""
+
+    tool: float  # Distance from the end of the plan
+    contour: float | None  # Distance from the path; None if the plan has no path
 
 
 class Nominal(NamedTuple):
@@ -78,6 +93,16 @@ class Nominal(NamedTuple):
         """The drives that move the rigid bodies; None for a model of independent servos."""
         moved = self.arm.has_bodies and self.servo.is_plain("second")
         return Drives(**self._asdict()) if moved else None
+
+    @property
+    def model(self) -> str:
+        """RIGID_BODIES or INDEPENDENT_SERVOS."""
+        return INDEPENDENT_SERVOS if self.drives is None else RIGID_BODIES
+
+    def without_bodies(self) -> Nominal:
+        """Return the nominal robot whose joints move independently, as their servos."""
+        chain = self.arm.chain.replace(masses=None)
+        return self._replace(arm=self.arm._copy(chain=chain))
 
 
 class _Term(NamedTuple):
@@ -134,13 +159,20 @@ class Lifted:
         response = respond_along(self.plan.with_rests, t, **nominal._asdict())
         self._left, self._means, self._unseen = response.equations()
         # The last set-point is held, so errors at rest count as if they lasted for HELD_TIME.
-        self.weight = np.where(t > t[-1] - REST_TIME, HELD_TIME / REST_TIME, 1.0)[:, None]
+        self.is_rest = t > t[-1] - REST_TIME
+        self.weight = np.where(self.is_rest, HELD_TIME / REST_TIME, 1.0)[:, None]
         weights = diags_array(np.repeat(1 / self.weight, self.dof))
         self._weighted = csc_array(weights @ self._left.T)
         self._solve = splu(self._left, permc_spec="NATURAL")
-        self._factors: dict[float, tuple[Any, IntArray, float]] = {}
+        self._factors: dict[tuple[float, bytes], tuple[Any, IntArray, float]] = {}
         self._penalty = FIRST_PENALTY
         self._weights: dict[tuple[str, float], tuple[IntArray, FloatArray]] = {}
+
+    @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Whether each joint is prismatic; empty if none is."""
+        arm = self.plan.arm
+        return () if arm is None or arm.chain.prismatic is None else arm.chain.prismatic
 
     @cached_property
     def _terms(self) -> list[_Term]:
@@ -213,19 +245,25 @@ class Lifted:
         """Joint positions of the nominal robot with set-points q [rad], (n, dof)."""
         return self.planned + self._respond_to(self._command(q) - self._needed)
 
-    def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
+    def correct(
+        self, error: FloatArray, penalty: float, last: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Change of the set-points that removes an error, and the response of the joints [rad].
 
         The change du minimises `W |error + P du|² + penalty |L du|²`, where W weights the times,
         and L takes differences of consecutive set-points. error (n, dof), change (count, dof).
 
         `penalty` is the variance of the noise divided by the variance of the differences of
-        set-points.
+        set-points. `last` is a given change of the last set-point [rad], (dof,), nan for joints
+        whose change is free; None if all are free.
         """
-        factors, order, _ = self._factored(penalty)
+        held = np.full(self.dof, False) if last is None else np.isfinite(last)
+        factors, order, _ = self._factored(penalty, held)
         flat = error.ravel()
         right = np.zeros(len(order))
         right[: flat.size] = -(self._left @ flat)
+        if last is not None:
+            right[-self.dof :] = -LAST_PENALTY * np.where(held, last, 0.0)
         solution = np.empty_like(right)
         solution[order] = factors.solve(right[order])
         change = solution[flat.size :].reshape(self.count, self.dof)
@@ -235,24 +273,37 @@ class Lifted:
         """Part of an error that a disturbance of the drives explains [rad], (n, dof)."""
         return -self.correct(error, penalty)[1]
 
-    def _factored(self, penalty: float) -> tuple[Any, IntArray, float]:
-        """Factorization of the optimality conditions, ordering of unknowns, and log determinant."""
+    def _factored(
+        self, penalty: float, held: BoolArray | None = None
+    ) -> tuple[Any, IntArray, float]:
+        """Factorization of the optimality conditions, ordering of unknowns, and log determinant.
+
+        `held` is the mask of the joints whose change of the last set-point is given, (dof,).
+        """
         # The conditions of the minimum over x and du subject to A x = B du, with multipliers y and
         # with `x = -error - A' y / W` eliminated, are [[AA' / W, B], [B', -penalty L'L]]. It is
         # quasi-definite, so no pivoting is required. The unknowns are in the order of their times.
-        if penalty not in self._factors:
+        held = np.full(self.dof, False) if held is None else held
+        key = penalty, held.tobytes()
+        if key not in self._factors:
             while len(self._factors) >= MAX_FACTORS:
                 del self._factors[next(iter(self._factors))]
             conditions, jumps, order = self._conditions
+            matrix = conditions - penalty * jumps
+            if held.any():
+                # The last set-points are the last of all unknowns.
+                last = np.zeros(len(order))
+                last[-self.dof :] = LAST_PENALTY * held
+                matrix = csc_array(matrix - diags_array(last[order]))
             factors = splu(
-                conditions - penalty * jumps,
+                matrix,
                 permc_spec="NATURAL",
                 diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True},
             )
             size = float(np.log(np.abs(factors.U.diagonal())).sum())
-            self._factors[penalty] = factors, order, size
-        return self._factors[penalty]
+            self._factors[key] = factors, order, size
+        return self._factors[key]
 
     @cached_property
     def _conditions(self) -> tuple[csc_array, csc_array, IntArray]:
@@ -359,6 +410,16 @@ class Lifted:
         contour = np.concatenate(distances)
         moving = contour if self.plan.path is None else contour[:end]
         return ToolError(*whole, rms(moving), float(contour.max()))
+
+    def measure_rest(self, error: FloatArray) -> RestError:
+        """Largest errors of the tool at rest due to errors of the joints [rad], (n, dof)."""
+        end = self.planned[-1]
+        planned = self.nominal.arm.tool_position(end[None])
+        tool = self.nominal.arm.tool_position(end + error)
+        largest = float(np.linalg.norm(tool - planned, axis=1).max())
+        if self.plan.path is None:
+            return RestError(largest, None)
+        return RestError(largest, float(self.plan.path.project(tool).distance.max()))
 
 
 def rms(values: FloatArray) -> float:

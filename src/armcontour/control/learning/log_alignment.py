@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
 
 from armcontour.control.learning.learning_result import LearningResult, LearningRun, Recording
 from armcontour.control.learning.lifted_model import REST_TIME, Lifted, rms
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import any_unit
 from armcontour.core.sampled_data import interpolate, white_noise
@@ -48,6 +49,18 @@ NEARER = 0.5
 REST_SIGMAS = 6.0
 # A joint also rests if it has moved by at most this [rad].
 REST_MOTION = 1e-6
+# Number of decay rates that are tried for the motion of a joint to its rest position.
+RATE_COUNT = 24
+# Slowest decay rate that is tried [1/s].
+SLOWEST_RATE = 0.3
+# Fastest decay rate that is tried, and rate below which a joint creeps [position loop gains].
+FASTEST_RATE = 4.0
+CREEP_RATE = 0.6
+# A joint still moves at the end of a recording if the fitted remaining motion exceeds this multiple
+# of its standard deviation.
+CREEP_SIGMAS = 5.0
+# Fewest samples from which a decay is fitted.
+FEWEST_REST_SAMPLES = 8
 
 
 class AlignedRecording(NamedTuple):
@@ -137,6 +150,88 @@ def find_rest(recording: Recording, lifted: Lifted, set_points: SetPoints) -> fl
     rests = (moved <= np.maximum(REST_SIGMAS * aligned.noise, REST_MOTION)).all(axis=1)
     times = t[rests & (t >= set_points.t[-1] + REST_TIME)]
     return float(times[0]) if len(times) else 0.0
+
+
+class Rest(NamedTuple):
+    """Rest of the joints after the last set-point of a recording."""
+
+    positions: FloatArray  # Positions at which the joints come to rest [rad], (dof,)
+    creeps: BoolArray  # Mask of the joints that still creep at the end of the recording, (dof,)
+    later: (
+        BoolArray  # Mask of the joints that rest elsewhere than in the model's last times, (dof,)
+    )
+    # Measured positions after the times of the model, averaged over REST_TIME [rad], (n, dof).
+    measured: FloatArray
+
+
+def measure_rest(
+    recording: Recording, aligned: AlignedRecording, lifted: Lifted, set_points: SetPoints
+) -> Rest:
+    """Determine where the joints come to rest.
+
+    After the last set-point, a joint moves as `c + a exp(-r t)`. If the motion that remains at the
+    end of the recording is noise, the joint rests at its mean position in the last REST_TIME.
+    Otherwise it rests at c. If the motion is slower than the position loop and goes to the last
+    set-point, the joint creeps: the integrator of its velocity loop moves it to the last set-point.
+    Other slow motions are drift or friction, and count as rest.
+    """
+    servo = lifted.nominal.servo
+    times = aligned.offset + aligned.rate * recording.t
+    reached = float(set_points.t[-1]) + servo.dead_time + 1 / servo.kp
+    positions = np.empty(lifted.dof)
+    creeps = np.full(lifted.dof, False)
+    for j in range(lifted.dof):
+        start = min(float(reached[j]), float(times[-1]) - REST_TIME)
+        some = times >= start
+        t = times[some] - start
+        q = recording.q[some, j]
+        positions[j] = float(q[t >= t[-1] - REST_TIME].mean())
+        if len(t) < FEWEST_REST_SAMPLES:
+            continue
+        decay = fit_decay(t, q, float(servo.kp[j]))
+        noise = max(float(aligned.noise[j]), decay.error)
+        if abs(decay.remaining) <= max(CREEP_SIGMAS * noise * decay.deviation, REST_MOTION):
+            continue
+        last = float(set_points.q[-1, j])
+        if decay.rate >= CREEP_RATE * servo.kp[j]:
+            positions[j] = decay.end
+        elif abs(last - decay.end) <= abs(decay.remaining):
+            creeps[j] = True
+            positions[j] = last
+    count = max(round(REST_TIME / (recording.interval * aligned.rate)), 1)
+    change = np.abs(positions - aligned.measured[lifted.is_rest].mean(axis=0))
+    moves = change > np.maximum(REST_SIGMAS * aligned.noise / np.sqrt(count), REST_MOTION)
+    after = recording.q[times > lifted.t[-1]]
+    if len(after) < count:
+        return Rest(positions, creeps, creeps, after[:0])
+    return Rest(positions, creeps, creeps | moves, uniform_filter1d(after, count, axis=0))
+
+
+class Decay(NamedTuple):
+    """Motion `end + a exp(-rate t)` of a joint to its rest position."""
+
+    end: float  # Rest position [rad]
+    rate: float  # [1/s]
+    remaining: float  # a exp(-rate t) at the last time [rad]
+    deviation: float  # Standard deviation of `remaining` with white noise of 1 rad [rad]
+    error: float  # RMS deviation of the positions from this motion [rad]
+
+
+def fit_decay(t: FloatArray, q: FloatArray, gain: float) -> Decay:
+    """Fit a decay to positions q [rad] at times t [s], (n,); `gain` of the position loop [1/s]."""
+    best: Decay | None = None
+    for rate in np.geomspace(SLOWEST_RATE, FASTEST_RATE * gain, RATE_COUNT):
+        shape = np.exp(-rate * t)
+        columns = np.stack([np.ones_like(t), shape], axis=1)
+        (end, size), *_ = np.linalg.lstsq(columns, q, rcond=None)
+        error = rms(q - columns @ np.array([end, size]))
+        if best is None or error < best.error:
+            spread = float(np.linalg.norm(shape - shape.mean()))
+            deviation = float(shape[-1]) / max(spread, 1e-300)
+            remaining = float(size * shape[-1])
+            best = Decay(float(end), float(rate), remaining, deviation, error)
+    assert best is not None
+    return best
 
 
 def require_same_set_points(recording: Recording, run: LearningRun, set_points: SetPoints) -> None:

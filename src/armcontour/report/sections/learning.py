@@ -72,11 +72,6 @@ def _over_runs(study: LearningStudy) -> Figure:
         level = np.full(count, noise * 1e3)
         name = "does not repeat"
         curves.append(Curve(x=runs, y=level, name=name, colour=LINES["objective"], dash=LIMIT_DASH))
-    if (expected := study.lesson.expected) is not None:
-        y = np.array([rms[study.lesson.best], expected * 1e3])
-        x = np.array([study.lesson.best + 1.0, count + 1.0])
-        name = "expected RMS of the next run"
-        curves.append(Curve(x=x, y=y, name=name, colour=LINES["executed"], dash=LIMIT_DASH))
     plot = Plot(
         label="error of the tool [mm]",
         x_label="run",

@@ -60,7 +60,7 @@ MOVING_SHARE = 0.1
 PER_JOINT = (
     *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),
     *("acceleration_feedforward", "friction", "offset", "model_error", "logged_velocity"),
-    "logged_acceleration",
+    *("logged_acceleration", "logged_frequency"),
 )
 
 Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True, within=GAINS)]
@@ -146,8 +146,14 @@ class ServoModel(Checked):
             determined, one for all joints or one per joint; None if it is not known.
         logged_acceleration: Largest acceleration of that motion [rad/s²], one for all joints or one
             per joint; None if it is not known.
+        logged_frequency: Smallest frequency of a joint in one of the logs of that motion [1/s], its
+            largest acceleration divided by its largest velocity in this log; None if it is not
+            known. Then `logged_acceleration` divided by `logged_velocity` replaces it.
         contour_ratio: RMS contour error with compensation over that without it, on measured motion
-            to which the model was not fitted; None if it is not known.
+            to which the model was not fitted, in the worst log; None if it is not known.
+        program_ratio: The same in the worst of the logs that reverse about as slowly as the slowest
+            log, such as programs in contrast to multisines; None if it is not known. Then
+            `contour_ratio` replaces it.
         programs: Number of programs on which contour_ratio was determined; None if it is not known.
 
     Raises:
@@ -177,7 +183,9 @@ class ServoModel(Checked):
     logged_acceleration: (
         Annotated[FloatArray, Quantity("rad/s^2", "8 rad/s^2", within=LOGGED)] | None
     )
+    logged_frequency: Annotated[FloatArray, Quantity("1/s", "8 1/s", within=LOGGED)] | None
     contour_ratio: Annotated[float, Quantity("1", "40 %", within=(0.0, 1e9))] | None
+    program_ratio: Annotated[float, Quantity("1", "40 %", within=(0.0, 1e9))] | None
     programs: Annotated[int, AtLeast(1, 10**9)] | None
 
     def __init__(
@@ -199,7 +207,9 @@ class ServoModel(Checked):
         model_error: npt.ArrayLike | None = None,
         logged_velocity: npt.ArrayLike | None = None,
         logged_acceleration: npt.ArrayLike | None = None,
+        logged_frequency: npt.ArrayLike | None = None,
         contour_ratio: float | None = None,
+        program_ratio: float | None = None,
         programs: int | None = None,
     ) -> None:
         arguments = locals()
@@ -358,10 +368,10 @@ class ServoModel(Checked):
         )
 
     def is_similar(self, dq: FloatArray, ddq: FloatArray) -> bool:
-        """Return whether the logs contain motion that reverses about as slowly as this motion.
+        """Return whether one of the logs contains motion that reverses about as slowly as this.
 
         The frequency of a joint is its largest acceleration divided by its largest velocity. At
-        least one moving joint must have a frequency of at least that of the logs divided by
+        least one moving joint must have a frequency of at least that in one of the logs divided by
         MAX_FREQUENCY_RATIO.
 
         Args:
@@ -372,7 +382,9 @@ class ServoModel(Checked):
             return True
         velocity = np.abs(dq).max(axis=0)
         acceleration = np.abs(ddq).max(axis=0)
-        logged = self.logged_acceleration / np.maximum(self.logged_velocity, 1e-9)
+        logged = self.logged_frequency
+        if logged is None:
+            logged = self.logged_acceleration / np.maximum(self.logged_velocity, 1e-9)
         ratios = logged * velocity / np.maximum(acceleration, 1e-9)
         moving = velocity >= MOVING_SHARE * velocity.max()
         return bool(ratios[moving].min() <= MAX_FREQUENCY_RATIO)
