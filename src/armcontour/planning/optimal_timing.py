@@ -22,6 +22,7 @@ from armcontour.core.simd import choose, highest, load
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.motion.kernels import interval_time
 from armcontour.planning.constraints import Constraint, constraints_of, limits_on
+from armcontour.planning.even_parameter import replace_uneven_parameter
 from armcontour.planning.law_checks import raise_too_fast
 from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
@@ -235,6 +236,12 @@ def plan_optimal(
     """
     intervals = options.intervals
     grid = place_grid(joint_path, intervals)
+    # Speeds at the ends and constraints of the caller refer to the given parameter.
+    if not (options.start_speed or options.end_speed or options.constraints):
+        even = replace_uneven_parameter(grid)
+        if even is not None:
+            joint_path = even
+            grid = place_grid(joint_path, intervals)
     loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
     made = constraints_of(joint_path, arm, limits, options.from_limits)
     active = [*made, *options.constraints]
