@@ -8,6 +8,7 @@ from scipy.integrate import quad
 from scipy.special import gamma
 
 import armcontour as ac
+from armcontour.planning import optimal_timing
 from armcontour.planning.constraints import SecondOrder, constraints_of, limits_on
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
@@ -414,3 +415,15 @@ def test_a_limit_that_no_grid_resolves_is_refused_in_bounded_memory(refuses):
     )
     # Refined without a bound, 4000 intervals grow to more than a million.
     assert 10_000 < max(places) < 700_000
+
+
+def test_a_path_with_more_points_than_a_grid_is_refined_for_loss_is_planned(
+    monkeypatch, worst_ratios
+):
+    # As with 45,000 points and the usual numbers.
+    monkeypatch.setattr(optimal_timing, "MAX_REFINED", 3000)
+    monkeypatch.setattr(optimal_timing, "MAX_REFINED_OF_JOINTS", 60_000)
+    points = np.cumsum(np.random.default_rng(70001).normal(size=(900, 6)), 0) * 0.05
+    limits = ac.Limits(joint_velocity=2.0, joint_acceleration=10.0)
+    planned = ac.plan(ac.JointPath.spline(points), limits=limits)
+    assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9

@@ -86,7 +86,7 @@ def test_a_bent_joint_path_that_rests_at_a_point_is_refused(refuses):
     coefficients[1, 0, 0] = 0.1
     bent = ac.JointPath(breaks=path.breaks, coefficients=coefficients)
     limits = ac.Limits.only(joint_acceleration=2.0, joint_velocity=50.0)
-    refuses(lambda: ac.plan(bent, limits=limits), ac.NotRealizable, "too uneven there")
+    refuses(lambda: ac.plan(bent, limits=limits), ac.NotRealizable, "At s = ", "too uneven")
 
 
 def test_joint_paths_with_a_part_without_motion_are_refused(refuses):

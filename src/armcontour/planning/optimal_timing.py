@@ -78,7 +78,7 @@ MARGIN_GROWTH = 2.0
 # Largest share of a limit that margins may take after refinements.
 LAST_MARGIN = 0.2
 # Largest number of refinements of the grid.
-MAX_REFINEMENTS = 12
+MAX_REFINEMENTS = 20
 # The grid is also refined while the estimated loss of time exceeds this share of the duration. This
 # is the share for DEFAULT_INTERVALS; it is smaller if more intervals are requested. The estimate is
 # accurate within a factor of about three.
@@ -88,6 +88,11 @@ MAX_PARTS_AT_ONCE = 8
 # Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
 # grid is larger.
 MAX_REFINED = 300_000
+# The same number for refinement for margins with only velocities and accelerations of the joints,
+# which take less memory.
+MAX_REFINED_OF_JOINTS = 3_000_000
+# Factor by which numbers of parts decrease until they fit.
+FEWER = 0.8
 # With more than half of MAX_REFINED intervals, a refinement for loss must increase the number of
 # intervals by at least this factor.
 LEAST_GROWTH = 1.1
@@ -279,7 +284,7 @@ def time_optimal(
     s = 0.0
     best: tuple[Grid, GridPlan] | None = None
     shortest = math.inf
-    max_intervals = max(MAX_REFINED, 2 * len(grid))
+    first = len(grid)
     for k in range(MAX_REFINEMENTS):
         path = SampledJointPath(grid)
         limits = _add_stops(limits_on(path, active), grid)
@@ -304,7 +309,8 @@ def time_optimal(
             if best is not None:
                 break
             _refuse(grid, grid_plan, arm, rules)
-        parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
+        most = max(_affordable_intervals(limits), 2 * first)
+        parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), most)
         if parts.sum() == len(grid) and max_margin == LAST_MARGIN:
             break
         grid = split(grid, parts)
@@ -313,10 +319,26 @@ def time_optimal(
     if best is not None:
         return _make_law(*best)
     raise NotRealizable(
-        f"At {s:.6g} m along the path the limits cannot be satisfied between grid points on any "
-        "grid, because the joint path is too uneven there. Smooth it or trace it more accurately.",
+        f"{_place(grid.joint_path, s)} the limits are not satisfied between the points of a grid "
+        f"of {len(grid)} intervals, because the joint path is too uneven there. Smooth it or trace "
+        "it more accurately.",
         s=s,
     )
+
+
+def _place(joint_path: JointPath, s: float) -> str:
+    """The place of an arc length, or of a parameter if the path has no tool path, in words."""
+    if joint_path.tool_path is None:
+        return f"At s = {s:.6g}"
+    return f"At {s:.6g} m along the path"
+
+
+def _affordable_intervals(limits: GridLimits) -> int:
+    """Largest number of intervals of a grid with these limits, for about 1 GB."""
+    tables = limits.rows.rise, limits.squares.rise, limits.rounds.rise, limits.friction.within
+    if any(x.shape[1] for x in tables):
+        return MAX_REFINED
+    return MAX_REFINED_OF_JOINTS
 
 
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
@@ -326,12 +348,12 @@ def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
 
 
 def _round_parts(parts: FloatArray, max_parts: int) -> FloatArray:
-    """Round numbers of parts up, after halving them until their sum is at most `max_parts`."""
+    """Round numbers of parts up, after reducing them until their sum is at most `max_parts`."""
     while True:
         counts = np.maximum(np.ceil(parts), 1.0)
         if counts.sum() <= max_parts:
             return np.asarray(counts)
-        parts = parts / 2
+        parts = parts * FEWER
 
 
 def _add_stops(limits: GridLimits, grid: Grid) -> GridLimits:
@@ -365,7 +387,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
         _refuse_stuck(grid, i)
     if not SampledJointPath(grid).derivatives[0][0, i].any():
         raise InvalidInput(
-            f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g} m, so no limit "
+            f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g}, so no limit "
             "restricts dds there. Remove this piece of the joint path."
         )
     hint = arm.limits_hint
@@ -378,7 +400,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
     s = float(grid.s[i])
     raise NotRealizable(
-        f"At {s:.6g} m along the path the limits allow no motion. Raise the limits, or move the "
+        f"{_place(grid.joint_path, s)} the limits allow no motion. Raise the limits, or move the "
         "path away from singularities of the arm.",
         s=s,
     )
