@@ -339,7 +339,7 @@ def _turn_axes_smoothly(
     for k in range(len(lengths)):
         starts[k] = frame
         frame = steps[k] @ frame
-    return Orientation(breaks=breaks, starts=starts, **columns, axis_only=True)
+    return Orientation(breaks=breaks, starts=starts, **columns, axis_only=True, follows=False)
 
 
 def _turn_smoothly(
