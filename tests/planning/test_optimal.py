@@ -427,3 +427,23 @@ def test_a_path_with_more_points_than_a_grid_is_refined_for_loss_is_planned(
     limits = ac.Limits(joint_velocity=2.0, joint_acceleration=10.0)
     planned = ac.plan(ac.JointPath.spline(points), limits=limits)
     assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9
+
+
+def test_a_speed_that_is_too_high_has_a_figure_only_if_the_rotation_is_given(refuses):
+    arm = ac.load_arm("ur5e")
+    line = ac.Path.polyline([(0.4, -0.15, 0.2), (0.6, -0.15, 0.2)])
+    options = ac.Optimal(end_speed=5.0)
+    given = line.oriented([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)])
+    with pytest.raises(ac.NotRealizable, match="end speed of 5 m/s .* allow about") as caught:
+        ac.plan(given, arm, options=options)
+    # The figure holds.
+    speed = 0.999 * caught.value.allowed
+    assert ac.plan(given, arm, options=ac.Optimal(end_speed=speed)).duration > 0
+    free = line.pointing((0, 0, -1))
+    refuses(
+        lambda: ac.plan(free, arm, options=options),
+        ac.NotRealizable,
+        "rotation about the tool axis",
+        "Lower it",
+        allowed=None,
+    )

@@ -362,8 +362,7 @@ def _turn_smoothly(
 
     s = segments.breaks[waypoints]
     ends = np.concatenate([[0], 1 + np.flatnonzero(~smooth), [len(s) - 1]])
-    first = np.empty((len(s) - 1, 3))
-    last = np.empty_like(first)
+    first, last = np.empty((2, len(s) - 1, 3))
     for begin, end in pairwise(ends.tolist()):
         run = slice(begin, end + 1)
         curve = RotationSpline(s[run], Rotation.from_matrix(matrices[run]))
@@ -440,7 +439,8 @@ def _two_turns(
     - `begin`, `end`: unit vectors, their angular rates [rad/m] and the derivatives of these rates
       [rad/m²] at the starts and the ends, (n, 3) each.
     """
-    start, last = begin[0], end[0]
+    start = begin[0]
+    last = end[0]
     axis = np.cross(start, last)
     size = np.linalg.norm(axis, axis=1, keepdims=True)
     # Without a turn, any axis across the direction serves.

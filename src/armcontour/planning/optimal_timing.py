@@ -379,10 +379,13 @@ def _make_law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
 
 def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
     i = grid_plan.interval
-    if grid_plan.outcome == START:
-        raise_too_fast("start", rules.start, grid_plan.allowed, float(grid.s[0]))
-    if grid_plan.outcome == END:
-        raise_too_fast("end", rules.end, grid_plan.allowed, float(grid.s[-1]))
+    path = grid.joint_path.tool_path
+    orientation = None if path is None else path.orientation
+    free_rotation = orientation is not None and orientation.axis_only
+    ends = {START: ("start", rules.start, grid.s[0]), END: ("end", rules.end, grid.s[-1])}
+    if grid_plan.outcome in ends:
+        name, x, s = ends[grid_plan.outcome]
+        raise_too_fast(name, x, grid_plan.allowed, float(s), free_rotation=free_rotation)
     if grid_plan.outcome == STUCK:
         _refuse_stuck(grid, i)
     if not SampledJointPath(grid).derivatives[0][0, i].any():
