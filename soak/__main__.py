@@ -22,6 +22,8 @@ from soak import Outcome
 # The function that judges the problem of a seed, and how many problems are usual.
 TOPICS = {
     "timing": ("soak.timing:run", 100_000),
+    "one-joint": ("soak.one_joint:run", 800),
+    "many-points": ("soak.many_points:run", 9),
     "jerk": ("soak.jerk:run", 600),
     "jerk-tool": ("soak.jerk:run_tool", 200),
     "jerk-oracle": ("tests.oracle.jerk_optimum:run", 12),

@@ -8,6 +8,7 @@ from scipy.integrate import quad
 from scipy.special import gamma
 
 import armcontour as ac
+from armcontour.planning import optimal_timing
 from armcontour.planning.constraints import SecondOrder, constraints_of, limits_on
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
@@ -414,3 +415,35 @@ def test_a_limit_that_no_grid_resolves_is_refused_in_bounded_memory(refuses):
     )
     # Refined without a bound, 4000 intervals grow to more than a million.
     assert 10_000 < max(places) < 700_000
+
+
+def test_a_path_with_more_points_than_a_grid_is_refined_for_loss_is_planned(
+    monkeypatch, worst_ratios
+):
+    # As with 45,000 points and the usual numbers.
+    monkeypatch.setattr(optimal_timing, "MAX_REFINED", 3000)
+    monkeypatch.setattr(optimal_timing, "MAX_REFINED_OF_JOINTS", 60_000)
+    points = np.cumsum(np.random.default_rng(70001).normal(size=(900, 6)), 0) * 0.05
+    limits = ac.Limits(joint_velocity=2.0, joint_acceleration=10.0)
+    planned = ac.plan(ac.JointPath.spline(points), limits=limits)
+    assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9
+
+
+def test_a_speed_that_is_too_high_has_a_figure_only_if_the_rotation_is_given(refuses):
+    arm = ac.load_arm("ur5e")
+    line = ac.Path.polyline([(0.4, -0.15, 0.2), (0.6, -0.15, 0.2)])
+    options = ac.Optimal(end_speed=5.0)
+    given = line.oriented([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)])
+    with pytest.raises(ac.NotRealizable, match="end speed of 5 m/s .* allow about") as caught:
+        ac.plan(given, arm, options=options)
+    # The figure holds.
+    speed = 0.999 * caught.value.allowed
+    assert ac.plan(given, arm, options=ac.Optimal(end_speed=speed)).duration > 0
+    free = line.pointing((0, 0, -1))
+    refuses(
+        lambda: ac.plan(free, arm, options=options),
+        ac.NotRealizable,
+        "rotation about the tool axis",
+        "Lower it",
+        allowed=None,
+    )

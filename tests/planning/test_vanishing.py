@@ -63,13 +63,30 @@ def test_the_robustness_suite_of_toppra_is_planned(name, worst_ratios):
 WAY = np.array([0.3, -1.1, 0.7])
 
 
-def test_a_joint_path_that_rests_at_a_point_is_refused(refuses):
+def cubic_at_a_break(way_before, way_after):
+    """A path that ends its first piece, and begins the second, like the cube of its parameter."""
     coefficients = np.zeros((2, 6, 3))
-    coefficients[0, :4] = np.array([-1.0, 3.0, -3.0, 1.0])[:, None] * WAY
-    coefficients[1, 3] = WAY
-    path = ac.JointPath(breaks=[-1.0, 0.0, 1.0], coefficients=coefficients)
+    coefficients[0, :4] = np.array([-1.0, 3.0, -3.0, 1.0])[:, None] * way_before
+    coefficients[1, 3] = way_after
+    return ac.JointPath(breaks=[-1.0, 0.0, 1.0], coefficients=coefficients)
+
+
+def test_a_line_that_rests_at_a_point_in_its_parameter_is_planned_as_a_line():
     limits = ac.Limits.only(joint_acceleration=2.0, joint_velocity=50.0)
-    refuses(lambda: ac.plan(path, limits=limits), ac.NotRealizable, "too uneven there")
+    planned = ac.plan(cubic_at_a_break(WAY, WAY), limits=limits)
+    best = from_rest_to_rest(2 * WAY, [50.0] * 3, [2.0] * 3)
+    assert 1 - 1e-12 <= planned.duration / best < 1 + 1e-4
+
+
+def test_a_bent_joint_path_that_rests_at_a_point_is_refused(refuses):
+    path = cubic_at_a_break(WAY, WAY)
+    coefficients = np.array(path.coefficients)
+    coefficients[0, 5] = [0.1, 0.0, 0.0]
+    coefficients[1] += [[-0.0] * 3, *[[0.0] * 3] * 3, [0.0, 0.1, 0.0], [0.0] * 3]
+    coefficients[1, 0, 0] = 0.1
+    bent = ac.JointPath(breaks=path.breaks, coefficients=coefficients)
+    limits = ac.Limits.only(joint_acceleration=2.0, joint_velocity=50.0)
+    refuses(lambda: ac.plan(bent, limits=limits), ac.NotRealizable, "At s = ", "too uneven")
 
 
 def test_joint_paths_with_a_part_without_motion_are_refused(refuses):

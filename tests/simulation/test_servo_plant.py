@@ -211,3 +211,23 @@ def test_invalid_set_points_and_options_are_refused(arm, refuses):
     ):
         refuses(call, ac.InvalidInput, words)
     assert np.isinf(ac.ServoPlant(arm, SERVO, saturation="none").acceleration).all()
+
+
+def test_a_loop_that_is_unstable_at_the_cycle_of_its_drive_is_refused(arm, refuses):
+    set_points = make_set_points(RANDOM)
+    for servo, joint, words in (
+        (SERVO.replace(kv=[100.0, 150.0], drive_cycle=0.016), 1, "kv times drive_cycle is 2.4"),
+        (LAG.replace(kp=120.0, drive_cycle=0.02), 0, "kp times drive_cycle is 2.4"),
+    ):
+        for saturation in ("none", None):
+            refuses(
+                partial(ac.simulate, set_points, ac.ServoPlant(arm, servo, saturation=saturation)),
+                ac.ExecutionError,
+                words,
+                "unstable",
+                joint=joint,
+                allowed=2.0,
+            )
+    # The remedy of the message works.
+    stable = ac.ServoPlant(arm, SERVO.replace(kv=124.0, drive_cycle=0.016), saturation="none")
+    assert np.isfinite(ac.simulate(set_points, stable).q).all()

@@ -237,7 +237,8 @@ class Path(Checked):
         """The path with a constant tool orientation, or with one per waypoint.
 
         The waypoints are the points that the path was made of. Between them the tool turns by the
-        shortest rotation, at a constant rate over arc length.
+        shortest rotation, at a constant rate over arc length. Along a spline its rate is
+        continuous, so that the tool does not stop at waypoints.
 
         Args:
             rotations: Tool axes in the path's coordinates, as columns: one rotation or one per
@@ -258,7 +259,9 @@ class Path(Checked):
     def pointing(self, directions: npt.ArrayLike) -> Path:
         """The path with a constant direction of the tool axis (z), or with one per waypoint.
 
-        Rotation about the tool axis is free, as in cutting, dispensing and welding.
+        Rotation about the tool axis is free, as in cutting, dispensing and welding. Between
+        waypoints the axis turns on the shortest way at a constant rate over arc length; along a
+        spline, its rate is continuous.
 
         Args:
             directions: One direction, (3,), or one per waypoint, (n, 3).

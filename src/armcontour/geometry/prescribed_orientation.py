@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.frames import exp, log, rotations, shortest
+from armcontour.core.frames import angle_between, exp, log, rotations, shortest
 from armcontour.core.quintics import quintic
 from armcontour.geometry.biarcs import dot, unit
 from armcontour.geometry.orientation import (
@@ -21,12 +22,14 @@ from armcontour.geometry.orientation import (
     Orientation,
     evaluate_polynomials,
 )
-from armcontour.geometry.segments import Segments
+from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
 # Orientations that differ by more than this have no unique shortest rotation [rad].
 HALF_TURN = np.pi - 1e-6
 # Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
+# Largest angle by which a tool axis along a spline turns between two knots [rad].
+LARGEST_STEP = 0.2
 # The first and last tangents of an S-shaped transition can be parallel, so their cross product
 # gives no axis. If its norm is below this fraction of the curvature times the length, the axis of
 # the curvature is used instead.
@@ -50,6 +53,9 @@ def orient_by_rotations(
         return _constant(segments, specified, axis_only)
     matrices, names = _per_waypoint("tool orientation", specified, waypoints, merged)
     turn = _check_turns(log(matrices[1:] @ np.swapaxes(matrices[:-1], 1, 2)), names)
+    smooth = _smooth_waypoints(segments, waypoints)
+    if smooth.any() and turn.any():
+        return _turn_smoothly(segments, waypoints, matrices, smooth, axis_only)
     return _turn_evenly(segments, waypoints, matrices[:-1], turn, axis_only)
 
 
@@ -75,6 +81,9 @@ def orient_by_axes(
     start = _pointing(*directions[0].tolist())
     axes, names = _per_waypoint("direction of the tool axis", unit, waypoints, merged)
     turn = _check_turns(shortest(axes[:-1], axes[1:]), names)
+    smooth = _smooth_waypoints(segments, waypoints)
+    if smooth.any() and turn.any():
+        return _turn_axes_smoothly(segments, waypoints, axes, smooth, start)
     starts = np.empty((len(turn), 3, 3))
     steps = exp(turn)
     for i in range(len(turn)):
@@ -288,6 +297,166 @@ def _turn_evenly(
     after = breaks[:-1] - breaks[first[section]]
     segment_starts = exp(after[:, None] * rates) @ starts[section]
     return Orientation.even(segments.lengths, segment_starts, rates, axis_only=axis_only)
+
+
+def _smooth_waypoints(segments: Segments, waypoints: IntArray) -> BoolArray:
+    """Mask of the inner waypoints at which the path is a spline, (waypoints - 2,)."""
+    inner = waypoints[1:-1]
+    bent = segments.is_transition
+    tangent = angle_between(segments.end_tangents[inner - 1], segments.tangents[inner])
+    return np.asarray(bent[inner - 1] & bent[inner] & (tangent <= TANGENT_TOLERANCE))
+
+
+def _turn_axes_smoothly(
+    segments: Segments, waypoints: IntArray, axes: FloatArray, smooth: BoolArray, frame: FloatArray
+) -> Orientation:
+    """An orientation whose tool axis turns at a continuous rate along splines.
+
+    Along a spline, the axis is the cubic spline through the axes at the waypoints over arc length,
+    divided by its length. At other waypoints its rate may jump.
+
+    - `axes`: unit vectors of the tool axis at the waypoints, (n, 3).
+    - `smooth`: mask of the inner waypoints on a spline, (n - 2,).
+    - `frame`: rotation matrix at the start, (3, 3).
+    """
+    s = segments.breaks[waypoints]
+    ends = np.concatenate([[0], 1 + np.flatnonzero(~smooth), [len(s) - 1]])
+    knots = []
+    tables: list[dict[str, FloatArray]] = []
+    for first, last in pairwise(ends.tolist()):
+        run = slice(first, last + 1)
+        s_run, axis, slope, bend = _spline_of_axes(s[run], axes[run])
+        rates = np.cross(axis, slope), np.cross(axis, bend)
+        begin, end = ((axis[x], rates[0][x], rates[1][x]) for x in (slice(-1), slice(1, None)))
+        tables.append(_two_turns(np.diff(s_run), begin, end))
+        knots.append(s_run[:-1])
+    breaks = np.concatenate([*knots, s[-1:]])
+    columns = {x: np.concatenate([table[x] for table in tables]) for x in tables[0]}
+    lengths = np.diff(breaks)
+    tilt, turn = (evaluate_polynomials(columns[x], lengths)[:, None] for x in "fg")
+    steps = exp(turn * columns["second"]) @ exp(tilt * columns["first"])
+    starts = np.empty((len(lengths), 3, 3))
+    for k in range(len(lengths)):
+        starts[k] = frame
+        frame = steps[k] @ frame
+    return Orientation(breaks=breaks, starts=starts, **columns, axis_only=True, follows=False)
+
+
+def _turn_smoothly(
+    segments: Segments,
+    waypoints: IntArray,
+    matrices: FloatArray,
+    smooth: BoolArray,
+    axis_only: bool,
+) -> Orientation:
+    """An orientation whose angular rate is continuous along splines.
+
+    At the waypoints of a spline, the rate is that of the spline of rotations through them. Between
+    two waypoints it changes smoothly to a rate in the middle, and from there to the next one. At
+    other waypoints it may jump.
+
+    - `matrices`: rotation matrices at the waypoints, (n, 3, 3).
+    - `smooth`: mask of the inner waypoints on a spline, (n - 2,).
+    """
+    from scipy.spatial.transform import Rotation, RotationSpline
+
+    s = segments.breaks[waypoints]
+    ends = np.concatenate([[0], 1 + np.flatnonzero(~smooth), [len(s) - 1]])
+    first, last = np.empty((2, len(s) - 1, 3))
+    for begin, end in pairwise(ends.tolist()):
+        run = slice(begin, end + 1)
+        curve = RotationSpline(s[run], Rotation.from_matrix(matrices[run]))
+        # SciPy's rates are those in the frame of the tool.
+        rates = np.einsum("nij,nj->ni", matrices[run], curve(s[run], 1))
+        first[begin:end] = rates[:-1]
+        last[begin:end] = rates[1:]
+    half = np.diff(s)[:, None] / 2
+    before = exp(first * half / 2)
+    after = exp(last * half / 2)
+    steps = matrices[1:] @ np.swapaxes(matrices[:-1], 1, 2)
+    # With the rates w0, w and w1 at the start, in the middle and at the end, and the half length h:
+    # exp(w1 h/2) exp(w h) exp(w0 h/2) is the whole turn.
+    middle = log(np.swapaxes(after, 1, 2) @ steps @ np.swapaxes(before, 1, 2)) / half
+    middles = exp(middle * half / 2) @ before @ matrices[:-1]
+    size = (2 * len(half), 1)
+    lengths = np.repeat(half, 2, axis=0)
+    return Orientation(
+        breaks=np.append(np.stack([s[:-1], s[:-1] + half[:, 0]], axis=1).ravel(), s[-1]),
+        starts=np.stack([matrices[:-1], middles], axis=1).reshape(-1, 3, 3),
+        first=np.stack([first, middle], axis=1).reshape(-1, 3),
+        second=np.stack([middle, last], axis=1).reshape(-1, 3),
+        # The share 3 x² - 2 x³ of the second rate grows from 0 to 1.
+        f=np.tile([0.0, 1.0, 0.0, -1.0, 0.5, 0.0], size) * lengths ** (1.0 - np.arange(6)),
+        g=np.tile([0.0, 0.0, 0.0, 1.0, -0.5, 0.0], size) * lengths ** (1.0 - np.arange(6)),
+        axis_only=axis_only,
+    )
+
+
+def _spline_of_axes(
+    s: FloatArray, axes: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Knots [m], and at them the unit vectors of a spline and their derivatives, (n, 3) each.
+
+    The knots are the points `s`, (k,), with the unit vectors `axes`, (k, 3), and points between
+    them, so that the axis turns by LARGEST_STEP at most. Between two points only, the axis turns in
+    their plane at a constant rate.
+    """
+    from scipy.interpolate import CubicSpline
+
+    angles = angle_between(axes[1:], axes[:-1])
+    parts = np.maximum(np.ceil(angles / LARGEST_STEP), 1).astype(np.intp)
+    inner = [np.linspace(s[i], s[i + 1], n, endpoint=False) for i, n in enumerate(parts)]
+    knots = np.concatenate([*inner, s[-1:]])
+    if len(s) == 2:
+        turn = shortest(axes[:1], axes[1:])
+        rate = turn / (s[1] - s[0])
+        axis = np.squeeze(exp((knots - s[0])[:, None] * rate) @ axes[0][:, None], axis=-1)
+        slope = np.cross(rate, axis)
+        return knots, axis, slope, np.cross(rate, slope)
+    curve = CubicSpline(s, axes)
+    value, first, second = (curve(knots, order) for order in range(3))
+    size = np.linalg.norm(value, axis=1, keepdims=True)
+    axis = value / size
+    # Derivatives of value / |value|.
+    growth = dot(axis, first)[:, None]
+    slope = (first - growth * axis) / size
+    bending = dot(axis, second)[:, None] + (slope * first).sum(axis=1, keepdims=True)
+    bend = (second - bending * axis - 2 * growth * slope) / size
+    return knots, axis, slope, bend
+
+
+def _two_turns(
+    lengths: FloatArray,
+    begin: tuple[FloatArray, FloatArray, FloatArray],
+    end: tuple[FloatArray, FloatArray, FloatArray],
+) -> dict[str, FloatArray]:
+    """Columns `first`, `second`, `f` and `g` of an `Orientation` for directions at both ends.
+
+    The second rotation turns from the first direction to the last, and the first rotation tilts
+    out of this plane, as in `tangent_turns`.
+
+    - `lengths`: lengths of the pieces [m], (n,).
+    - `begin`, `end`: unit vectors, their angular rates [rad/m] and the derivatives of these rates
+      [rad/m²] at the starts and the ends, (n, 3) each.
+    """
+    start = begin[0]
+    last = end[0]
+    axis = np.cross(start, last)
+    size = np.linalg.norm(axis, axis=1, keepdims=True)
+    # Without a turn, any axis across the direction serves.
+    across = np.cross(start, np.eye(3)[np.abs(start).argmin(axis=1)])
+    axis = unit(np.where(size > NO_TURN, axis, across))
+    tilt = np.cross(axis, start)
+    turn = np.arctan2(dot(last, tilt), dot(last, start))[:, None]
+    out = -np.arcsin(dot(last, axis).clip(-1, 1))[:, None]
+    tilts = tilt, np.cos(turn) * tilt - np.sin(turn) * start
+    rate = _along_tilt_and_axis((begin[1], end[1]), tilts, axis)
+    change = _along_tilt_and_axis((begin[2], end[2]), tilts, axis)
+    angles = np.hstack([out, turn])
+    none = np.zeros_like(angles)
+    turned = quintic(lengths, (none, rate[0], change[0]), (angles, rate[1], change[1]))
+    f, g = np.moveaxis(turned, 2, 0) / lengths[:, None] ** np.arange(6)
+    return {"first": tilt, "second": axis, "f": f, "g": g}
 
 
 def _per_waypoint(

@@ -92,7 +92,12 @@ def remarks(result: RunRecord) -> Iterator[str]:
     # Stops due to jerk limits are reported by a warning.
     if stops := result.stops_of_path:
         reasons = ", ".join(f"{n} {reason}" for reason, n in stops.items())
-        yield f"{count_noun(sum(stops.values()), 'full stop')} inside contours ({reasons})."
+        count = sum(stops.values())
+        first = "the first" if count > 1 else "it is"
+        yield (
+            f"{count_noun(count, 'full stop')} inside contours ({reasons}); {first} at "
+            f"{_first_stop(result.path)}."
+        )
     yield from _describe_clearance(result)
     if result.advice is not None and result.advice.note:
         yield result.advice.note
@@ -104,6 +109,14 @@ def remarks(result: RunRecord) -> Iterator[str]:
         )
     yield from _describe_model_error(result)
     yield from _describe_unlimited_jerk(result)
+
+
+def _first_stop(program: Program) -> str:
+    """The place of the first full stop inside a contour, in words."""
+    contour = next(x for x in program.contours if len(x.path.stops))
+    s = float(contour.path.stops[0])
+    point = ", ".join(f"{1e3 * x:.4g}" for x in contour.path(s))
+    return f"({point}) mm, after {number(s, 'm')} of contour {contour.name}"
 
 
 def _describe_shaping(result: RunRecord) -> Iterator[str]:

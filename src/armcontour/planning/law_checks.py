@@ -129,13 +129,25 @@ def check_limits(
         start += float(law.breaks[-1])
 
 
-def raise_too_fast(name: str, x: float, allowed: float, s: float) -> NoReturn:
-    """Raise the error for a start or end speed; `x` and `allowed` are squared speeds [m²/s²]."""
+def raise_too_fast(
+    name: str, x: float, allowed: float, s: float, *, free_rotation: bool = False
+) -> NoReturn:
+    """Raise the error for a start or end speed; `x` and `allowed` are squared speeds [m²/s²].
+
+    `free_rotation`: true if the joint path is one of many for the path of the tool, and may be
+    another one for other limits. Then the largest speed of this joint path is no general figure.
+    """
+    most = f"the limits allow about {np.sqrt(max(allowed, 0.0)):.6g} m/s."
+    if free_rotation:
+        most = (
+            "the limits do not allow it with the rotation about the tool axis that was chosen. "
+            "Lower it, plan with another limit speed, for which another rotation may be chosen, or "
+            "specify the whole orientation."
+        )
     raise NotRealizable(
-        f"The {name} speed of {np.sqrt(x):.6g} m/s is too high. At {s:.6g} m along the path the "
-        f"limits allow about {np.sqrt(max(allowed, 0.0)):.6g} m/s.",
+        f"The {name} speed of {np.sqrt(x):.6g} m/s is too high. At {s:.6g} m along the path {most}",
         s=s,
         limit=f"{name} speed",
         needed=float(np.sqrt(x)),
-        allowed=float(np.sqrt(max(allowed, 0.0))),
+        allowed=None if free_rotation else float(np.sqrt(max(allowed, 0.0))),
     )

@@ -22,6 +22,7 @@ from armcontour.core.simd import choose, highest, load
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.motion.kernels import interval_time
 from armcontour.planning.constraints import Constraint, constraints_of, limits_on
+from armcontour.planning.even_parameter import replace_uneven_parameter
 from armcontour.planning.law_checks import raise_too_fast
 from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
@@ -77,7 +78,7 @@ MARGIN_GROWTH = 2.0
 # Largest share of a limit that margins may take after refinements.
 LAST_MARGIN = 0.2
 # Largest number of refinements of the grid.
-MAX_REFINEMENTS = 12
+MAX_REFINEMENTS = 20
 # The grid is also refined while the estimated loss of time exceeds this share of the duration. This
 # is the share for DEFAULT_INTERVALS; it is smaller if more intervals are requested. The estimate is
 # accurate within a factor of about three.
@@ -87,6 +88,11 @@ MAX_PARTS_AT_ONCE = 8
 # Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
 # grid is larger.
 MAX_REFINED = 300_000
+# The same number for refinement for margins with only velocities and accelerations of the joints,
+# which take less memory.
+MAX_REFINED_OF_JOINTS = 3_000_000
+# Factor by which numbers of parts decrease until they fit.
+FEWER = 0.8
 # With more than half of MAX_REFINED intervals, a refinement for loss must increase the number of
 # intervals by at least this factor.
 LEAST_GROWTH = 1.1
@@ -235,6 +241,12 @@ def plan_optimal(
     """
     intervals = options.intervals
     grid = place_grid(joint_path, intervals)
+    # Speeds at the ends and constraints of the caller refer to the given parameter.
+    if not (options.start_speed or options.end_speed or options.constraints):
+        even = replace_uneven_parameter(grid)
+        if even is not None:
+            joint_path = even
+            grid = place_grid(joint_path, intervals)
     loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
     made = constraints_of(joint_path, arm, limits, options.from_limits)
     active = [*made, *options.constraints]
@@ -272,7 +284,7 @@ def time_optimal(
     s = 0.0
     best: tuple[Grid, GridPlan] | None = None
     shortest = math.inf
-    max_intervals = max(MAX_REFINED, 2 * len(grid))
+    first = len(grid)
     for k in range(MAX_REFINEMENTS):
         path = SampledJointPath(grid)
         limits = _add_stops(limits_on(path, active), grid)
@@ -297,7 +309,8 @@ def time_optimal(
             if best is not None:
                 break
             _refuse(grid, grid_plan, arm, rules)
-        parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
+        most = max(_affordable_intervals(limits), 2 * first)
+        parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), most)
         if parts.sum() == len(grid) and max_margin == LAST_MARGIN:
             break
         grid = split(grid, parts)
@@ -306,10 +319,26 @@ def time_optimal(
     if best is not None:
         return _make_law(*best)
     raise NotRealizable(
-        f"At {s:.6g} m along the path the limits cannot be satisfied between grid points on any "
-        "grid, because the joint path is too uneven there. Smooth it or trace it more accurately.",
+        f"{_place(grid.joint_path, s)} the limits are not satisfied between the points of a grid "
+        f"of {len(grid)} intervals, because the joint path is too uneven there. Smooth it or trace "
+        "it more accurately.",
         s=s,
     )
+
+
+def _place(joint_path: JointPath, s: float) -> str:
+    """The place of an arc length, or of a parameter if the path has no tool path, in words."""
+    if joint_path.tool_path is None:
+        return f"At s = {s:.6g}"
+    return f"At {s:.6g} m along the path"
+
+
+def _affordable_intervals(limits: GridLimits) -> int:
+    """Largest number of intervals of a grid with these limits, for about 1 GB."""
+    tables = limits.rows.rise, limits.squares.rise, limits.rounds.rise, limits.friction.within
+    if any(x.shape[1] for x in tables):
+        return MAX_REFINED
+    return MAX_REFINED_OF_JOINTS
 
 
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
@@ -319,12 +348,12 @@ def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
 
 
 def _round_parts(parts: FloatArray, max_parts: int) -> FloatArray:
-    """Round numbers of parts up, after halving them until their sum is at most `max_parts`."""
+    """Round numbers of parts up, after reducing them until their sum is at most `max_parts`."""
     while True:
         counts = np.maximum(np.ceil(parts), 1.0)
         if counts.sum() <= max_parts:
             return np.asarray(counts)
-        parts = parts / 2
+        parts = parts * FEWER
 
 
 def _add_stops(limits: GridLimits, grid: Grid) -> GridLimits:
@@ -350,15 +379,18 @@ def _make_law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
 
 def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
     i = grid_plan.interval
-    if grid_plan.outcome == START:
-        raise_too_fast("start", rules.start, grid_plan.allowed, float(grid.s[0]))
-    if grid_plan.outcome == END:
-        raise_too_fast("end", rules.end, grid_plan.allowed, float(grid.s[-1]))
+    path = grid.joint_path.tool_path
+    orientation = None if path is None else path.orientation
+    free_rotation = orientation is not None and orientation.axis_only
+    ends = {START: ("start", rules.start, grid.s[0]), END: ("end", rules.end, grid.s[-1])}
+    if grid_plan.outcome in ends:
+        name, x, s = ends[grid_plan.outcome]
+        raise_too_fast(name, x, grid_plan.allowed, float(s), free_rotation=free_rotation)
     if grid_plan.outcome == STUCK:
         _refuse_stuck(grid, i)
     if not SampledJointPath(grid).derivatives[0][0, i].any():
         raise InvalidInput(
-            f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g} m, so no limit "
+            f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g}, so no limit "
             "restricts dds there. Remove this piece of the joint path."
         )
     hint = arm.limits_hint
@@ -371,7 +403,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
     s = float(grid.s[i])
     raise NotRealizable(
-        f"At {s:.6g} m along the path the limits allow no motion. Raise the limits, or move the "
+        f"{_place(grid.joint_path, s)} the limits allow no motion. Raise the limits, or move the "
         "path away from singularities of the arm.",
         s=s,
     )

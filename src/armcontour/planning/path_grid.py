@@ -25,8 +25,8 @@ MAX_INTERVALS = 5_000_000
 EVEN_SHARE = 0.5
 # Points with a dq_ds below this fraction of the largest dq_ds have no direction.
 AT_REST = 1e-9
-# dq_ds counts as zero below this share of the sum of its terms. A double root is accurate to 1e-8.
-VANISHED = 1e-9
+# dq_ds counts as zero below this share of the sum of its terms, which is its rounding error.
+VANISHED = 1e-12
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,17 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any, NoReturn
 
+import numpy as np
+
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.text import capitalise, count_noun
 from armcontour.geometry import Path
+from armcontour.geometry.rounding.rounded_path import RoundedPath
+from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import describe_unfinished
-from armcontour.motion import JointPath, Trajectory
+from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.planning.program_timing import (
     Timing,
@@ -75,7 +79,8 @@ def plan(
             does not support the given limits of jerk.
 
     Warns:
-        UserWarning: A given limit exceeds that of the arm, or limits of jerk add full stops where
+        UserWarning: A given limit exceeds that of the arm, the tool's angular rate jumps where the
+            path has no corner, so that the motion stops, or limits of jerk add full stops where
             accelerations would jump.
     """
     arm = _require_arm(path, arm, limits)
@@ -121,9 +126,32 @@ def plan(
         bounds, options.reserve, None if isinstance(arm, _JointSpace) else arm
     )
 
+    if isinstance(traced, Tracing) and traced is not path and options.method != Method.CONVENTIONAL:
+        _warn_of_turns(traced.program)
     if not isinstance(path, Tracing) and bounds.limits_jerk:
         _warn_of_stops(trajectory)
     return trajectory
+
+
+def _warn_of_turns(program: Program) -> None:
+    """Warn of full stops because the tool's angular rate jumps where the path has no corner."""
+    # Corners are stops that the path shows; the corners of a rounded path state their reasons.
+    places = []
+    for contour in program.contours:
+        path = contour.path
+        if path.orientation is not None and not isinstance(path, RoundedPath):
+            corners = path.breaks[1:-1][path.turns > TANGENT_TOLERANCE]
+            places.append(np.setdiff1d(path.stops, corners))
+    stops = [x for x in places if len(x)]
+    if stops:
+        count = sum(map(len, stops))
+        warnings.warn(
+            f"The motion has {count_noun(count, 'full stop')} inside the path, the first at s = "
+            f"{stops[0][0]:.4g} m, because the tool's orientation or its angular rate jumps there. "
+            "round_corners(..., angular_tolerance=...) lets the rate change smoothly; along "
+            "Path.spline it does.",
+            stacklevel=4,
+        )
 
 
 def _warn_of_stops(trajectory: Trajectory) -> None:

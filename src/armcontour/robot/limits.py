@@ -94,7 +94,7 @@ class Limits(Checked):
         joint_velocity: Largest absolute velocity of each joint [rad/s], (dof,), or bounds, (dof,
             2).
         joint_torque: Largest absolute torque of each joint's drive [N m], (dof,).
-        joint_jerk: Largest jerk of each joint [rad/s³], (dof,); infinite without a limit.
+        joint_jerk: Largest absolute jerk of each joint [rad/s³], (dof,); infinite without a limit.
         joint_lower, joint_upper: Range of each joint [rad], (dof,); infinite without a limit.
         speed: Assigned velocity: requested tool speed, which is not exceeded [m/s].
         tool_acceleration: Largest norm of the tool acceleration [m/s²].

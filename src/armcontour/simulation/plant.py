@@ -30,6 +30,8 @@ REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
 # Duration of the parts in which the simulation continues until rest after the last set-point [s].
 REST_CHUNK = 0.25
+# A loop whose gain times the cycle of its drive is not below this value is unstable.
+LARGEST_STABLE = 2.0
 # Longest time between two results for which quintics between them are exact enough [time
 # constants]. For time constants of 1 ms, their error is about 2e-11 s² times the acceleration of
 # the servo.
@@ -164,6 +166,30 @@ def check_weight(arm: Arm, weight: FloatArray, limit: FloatArray, location: str,
         )
 
 
+def _check_stability(servo: ServoModel) -> None:
+    """Raise an error if a loop is unstable, because its drive holds its output for a cycle.
+
+    With the gains K_p and K_v of order "second", the characteristic polynomial in z of a cycle T is
+    z² - (2 - K_v T - K_p K_v T²/2) z + 1 - K_v T + K_p K_v T²/2. By Jury's criterion, its roots are
+    inside the unit circle if K_v T < 2 and K_p T < 2. The latter also holds for order "first".
+    """
+    for name, gains in (("kv", servo.kv), ("kp", servo.kp)):
+        if gains is None or not servo.drive_cycle:
+            continue
+        j = int(np.argmax(gains))
+        product = float(gains[j]) * servo.drive_cycle
+        if product >= LARGEST_STABLE:
+            raise ExecutionError(
+                f"Joint {j + 1} is unstable, because {name} times drive_cycle is {product:.4g}, "
+                f"but must be below {LARGEST_STABLE:g}. Reduce {name} from {gains[j]:.4g} 1/s to "
+                f"below {LARGEST_STABLE / servo.drive_cycle:.4g} 1/s, or shorten the drive_cycle "
+                f"of {1e3 * servo.drive_cycle:.4g} ms.",
+                joint=j,
+                needed=product,
+                allowed=LARGEST_STABLE,
+            )
+
+
 def count_intervals(set_points: SetPoints, servo: ServoModel) -> int:
     """Number of cycles until the last set-point has reached all joints."""
     delay = int(np.ceil(servo.dead_time.max() / set_points.cycle * (1 - 1e-12)))
@@ -246,9 +272,11 @@ class ServoPlant(LimitedPlant):
         Raises:
             InvalidInput: The set-points have another number of joints, or the gains are too large
                 for the cycle.
+            ExecutionError: A loop is unstable at the cycle of the drives.
         """
         check_joints(set_points, self.arm)
         self.servo.check_gains(set_points.cycle)
+        _check_stability(self.servo)
         return self.for_plan(set_points)._execute(set_points, resolution)
 
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:

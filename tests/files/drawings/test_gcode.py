@@ -192,15 +192,22 @@ def test_arcs_with_rounded_centres_stay_near_them_and_meet_their_ends(
 
 
 def test_helices_and_arcs_with_rounded_ends_are_read():
-    for tolerance in (1e-4, 1e-6):
-        path = read("G0 X10 Y0 F60|G3 I-10 Z4", chord_tolerance=tolerance).contours[0].path
-        points = path(np.linspace(0, path.length, 20_001))
-        deviation = 0.01 - np.hypot(points[:, 0], points[:, 1])
-        assert 0.9 * tolerance < deviation.max() <= tolerance * (1 + 1e-9)
-        # The height is proportional to the angle.
-        turn = np.unwrap(np.arctan2(path.vertices[:, 1], path.vertices[:, 0]))
-        np.testing.assert_allclose(path.vertices[:, 2], turn / (2 * np.pi) * 4e-3, atol=1e-12)
-        np.testing.assert_allclose(path.vertices[-1], [0.01, 0, 4e-3], rtol=0, atol=1e-17)
+    for tolerance in (1e-4, 1e-8):
+        for g61 in ("", "G61|"):
+            text = f"{g61}G0 X10 Y0 Z2 F60|G3 I-10 Z0|G3 I-10 Z-2"
+            path = read(text, chord_tolerance=tolerance).contours[0].path
+            s = np.linspace(0, path.length, 20_001)
+            points = path(s)
+            assert np.abs(0.01 - np.hypot(points[:, 0], points[:, 1])).max() <= min(tolerance, 1e-9)
+            # The height is proportional to the angle, and the tool does not stop.
+            turn = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
+            height = 2e-3 - turn / (2 * np.pi) * 2e-3
+            np.testing.assert_allclose(points[:, 2], height, atol=1e-9)
+            assert len(path.stops) == 0
+            np.testing.assert_allclose(np.linalg.norm(path(s, 1), axis=1), 1, atol=1e-6)
+            exact = 2 * np.hypot(2 * np.pi * 0.01, 2e-3)
+            assert path.length == pytest.approx(exact, rel=1e-7)
+            np.testing.assert_allclose(path.vertices[-1], [0.01, 0, -2e-3], rtol=0, atol=1e-17)
     for contour in read("arcs/nearly_full").contours:
         path = contour.path
         assert len(path) == 2 and path.turns[0] < 1e-12

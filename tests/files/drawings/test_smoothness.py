@@ -116,8 +116,10 @@ def test_printed_curves_have_no_corners(read, shape):
 
 
 def test_tolerances_of_file_and_layer_limit_the_repair_of_vertices(read, refuses):
-    # Exact stop.
-    assert kinks(read(rectangle(3).replace("G64 P0.1", "G61"))) >= 5
+    # Exact path control stops at corners only, and rounded coordinates make no corners.
+    exact = read(rectangle(3).replace("G64 P0.1", "G61"))
+    assert kinks(exact) == 0 and "Repaired" in exact.notes[0]
+    assert (exact.path.tolerances == 0).all()
     tight = read(rectangle(2).replace("P0.1", "P0.00001"))
     assert "1e-05 mm" in tight.notes[0]
     printed = read(rectangle(2), repair_vertices=0.0).path

@@ -227,8 +227,10 @@ def round_path(
         if n:
             checks.positive("corner acceleration", accelerations.min(), "m/s²")
     turn = path.turns
-    kinked = find_kinks(path)
     sharp = turn > TANGENT_TOLERANCE
+    if not (isinstance(path, RoundedPath) or sharp.any()) and _turns_smoothly(path):
+        return _without_corners(path)
+    kinked = find_kinks(path)
     kinked = kinked[~sharp[kinked]]
     angle = check_angular_tolerance(path, angular_tolerance, kinked)
     if n == 0 and (path.orientation is None or path.orientation.fixed):
@@ -326,8 +328,16 @@ def blend_vertices(
     )
 
 
+def _turns_smoothly(path: Path) -> bool:
+    """Test whether the tool turns, and its angular rate never jumps."""
+    orientation = path.orientation
+    if orientation is None or orientation.fixed or orientation.follows:
+        return False
+    return not len(orientation.stops)
+
+
 def _without_corners(path: Path) -> RoundedPath:
-    """A path of one segment as a rounded path."""
+    """A path without corners as a rounded path."""
     none = np.empty(0)
     numbers = ("turn", "radius", "error", "tangent", "start", "end", "speed", "angular_error")
     corners = Corners(

@@ -49,9 +49,9 @@ def repair_tangents(
 
     A vertex is almost tangent if small movements of points explain its turn. If both ends of a line
     move by a distance, the line turns by up to twice the distance divided by its length; for an
-    arc, divided by its length or radius. At most half of each segment changes per vertex. Vertices
-    next to a segment with tolerance 0 do not change. The closing point of a closed path does not
-    move.
+    arc, divided by its length or radius. At most half of each segment changes per vertex. The
+    corner errors of segments also bound the repair, unless they are 0: then only corners stay
+    exact. The closing point of a closed path does not move.
 
     The original and the repaired path are at most the smaller of `tolerance` and `deviation_limit`
     [m] apart.
@@ -59,7 +59,9 @@ def repair_tangents(
     `tolerance` is the largest movement of points [m].
     """
     largest_deviation = min(tolerance, deviation_limit)
-    allowed = np.minimum(path.vertex_tolerances, largest_deviation)
+    # A corner error of 0 bounds no repair, because a repaired vertex is no corner.
+    corner_errors = np.where(path.vertex_tolerances > 0, path.vertex_tolerances, np.inf)
+    allowed = np.minimum(corner_errors, largest_deviation)
     merged, remaining, moved = merge_lines(path, allowed)
     # A vertex and the lines next to it move by at most the tolerance together.
     near = np.maximum(moved[:-1], moved[1:])
@@ -103,8 +105,7 @@ def repair_tangents(
     seam = _repair_closure(
         start,
         min(possible_turns[0] + possible_turns[-1], LARGEST_KINK),
-        float(np.fmin(largest_deviation, np.nanmin(np.append(path.tolerances[[0, -1]], np.inf))))
-        - near_ends,
+        float(np.min(np.append(_closing_errors(path), largest_deviation))) - near_ends,
     )
     if inner is None or seam is None:
         return inner or seam
@@ -116,6 +117,12 @@ def repair_tangents(
         kink=max(inner.kink, seam.kink),
         deviation=max(inner.deviation, seam.deviation + near_ends),
     )
+
+
+def _closing_errors(path: Path) -> FloatArray:
+    """Corner errors above 0 of the first and the last segment [m], (k,)."""
+    errors = path.tolerances[[0, -1]]
+    return np.asarray(errors[errors > 0])
 
 
 def _repair_closure(path: Path, largest_turn: float, allowed: float) -> RepairedPath | None:

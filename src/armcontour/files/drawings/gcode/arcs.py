@@ -38,6 +38,12 @@ NEARLY_FULL = 1.5 * math.pi
 # Largest distance between the end of a drawn arc and the programmed end [m]: half of the distance
 # up to which two points count as the same.
 END_TOLERANCE = REPEATED_POINT / 2
+# Largest angle of a transition on a helix [rad]. The length of its derivative is then within 1e-9
+# of 1.
+LARGEST_STEP = math.radians(10)
+# A transition with the tangents and curvatures of an arc of angle a is within r a⁶ / HELIX_ERROR of
+# an arc of radius r.
+HELIX_ERROR = 46080
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,24 +186,43 @@ def _check_end(start: complex, piece: ArcPart) -> None:
         )
 
 
-def helix_points(
-    arc: ProgrammedArc, tolerance: float, count_segments: Callable[[int], None]
-) -> list[complex]:
-    """End points, in the plane of the arc [m], of the chords of a helix within a tolerance [m].
+@dataclass(frozen=True, slots=True)
+class HelixKnots:
+    """Knots of a helix, with derivatives with respect to the fraction of the helix at them."""
 
-    The radius changes linearly from start to end. `count_segments` receives the number of chords
-    before they are computed, and raises an error if there are too many.
+    point: list[complex]  # Points in the plane of the arc [m]
+    first: list[complex]  # First derivatives in this plane [m]
+    second: list[complex]  # Second derivatives in this plane [m]
+    middle: list[complex]  # First derivatives in the middle between two knots [m]
+
+
+def helix_knots(
+    arc: ProgrammedArc, tolerance: float, count_segments: Callable[[int], None]
+) -> HelixKnots:
+    """Knots of a helix between which transitions are within a tolerance [m].
+
+    The radius changes linearly from start to end. `count_segments` receives the number of
+    transitions before they are computed, and raises an error if there are too many.
     """
     largest = max(arc.radius, arc.end_radius)
-    step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
-    # A chord spans at most 90°, even if the tolerance is large.
-    step = min(step, math.pi / 2)
+    # A quintic with the tangents and curvatures of an arc of angle a is within r a⁶ / 46080 of it.
+    # Steps of LARGEST_STEP keep the length of its derivative near 1.
+    step = min((HELIX_ERROR * tolerance / largest) ** (1 / 6), LARGEST_STEP)
     n = max(1, math.ceil(arc.sweep / step))
     count_segments(n)
     out = (arc.start - arc.center) / arc.radius
-    points = []
-    for i in range(1, n):
-        radius = arc.radius + i / n * (arc.end_radius - arc.radius)
-        turned = out * cmath.rect(1.0, arc.turn * i / n * arc.sweep)
-        points.append(arc.center + radius * turned)
-    return [*points, arc.end]
+    growth = arc.end_radius - arc.radius
+    angle = arc.turn * arc.sweep
+    point = []
+    first = []
+    second = []
+    for i in range(2 * n + 1):
+        share = i / (2 * n)
+        radius = arc.radius + share * growth
+        turned = out * cmath.rect(1.0, share * angle)
+        point.append(arc.center + radius * turned)
+        first.append((growth + 1j * angle * radius) * turned)
+        second.append((2j * angle * growth - angle * angle * radius) * turned)
+    point[0] = arc.start
+    point[-1] = arc.end
+    return HelixKnots(point[::2], first[::2], second[::2], first[1::2])

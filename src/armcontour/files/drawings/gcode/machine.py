@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from armcontour.files.drawings.gcode import words as codes
 from armcontour.files.drawings.gcode.arcs import (
     ProgrammedArc,
     arc_around,
     arc_parts,
     arc_with_radius,
-    helix_points,
+    helix_knots,
 )
 from armcontour.files.drawings.gcode.program_draft import Feed, ProgramDraft
 from armcontour.files.drawings.gcode.words import (
@@ -385,13 +387,18 @@ class Machine:
             for piece in arc_parts(arc):
                 self.draft.add_arc(piece, axes, feed)
             return
-        points = helix_points(arc, self.chord_tolerance, self.draft.count_segments)
-        point = list(last)
-        for i, x in enumerate(points, 1):
-            point[a] = x.real
-            point[b] = x.imag
-            point[c] = last[c] + i / len(points) * rise
-            self.draft.add_line(point[0], point[1], point[2], feed)
+        knots = helix_knots(arc, self.chord_tolerance, self.draft.count_segments)
+        count = len(knots.point) - 1
+        rows = np.zeros((3, count + 1, 3))
+        for row, values in zip(rows, (knots.point, knots.first, knots.second), strict=True):
+            row[:, a] = np.real(values)
+            row[:, b] = np.imag(values)
+        rows[0, :, c] = np.linspace(last[c], target[c], count + 1)
+        rows[1, :, c] = rise
+        middles = np.full((count, 3), rise)
+        middles[:, a] = np.real(knots.middle)
+        middles[:, b] = np.imag(knots.middle)
+        self.draft.add_helix(rows, middles, feed)
 
     def _read_arc(self, block: Block, start: complex, end: complex, has_end: bool) -> ProgrammedArc:
         """The arc of a line; `has_end`: whether the line has a coordinate in the plane."""

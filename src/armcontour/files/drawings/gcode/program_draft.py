@@ -9,10 +9,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.files.drawings.gcode.arcs import ArcPart
 from armcontour.files.drawings.gcode.words import Fault
 from armcontour.geometry import Path
+from armcontour.geometry.biarcs import join_by_quintics, tangent_and_curvature
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.program.moves import Move, Value
@@ -42,6 +44,10 @@ class FeedChain:
     lines: array[int] = field(default_factory=lambda: array("l"))
     # Of each arc: index of its move, tangent at the start, normal, curvature [1/m], length [m].
     arcs: list[tuple[int, Point, Point, float, float]] = field(default_factory=list)
+    # Of each helix: index of its first move, and its knots: points [m], first and second
+    # derivatives with respect to the fraction of the helix, (3, knots, 3); first derivatives in the
+    # middle between two knots, (knots - 1, 3).
+    helices: list[tuple[int, FloatArray, FloatArray]] = field(default_factory=list)
     # Of each event: index of the move that follows, name, value.
     events: list[tuple[int, str, Value]] = field(default_factory=list)
 
@@ -80,6 +86,17 @@ class ProgramDraft:
         arc = (number, _point(tangent), _point(normal), piece.curvature, piece.length)
         chain.arcs.append(arc)
         self.has_vertical_arc = self.has_vertical_arc or 2 in (a, b)
+
+    def add_helix(self, knots: FloatArray, middles: FloatArray, feed: Feed) -> None:
+        """Add a helix as a chain of transitions.
+
+        - `knots`: its knots [m], and the first and second derivatives at them with respect to the
+          fraction of the helix, (3, knots, 3).
+        - `middles`: first derivatives in the middle between two knots, (knots - 1, 3).
+        """
+        for point in knots[0, 1:].tolist():
+            chain = self._extend(feed, _point(point))
+        chain.helices.append((len(chain.speeds) - len(middles), knots, middles))
 
     def count_segments(self, segments: int) -> None:
         """Count segments of helices; raise an error if there are too many."""
@@ -216,14 +233,33 @@ def _path(points: array[float], dimension: int, chain: FeedChain | None = None) 
         normals[i] = normal[:dimension]
         curvatures[i] = curvature
         lengths[i] = length
-    return Path(
-        segments=Segments(
-            starts=vertices[:-1],
-            tangents=tangents,
-            normals=normals,
-            curvatures=curvatures,
-            lengths=lengths,
-            speeds=np.frombuffer(chain.speeds),
-            tolerances=np.frombuffer(chain.tolerances),
-        )
+    table = Segments(
+        starts=vertices[:-1],
+        tangents=tangents,
+        normals=normals,
+        curvatures=curvatures,
+        lengths=lengths,
+        speeds=np.frombuffer(chain.speeds),
+        tolerances=np.frombuffer(chain.tolerances),
     )
+    return Path(segments=_with_helices(table, chain) if chain.helices else table)
+
+
+def _with_helices(table: Segments, chain: FeedChain) -> Segments:
+    """The table of a chain with transitions instead of the chords of its helices."""
+    parts = []
+    done = 0
+    for first, (points, slopes, bends), middles in chain.helices:
+        tangents, curvatures = tangent_and_curvature(slopes, bends)
+        count = len(middles)
+        # Simpson's rule.
+        speed = np.linalg.norm(slopes, axis=1)
+        lengths = (speed[:-1] + 4 * np.linalg.norm(middles, axis=1) + speed[1:]) / (6 * count)
+        begin = points[:-1], tangents[:-1], curvatures[:-1]
+        end = np.diff(points, axis=0), tangents[1:], curvatures[1:]
+        helix = join_by_quintics(begin, end, lengths)
+        columns = {x: getattr(table, x)[first : first + count] for x in ("speeds", "tolerances")}
+        parts += [table[done:first], helix.replace(**columns)]
+        done = first + count
+    parts.append(table[done:])
+    return Segments.join([x for x in parts if len(x)])

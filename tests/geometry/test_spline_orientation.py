@@ -1,0 +1,108 @@
+"""Tool orientations along splines: continuous rates, the same time for any number of points."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+
+ARM = ac.load_arm("ur5e")
+
+
+def curve(count):
+    """Points of a smooth curve, the tool axis there, and a whole orientation."""
+    a = np.linspace(0, 1, count)
+    points = np.c_[0.45 + 0.03 * np.sin(2 * a), -0.15 + 0.3 * a, 0.25 + 0.02 * np.sin(1.6 * a)]
+    tilt = math.radians(30) * np.sin(2 * (a - 0.5))
+    lean = math.radians(20) * np.cos(2.5 * a)
+    axes = np.c_[np.sin(tilt), np.sin(lean), -np.cos(tilt)]
+    rotations = Rotation.from_euler("xyz", np.c_[math.pi + tilt, lean, a])
+    return points, axes / np.linalg.norm(axes, axis=1)[:, None], rotations.as_matrix()
+
+
+def pointing(count):
+    points, axes, _ = curve(count)
+    return ac.Path.spline(points).pointing(axes)
+
+
+def oriented(count):
+    points, _, rotations = curve(count)
+    return ac.Path.spline(points).oriented(rotations)
+
+
+def test_orientations_at_waypoints_are_kept():
+    for count in (3, 5, 40):
+        _, axes, rotations = curve(count)
+        path = pointing(count)
+        at_waypoints = path.orientation(path.breaks[path.waypoints])
+        np.testing.assert_allclose(at_waypoints[:, :, 2], axes, atol=1e-12)
+        path = oriented(count)
+        at_waypoints = path.orientation(path.breaks[path.waypoints])
+        np.testing.assert_allclose(at_waypoints, rotations, atol=1e-12)
+
+
+@pytest.mark.parametrize("make_path", [pointing, oriented])
+def test_rate_and_acceleration_are_continuous(make_path):
+    orientation = make_path(9).orientation
+    inner = orientation.breaks[1:-1]
+    before, after = (orientation.rates(inner, side=side) for side in ("left", "right"))
+    axis = orientation(inner)[:, :, 2]
+    for left, right in zip(before, after, strict=True):
+        step = right - left
+        if orientation.axis_only:
+            step -= (step * axis).sum(axis=1, keepdims=True) * axis
+        assert np.abs(step).max() < 1e-8 * np.abs(orientation.rates(inner)[0]).max()
+    # The rates are the derivatives of the orientation.
+    s = np.linspace(0.01, orientation.breaks[-1] - 0.01, 50)
+    h = 1e-6
+    turn = orientation(s + h) @ np.swapaxes(orientation(s - h), 1, 2)
+    rate = Rotation.from_matrix(turn).as_rotvec() / (2 * h)
+    np.testing.assert_allclose(orientation.rates(s)[0], rate, atol=1e-5)
+
+
+@pytest.mark.parametrize(("make_path", "counts"), [(pointing, (9, 65, 500)), (oriented, (9, 65))])
+def test_the_time_of_a_smooth_curve_does_not_depend_on_its_points(make_path, counts):
+    durations = []
+    for count in counts:
+        path = make_path(count)
+        assert not len(path.stops)
+        durations.append(ac.plan(path, ARM).duration)
+    assert np.ptp(durations) < 0.01 * durations[0]
+
+
+def test_a_jerk_limit_adds_no_stop():
+    path = pointing(17)
+    limits = ARM.limits.replace(joint_jerk=100.0)
+    planned = ac.plan(path, ARM, limits)
+    assert planned.duration < 1.1 * ac.plan(path, ARM).duration
+
+
+def test_a_spline_without_corners_is_rounded_to_itself():
+    path = pointing(9)
+    rounded = ac.round_corners(path, tolerance=1e-4)
+    assert len(rounded.corners.vertex) == 0
+    assert ac.plan(rounded, ARM).duration == pytest.approx(ac.plan(path, ARM).duration)
+
+
+def test_stops_of_the_orientation_are_said():
+    points, axes, _ = curve(3)
+    straight = np.linspace(points[0], points[-1], 3)
+    path = ac.Path.polyline(straight).pointing(axes)
+    with pytest.warns(UserWarning, match="1 full stop inside the path, the first at s = 0.15"):
+        ac.plan(path, ARM)
+    blended = ac.round_corners(path, tolerance=1e-4, angular_tolerance=0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ac.plan(blended, ARM)
+
+
+def test_lines_between_splines_keep_their_even_rate():
+    points, axes, _ = curve(5)
+    spline = pointing(5)
+    end = spline.end
+    line = ac.Path.polyline([end, end + 0.05 * spline(spline.length, 1)])
+    joined = spline + line.pointing(axes[[-1, -1]])
+    assert len(joined.orientation.stops) == 1
