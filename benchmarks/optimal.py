@@ -1,9 +1,10 @@
 """The optimal planner against TOPP-RA, in Python and in C++: time, duration, largest violation.
 
-Six joints, limits of joint velocity and acceleration, the same given grid for all. Every time
-includes the spline, the constraints, the solution and the law. The peers use what is best in them:
-Seidel's solver, the interpolation scheme, a path acceleration that is uniform on every interval,
-and a path parameter from 0 to 1.
+Six joints, limits of joint velocity and acceleration, the same number of grid points for all. Our
+time is that of the public calls, as a reader of the documentation writes them, with all checks and
+with new arrays. Every time includes the spline, the constraints, the solution and the law. The
+peers use what is best in them: Seidel's solver, the interpolation scheme, a path acceleration that
+is uniform on every interval, and a path parameter from 0 to 1.
 """
 
 from __future__ import annotations
@@ -17,13 +18,10 @@ from collections.abc import Callable
 from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import armcontour as ac
-from armcontour.planning.optimal_timing import constraints_of, time_optimal
-from armcontour.planning.path_grid import Grid
 from benchmarks.measured import Bar, Line, Missing, Pair, Taken, Timer, timed
 
 # Joints of the spline.
@@ -31,7 +29,7 @@ JOINTS = 6
 # Waypoints of the spline.
 WAYPOINTS = 5
 # Numbers of grid points of the plans that are compared with those of the peers.
-POINTS = (200, 1000, 5000)
+POINTS = (50, 200, 1000, 10_000)
 SOURCE = Path(__file__).with_name("toppra_peer.cpp")
 # The same waypoints and limits for every grid, drawn in this order; the limits bind on every joint
 # somewhere.
@@ -42,8 +40,8 @@ ACCELERATION = RNG.uniform(1, 5, JOINTS)  # rad/s²
 # Parameters from 0 to 1 on which every uniform grid above has a point.
 AT = np.linspace(0, 1, WAYPOINTS)
 # Bars of the ratio, by the number of points.
-CPP_BARS = {200: 0.65, 1000: 0.31, 5000: 0.21}
-PYTHON_BARS = {1000: 1 / 40, 5000: 1 / 60}
+CPP_BARS = {50: 4.0, 200: 0.75, 1000: 0.36, 10_000: 0.25}
+PYTHON_BARS = {1000: 1 / 40}
 # Grid points of the two plans whose times per grid point are compared.
 SMALL = 10_000
 LARGE = 1_000_000
@@ -81,30 +79,10 @@ def lines() -> list[Line]:
 
 
 def plan(points: int) -> ac.Trajectory:
-    """Our plan on an even grid and the breaks of the spline, spline included."""
-    limits = ac.Limits(joint_velocity=VELOCITY, joint_acceleration=ACCELERATION)
-    return plan_on(ac.JointPath.spline(WAY, AT), None, limits, _even_grid(points))
-
-
-@cache
-def _even_grid(points: int) -> tuple[np.ndarray, np.ndarray]:
-    return even_grid(points, AT)
-
-
-def even_grid(points: int, breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Even grid points and the breaks of a path, and the piece of each interval."""
-    s = np.union1d(np.linspace(0, 1, points), breaks)
-    return s, np.searchsorted(breaks, (s[1:] + s[:-1]) / 2) - 1
-
-
-def plan_on(
-    path: ac.JointPath, arm: Any, limits: ac.Limits, points: tuple[np.ndarray, np.ndarray]
-) -> ac.Trajectory:
-    """Our plan on given grid points and pieces of their intervals, which is not refined."""
-    grid = Grid(path, *points)
-    active = constraints_of(path, arm, limits.for_joints(path.dof))
-    law = time_optimal(grid, active, arm, 0.0, 0.0, np.inf)
-    return ac.Trajectory(laws=(law,), method="optimal")
+    """Our plan with a number of grid points, spline included."""
+    path = ac.JointPath.spline(WAY.copy(), AT.copy())
+    limits = ac.Limits(joint_velocity=VELOCITY.copy(), joint_acceleration=ACCELERATION.copy())
+    return ac.plan(path, limits=limits, options=ac.Optimal(intervals=points - 1))
 
 
 def _against_python(points: int) -> Pair:
@@ -188,7 +166,11 @@ def _against_cpp(points: int) -> Pair:
 
     def notes() -> list[str]:
         _, duration, squares = _run(program, points, 1)
-        return [_answer("TOPP-RA C++", duration, np.linspace(0, 1, points), squares, None)]
+        grid = np.linspace(0, 1, points)
+        return [
+            _answer("armcontour", *_ours(points)),
+            _answer("TOPP-RA C++", duration, grid, squares, None),
+        ]
 
     return Pair(timed(lambda: plan(points)), _timer(program, points), notes)
 

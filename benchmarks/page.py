@@ -4,7 +4,9 @@ A mark is a comment of HTML, `<!-- KIND: ARGUMENT -->`. The text between it and 
 `<!-- end -->` is replaced:
 
 - `lines: BEGIN ...`: a table of the lines whose names begin so;
+- `answers: BEGIN ...`: a table of what both sides of these lines computed;
 - `faster: NAME`: the reciprocal of the ratio of a line, in words;
+- `times: NAME`: the times of both sides of a line, in words;
 - `sessions: all`: dates, machines and versions of all measurements.
 """
 
@@ -20,7 +22,8 @@ from benchmarks.measured import Line, in_words
 
 ROOT = Path(__file__).parents[1]
 FILES = (ROOT / "docs" / "benchmarks.md", ROOT / "README.md")
-MARK = re.compile(r"(<!-- (lines|faster|sessions): (.+?) -->)(.*?)(<!-- end -->)", re.S)
+KINDS = "lines|answers|faster|times|sessions"
+MARK = re.compile(rf"(<!-- ({KINDS}): (.+?) -->)(.*?)(<!-- end -->)", re.S)
 NOT_YET = "not measured yet"
 HEADS = ("line", "armcontour", "compared with", "result")
 RIGHT = ("armcontour",)
@@ -52,10 +55,15 @@ def filled(text: str, lines: Sequence[Line], sessions: Sequence[Session]) -> str
             if not rows:
                 raise KeyError(f"No line begins with {argument}.")
             return f"{begin}\n\n{_table(rows, baselines)}\n\n{end}"
+        if kind == "answers":
+            return f"{begin}\n\n{_answers(argument.split(), baselines)}\n\n{end}"
         if argument not in {x.name for x in lines}:
             raise KeyError(f"There is no line {argument}.")
         line = baselines.get(argument)
-        return f"{begin}{NOT_YET if line is None else faster(line.ratio)}{end}"
+        words = NOT_YET
+        if line is not None:
+            words = faster(line.ratio) if kind == "faster" else _times(line)
+        return f"{begin}{words}{end}"
 
     return MARK.sub(fill, text)
 
@@ -75,14 +83,31 @@ def _table(lines: Iterable[Line], baselines: Mapping[str, Known]) -> str:
     return "\n".join(f"| {' | '.join(map(_plain, row))} |" for row in rows)
 
 
+def _answers(begins: Sequence[str], baselines: Mapping[str, Known]) -> str:
+    """Table of the notes of lines, one row for each."""
+    rows = [("line", "what was computed"), ("---", "---")]
+    for name, line in sorted(baselines.items()):
+        if name.startswith(tuple(begins)):
+            rows += [(f"`{name}`", note) for note in line.notes]
+    return "\n".join(f"| {' | '.join(map(_plain, row))} |" for row in rows)
+
+
+def _times(line: Known) -> str:
+    """Times of both sides of a line, such as "0.5 ms against 21 ms"."""
+    ours, theirs = (NOT_YET if x is None else in_words(x) for x in (line.ours, line.theirs))
+    return f"{ours} against {theirs}"
+
+
 def _cells(line: Line, baseline: Known | None) -> tuple[str, ...]:
     if baseline is None:
         more = " (only if asked for)" if line.full else ""
         return NOT_YET + more, line.peer, "-"
     ours = "-" if baseline.ours is None else in_words(baseline.ours)
     peer = baseline.peer
+    if baseline.theirs is not None:
+        peer = f"{peer}: {in_words(baseline.theirs)}"
     result = faster(baseline.ratio)
-    if peer == REFERENCE:
+    if baseline.peer == REFERENCE:
         peer = "-"
         result = "-"
     if baseline.missed:

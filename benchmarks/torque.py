@@ -17,7 +17,6 @@ import armcontour as ac
 from armcontour.core.checks import FloatArray
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Missing, Pair, timed
-from benchmarks.optimal import even_grid, plan_on
 
 POINTS = 1000
 # Places of a traced path that are toppra's waypoints.
@@ -47,10 +46,10 @@ def _prepare() -> Pair:
         joint_velocity=VELOCITY, joint_acceleration=ACCELERATION, joint_torque=TORQUE
     )
     limits = limits.for_joints(arm.dof)
-    grid = even_grid(POINTS, np.array(AT))
+    options = ac.Optimal(intervals=POINTS - 1)
 
     def ours() -> ac.Trajectory:
-        return plan_on(ac.JointPath.spline(WAY, AT), arm, limits, grid)
+        return ac.plan(ac.JointPath.spline(WAY, AT), arm, limits, options)
 
     theirs = toppra_planner(arm, limits, AT, WAY)
 

@@ -176,6 +176,8 @@ def _check_stability(servo: ServoModel) -> None:
     for name, gains in (("kv", servo.kv), ("kp", servo.kp)):
         if gains is None or not servo.drive_cycle:
             continue
+        # A loop with an infinite gain has no delay, so it is not computed.
+        gains = np.where(np.isfinite(gains), gains, 0.0)
         j = int(np.argmax(gains))
         product = float(gains[j]) * servo.drive_cycle
         if product >= LARGEST_STABLE:

@@ -129,7 +129,7 @@ class ErrorEstimate:
         noise = best.noise**2 / self.count + MODEL_ERROR**2 * (remaining**2).mean(axis=0)
         penalty = lifted.choose_penalty(remaining, float(np.mean(noise)))
         # The last set-point determines where a joint rests, also after the times of the model.
-        last = np.where(later, best.q[-1] - rest - runs[0].q[-1], np.nan)
+        last = best.q[-1] - rest - runs[0].q[-1]
         change, response = lifted.correct(remaining, penalty, last)
         self.q = np.asarray(runs[0].q + change)
         self.error = moved - response
