@@ -92,12 +92,8 @@ def remarks(result: RunRecord) -> Iterator[str]:
     # Stops due to jerk limits are reported by a warning.
     if stops := result.stops_of_path:
         reasons = ", ".join(f"{n} {reason}" for reason, n in stops.items())
-        count = sum(stops.values())
-        first = "the first" if count > 1 else "it is"
-        yield (
-            f"{count_noun(count, 'full stop')} inside contours ({reasons}); {first} at "
-            f"{_first_stop(result.path)}."
-        )
+        number_of_stops = count_noun(sum(stops.values()), "full stop")
+        yield f"{number_of_stops} inside contours ({reasons}){_first_stop(result.path)}."
     yield from _describe_clearance(result)
     if result.advice is not None and result.advice.note:
         yield result.advice.note
@@ -112,11 +108,14 @@ def remarks(result: RunRecord) -> Iterator[str]:
 
 
 def _first_stop(program: Program) -> str:
-    """The place of the first full stop inside a contour, in words."""
-    contour = next(x for x in program.contours if len(x.path.stops))
-    s = float(contour.path.stops[0])
-    point = ", ".join(f"{1e3 * x:.4g}" for x in contour.path(s))
-    return f"({point}) mm, after {number(s, 'm')} of contour {contour.name}"
+    """The place of the first full stop inside a contour, as the end of a sentence."""
+    for index, contour in enumerate(program.contours):
+        if len(contour.path.stops):
+            s = float(contour.path.stops[0])
+            point = ", ".join(f"{1e3 * x:.4g}" for x in contour.path(s))
+            name = contour_called(contour, index)
+            return f", the first at ({point}) mm, after {number(s, 'm')} of {name}"
+    return ""
 
 
 def _describe_shaping(result: RunRecord) -> Iterator[str]:
