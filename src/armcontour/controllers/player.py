@@ -43,7 +43,7 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
 from armcontour.jobs.study import run
 from armcontour.jobs.verdict import Errors
-from armcontour.motion import JointPath, Log, SetPoints, Trajectory
+from armcontour.motion import Execution, JointPath, Log, SetPoints, Trajectory
 from armcontour.planning import at_speed, plan
 from armcontour.planning.early_stop import plan_stop
 from armcontour.planning.timing_options import Optimal
@@ -92,10 +92,6 @@ TURN = 2 * np.pi
 ROUNDING = 1e-6
 # Maximum number of outputs that a sentence names.
 MAX_OUTPUTS = 6
-# Number of samples from which the largest tool speed of the motion to the start is determined, and
-# smallest time between them [s].
-SPEED_SAMPLES = 1000
-SMALLEST_STEP = 1e-6
 # Maximum number of attempts to play a motion that late set-points disturb.
 ATTEMPTS = 3
 
@@ -558,7 +554,8 @@ class Player:
             played = replace(ready, distances=distances)
             if not is_at_start(ready.job.arm, distances):
                 approach = self._approach(played, position)
-                played = replace(played, approach_speed=_tool_speed(approach))
+                speeds = Execution.from_plan(approach, ready.job.arm).tool_speed
+                played = replace(played, approach_speed=float(speeds.max()))
             if not self.execute or self.stop_requested():
                 return played
             if not is_at_start(ready.job.arm, distances):
@@ -664,14 +661,6 @@ def approach_of(
     line = _clear_line(job, position, start)
     fastest = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
     return at_speed(fastest, speed_factor)
-
-
-def _tool_speed(trajectory: Trajectory) -> float:
-    """Largest tool speed of a trajectory [m/s]."""
-    samples = trajectory.sample(max(trajectory.duration / SPEED_SAMPLES, SMALLEST_STEP))
-    assert trajectory.arm is not None
-    velocities = trajectory.arm.tool_velocity(samples.q, samples.dq)
-    return float(np.linalg.norm(velocities, axis=1).max())
 
 
 def _clear_line(job: Job, position: FloatArray, start: FloatArray) -> JointPath:
