@@ -43,7 +43,7 @@ function remember(store) {
 
 /** A figure; one that is not known for a moment leaves its place. @param {{name: string, row?: Row, seen?: Row, store: Store, exact: boolean}} props */
 function Figure({ name, row, seen, store, exact }) {
-  const place = name === "kept" && !PLACES.kept?.(store) ? undefined : PLACES[name];
+  const place = name === "kept" && PLACES.kept?.(store) === undefined ? undefined : PLACES[name];
   const isRefused = name === "kept" && store.refusal !== null;
   const refused = store.refusal?.head.error === "Collision" ? "✗ collision" : "✗ refused";
   const looks = name === "kept" && row ? verdictOf(row.value, store.theme) : { colour: "", mark: "" };
