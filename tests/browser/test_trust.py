@@ -1,5 +1,7 @@
 """What the page states stays true: collisions, outdated results, names of joints, and rails."""
 
+import re
+
 import pytest
 from playwright.sync_api import expect
 from tests.dynamics_extra import needs_dynamics
@@ -104,10 +106,11 @@ def test_charts_of_a_positioner_name_its_joints(page, folder):
     studio = shown(page, folder, text, "positioner.yaml")
     studio.rest()
     studio.tab("charts")
-    legend = studio.find("#charts [data-chart=velocity] .u-legend .u-label")
-    # As in Python, joint 1 is the axis next to the part.
-    names = [x.strip() for x in legend.all_inner_texts() if x.strip()[:1].isdigit()]
-    assert names[0].startswith("1 turn") and names[1].startswith("2 tilt")
+    # The chart is drawn after its tab was opened. As in Python, joint 1 is the axis next to the part.
+    labels = studio.find("#charts [data-chart=velocity] .u-legend .u-label")
+    joints = labels.filter(has_text=re.compile(r"^\s*\d"))
+    expect(joints.nth(0)).to_have_text(re.compile(r"^\s*1 turn"))
+    expect(joints.nth(1)).to_have_text(re.compile(r"^\s*2 tilt"))
 
 
 def test_a_rail_is_added_in_the_settings(page, folder):
