@@ -397,13 +397,12 @@ class Run(Checked):
     @property
     def for_bodies(self) -> bool:
         """True if compensation uses the dynamics of the arm, which the servo model lacks."""
-        return isinstance(self.compensation, InverseDynamics)
+        return self.compensation.for_bodies
 
     @property
     def feeds_gravity_forward(self) -> bool:
         """True if the controller adds the gravity torque."""
-        options = self.compensation
-        return not isinstance(options, InverseDynamics) or options.gravity_feedforward
+        return self.compensation.feeds_gravity_forward
 
     @property
     def is_shaped(self) -> bool:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from armcontour.control.compensation import NoCompensation
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import figure, number
 from armcontour.core.text import capitalise, count_noun, joint_label, list_some
@@ -70,7 +69,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
         yield from _changed_commands(result.set_points, result.servo)
     if result.servo is not None:
         yield beyond_logs(result.servo, trajectory)
-        if not isinstance(run.compensation, NoCompensation):
+        if run.compensation.compensates:
             yield result.servo.doubt
     if executed is not None and result.evaluation is not None:
         yield _unsettled(executed)

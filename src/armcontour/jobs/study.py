@@ -175,7 +175,7 @@ def expect_errors(
     ratio = servo.contour_ratio
     program_ratio = ratio if servo.program_ratio is None else servo.program_ratio
     similar = servo.is_similar(*sample_rates(plan))
-    plain = isinstance(run.compensation, NoCompensation)
+    plain = not run.compensation.compensates
     if ratio is None or ratio > TRUSTED or unexplained is None or plain or not similar:
         return None
     assert program_ratio is not None
@@ -222,7 +222,7 @@ def simulate_rigid_bodies(
     """Simulate set-points with rigid bodies, and the same plan without compensation."""
     executed = simulate_run(job, set_points, plant)
     uncompensated = None
-    if not isinstance(run.compensation, NoCompensation):
+    if run.compensation.compensates:
         with suppress(ExecutionError):
             plan = set_points.trajectory
             uncompensated = _simulate_uncompensated(job, run, plan, path, plant)

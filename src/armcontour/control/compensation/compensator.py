@@ -8,6 +8,11 @@ from typing import Annotated, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from armcontour.control.compensation.feedforward_servo import (
+    has_transient,
+    invert_feedforward,
+    tail_duration,
+)
 from armcontour.control.compensation.set_point_times import (
     SETTLING,
     SNAP,
@@ -129,7 +134,40 @@ class CompensationOptions(Options):
     """
 
     method: ClassVar[str]
+    # False if the set-points are those of the plan, so that the servo's delay stays
+    compensates: ClassVar[bool] = True
+    # True if the set-points depend on the masses of the arm, which the servo model lacks
+    for_bodies: ClassVar[bool] = False
     command_limits: Limits | None = None
+
+    @property
+    def feeds_gravity_forward(self) -> bool:
+        """True if the controller adds the gravity torque."""
+        return True
+
+    def set_points(
+        self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None
+    ) -> tuple[float, FloatArray]:
+        """Compute set-points for a servo without feed-forward; `compensate` checks the arguments.
+
+        Args:
+            trajectory: Trajectory that the joints should follow.
+            servo: Servo model with one value per joint.
+            cycle: Cycle [s].
+            arm: The nominal arm with masses, for methods with `for_bodies`.
+
+        Returns:
+            Time of the first set-point [s], and set-points [rad], (n, dof).
+        """
+        raise NotImplementedError
+
+    def settling(self, servo: ServoModel) -> float:
+        """Return the duration of the compensation's own transient after the motion [s].
+
+        Args:
+            servo: Servo model with one value per joint.
+        """
+        return 0.0
 
 
 @declared(eq=False)
@@ -145,6 +183,12 @@ class Inverse(CompensationOptions):
     """
 
     method = "inverse"
+
+    def set_points(
+        self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None
+    ) -> tuple[float, FloatArray]:
+        """Compute set-points by the inverse of the servo."""
+        return invert_servo(trajectory, servo, cycle)
 
 
 @declared(eq=False)
@@ -162,6 +206,26 @@ class PolePlacement(CompensationOptions):
 
     method = "pole_placement"
     poles: Annotated[npt.ArrayLike | None, About(), POLES] = None
+
+    def set_points(
+        self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None
+    ) -> tuple[float, FloatArray]:
+        """Compute set-points by the compensator (26)."""
+        from armcontour.control.compensation.pole_placement import place_poles
+
+        return place_poles(trajectory, servo, cycle, self.poles)
+
+    def settling(self, servo: ServoModel) -> float:
+        """Return the time in which the slowest pole settles [s]."""
+        from armcontour.control.compensation.pole_placement import check_poles
+
+        if servo.kv is None:
+            # `set_points` refuses this servo.
+            return 0.0
+        slowest = float(servo.kv.min())
+        if self.poles is not None:
+            slowest = float(np.abs(check_poles(self.poles, len(servo.kv)).real).min())
+        return SETTLING / slowest
 
 
 @declared(eq=False)
@@ -183,8 +247,25 @@ class InverseDynamics(CompensationOptions):
     """
 
     method = "inverse_dynamics"
+    for_bodies = True
     gravity_feedforward: Annotated[bool, About()] = True
     controller: Arm | None = None
+
+    @property
+    def feeds_gravity_forward(self) -> bool:
+        """True if the controller adds the gravity torque."""
+        return self.gravity_feedforward
+
+    def set_points(
+        self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None
+    ) -> tuple[float, FloatArray]:
+        """Compute set-points by the inverse dynamics of the arm and its drives."""
+        from armcontour.control.compensation.inverse_dynamics import invert_dynamics
+
+        return invert_dynamics(
+            trajectory, servo, cycle, arm,
+            gravity_feedforward=self.gravity_feedforward, controller=self.controller,
+        )  # fmt: skip
 
 
 @declared(eq=False)
@@ -197,6 +278,15 @@ class NoCompensation(CompensationOptions):
     """
 
     method = "none"
+    compensates = False
+
+    def set_points(
+        self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None
+    ) -> tuple[float, FloatArray]:
+        """Compute set-points on the trajectory, of which the last one is its end."""
+        t = set_point_times(trajectory, cycle).inside
+        end = trajectory([trajectory.duration], side="left")
+        return 0.0, np.concatenate([trajectory(t), end])
 
 
 INVERSE = Inverse()
@@ -260,7 +350,7 @@ def compensate(
         check_set_points(set_points, limits)
     elif excess := describe_excess(set_points):
         warnings.warn(excess, stacklevel=3)
-    if not isinstance(options, NoCompensation) and servo.doubt:
+    if options.compensates and servo.doubt:
         warnings.warn(servo.doubt, stacklevel=3)
     return set_points
 
@@ -292,7 +382,10 @@ def unchecked_set_points(
         count * trajectory.dof,
         "Use a longer cycle or a higher speed",
     )
-    start, q, truncated = _set_points(trajectory, model, interval, options, arm)
+    start, q = options.set_points(trajectory, model, interval, arm)
+    truncated = None
+    if options.compensates and has_transient(model):
+        q, truncated = invert_feedforward(q, interval, model, duration)
     set_points = SetPoints(
         cycle=interval,
         q=q,
@@ -308,54 +401,13 @@ def unchecked_set_points(
     return limit_set_points(set_points, model, options.command_limits, arm)
 
 
-def _set_points(
-    trajectory: Trajectory,
-    servo: ServoModel,
-    cycle: float,
-    options: CompensationOptions,
-    arm: Arm | None,
-) -> tuple[float, FloatArray, FloatArray | None]:
-    """Time of the first set-point [s], set-points [rad], (n, dof), and `SetPoints.truncated`."""
-    if isinstance(options, NoCompensation):
-        t = set_point_times(trajectory, cycle).inside
-        end = trajectory([trajectory.duration], side="left")
-        return 0.0, np.concatenate([trajectory(t), end]), None
-    if isinstance(options, PolePlacement):
-        from armcontour.control.compensation.pole_placement import place_poles
-
-        start, q = place_poles(trajectory, servo, cycle, options.poles)
-    elif isinstance(options, InverseDynamics):
-        from armcontour.control.compensation.inverse_dynamics import invert_dynamics
-
-        start, q = invert_dynamics(
-            trajectory, servo, cycle, arm,
-            gravity_feedforward=options.gravity_feedforward, controller=options.controller,
-        )  # fmt: skip
-    else:
-        start, q = invert_servo(trajectory, servo, cycle)
-    if not servo.has_feedforward and not servo.ki.any():
-        return start, q, None
-    from armcontour.control.compensation.feedforward_servo import invert_feedforward
-
-    return start, *invert_feedforward(q, cycle, servo, trajectory.duration)
-
-
 def set_point_count(
     duration: float, servo: ServoModel, cycle: float, options: CompensationOptions
 ) -> float:
     """Approximate number of set-points of a motion."""
-    total = duration
-    if not isinstance(options, NoCompensation):
+    total = duration + options.settling(servo)
+    if options.compensates:
         total += float(servo.dead_time.max()) + cycle
-        if servo.has_feedforward or servo.ki.any():
-            from armcontour.control.compensation.feedforward_servo import tail_duration
-
+        if has_transient(servo):
             total += tail_duration(servo, duration)
-    if isinstance(options, PolePlacement) and servo.kv is not None:
-        from armcontour.control.compensation.pole_placement import check_poles
-
-        slowest = float(servo.kv.min())
-        if options.poles is not None:
-            slowest = float(np.abs(check_poles(options.poles, len(servo.kv)).real).min())
-        total += SETTLING / slowest
     return total / cycle + 1
