@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Annotated
 
-from armcontour.control.compensation import CompensationOptions, InverseDynamics
-from armcontour.control.compensation.compensator import INVERSE
+from armcontour.control.compensation import INVERSE, CompensationOptions, InverseDynamics
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context

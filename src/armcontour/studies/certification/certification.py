@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.control.compensation.compensator import INVERSE
+from armcontour.control.compensation import INVERSE
 from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
