@@ -36,8 +36,8 @@ from armcontour.geometry import Path
 from armcontour.jobs.analog_signals import check_analog
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
-from armcontour.planning import Optimal, PlanOptions, check_duration
-from armcontour.planning.timing_options import DEFAULT_ITERATIONS, FASTEST
+from armcontour.planning import FASTEST, Optimal, PlanOptions, check_duration
+from armcontour.planning.timing_options import DEFAULT_ITERATIONS
 from armcontour.program import Process, Program
 from armcontour.program.corner_rounding import CONTINUITIES, Continuity
 from armcontour.program.preparation import check_process

@@ -5,7 +5,9 @@ from armcontour.core.lazy import lazy_names
 _HOME = {
     "early_stop": "stop",
     "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
-    "timing_options": "Conventional METHODS Optimal Paper PlanOptions Shaped",
+    "optimal_timing": "FASTEST Optimal",
+    "paper_timing": "Conventional Paper",
+    "timing_options": "PlanOptions Shaped",
     "planner": "check_duration intervals_of plan",
     "program_timing": "at_speed check_jerk_support",
     "program_tracing": "Tracing trace_program turn_along",

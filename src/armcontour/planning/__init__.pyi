@@ -4,6 +4,10 @@ from armcontour.planning.explanation import Explanation as Explanation
 from armcontour.planning.explanation import Shortfall as Shortfall
 from armcontour.planning.explanation import explain as explain
 from armcontour.planning.explanation import find_jerk_stops as find_jerk_stops
+from armcontour.planning.optimal_timing import FASTEST as FASTEST
+from armcontour.planning.optimal_timing import Optimal as Optimal
+from armcontour.planning.paper_timing import Conventional as Conventional
+from armcontour.planning.paper_timing import Paper as Paper
 from armcontour.planning.planner import check_duration as check_duration
 from armcontour.planning.planner import intervals_of as intervals_of
 from armcontour.planning.planner import plan as plan
@@ -13,9 +17,5 @@ from armcontour.planning.program_tracing import Tracing as Tracing
 from armcontour.planning.program_tracing import trace_program as trace_program
 from armcontour.planning.program_tracing import turn_along as turn_along
 from armcontour.planning.shaping import shape as shape
-from armcontour.planning.timing_options import Conventional as Conventional
-from armcontour.planning.timing_options import METHODS as METHODS
-from armcontour.planning.timing_options import Optimal as Optimal
-from armcontour.planning.timing_options import Paper as Paper
 from armcontour.planning.timing_options import PlanOptions as PlanOptions
 from armcontour.planning.timing_options import Shaped as Shaped

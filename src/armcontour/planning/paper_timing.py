@@ -16,14 +16,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.core.fields import declared
 from armcontour.core.kernel_cache import compiled
+from armcontour.core.quantities import About, AtLeast, Interval
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, LawAlongPath, LawPhase, LineLaw, Method, Trajectory
+from armcontour.motion import (
+    DEFAULT_CYCLE,
+    JointPath,
+    LawAlongPath,
+    LawPhase,
+    LineLaw,
+    Method,
+    Trajectory,
+    check_cycle,
+)
 from armcontour.planning.law_checks import (
     check_limits,
     law_peaks,
@@ -32,7 +44,7 @@ from armcontour.planning.law_checks import (
     require_speed,
     tool_path_of,
 )
-from armcontour.planning.timing_options import FEWEST_LAPS, MAX_LAPS, Paper
+from armcontour.planning.timing_options import PlanOptions
 from armcontour.robot import Arm, Limits
 
 # The tool speed is not computed from a joint that is slower than this share of the fastest joint.
@@ -43,6 +55,50 @@ PARTS_AT_REST = 10
 GUARANTEED = ("speed", "centripetal_acceleration")
 # Limits that the conventional method ignores.
 IGNORED = (*GUARANTEED, "joint_velocity", "joint_acceleration", "tool_acceleration")
+# Smallest number of intervals per line of the paper's method. With fewer, a short line from rest to
+# rest has none left for its motion.
+FEWEST_LAPS = 8
+# Largest number of intervals per line of the paper's method, which needs several GB for an arm with
+# six joints.
+MAX_LAPS = 5_000_000
+
+
+@declared(eq=False)
+class Paper(PlanOptions):
+    """Options of the paper's method for lines and arcs, in addition to those of `PlanOptions`.
+
+    >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
+    >>> ac.plan(straight, arm, limits, ac.Paper(knots=10)).method
+    <Method.PAPER: 'paper'>
+
+    Args:
+        knots: Intervals of equal length per line. By default the distance between knots is at most
+            the travel of the tool in one cycle at the assigned velocity. An interval next to a rest
+            is subdivided.
+        cycle: Cycle [s].
+
+    Raises:
+        InvalidInput: A value of the wrong type or out of range.
+    """
+
+    method = Method.PAPER
+    knots: Annotated[Annotated[int, AtLeast(FEWEST_LAPS, MAX_LAPS)] | None, About()] = None
+    cycle: Interval = DEFAULT_CYCLE
+
+    def _check_together(self) -> None:
+        check_cycle(self.cycle)
+
+
+@declared(eq=False)
+class Conventional(PlanOptions):
+    """Options of the method "conventional", uniform tool speed: those of `PlanOptions`.
+
+    >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
+    >>> ac.plan(straight, arm, limits, ac.Conventional()).method
+    <Method.CONVENTIONAL: 'conventional'>
+    """
+
+    method = Method.CONVENTIONAL
 
 
 @compiled()

@@ -18,6 +18,7 @@ from armcontour.geometry.rounding.rounded_path import RoundedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import describe_unfinished
 from armcontour.motion import JointPath, Method, Trajectory
+from armcontour.planning.optimal_timing import FASTEST, Optimal
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.planning.program_timing import (
     Timing,
@@ -28,7 +29,7 @@ from armcontour.planning.program_timing import (
     time_program,
 )
 from armcontour.planning.program_tracing import TracedMove, Tracing, trace_program
-from armcontour.planning.timing_options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
+from armcontour.planning.timing_options import LONGEST_MOTION, PlanOptions, Shaped
 from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits

@@ -26,13 +26,11 @@ from armcontour.motion import (
 )
 from armcontour.planning.constraints import RapidSpeed
 from armcontour.planning.law_checks import check_limits
-from armcontour.planning.optimal_timing import plan_optimal
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
+from armcontour.planning.paper_timing import Conventional, Paper, plan_conventional, plan_paper
 from armcontour.planning.program_tracing import TracedMove, Tracing, ends_of
 from armcontour.planning.timing_options import (
     LONGEST_MOTION,
-    Conventional,
-    Optimal,
-    Paper,
     PlanOptions,
     Shaped,
 )
@@ -106,12 +104,8 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
     problem = (joint_path, timing.arm, timing.limits)
     options = timing.options
     if isinstance(options, Conventional):
-        from armcontour.planning.paper_timing import plan_conventional
-
         return plan_conventional(*problem)
     if isinstance(options, Paper):
-        from armcontour.planning.paper_timing import plan_paper
-
         return plan_paper(*problem, options)
     if isinstance(options, Optimal):
         return plan_optimal(*problem, options)

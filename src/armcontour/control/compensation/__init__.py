@@ -3,7 +3,7 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "compensator": "METHODS compensate",
+    "compensator": "compensate",
     "inverse": "INVERSE Inverse",
     "inverse_dynamics": "InverseDynamics",
     "method": "CompensationOptions",

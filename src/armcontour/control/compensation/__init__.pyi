@@ -1,4 +1,3 @@
-from armcontour.control.compensation.compensator import METHODS as METHODS
 from armcontour.control.compensation.compensator import compensate as compensate
 from armcontour.control.compensation.inverse import INVERSE as INVERSE
 from armcontour.control.compensation.inverse import Inverse as Inverse

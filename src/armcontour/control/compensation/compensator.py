@@ -9,11 +9,8 @@ from armcontour.control.compensation.feedforward_servo import (
     invert_feedforward,
     tail_duration,
 )
-from armcontour.control.compensation.inverse import INVERSE, Inverse
-from armcontour.control.compensation.inverse_dynamics import InverseDynamics
+from armcontour.control.compensation.inverse import INVERSE
 from armcontour.control.compensation.method import CompensationOptions
-from armcontour.control.compensation.no_compensation import NoCompensation
-from armcontour.control.compensation.pole_placement import PolePlacement
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
@@ -24,10 +21,6 @@ from armcontour.robot.servo import ServoModel
 
 # Relative tolerance of durations, which have rounding errors because they are sums.
 DURATION_TOLERANCE = 1e-9
-# Classes of options by the names of their methods.
-METHODS: dict[str, type[CompensationOptions]] = {
-    x.method: x for x in (Inverse, PolePlacement, InverseDynamics, NoCompensation)
-}
 
 
 @checked

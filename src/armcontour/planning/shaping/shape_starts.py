@@ -13,9 +13,9 @@ from armcontour.geometry import Path, Proof, RoundedPath, Tube, round_path
 from armcontour.geometry.rounding.rounded_path import Curve
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, STOPS
 from armcontour.motion import JointPath, Trajectory
-from armcontour.planning.optimal_timing import plan_optimal
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.program_tracing import trace_by_duration
-from armcontour.planning.timing_options import Optimal, Shaped
+from armcontour.planning.timing_options import Shaped
 from armcontour.robot import Arm, Limits
 
 # Angle between matched points along arcs [rad].

@@ -20,11 +20,12 @@ from armcontour.core.text import capitalise
 from armcontour.geometry import Path, ShapedPath, ShapingOutcome, Tube
 from armcontour.geometry.shaped_path import ARCS, SHAPED, STOPS, describe_unfinished
 from armcontour.motion import JointPath, Method, Trajectory
+from armcontour.planning.optimal_timing import Optimal
 from armcontour.planning.program_timing import Timing, check_jerk_support, time_program
 from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
 from armcontour.planning.shaping.shape_search import explain_unshaped, make_searches
 from armcontour.planning.shaping.shape_starts import Candidate, Timer, make_starts
-from armcontour.planning.timing_options import Optimal, Shaped
+from armcontour.planning.timing_options import Shaped
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs
 from armcontour.program.moves import put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
