@@ -19,7 +19,6 @@ from armcontour.jobs.rows import shaping_rows
 from armcontour.jobs.run_record import RunRecord
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.execution import describe_excess
-from armcontour.planning import Conventional
 from armcontour.program import Program, contour_called
 from armcontour.robot import compare_limits
 from armcontour.robot.arm import unit_of
@@ -305,8 +304,8 @@ def _not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> str:
             f"of the arm (with the servo model, the contour error is {error}). Add an experiment "
             "to the job, such as experiment: {}."
         )
-    # The method "conventional" is excluded, because it does not consider joint limits.
-    if run.for_bodies or ratio <= FAR_ABOVE or isinstance(run.timing, Conventional):
+    # A method that ignores joint limits saturates joints as expected.
+    if run.for_bodies or ratio <= FAR_ABOVE or run.timing.ignores_joint_limits:
         return ""
     t = float(executed.t[int(np.abs(executed.demand[:, joint]).argmax())])
     label = joint_label(joint + 1, executed.arm.joint_names)

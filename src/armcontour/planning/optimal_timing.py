@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, NoReturn
 
 import numpy as np
@@ -60,6 +60,7 @@ from armcontour.planning.topp.grid_plan import (
 )
 from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
+from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
@@ -108,6 +109,13 @@ FEWER = 0.8
 # With more than half of MAX_REFINED intervals, a refinement for loss must increase the number of
 # intervals by at least this factor.
 LEAST_GROWTH = 1.1
+# Options that apply to a single path only, because a program rests between its paths.
+SINGLE_PATH_OPTIONS = ("start_speed", "end_speed")
+# Default total number of grid intervals of a program of many contours. Each contour has fewer
+# intervals than a single path, because it is shorter.
+MAX_TOTAL_INTERVALS = 40_000
+# Smallest default number of grid intervals per contour of such a program.
+FEWEST_INTERVALS = 500
 MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
 PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
 
@@ -145,6 +153,7 @@ class Optimal(PlanOptions):
     """
 
     method = Method.OPTIMAL
+    automatic_leads = True
     duration: MotionTime | None = None
     intervals: IntervalCount | None = None
     iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS)] = MAX_ITERATIONS
@@ -167,6 +176,32 @@ class Optimal(PlanOptions):
                     f"A motion with a given duration starts and ends at rest, but {name} is "
                     f"{number(getattr(self, name), 'm/s')}. Remove {name} or duration."
                 )
+
+    def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+        """Plan the fastest motion along a contour."""
+        return plan_optimal(joint_path, arm, limits, self)
+
+    def check_jerk(self, limits: Limits) -> None:
+        """Accept limits of jerk, because the method keeps them."""
+
+    def for_program(self, program: Program) -> Optimal:
+        """Return the options with fewer grid intervals if the program has many contours."""
+        for name in SINGLE_PATH_OPTIONS if program.single_path is None else ():
+            if getattr(self, name):
+                raise InvalidInput(
+                    f"{name} applies to a single path only, because a program rests between its "
+                    f"moves. Remove {name}."
+                )
+        fewer = intervals_of(program)
+        return self if self.intervals or fewer is None else replace(self, intervals=fewer)
+
+
+def intervals_of(program: Program) -> int | None:
+    """Number of grid intervals for each contour of a program; None for the default of a path."""
+    count = len(program.contours)
+    if count <= MAX_TOTAL_INTERVALS // DEFAULT_INTERVALS:
+        return None
+    return max(FEWEST_INTERVALS, MAX_TOTAL_INTERVALS // count)
 
 
 FASTEST = Optimal()

@@ -15,7 +15,7 @@ the paper has no rule for this case.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -82,11 +82,20 @@ class Paper(PlanOptions):
     """
 
     method = Method.PAPER
+    only_arcs = True
     knots: Annotated[Annotated[int, AtLeast(FEWEST_LAPS, MAX_LAPS)] | None, About()] = None
     cycle: Interval = DEFAULT_CYCLE
 
     def _check_together(self) -> None:
         check_cycle(self.cycle)
+
+    def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+        """Plan the motion along a contour by the paper's method."""
+        return plan_paper(joint_path, arm, limits, self)
+
+    def at_cycle(self, cycle: float) -> Paper:
+        """Return the options with the distance between knots for a cycle."""
+        return replace(self, cycle=cycle)
 
 
 @declared(eq=False)
@@ -99,6 +108,12 @@ class Conventional(PlanOptions):
     """
 
     method = Method.CONVENTIONAL
+    passes_corners = True
+    ignores_joint_limits = True
+
+    def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+        """Plan the motion along a contour at uniform tool speed."""
+        return plan_conventional(joint_path, arm, limits)
 
 
 @compiled()

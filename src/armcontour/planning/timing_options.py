@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
 from armcontour.core.checks import FloatArray
+from armcontour.core.errors import NotRealizable
 from armcontour.core.fields import Options, declared
+from armcontour.core.progress import Progress
 from armcontour.core.quantities import (
     About,
-    AngularDistance,
     AtLeast,
-    Distance,
     Quantity,
     Reserve,
 )
-from armcontour.motion import JointPath, Method
+from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.planning.constraints import Constraint
 from armcontour.planning.path_grid import FEWEST_PER_PIECE, MAX_INTERVALS
+from armcontour.program import Program
+from armcontour.robot import Arm, Limits
 
 # Largest duration [s], about eleven days. Longer durations are mistakes, and times are rounded to a
 # nanosecond.
@@ -26,6 +28,11 @@ LONGEST_MOTION = 1e6
 IntervalCount = Annotated[int, AtLeast(FEWEST_PER_PIECE, MAX_INTERVALS)]
 # Largest number of iterations of each pass with limits of jerk.
 MAX_ITERATIONS = 150
+# How to plan without limits of jerk, for messages.
+WITHOUT_JERK = (
+    "remove joint_jerk with limits.replace(joint_jerk=math.inf) (in a job, "
+    "limits: {joint_jerk: inf})"
+)
 # Default number of iterations of shaping.
 DEFAULT_ITERATIONS = 60
 # Largest number of iterations of shaping.
@@ -52,40 +59,83 @@ class PlanOptions(Options):
     """
 
     method: ClassVar[Method]
+    # True if the method finds leads of automatic length, at whose ends the tool has full speed
+    automatic_leads: ClassVar[bool] = False
+    # True if the method plans along lines and arcs only
+    only_arcs: ClassVar[bool] = False
+    # True if the tool passes corners without a stop
+    passes_corners: ClassVar[bool] = False
+    # True if the plan can exceed the limits of joint velocity and acceleration
+    ignores_joint_limits: ClassVar[bool] = False
+    # True if `reshape` changes the path, so that the method cannot plan along a given joint path
+    changes_path: ClassVar[bool] = False
     reserve: Annotated[Reserve, About(usual=(0.0, 0.9))] = 0.0
     configuration: str | None = None
     seed: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
     accept: Callable[[JointPath], bool] | None = None
 
+    def reshape(
+        self, program: Program, arm: Arm, limits: Limits, progress: Progress | None, *, named: bool
+    ) -> Program:
+        """Return the program with the paths along which the method plans.
 
-@declared(eq=False)
-class Shaped(PlanOptions):
-    """Options of the method "shaped", in addition to those of `PlanOptions`.
+        Args:
+            program: The program.
+            arm: The arm.
+            limits: Limits of the plan.
+            progress: Called with the step and the fraction done.
+            named: Whether error messages start with the name of the contour.
+        """
+        return program
 
-    The method finds the fastest path within a tolerance of the given path.
+    def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+        """Plan the motion along a contour.
 
-    >>> options = ac.Shaped(tolerance=1e-3, iterations=1)
-    >>> ac.plan(objective, arm, limits, options).duration < planned.duration
-    True
+        Args:
+            joint_path: The joint path of the contour.
+            arm: The arm.
+            limits: Limits less the reserve, one value per joint.
 
-    Args:
-        tolerance: Largest distance of the path from the objective, and of the vertices of the
-            objective from the path [m]; 0 stops at every vertex. Tolerances of the path's own
-            segments cap it, and so does half of a stretch between two sharp corners.
-        angular_tolerance: Largest angle between the tool and its required orientation [rad], as in
-            `round_corners`.
-        iterations: Largest number of iterations. The path satisfies all limits after each one.
-        intervals: Approximate number of grid intervals of the plans that are compared.
+        Raises:
+            NotRealizable: The method cannot satisfy the limits.
+        """
+        raise NotImplementedError
 
-    Raises:
-        InvalidInput: A value of the wrong type or out of range.
-    """
+    def check_jerk(self, limits: Limits) -> None:
+        """Refuse limits of jerk unless the method keeps them.
 
-    method = Method.SHAPED
-    tolerance: Distance
-    angular_tolerance: AngularDistance | None = None
-    iterations: Annotated[int, AtLeast(0, MAX_SHAPES)] = DEFAULT_ITERATIONS
-    intervals: IntervalCount | None = None
+        Args:
+            limits: The limits of the plan.
+
+        Raises:
+            NotRealizable: The method does not support the given limits of jerk.
+        """
+        if limits.limits_jerk:
+            raise NotRealizable(
+                f"The method {self.method} does not support limits of jerk, but joint_jerk is "
+                "given. Plan by the method optimal (in a job, timing: {method: optimal}), or "
+                f"{WITHOUT_JERK}.",
+                limit="joint_jerk",
+            )
+
+    def at_cycle(self, cycle: float) -> Self:
+        """Return the options for a controller cycle.
+
+        Args:
+            cycle: Cycle [s]; most methods do not depend on it.
+        """
+        return self
+
+    def for_program(self, program: Program) -> Self:
+        """Return the options for the contours of a program.
+
+        Args:
+            program: The program.
+
+        Raises:
+            InvalidInput: An option applies to a single path only, but the program has several.
+        """
+        return self
 
 
 @dataclass(frozen=True, slots=True)
