@@ -14,7 +14,7 @@ from matplotlib.patches import Arc, Circle
 
 import armcontour as ac
 from armcontour.jobs.methods import COMPENSATIONS
-from armcontour.planning.paper_timing import PaperLine
+from armcontour.paper.timing import PaperLine
 from armcontour.verification import Evaluation
 
 FINE = 2e-4  # s: nearly a continuous command

@@ -7,9 +7,9 @@ from armcontour.control.compensation import (
     Inverse,
     InverseDynamics,
     NoCompensation,
-    PolePlacement,
 )
-from armcontour.planning import Conventional, Optimal, Paper, PlanOptions
+from armcontour.paper import Conventional, Paper, PolePlacement
+from armcontour.planning import Optimal, PlanOptions
 
 # Timing methods that do not change the path, by name.
 TIMINGS: dict[str, type[PlanOptions]] = {x.method.value: x for x in (Optimal, Paper, Conventional)}

@@ -6,7 +6,6 @@ _HOME = {
     "early_stop": "stop",
     "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
     "optimal_timing": "FASTEST Optimal intervals_of",
-    "paper_timing": "Conventional Paper",
     "timing_options": "PlanOptions",
     "planner": "check_duration plan",
     "program_timing": "at_speed",

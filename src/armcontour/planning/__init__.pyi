@@ -7,8 +7,6 @@ from armcontour.planning.explanation import find_jerk_stops as find_jerk_stops
 from armcontour.planning.optimal_timing import FASTEST as FASTEST
 from armcontour.planning.optimal_timing import Optimal as Optimal
 from armcontour.planning.optimal_timing import intervals_of as intervals_of
-from armcontour.planning.paper_timing import Conventional as Conventional
-from armcontour.planning.paper_timing import Paper as Paper
 from armcontour.planning.planner import check_duration as check_duration
 from armcontour.planning.planner import plan as plan
 from armcontour.planning.program_timing import at_speed as at_speed

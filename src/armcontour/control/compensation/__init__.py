@@ -8,6 +8,5 @@ _HOME = {
     "inverse_dynamics": "InverseDynamics",
     "method": "CompensationOptions",
     "no_compensation": "NoCompensation",
-    "pole_placement": "PolePlacement",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -4,4 +4,3 @@ from armcontour.control.compensation.inverse import Inverse as Inverse
 from armcontour.control.compensation.inverse_dynamics import InverseDynamics as InverseDynamics
 from armcontour.control.compensation.method import CompensationOptions as CompensationOptions
 from armcontour.control.compensation.no_compensation import NoCompensation as NoCompensation
-from armcontour.control.compensation.pole_placement import PolePlacement as PolePlacement

@@ -1,4 +1,4 @@
-"""The paper's method, Sec. III-A, and the conventional method that the paper compares with.
+"""`Paper`: the timing of the paper, Sec. III-A.
 
 Lines have maximum joint acceleration. Corners are arcs at one speed, (16)-(17). If a line is too
 short to reach the speed of a corner or to brake to it, the speed of that corner is reduced to a
@@ -31,20 +31,13 @@ from armcontour.motion import (
     JointPath,
     LawAlongPath,
     LawPhase,
-    LineLaw,
     Method,
     Trajectory,
     check_cycle,
 )
-from armcontour.planning.law_checks import (
-    check_limits,
-    law_peaks,
-    law_states,
-    path_law,
-    require_speed,
-    tool_path_of,
-)
-from armcontour.planning.timing_options import PlanOptions
+from armcontour.paper.laws import LineLaw, law_peaks, path_law, require_speed, tool_path_of
+from armcontour.planning import PlanOptions
+from armcontour.planning.law_checks import check_limits, law_states
 from armcontour.robot import Arm, Limits
 
 # The tool speed is not computed from a joint that is slower than this share of the fastest joint.
@@ -53,8 +46,6 @@ MIN_JOINT_SPEED = 0.01
 PARTS_AT_REST = 10
 # Limits that the method guarantees; all others are checked on every part.
 GUARANTEED = ("speed", "centripetal_acceleration")
-# Limits that the conventional method ignores.
-IGNORED = (*GUARANTEED, "joint_velocity", "joint_acceleration", "tool_acceleration")
 # Smallest number of intervals per line of the paper's method. With fewer, a short line from rest to
 # rest has none left for its motion.
 FEWEST_LAPS = 8
@@ -96,24 +87,6 @@ class Paper(PlanOptions):
     def at_cycle(self, cycle: float) -> Paper:
         """Return the options with the distance between knots for a cycle."""
         return replace(self, cycle=cycle)
-
-
-@declared(eq=False)
-class Conventional(PlanOptions):
-    """Options of the method "conventional", uniform tool speed: those of `PlanOptions`.
-
-    >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
-    >>> ac.plan(straight, arm, limits, ac.Conventional()).method
-    <Method.CONVENTIONAL: 'conventional'>
-    """
-
-    method = Method.CONVENTIONAL
-    passes_corners = True
-    ignores_joint_limits = True
-
-    def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
-        """Plan the motion along a contour at uniform tool speed."""
-        return plan_conventional(joint_path, arm, limits)
 
 
 @compiled()
@@ -609,30 +582,3 @@ def _check_part(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPh
         s=part.s,
         **law_peaks(part.laws, arm),
     )
-
-
-def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
-    """Plan uniform tool speed from start to end, without regard to the joint limits."""
-    # Velocities jump at corners and at both ends. Joint velocity and acceleration are not checked,
-    # as in Sec. IV of the paper. Limits of torque and of angular motion are checked between the
-    # jumps.
-    path = tool_path_of(joint_path, "conventional")
-    speeds = np.fmin(path.speeds, require_speed(limits, "conventional"))
-    law = path_law(joint_path, path.breaks, speeds, speeds)
-    check_limits(
-        [law],
-        arm,
-        limits,
-        ignored=IGNORED,
-        location="At uniform speed along the path",
-        t=0.0,
-        remedy="Reduce the assigned velocity, or plan by the method optimal",
-    )
-    stretch = LawPhase(
-        name="whole path",
-        kind="uniform",
-        t=(0.0, float(law.breaks[-1])),
-        s=(0.0, path.length),
-        **law_peaks([law], arm),
-    )
-    return Trajectory(laws=(law,), method=Method.CONVENTIONAL, path=path, stretches=(stretch,))

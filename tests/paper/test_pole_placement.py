@@ -6,13 +6,12 @@ from itertools import product
 import numpy as np
 import pytest
 from scipy import signal
+from tests.control.compensation.motions import laps
 
 import armcontour as ac
-from armcontour.control.compensation.pole_placement import default_poles
 from armcontour.jobs.methods import COMPENSATIONS
 from armcontour.motion import Law
-
-from .motions import laps
+from armcontour.paper.pole_placement import default_poles
 
 UNEVEN = ac.ServoModel(kp=[25.0, 10.0], kv=[150.0, 300.0])
 
