@@ -15,13 +15,12 @@ from armcontour.core.fields import parts_of
 from armcontour.core.quantities import About, AtLeast, Quantity
 from armcontour.core.text import capitalise
 from armcontour.files.drawings.path_reader import READERS, YAML
-from armcontour.files.exports.formats import format_named
+from armcontour.files.exports.formats import ENDINGS, format_named
 from armcontour.files.job_file import GEOMETRY_KEYS, cell_names
 from armcontour.files.job_model import RunModel, SharedModel
 from armcontour.files.job_patch import MERGED
 from armcontour.files.job_text_edits import Keys
 from armcontour.files.robots.arm_loading import arm_names
-from armcontour.jobs.job import ENDINGS
 from armcontour.robot.limits import TOOL_LIMITS
 from armcontour.studio.description import settings, usual_ranges
 
@@ -50,6 +49,8 @@ def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
     suffix = ""
     quantity = next((x for x in parts if isinstance(x, Quantity)), None)
     whole = next((x for x in parts if isinstance(x, AtLeast)), None)
+    if read == "to_formats":
+        text = f"Formats: {', '.join(ENDINGS)}, or a template such as house.j2."
     if bool in parts or read == "to_skip":
         kind = "flag"
     elif Mapping in parts or (Sequence in parts and read in ("", "to_formats")):

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any, cast
 
-# Functions of upper packages that methods of results call, as module and name. The `__init__` of
-# the root package fills it.
+# Modules of functions of upper packages that methods call, by name. The `__init__` of the root
+# package fills it.
 METHODS: dict[str, str] = {}
 
 

@@ -14,6 +14,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame
+from armcontour.core.lazy import load_method
 from armcontour.core.quantities import (
     NO_KEY,
     About,
@@ -31,7 +32,7 @@ from armcontour.core.quantities import (
     SpeedFactor,
 )
 from armcontour.core.render import number
-from armcontour.core.text import count_noun, digits, format_table, short_repr, show
+from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.jobs.analog_signals import check_analog
 from armcontour.jobs.certificate_goal import CertificateGoal
@@ -52,18 +53,6 @@ from armcontour.verification.clearance import Cell, cell_of
 if TYPE_CHECKING:
     from armcontour.planning import Shaped
 
-# Extensions of exported files by the name of the format.
-ENDINGS = {
-    "csv": ".csv",
-    "ros-yaml": ".yaml",
-    "urscript": ".script",
-    "kuka": ".src",
-    "abb": ".mod",
-}
-# Formats in which events are data, so that no output is named.
-WITHOUT_OUTPUTS = ("csv", "ros-yaml")
-# Extension of a template of the user.
-TEMPLATE = ".j2"
 PointTolerance = Annotated[float, Quantity("rad", "0.1 mrad", "positive")]
 # Section of the help for the options that export files for robot controllers.
 FILES = "Files for robot controllers"
@@ -82,24 +71,12 @@ FIRST_TOLERANCE = "1 mm"
 TRANSITION_TOLERANCE = 1e-5
 
 
-def ending_of(format: str) -> str:
-    """Extension of the file of a format or template, such as ".src" for "house.src.j2"."""
-    if format in ENDINGS:
-        return ENDINGS[format]
-    if not format.endswith(TEMPLATE):
-        raise InvalidInput(
-            f"There is no format {show(format)}. The formats are {', '.join(ENDINGS)}, and "
-            f"templates of your own, such as house{TEMPLATE}."
-        )
-    return PurePath(format.removesuffix(TEMPLATE)).suffix or ".txt"
-
-
 @declared(eq=False)
 class Exports(Checked):
     """Files for robot controllers that `run` writes.
 
     Args:
-        formats: Formats: csv, ros-yaml, urscript, kuka, abb, or a template such as house.j2.
+        formats: Formats by name, such as csv, or a template such as house.j2.
         outputs: Output of each event and analog output of the process, by name, such as `{laser: 0,
             power: AO0}`; or one per format, such as `{laser: {kuka: 17, abb: doLaser}}`.
         tolerances: With ros-yaml, ratio of the tolerances of a FollowJointTrajectory goal to the
@@ -126,32 +103,14 @@ class Exports(Checked):
     call: Annotated[bool, About("--call", POINTS)] = False
 
     def _check_together(self) -> None:
-        taken: dict[str, str] = {}
-        for name in self.formats:
-            other = taken.setdefault(ending_of(name), name)
-            if other is not name:
-                raise InvalidInput(
-                    f"The formats {other} and {name} are written to the same file. Remove one of "
-                    "them, or use a template with another extension, such as cell.txt.j2."
-                )
         if (self.points is None) != (self.point_tolerance is None):
             raise InvalidInput("points and point_tolerance require each other. Specify both.")
         if self.tolerances is not None and self.tolerances < 1:
             raise InvalidInput(
                 f"tolerances must be at least 1, but is {self.tolerances:g}.", allowed=1.0
             )
-        for key, format in (
-            ("tolerances", "ros-yaml"),
-            ("points", "ros-yaml"),
-            ("call", "urscript"),
-        ):
-            if self.formats and getattr(self, key) and format not in self.formats:
-                raise InvalidInput(
-                    f"{key} requires the format {format}. Remove {key}, or export {format}."
-                )
-        for name, outputs in self.outputs.items():
-            if isinstance(outputs, Mapping):
-                _check_formats_of(name, outputs)
+        if self.formats or self.outputs:
+            load_method("check_formats")(self)
 
     def outputs_for(self, format: str) -> dict[str, int | str]:
         """Outputs in a format, by the names of events and analog outputs.
@@ -168,21 +127,6 @@ class Exports(Checked):
             elif key in output:
                 chosen[name] = output[key]
         return chosen
-
-
-def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
-    """Check the outputs of an event by format."""
-    for format, output in outputs.items():
-        key = f"outputs.{name}.{format}"
-        with error_context(f"outputs.{name}"):
-            ending_of(format)
-        if format in WITHOUT_OUTPUTS or PurePath(format).name != format:
-            raise InvalidInput(
-                f"{key} has no effect, because outputs are of urscript, kuka, abb, and templates, "
-                f"which are named without a folder, such as house{TEMPLATE}."
-            )
-        if isinstance(output, bool) or not isinstance(output, int | str):
-            raise InvalidInput(f"{key} must be a number or a text, but is {show(output)}.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
