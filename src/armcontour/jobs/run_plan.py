@@ -262,9 +262,10 @@ def round_program(
 
     `resumption`: as of `resume_run`; shapes depend on the configuration.
     """
-    if run.shaping is not None:
+    shaping = run.shaping
+    if shaping is not None:
         with error_context("corners"):
-            return _shape(job, run, run.shaping, program, progress, resumption)
+            return _shape(job, run, shaping, program, progress, resumption)
     rounding = run.rounding
     if rounding is None:
         return program
