@@ -33,7 +33,7 @@ from armcontour.geometry import Path
 from armcontour.jobs import Exports, Job, Rounding, Run
 from armcontour.jobs.job import FIRST_TOLERANCE, LONGEST_TITLE, default_compensation
 from armcontour.motion import DEFAULT_CYCLE
-from armcontour.planning import Optimal, Paper, PlanOptions
+from armcontour.planning import Optimal, PlanOptions
 from armcontour.program import Event, Process, Program
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 from armcontour.robot.scene import Scene
@@ -226,7 +226,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     if corners is not None:
         keys = ("corners",) if model.corners is None else ("runs", name, "corners")
         with error_context(f"Run {name}" if model.corners is None else "", *keys):
-            corners.check(model.timing.method, key_text(keys))
+            corners.check(model.timing, key_text(keys))
         if corners.tolerance is None:
             _check_corner_speed(keys, corners, limits)
     cycle = model.cycle or job.cycle or DEFAULT_CYCLE
@@ -264,9 +264,7 @@ def _timing(model: RunModel, cycle: float) -> PlanOptions:
             "duration, or write timing: {method: optimal}.",
             remedies=({("duration",): None}, {("timing", "method"): Optimal.method}),
         )
-    if isinstance(model.timing, Paper):
-        return dataclasses.replace(model.timing, cycle=cycle)
-    return model.timing
+    return model.timing.at_cycle(cycle)
 
 
 def _check_corner_speed(keys: Keys, corners: Rounding, limits: Limits) -> None:

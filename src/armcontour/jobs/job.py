@@ -6,10 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from armcontour.control.compensation import CompensationOptions, InverseDynamics
-from armcontour.control.compensation.compensator import INVERSE
+from armcontour.control.compensation import INVERSE, CompensationOptions, InverseDynamics
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
@@ -37,8 +36,8 @@ from armcontour.geometry import Path
 from armcontour.jobs.analog_signals import check_analog
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
-from armcontour.planning import Optimal, PlanOptions, check_duration
-from armcontour.planning.timing_options import DEFAULT_ITERATIONS, FASTEST
+from armcontour.planning import FASTEST, Optimal, PlanOptions, check_duration
+from armcontour.planning.timing_options import DEFAULT_ITERATIONS, MAX_SHAPES
 from armcontour.program import Process, Program
 from armcontour.program.corner_rounding import CONTINUITIES, Continuity
 from armcontour.program.preparation import check_process
@@ -49,6 +48,9 @@ from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant
 from armcontour.simulation.rigid_body_plant import DEFAULT_STEP, DriveCycle
 from armcontour.verification.clearance import Cell, cell_of
+
+if TYPE_CHECKING:
+    from armcontour.planning import Shaped
 
 # Extensions of exported files by the name of the format.
 ENDINGS = {
@@ -263,7 +265,7 @@ class Rounding(Checked):
 
     shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
     tolerance: Annotated[Distance | None, About("--tolerance", usual=(1e-5, 2e-2))] = None
-    iterations: Annotated[int, AtLeast(0), NO_KEY] = DEFAULT_ITERATIONS
+    iterations: Annotated[int, AtLeast(0, MAX_SHAPES), NO_KEY] = DEFAULT_ITERATIONS
     speed: Speed | None = None
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
@@ -279,11 +281,11 @@ class Rounding(Checked):
         """The same tolerance with arcs at the corners."""
         return replace(self, shape=ARC)
 
-    def check(self, timing: str, key: str = "corners") -> None:
+    def check(self, timing: PlanOptions, key: str = "corners") -> None:
         """Check that the values are consistent.
 
         Args:
-            timing: Timing method of the run.
+            timing: Options of the run's timing method.
             key: The key of these values in messages.
 
         Raises:
@@ -292,11 +294,11 @@ class Rounding(Checked):
         self._check_continuity(timing, key)
         if not self.free:
             return
-        if timing != Method.OPTIMAL:
+        if timing.method != Method.OPTIMAL:
             raise InvalidInput(
                 f"{key}.shape: free requires the timing method optimal, but this run has the "
-                f"method {timing}. Add corners to the run, such as corners: {{tolerance: 1 mm}}, "
-                "or set timing: {method: optimal}.",
+                f"method {timing.method}. Add corners to the run, such as corners: {{tolerance: "
+                "1 mm}, or set timing: {method: optimal}.",
                 remedies=({("shape",): ARC},),
             )
         for name in ("speed", "acceleration"):
@@ -313,7 +315,7 @@ class Rounding(Checked):
                 remedies=({("tolerance",): FIRST_TOLERANCE},),
             )
 
-    def _check_continuity(self, timing: str, key: str) -> None:
+    def _check_continuity(self, timing: PlanOptions, key: str) -> None:
         """Check that shape and timing support the continuity of the corners."""
         if self.continuity is None:
             return
@@ -323,10 +325,10 @@ class Rounding(Checked):
                 "or set shape: arc.",
                 remedies=({("continuity",): None}, {("shape",): ARC}),
             )
-        if self.continuity == CURVATURE and timing == Method.PAPER:
+        if self.continuity == CURVATURE and timing.only_arcs:
             raise InvalidInput(
-                f"{key}.continuity is curvature, but the timing method paper supports only lines "
-                "and arcs. Set continuity: tangent, or timing: {method: optimal}.",
+                f"{key}.continuity is curvature, but the timing method {timing.method} supports "
+                "only lines and arcs. Set continuity: tangent, or timing: {method: optimal}.",
                 remedies=({("continuity",): TANGENT},),
             )
 
@@ -377,7 +379,7 @@ class Run(Checked):
     def _check_together(self) -> None:
         check_cycle(self.cycle)
         if self.rounding is not None:
-            self.rounding.check(self.timing.method)
+            self.rounding.check(self.timing)
 
     def check_end_time(self, program: Program) -> None:
         """Check that an end of the evaluation is given for a single path only.
@@ -397,18 +399,38 @@ class Run(Checked):
     @property
     def for_bodies(self) -> bool:
         """True if compensation uses the dynamics of the arm, which the servo model lacks."""
-        return isinstance(self.compensation, InverseDynamics)
+        return self.compensation.for_bodies
 
     @property
     def feeds_gravity_forward(self) -> bool:
         """True if the controller adds the gravity torque."""
-        options = self.compensation
-        return not isinstance(options, InverseDynamics) or options.gravity_feedforward
+        return self.compensation.feeds_gravity_forward
 
     @property
     def is_shaped(self) -> bool:
         """True if corners have shape free, which is optimized together with the timing."""
         return self.rounding is not None and self.rounding.free
+
+    @property
+    def shaping(self) -> Shaped | None:
+        """How free corners are shaped, with the reserve and the grid of the timing.
+
+        None for other corners.
+        """
+        rounding = self.rounding
+        if rounding is None or not rounding.free:
+            return None
+        from armcontour.planning import Shaped
+
+        # `Rounding.check` refuses other timings, and free corners without a tolerance.
+        assert isinstance(self.timing, Optimal) and rounding.tolerance is not None
+        return Shaped(
+            tolerance=rounding.tolerance,
+            angular_tolerance=rounding.angular_tolerance,
+            iterations=rounding.iterations,
+            reserve=self.timing.reserve,
+            intervals=self.timing.intervals,
+        )
 
     @property
     def continuity(self) -> Continuity | None:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from armcontour.control.compensation import NoCompensation
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import figure, number
 from armcontour.core.text import capitalise, count_noun, joint_label, list_some
@@ -20,7 +19,6 @@ from armcontour.jobs.rows import shaping_rows
 from armcontour.jobs.run_record import RunRecord
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.execution import describe_excess
-from armcontour.planning import Conventional
 from armcontour.program import Program, contour_called
 from armcontour.robot import compare_limits
 from armcontour.robot.arm import unit_of
@@ -70,7 +68,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
         yield from _changed_commands(result.set_points, result.servo)
     if result.servo is not None:
         yield beyond_logs(result.servo, trajectory)
-        if not isinstance(run.compensation, NoCompensation):
+        if run.compensation.compensates:
             yield result.servo.doubt
     if executed is not None and result.evaluation is not None:
         yield _unsettled(executed)
@@ -306,8 +304,8 @@ def _not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> str:
             f"of the arm (with the servo model, the contour error is {error}). Add an experiment "
             "to the job, such as experiment: {}."
         )
-    # The method "conventional" is excluded, because it does not consider joint limits.
-    if run.for_bodies or ratio <= FAR_ABOVE or isinstance(run.timing, Conventional):
+    # A method that ignores joint limits saturates joints as expected.
+    if run.for_bodies or ratio <= FAR_ABOVE or run.timing.ignores_joint_limits:
         return ""
     t = float(executed.t[int(np.abs(executed.demand[:, joint]).argmax())])
     label = joint_label(joint + 1, executed.arm.joint_names)

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,7 +34,6 @@ from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
     Explanation,
     Optimal,
-    Shaped,
     Tracing,
     at_speed,
     explain,
@@ -53,6 +52,9 @@ from armcontour.program import (
     round_corners,
     smooth_curvature,
 )
+
+if TYPE_CHECKING:
+    from armcontour.planning import Shaped
 
 # Length of a lead below which the arm reaches none [m].
 SHORTEST_LEAD = 1e-3
@@ -159,7 +161,7 @@ def prepare_program(
     subprogress(progress)(Step((SHAPING if run.is_shaped else ROUNDING,)))
     leads = None
     if job.process.automatic:
-        if not isinstance(run.timing, Optimal):
+        if not run.timing.automatic_leads:
             raise InvalidInput(
                 f"Run {run.name}: leads of automatic length require the timing method optimal, but "
                 f"the method is {run.timing.method}. Specify the lengths of the leads."
@@ -260,28 +262,12 @@ def round_program(
 
     `resumption`: as of `resume_run`; shapes depend on the configuration.
     """
+    if run.shaping is not None:
+        with error_context("corners"):
+            return _shape(job, run, run.shaping, program, progress, resumption)
     rounding = run.rounding
     if rounding is None:
         return program
-    if rounding.free:
-        from armcontour.planning import shape
-
-        with error_context("corners"):
-            assert isinstance(run.timing, Optimal) and rounding.tolerance is not None
-            configuration = job.configuration
-            seed = job.seed
-            if resumption is not None and resumption.whole is not None:
-                configuration, seed = resumption.whole.start_of(program.contours[0], job.arm)
-            options = Shaped(
-                tolerance=rounding.tolerance,
-                angular_tolerance=rounding.angular_tolerance,
-                iterations=rounding.iterations,
-                reserve=run.timing.reserve,
-                configuration=configuration,
-                seed=seed,
-                intervals=run.timing.intervals or intervals_of(program),
-            )
-            return shape(program, job.arm, run.limits, options, progress=progress)
     acceleration = rounding.acceleration
     if acceleration is None:
         acceleration = run.limits.centripetal_acceleration
@@ -294,6 +280,30 @@ def round_program(
         continuity=run.continuity or TANGENT,
     )
     return _join_smoothly(rounded, run, rounded=True)
+
+
+def _shape(
+    job: Job,
+    run: Run,
+    shaping: Shaped,
+    program: Program,
+    progress: Progress | None,
+    resumption: Resumption | None,
+) -> Program:
+    """Shape a program from the configuration of the job, or of the job that is resumed."""
+    from armcontour.planning import shape
+
+    configuration = job.configuration
+    seed = job.seed
+    if resumption is not None and resumption.whole is not None:
+        configuration, seed = resumption.whole.start_of(program.contours[0], job.arm)
+    options = dataclasses.replace(
+        shaping,
+        configuration=configuration,
+        seed=seed,
+        intervals=shaping.intervals or intervals_of(program),
+    )
+    return shape(program, job.arm, run.limits, options, progress=progress)
 
 
 def places_on_path(

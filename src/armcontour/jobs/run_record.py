@@ -34,7 +34,7 @@ from armcontour.jobs.verdict import (
     judging,
 )
 from armcontour.motion import Execution, SetPoints, Trajectory, arm_of
-from armcontour.planning import Conventional, Explanation, Tracing
+from armcontour.planning import Explanation, Tracing
 from armcontour.program import Program
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
@@ -283,7 +283,6 @@ class RunRecord:
     @property
     def stops_of_path(self) -> dict[str, int]:
         """Number of full stops that the path requires regardless of limits, by reason."""
-        if isinstance(self.run.timing, Conventional):
-            # The conventional method does not stop, because it passes corners at uniform speed.
+        if self.run.timing.passes_corners:
             return {}
         return stops_of_path(self.path)

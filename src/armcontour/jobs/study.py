@@ -20,8 +20,7 @@ from armcontour.jobs.run_notes import sample_rates
 from armcontour.jobs.run_plan import ROUNDING, explain_plan, explained_reach, plan_one
 from armcontour.jobs.run_record import ExpectedErrors, ExperimentResult
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.motion import Execution, Method, SetPoints, Trajectory
-from armcontour.planning import check_jerk_support
+from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.program import Program
 from armcontour.robot.servo.model import TRUSTED
 from armcontour.simulation import RigidBodyPlant, ServoPlant, simulate
@@ -89,7 +88,7 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
     plants = {}
     for run in job.runs:
         with error_context(f"Run {run.name}"):
-            check_jerk_support(Method.SHAPED if run.is_shaped else run.timing.method, run.limits)
+            (run.shaping or run.timing).check_jerk(run.limits)
             if simulate and run.experiment is not None:
                 with error_context(EXPERIMENT):
                     import_mujoco()
@@ -175,7 +174,7 @@ def expect_errors(
     ratio = servo.contour_ratio
     program_ratio = ratio if servo.program_ratio is None else servo.program_ratio
     similar = servo.is_similar(*sample_rates(plan))
-    plain = isinstance(run.compensation, NoCompensation)
+    plain = not run.compensation.compensates
     if ratio is None or ratio > TRUSTED or unexplained is None or plain or not similar:
         return None
     assert program_ratio is not None
@@ -222,7 +221,7 @@ def simulate_rigid_bodies(
     """Simulate set-points with rigid bodies, and the same plan without compensation."""
     executed = simulate_run(job, set_points, plant)
     uncompensated = None
-    if not isinstance(run.compensation, NoCompensation):
+    if run.compensation.compensates:
         with suppress(ExecutionError):
             plan = set_points.trajectory
             uncompensated = _simulate_uncompensated(job, run, plan, path, plant)

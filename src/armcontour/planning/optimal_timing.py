@@ -11,17 +11,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NoReturn
+from dataclasses import field, replace
+from typing import Annotated, NoReturn
 
 import numpy as np
 
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.core.fields import declared
 from armcontour.core.kernel_cache import FUSED, compiled
+from armcontour.core.quantities import AtLeast, Quantity
+from armcontour.core.render import number
 from armcontour.core.simd import choose, highest, load
+from armcontour.core.text import show
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
 from armcontour.motion.kernels import interval_time
-from armcontour.planning.constraints import Constraint, constraints_of, limits_on
+from armcontour.planning.constraints import FROM_LIMITS, Constraint, constraints_of, limits_on
 from armcontour.planning.even_parameter import replace_uneven_parameter
 from armcontour.planning.law_checks import raise_too_fast
 from armcontour.planning.path_grid import (
@@ -32,7 +38,13 @@ from armcontour.planning.path_grid import (
     resting_breaks,
     split,
 )
-from armcontour.planning.timing_options import FASTEST, Optimal, Task
+from armcontour.planning.timing_options import (
+    LONGEST_MOTION,
+    MAX_ITERATIONS,
+    IntervalCount,
+    PlanOptions,
+    Task,
+)
 from armcontour.planning.topp.grid_plan import (
     END,
     FINER,
@@ -48,6 +60,7 @@ from armcontour.planning.topp.grid_plan import (
 )
 from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
+from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
@@ -96,6 +109,102 @@ FEWER = 0.8
 # With more than half of MAX_REFINED intervals, a refinement for loss must increase the number of
 # intervals by at least this factor.
 LEAST_GROWTH = 1.1
+# Options that apply to a single path only, because a program rests between its paths.
+SINGLE_PATH_OPTIONS = ("start_speed", "end_speed")
+# Default total number of grid intervals of a program of many contours. Each contour has fewer
+# intervals than a single path, because it is shorter.
+MAX_TOTAL_INTERVALS = 40_000
+# Smallest default number of grid intervals per contour of such a program.
+FEWEST_INTERVALS = 500
+MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
+PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
+
+
+@declared(eq=False)
+class Optimal(PlanOptions):
+    """Options of the method "optimal", in addition to those of `PlanOptions`.
+
+    The method computes the fastest timing that satisfies every limit.
+
+    >>> slow = ac.plan(path, arm, limits, ac.Optimal(duration=2.0))
+    >>> round(slow.duration, 6)
+    2.0
+
+    Args:
+        duration: Required duration [s]. All contours are slowed down by one factor; rapids and
+            dwells are not. By default the motion is the fastest.
+        intervals: Approximate number of grid intervals of each contour; by default 4000, fewer for
+            a program of many contours.
+        iterations: Largest number of iterations with limits of jerk. A plan that was stopped early
+            is slower, and satisfies all limits.
+        start_speed: Path speed at the start of a single path [m/s]; 0 with limits of jerk.
+        end_speed: Path speed at the end of a single path [m/s]; 0 with limits of jerk.
+        from_limits: Kinds of constraints: subclasses of `Constraint` that serve fields of `Limits`.
+            For each plan, the planner makes a constraint of each kind from the limits. Replace a
+            kind to plan its limits with a formula of your own. A limit that no kind serves is
+            refused; to plan without it, remove it from the limits.
+        constraints: Constraints of your own, in addition to the limits: objects that are ready,
+            such as `SecondOrder(...)`. `explain` needs them again, because a plan does not contain
+            them.
+
+    Raises:
+        InvalidInput: A value of the wrong type or out of range, or a motion of a given duration
+            that starts or ends at a speed.
+    """
+
+    method = Method.OPTIMAL
+    automatic_leads = True
+    duration: MotionTime | None = None
+    intervals: IntervalCount | None = None
+    iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS)] = MAX_ITERATIONS
+    start_speed: PathSpeed = 0.0
+    end_speed: PathSpeed = 0.0
+    from_limits: tuple[type[Constraint], ...] = field(default=FROM_LIMITS, repr=False)
+    constraints: tuple[Constraint, ...] = ()
+
+    def _check_together(self) -> None:
+        for kind in self.from_limits:
+            if not (isinstance(kind, type) and issubclass(kind, Constraint) and kind.serves):
+                raise InvalidInput(
+                    "from_limits must contain subclasses of Constraint whose `serves` names fields "
+                    f"of Limits, but it contains {show(kind)}. Pass a constraint that is "
+                    "ready in constraints."
+                )
+        for name in ("start_speed", "end_speed"):
+            if self.duration is not None and getattr(self, name):
+                raise InvalidInput(
+                    f"A motion with a given duration starts and ends at rest, but {name} is "
+                    f"{number(getattr(self, name), 'm/s')}. Remove {name} or duration."
+                )
+
+    def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+        """Plan the fastest motion along a contour."""
+        return plan_optimal(joint_path, arm, limits, self)
+
+    def check_jerk(self, limits: Limits) -> None:
+        """Accept limits of jerk, because the method keeps them."""
+
+    def for_program(self, program: Program) -> Optimal:
+        """Return the options with fewer grid intervals if the program has many contours."""
+        for name in SINGLE_PATH_OPTIONS if program.single_path is None else ():
+            if getattr(self, name):
+                raise InvalidInput(
+                    f"{name} applies to a single path only, because a program rests between its "
+                    f"moves. Remove {name}."
+                )
+        fewer = intervals_of(program)
+        return self if self.intervals or fewer is None else replace(self, intervals=fewer)
+
+
+def intervals_of(program: Program) -> int | None:
+    """Number of grid intervals for each contour of a program; None for the default of a path."""
+    count = len(program.contours)
+    if count <= MAX_TOTAL_INTERVALS // DEFAULT_INTERVALS:
+        return None
+    return max(FEWEST_INTERVALS, MAX_TOTAL_INTERVALS // count)
+
+
+FASTEST = Optimal()
 
 
 @compiled(inner=True, fastmath=FUSED)

@@ -60,6 +60,11 @@ def invert_feedforward(
     return np.asarray(set_points), None
 
 
+def has_transient(servo: ServoModel) -> bool:
+    """Return whether set-points change after the motion, due to feed-forward or an integrator."""
+    return servo.has_feedforward or bool(servo.ki.any())
+
+
 def tail_duration(servo: ServoModel, duration: float) -> float:
     """Duration of the transient of set-points after a motion, at most `longest_tail` [s]."""
     longest = longest_tail(duration)
