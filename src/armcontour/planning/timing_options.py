@@ -11,7 +11,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Options, declared
 from armcontour.core.quantities import (
-    About,
+    NO_KEY,
     AngularDistance,
     AtLeast,
     Distance,
@@ -30,8 +30,6 @@ from armcontour.planning.path_grid import FEWEST_PER_PIECE, MAX_INTERVALS
 LONGEST_MOTION = 1e6
 MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
 Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MAX_INTERVALS)]
-# Marks a field that is a key of a job; the other fields have a key elsewhere, or no key.
-KEY = About()
 PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
 # Smallest number of intervals per line of the paper's method. With fewer, a short line from rest to
 # rest has none left for its motion.
@@ -67,10 +65,10 @@ class PlanOptions(Options):
     """
 
     method: ClassVar[Method]
-    reserve: Annotated[Reserve, About(usual=(0.0, 0.9))] = 0.0
-    configuration: str | None = None
-    seed: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
-    accept: Callable[[JointPath], bool] | None = None
+    reserve: Reserve = 0.0
+    configuration: Annotated[str | None, NO_KEY] = None
+    seed: Annotated[Annotated[FloatArray, Quantity("rad", "10 deg")] | None, NO_KEY] = None
+    accept: Annotated[Callable[[JointPath], bool] | None, NO_KEY] = None
 
 
 @declared(eq=False)
@@ -106,13 +104,15 @@ class Optimal(PlanOptions):
     """
 
     method = Method.OPTIMAL
-    duration: MotionTime | None = None
-    intervals: Intervals | None = None
-    iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS)] = MAX_ITERATIONS
-    start_speed: PathSpeed = 0.0
-    end_speed: PathSpeed = 0.0
-    from_limits: tuple[type[Constraint], ...] = field(default=FROM_LIMITS, repr=False)
-    constraints: tuple[Constraint, ...] = ()
+    duration: Annotated[MotionTime | None, NO_KEY] = None
+    intervals: Annotated[Intervals | None, NO_KEY] = None
+    iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS), NO_KEY] = MAX_ITERATIONS
+    start_speed: Annotated[PathSpeed, NO_KEY] = 0.0
+    end_speed: Annotated[PathSpeed, NO_KEY] = 0.0
+    from_limits: Annotated[tuple[type[Constraint], ...], NO_KEY] = field(
+        default=FROM_LIMITS, repr=False
+    )
+    constraints: Annotated[tuple[Constraint, ...], NO_KEY] = ()
 
     def _check_together(self) -> None:
         for kind in self.from_limits:
@@ -179,8 +179,8 @@ class Paper(PlanOptions):
     """
 
     method = Method.PAPER
-    knots: Annotated[Annotated[int, AtLeast(FEWEST_LAPS, MAX_LAPS)] | None, KEY] = None
-    cycle: Interval = DEFAULT_CYCLE
+    knots: Annotated[int, AtLeast(FEWEST_LAPS, MAX_LAPS)] | None = None
+    cycle: Annotated[Interval, NO_KEY] = DEFAULT_CYCLE
 
     def _check_together(self) -> None:
         check_cycle(self.cycle)

@@ -21,7 +21,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Options, checked, declared
-from armcontour.core.quantities import About, Items, Key, Pole
+from armcontour.core.quantities import NO_KEY, Items, Key, Pole
 from armcontour.motion import DEFAULT_CYCLE, LONGEST_CLOCK, SetPoints, Trajectory, check_cycle
 from armcontour.motion.execution import check_set_points, describe_excess
 from armcontour.robot import Arm, Limits
@@ -38,10 +38,7 @@ HALF_WIDTH = 12
 DURATION_TOLERANCE = 1e-9
 # Poles in a file.
 POLES = Key(
-    hint=Annotated[
-        Annotated[list[Pole], Items(3, 3)] | list[Annotated[list[Pole], Items(3, 3)]] | None,
-        About(),
-    ]
+    hint=Annotated[list[Pole], Items(3, 3)] | list[Annotated[list[Pole], Items(3, 3)]] | None
 )
 
 
@@ -129,7 +126,7 @@ class CompensationOptions(Options):
     """
 
     method: ClassVar[str]
-    command_limits: Limits | None = None
+    command_limits: Annotated[Limits | None, NO_KEY] = None
 
 
 @declared(eq=False)
@@ -161,7 +158,7 @@ class PolePlacement(CompensationOptions):
     """
 
     method = "pole_placement"
-    poles: Annotated[npt.ArrayLike | None, About(), POLES] = None
+    poles: Annotated[npt.ArrayLike | None, POLES] = None
 
 
 @declared(eq=False)
@@ -183,8 +180,8 @@ class InverseDynamics(CompensationOptions):
     """
 
     method = "inverse_dynamics"
-    gravity_feedforward: Annotated[bool, About()] = True
-    controller: Arm | None = None
+    gravity_feedforward: bool = True
+    controller: Annotated[Arm | None, NO_KEY] = None
 
 
 @declared(eq=False)
