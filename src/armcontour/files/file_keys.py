@@ -385,11 +385,14 @@ def kinds_of_keys(leaf: Any) -> tuple[Any, ...]:
 
 
 def _keys_of(hints: Sequence[Any]) -> list[str]:
-    """Return the keys of all alternatives, in order; common keys of several occur repeatedly."""
-    keys = list[str]()
-    for kind in chain.from_iterable(map(kinds_of_keys, hints)):
-        keys += key_fields(kind)
-    return keys
+    """Return the keys of all alternatives, in order."""
+    keys = dict[str, None]()
+    for leaf in hints:
+        if isinstance(_mark(leaf)[1], Methods):
+            keys["method"] = None
+        for kind in kinds_of_keys(leaf):
+            keys |= dict.fromkeys(key_fields(kind))
+    return list(keys)
 
 
 def _suggest_key(hint: Any, keys: Keys) -> str:
