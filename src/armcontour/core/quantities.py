@@ -188,23 +188,6 @@ class Named:
 
 
 @dataclass(frozen=True, slots=True)
-class About:
-    """Options and sliders that set a field of a job: annotates the field, once per option."""
-
-    # `tools/job_form.py` makes the short options of the command line and the sliders of the Studio.
-
-    option: str = ""  # Option of the command line, such as "--units"; "" for none
-    topic: str = ""  # Section of the help; by default that of the neighbouring keys
-    help: str = ""
-    read: str = ""  # Function of `cli/inputs.py` that reads the option, unless it is a single value
-    # Key that the option sets in the mapping of the field; "*" if its text has the keys.
-    key: str = ""
-    # Range of the slider in the Studio, in SI units; linear if it begins at 0, otherwise
-    # logarithmic. By default there is no slider.
-    usual: tuple[float, float] = (0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
 class PartialFields:
     """Values of some fields of a dataclass, by their names: annotates a mapping."""
 

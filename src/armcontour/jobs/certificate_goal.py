@@ -14,7 +14,6 @@ from armcontour.core.fields import Checked, declared, quantities
 from armcontour.core.quantities import (
     DEAD_TIME,
     GAIN_ERROR,
-    About,
     Axes,
     Key,
     PlainNumber,
@@ -108,10 +107,8 @@ class CertificateGoal(Checked):
         InvalidInput: Neither tolerance nor servo_error, or a number that is not above zero.
     """
 
-    tolerance: Annotated[Tolerance | None, About("--total-tolerance")] = field(
-        default=None, kw_only=False
-    )
-    servo_error: Annotated[Tolerance | None, About("--servo-error")] = None
+    tolerance: Tolerance | None = field(default=None, kw_only=False)
+    servo_error: Tolerance | None = None
     rms: Tolerance | None = None
     box: Uncertainty | None = None
     run: str | None = None

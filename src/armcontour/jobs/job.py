@@ -16,7 +16,6 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import (
     NO_KEY,
-    About,
     Acceleration,
     AngularDistance,
     AtLeast,
@@ -65,10 +64,6 @@ WITHOUT_OUTPUTS = ("csv", "ros-yaml")
 # Extension of a template of the user.
 TEMPLATE = ".j2"
 PointTolerance = Annotated[float, Quantity("rad", "0.1 mrad", "positive")]
-# Section of the help for the options that export files for robot controllers.
-FILES = "Files for robot controllers"
-# Section of the help for the options that set the points of these files.
-POINTS = "Points of these files"
 # Maximum length of a title, which is a line in reports [characters].
 LONGEST_TITLE = 200
 # Shapes of corners: arcs, or the fastest shape within the tolerance.
@@ -114,16 +109,14 @@ class Exports(Checked):
             file of a pendant.
     """
 
-    formats: Annotated[Sequence[str], About("--export", FILES, read="to_formats")] = ()
+    formats: Sequence[str] = ()
     outputs: Mapping[str, int | str | Mapping[str, int | str]] = field(default_factory=dict)
-    tolerances: Annotated[Factor | None, About("--tolerances", FILES)] = None
-    cycle: Annotated[Interval | None, About("--cycle", POINTS)] = None
-    derivatives: Annotated[Annotated[int, AtLeast(0, 2)] | None, About("--derivatives", POINTS)] = (
-        None
-    )
-    points: Annotated[Annotated[int, AtLeast(2)] | None, About("--points", POINTS)] = None
-    point_tolerance: Annotated[PointTolerance | None, About("--point-tolerance", POINTS)] = None
-    call: Annotated[bool, About("--call", POINTS)] = False
+    tolerances: Factor | None = None
+    cycle: Interval | None = None
+    derivatives: Annotated[int, AtLeast(0, 2)] | None = None
+    points: Annotated[int, AtLeast(2)] | None = None
+    point_tolerance: PointTolerance | None = None
+    call: bool = False
 
     def _check_together(self) -> None:
         taken: dict[str, str] = {}
@@ -263,8 +256,8 @@ class Rounding(Checked):
             "curvature" for runs with jerk limits, and "tangent" for others.
     """
 
-    shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
-    tolerance: Annotated[Distance | None, About("--tolerance", usual=(1e-5, 2e-2))] = None
+    shape: Annotated[str, Choice(SHAPES)] = ARC
+    tolerance: Distance | None = None
     iterations: Annotated[int, AtLeast(0, MAX_SHAPES), NO_KEY] = DEFAULT_ITERATIONS
     speed: Speed | None = None
     acceleration: Acceleration | None = None

@@ -21,7 +21,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import declared
 from armcontour.core.kernel_cache import FUSED, compiled
-from armcontour.core.quantities import AtLeast, Quantity
+from armcontour.core.quantities import NO_KEY, AtLeast, Quantity
 from armcontour.core.render import number
 from armcontour.core.simd import choose, highest, load
 from armcontour.core.text import show
@@ -154,13 +154,15 @@ class Optimal(PlanOptions):
 
     method = Method.OPTIMAL
     automatic_leads = True
-    duration: MotionTime | None = None
-    intervals: IntervalCount | None = None
-    iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS)] = MAX_ITERATIONS
-    start_speed: PathSpeed = 0.0
-    end_speed: PathSpeed = 0.0
-    from_limits: tuple[type[Constraint], ...] = field(default=FROM_LIMITS, repr=False)
-    constraints: tuple[Constraint, ...] = ()
+    duration: Annotated[MotionTime | None, NO_KEY] = None
+    intervals: Annotated[IntervalCount | None, NO_KEY] = None
+    iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS), NO_KEY] = MAX_ITERATIONS
+    start_speed: Annotated[PathSpeed, NO_KEY] = 0.0
+    end_speed: Annotated[PathSpeed, NO_KEY] = 0.0
+    from_limits: Annotated[tuple[type[Constraint], ...], NO_KEY] = field(
+        default=FROM_LIMITS, repr=False
+    )
+    constraints: Annotated[tuple[Constraint, ...], NO_KEY] = ()
 
     def _check_together(self) -> None:
         for kind in self.from_limits:

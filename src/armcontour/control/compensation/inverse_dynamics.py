@@ -20,7 +20,7 @@ from armcontour.control.compensation.set_point_times import (
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import declared
-from armcontour.core.quantities import About
+from armcontour.core.quantities import NO_KEY
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import Trajectory
 from armcontour.robot import Arm
@@ -54,8 +54,8 @@ class InverseDynamics(CompensationOptions):
 
     method = "inverse_dynamics"
     for_bodies = True
-    gravity_feedforward: Annotated[bool, About()] = True
-    controller: Arm | None = None
+    gravity_feedforward: bool = True
+    controller: Annotated[Arm | None, NO_KEY] = None
 
     @property
     def feeds_gravity_forward(self) -> bool:
