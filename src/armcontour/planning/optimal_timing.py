@@ -33,20 +33,11 @@ from armcontour.planning.path_grid import (
     split,
 )
 from armcontour.planning.timing_options import FASTEST, Optimal, Task
-from armcontour.planning.topp.grid_plan import (
-    END,
-    FINER,
-    FOUND,
-    START,
-    STUCK,
-    GridPlan,
-    Rules,
-    acceleration_range,
-    next_joint,
-    path_slopes,
-    plan_on_grid,
-)
+from armcontour.planning.topp.acceleration_range import acceleration_range
+from armcontour.planning.topp.grid_plan import GridPlan, plan_on_grid
+from armcontour.planning.topp.joint_derivatives import next_joint, path_slopes
 from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
+from armcontour.planning.topp.plan_rules import END, FINER, FOUND, START, STUCK, Rules
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
