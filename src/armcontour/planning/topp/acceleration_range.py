@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest, size
@@ -21,6 +22,21 @@ from armcontour.planning.topp.limit_forms import (
     Rounds,
 )
 from armcontour.planning.topp.limit_lines import NEGLIGIBLE
+
+
+class AccelerationRange(NamedTuple):
+    """Range of u at one end of an interval within all limits, for a given x.
+
+    The active limits are coded as 2 r for the lower bound of row r and 2 r + 1 for its upper bound,
+    where vector norms follow the rows; and as -2 - c for joint bounds, where c is twice the joint,
+    plus 1 for an upper bound.
+    """
+
+    low: float  # Smallest u [m/s²]
+    high: float  # Largest u [m/s²]
+    narrowest: float  # Width of the range within the tightest single limit [m/s²]
+    below: int  # Active limit at the smallest u; -1 for none
+    above: int  # Active limit at the largest u; -1 for none
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -42,8 +58,8 @@ def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[fl
 @compiled(inner=True, fastmath=FUSED)
 def _joint_acceleration_range(
     grid: Intervals, limits: GridLimits, location: tuple[int, int, int, int], x: float
-) -> tuple[float, float, float, int, int]:
-    """`acceleration_range` of a group of joint bounds.
+) -> AccelerationRange:
+    """Range of u within a group of joint bounds; its active limits are coded as c.
 
     `location` is interval, end, group and first joint.
     """
@@ -64,37 +80,37 @@ def _joint_acceleration_range(
     lane = load(limits.joints, offset + LANE)
     below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
     above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
-    wide = lowest(choose(NEGLIGIBLE, magnitude, size((largest - smallest) * inverse), math.inf))
-    return low, high, wide, int(below) + 2 * LANES * group, int(above) + 2 * LANES * group
+    narrowest = lowest(
+        choose(NEGLIGIBLE, magnitude, size((largest - smallest) * inverse), math.inf)
+    )
+    first = 2 * LANES * group
+    return AccelerationRange(low, high, narrowest, int(below) + first, int(above) + first)
 
 
 @compiled(inner=True, fastmath=FUSED)
 def acceleration_range(
     grid: Intervals, limits: GridLimits, i: int, end: int, x: float
-) -> tuple[float, float, float, int, int]:
-    """Smallest and largest u at one end of an interval, narrowest range, and both active bounds."""
-    # The narrowest range is the range of u within the tightest single limit.
+) -> AccelerationRange:
+    """Range of u at one end of interval i, for the value x of ds² there."""
     rows = limits.rows.ends
     viscous = limits.friction.viscous
     rounds = limits.rounds
     low = -math.inf
     high = math.inf
-    wide = math.inf
+    narrowest = math.inf
     below = -1
     above = -1
     joint = 0
     for group in range(len(limits.joints) // ROWS):
-        first, last, range_, bottom, top = _joint_acceleration_range(
-            grid, limits, (i, end, group, joint), x
-        )
+        joints = _joint_acceleration_range(grid, limits, (i, end, group, joint), x)
         joint = next_joint(grid, joint)
-        wide = min(wide, range_)
-        if first > low:
-            low = first
-            below = -2 - bottom
-        if last < high:
-            high = last
-            above = -2 - top
+        narrowest = min(narrowest, joints.narrowest)
+        if joints.low > low:
+            low = joints.low
+            below = -2 - joints.below
+        if joints.high < high:
+            high = joints.high
+            above = -2 - joints.above
     for r in range(rows.shape[2]):
         a = rows[i, end, r, A]
         by_x = rows[i, end, r, B] * x
@@ -103,7 +119,7 @@ def acceleration_range(
         if r < viscous.shape[2]:
             by_x += viscous[i, end, r] * math.sqrt(x)
         inverse = 1.0 / a
-        wide = min(wide, (rows[i, end, r, HIGH] - rows[i, end, r, LOW]) * abs(inverse))
+        narrowest = min(narrowest, (rows[i, end, r, HIGH] - rows[i, end, r, LOW]) * abs(inverse))
         first = (rows[i, end, r, LOW] - by_x) * inverse
         last = (rows[i, end, r, HIGH] - by_x) * inverse
         bottom = 2 * r
@@ -118,11 +134,11 @@ def acceleration_range(
             above = top
     for r in range(rounds.radius.shape[1]):
         first, last = _round_range(rounds, i, end, r, x)
-        wide = min(wide, last - first)
+        narrowest = min(narrowest, last - first)
         if first > low:
             low = first
             below = 2 * (rows.shape[2] + r)
         if last < high:
             high = last
             above = 2 * (rows.shape[2] + r) + 1
-    return low, high, wide, below, above
+    return AccelerationRange(low, high, narrowest, below, above)

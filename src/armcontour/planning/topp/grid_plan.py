@@ -17,7 +17,7 @@ from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.acceleration_range import acceleration_range
 from armcontour.planning.topp.limit_forms import Friction, GridLimits, Intervals, MotionBounds
-from armcontour.planning.topp.limit_lines import make_lines
+from armcontour.planning.topp.limit_lines import LimitLines, make_lines
 from armcontour.planning.topp.plan_rules import (
     END,
     FINER,
@@ -38,8 +38,6 @@ NO_PLAN_MARGIN = (
 )
 # intervals closer than this (in indices) to the one where the plan fails are refined
 REFINED_NEIGHBOURS = 10
-# plans of a grid: without friction and margins, with friction, and also with margins
-FREE, WITH_FRICTION, WITH_MARGINS = range(3)
 
 
 class GridPlan(NamedTuple):
@@ -48,9 +46,9 @@ class GridPlan(NamedTuple):
     x: FloatArray  # ds² at the ends of the intervals, (n + 1,)
     k: FloatArray  # Derivatives of dds in s, (n,)
     lost: FloatArray  # Fraction of limits that margins take, (n,)
-    outcome: int  # FOUND, or FINER, STUCK, START, END, UNLIMITED
+    outcome: int  # The last three fields are those of `PlanOutcome`
     interval: int
-    allowed: float  # With START and END: the largest feasible ds² at this end [m²/s²]
+    allowed: float
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -66,19 +64,20 @@ def _choose_slopes(
         if not (0.0 < x0 < cap[i] * BELOW_CEILING and 0.0 < x1 < cap[i + 1] * BELOW_CEILING):
             continue
         mean = (x1 - x0) / (2 * w)
-        low0, high0, wide0, _, _ = acceleration_range(grid, limits, i, 0, x0)
-        low1, high1, wide1, _, _ = acceleration_range(grid, limits, i, 1, x1)
-        falling = min((mean - low0) / wide0, (mean - low1) / wide1) < NEAR
+        first = acceleration_range(grid, limits, i, 0, x0)
+        last = acceleration_range(grid, limits, i, 1, x1)
+        to_low = min((mean - first.low) / first.narrowest, (mean - last.low) / last.narrowest)
+        to_high = min((first.high - mean) / first.narrowest, (last.high - mean) / last.narrowest)
         turn = 0.0
-        if min((high0 - mean) / wide0, (high1 - mean) / wide1) < NEAR:
-            turn = high1 - high0
-            if falling:
+        if to_high < NEAR:
+            turn = last.high - first.high
+            if to_low < NEAR:
                 # If u is at both bounds, for example because of two joints, the mean change is
                 # used.
-                turn = (turn + low1 - low0) / 2
-        elif falling:
-            turn = low1 - low0
-        small = abs(turn) < LARGEST_TURN * min(wide0, wide1)
+                turn = (turn + last.low - first.low) / 2
+        elif to_low < NEAR:
+            turn = last.low - first.low
+        small = abs(turn) < LARGEST_TURN * min(first.narrowest, last.narrowest)
         # x must not fall far below its values at the ends.
         if small and 8 * turn * w <= x0 + x1:
             bounds.k[i] = turn / w
@@ -181,23 +180,6 @@ def _linearize_friction(x: FloatArray, bounds: MotionBounds, near: float) -> boo
 
 
 @compiled(inner=True)
-def _pass_outcome(
-    stuck: int, rules: Rules, reachable: FloatArray, x: FloatArray
-) -> tuple[int, float]:
-    """Outcome of a pass, and the largest ds² at an end whose speed is too high."""
-    n = len(x) - 1
-    if rules.start < math.inf and min(rules.start, reachable[0]) < rules.start * (
-        1 - END_TOLERANCE
-    ):
-        return START, reachable[0]
-    if stuck >= 0:
-        return STUCK, 0.0
-    if rules.end < math.inf and x[n] < rules.end * (1 - END_TOLERANCE):
-        return END, x[n]
-    return FOUND, 0.0
-
-
-@compiled(inner=True)
 def _drop_slopes(
     bounds: MotionBounds, lost: FloatArray, max_margin: float, changed: BoolArray
 ) -> bool:
@@ -211,9 +193,29 @@ def _drop_slopes(
     return dropped
 
 
+class PlanOutcome(NamedTuple):
+    """Whether a plan was found, or the reason why none exists."""
+
+    outcome: int  # FOUND, or FINER, STUCK, START, END, UNLIMITED
+    interval: int  # Interval at which the plan fails, or -1
+    allowed: float  # With START and END: the largest feasible ds² at this end [m²/s²]
+
+
+class _Work(NamedTuple):
+    """Arrays that all phases of a plan change in place."""
+
+    width: FloatArray  # Lengths of the intervals [m], (n,)
+    bounds: MotionBounds
+    lines: LimitLines
+    squares: PassSquares
+    changed: BoolArray  # True for intervals whose limits the next pass writes anew, (n,)
+
+
 def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
-    """Plan without margins, then with margins for bounds of x and u that contain the plan."""
-    # If `rules.tries` is 1, the result is the plan without margins, with the outcome FINER.
+    """Plan without margins, then with margins for bounds of x and u that contain the plan.
+
+    If `rules.tries` is 1, the result is the plan without margins, with the outcome FINER.
+    """
     # Numba takes longer to return an array than NumPy to make one.
     n = len(grid.piece)
     x = np.zeros(n + 1)
@@ -230,87 +232,173 @@ def write_plan(
     x: FloatArray,
     k: FloatArray,
     lost: FloatArray,
-) -> tuple[int, int, float]:
-    """Write x, k and lost of a `GridPlan`, initially zero; return its other fields."""
+) -> PlanOutcome:
+    """Write x, k and lost of a `GridPlan`, initially zero; return whether a plan was found.
+
+    The phases are a plan without friction and margins, plans with friction that is linearized about
+    the previous plan, and plans with margins. They share `rules.tries` passes.
+    """
+    has_friction = limits.friction.within.shape[1] > 0
+    work = _make_work(grid, limits, x, k, lost)
+    found = _plan_free(grid, limits, rules, work)
+    tries = rules.tries - 1
+    if found.outcome == FOUND and has_friction:
+        found, tries = _plan_with_friction(grid, limits, rules, work, tries)
+    if found.outcome != FOUND:
+        return found
+    _choose_slopes(grid, limits, work.squares.cap, x, work.bounds)
+    _bound_motion(work.width, x, rules, rules.headroom, work.bounds)
+    found, tries = _plan_with_margins(grid, limits, rules, work, tries)
+    if found.outcome == FOUND and has_friction:
+        _shorten_plan(grid, limits, rules, work, tries)
+    return found
+
+
+@compiled(inner=True, allocates=True)
+def _make_work(
+    grid: Intervals, limits: GridLimits, x: FloatArray, k: FloatArray, lost: FloatArray
+) -> _Work:
+    """Make the arrays; those of the plan are `work.squares.x`, `work.bounds.k`, `lines.lost`."""
     n = len(grid.piece)
-    friction_rows = limits.friction.within.shape[1]
     width = np.empty(n)
-    cap = np.empty(n + 1)
-    reachable = np.empty(n + 1)
-    squares = PassSquares(cap, reachable, x)
+    for i in range(n):
+        width[i] = grid.s[i + 1] - grid.s[i]
     bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), k)
-    changed = np.ones(n, np.bool_)
-    lines = make_lines(limits, lost)
-    x_best = x
-    k_best = k
-    lost_best = lost
-    shortest = math.inf
-    stage = FREE
-    tangents = 0
-    none = Friction(np.empty((n, 2, 0)), np.empty((n, 0, 3)))
+    squares = PassSquares(np.empty(n + 1), np.empty(n + 1), x)
+    return _Work(width, bounds, make_lines(limits, lost), squares, np.ones(n, np.bool_))
+
+
+@compiled(inner=True, allocates=True)
+def _plan_free(grid: Intervals, limits: GridLimits, rules: Rules, work: _Work) -> PlanOutcome:
+    """Plan without friction and without margins."""
+    none = Friction(np.empty((len(grid.piece), 2, 0)), np.empty((len(grid.piece), 0, 3)))
     free = GridLimits(
         limits.rows, limits.squares, limits.rounds, none, limits.ceiling, limits.joints
     )
-    for i in range(n):
-        width[i] = grid.s[i + 1] - grid.s[i]
-    for _ in range(rules.tries):
-        used_limits = free if stage == FREE else limits
-        margins = stage == WITH_MARGINS
-        stuck = backward_forward_pass(
-            grid, used_limits, bounds, (changed, margins), lines, rules, squares
-        )
-        if stuck >= n:
-            return UNLIMITED, stuck - n, 0.0
-        worst = _largest_margin(lines.lost)
-        if margins and lines.lost[worst] > rules.max_margin:
-            if _drop_slopes(bounds, lines.lost, max(rules.max_margin, rules.steady), changed):
-                continue
+    return _run_passes(grid, free, rules, work, False)
+
+
+@compiled(inner=True, allocates=True)
+def _plan_with_friction(
+    grid: Intervals, limits: GridLimits, rules: Rules, work: _Work, tries: int
+) -> tuple[PlanOutcome, int]:
+    """Plan with friction that is linearized about the previous plan, until both are close.
+
+    Returns the outcome and the remaining tries.
+    """
+    found = PlanOutcome(FOUND, -1, 0.0)
+    for _ in range(min(rules.tangents, tries)):
+        if _linearize_friction(work.squares.x, work.bounds, rules.near):
             break
-        outcome, allowed = _pass_outcome(stuck, rules, reachable, x)
-        if outcome != FOUND:
-            if shortest < math.inf:
-                break
-            if margins and n <= rules.enough:
-                # A finer grid is needed around the failure, or everywhere if the speed at an end is
-                # too high.
-                for i in range(n):
-                    if stuck < 0 or abs(i - stuck) < REFINED_NEIGHBOURS:
-                        lines.lost[i] = max(lines.lost[i], NO_PLAN_MARGIN)
-                return FINER, max(stuck, 0), 0.0
-            return outcome, stuck, allowed
-        if not margins:
-            near = _linearize_friction(x, bounds, rules.near)
-            stage = WITH_FRICTION
-            if friction_rows and not near and tangents < rules.tangents:
-                tangents += 1
+        found = _run_passes(grid, limits, rules, work, False)
+        tries -= 1
+        if found.outcome != FOUND:
+            break
+    return found, tries
+
+
+@compiled(inner=True, allocates=True)
+def _plan_with_margins(
+    grid: Intervals, limits: GridLimits, rules: Rules, work: _Work, tries: int
+) -> tuple[PlanOutcome, int]:
+    """Plan with margins for bounds of x and u, which are widened until they contain the plan.
+
+    Then the margins suffice. Slopes are set to zero where margins are too large; without slopes,
+    the outcome is FINER. Returns the outcome and the remaining tries.
+    """
+    x = work.squares.x
+    lost = work.lines.lost
+    has_friction = limits.friction.within.shape[1] > 0
+    work.changed[:] = True
+    for remaining in range(tries - 1, -1, -1):
+        found = _run_passes(grid, limits, rules, work, True)
+        if found.outcome == UNLIMITED:
+            return found, remaining
+        worst = _largest_margin(lost)
+        if lost[worst] > rules.max_margin:
+            largest_kept = max(rules.max_margin, rules.steady)
+            if _drop_slopes(work.bounds, lost, largest_kept, work.changed):
                 continue
-            _choose_slopes(grid, limits, cap, x, bounds)
-            _bound_motion(width, x, rules, rules.headroom, bounds)
-            changed[:] = True
-            stage = WITH_MARGINS
-        elif _prove_or_widen(width, x, rules, bounds, friction_rows > 0, changed):
-            if not friction_rows:
-                return FOUND, -1, 0.0
-            duration = _duration(width, x, bounds.k)
-            better = duration < shortest * (1 - rules.gain)
-            if duration < shortest:
-                shortest = duration
-                x_best = x.copy()
-                k_best = k.copy()
-                lost_best = lost.copy()
-            if not better:
-                break
-            _bound_motion(width, x, rules, rules.close, bounds)
-            changed[:] = True
-    if shortest < math.inf:
-        x[:] = x_best
-        k[:] = k_best
-        lost[:] = lost_best
-        return FOUND, -1, 0.0
-    worst = _largest_margin(lines.lost)
-    if lines.lost[worst] <= rules.max_margin:
-        for i in range(n):
-            if changed[i]:
-                lines.lost[i] = NO_PLAN_MARGIN
-        worst = _largest_margin(lines.lost)
-    return FINER, worst, 0.0
+            return PlanOutcome(FINER, worst, 0.0), remaining
+        if found.outcome != FOUND:
+            if len(lost) > rules.enough:
+                return found, remaining
+            _mark_failure(lost, found.interval)
+            return PlanOutcome(FINER, max(found.interval, 0), 0.0), remaining
+        if _prove_or_widen(work.width, x, rules, work.bounds, has_friction, work.changed):
+            return found, remaining
+    if lost[_largest_margin(lost)] <= rules.max_margin:
+        _mark_changed(lost, work.changed)
+    return PlanOutcome(FINER, _largest_margin(lost), 0.0), 0
+
+
+@compiled(inner=True, allocates=True)
+def _shorten_plan(
+    grid: Intervals, limits: GridLimits, rules: Rules, work: _Work, tries: int
+) -> None:
+    """Tighten the bounds about a proven plan with friction while this shortens the plan.
+
+    Friction is linearized between the bounds of x, so tighter bounds allow a faster plan.
+    """
+    x = work.squares.x
+    k = work.bounds.k
+    lost = work.lines.lost
+    shortest = math.inf
+    x_best = x
+    k_best = k
+    lost_best = lost
+    is_proven = True
+    while is_proven:
+        duration = _duration(work.width, x, k)
+        gains = duration < shortest * (1 - rules.gain)
+        if duration < shortest:
+            shortest = duration
+            x_best = x.copy()
+            k_best = k.copy()
+            lost_best = lost.copy()
+        if not gains:
+            break
+        _bound_motion(work.width, x, rules, rules.close, work.bounds)
+        found, tries = _plan_with_margins(grid, limits, rules, work, tries)
+        is_proven = found.outcome == FOUND
+    x[:] = x_best
+    k[:] = k_best
+    lost[:] = lost_best
+
+
+@compiled(inner=True, allocates=True)
+def _run_passes(
+    grid: Intervals, limits: GridLimits, rules: Rules, work: _Work, margins: bool
+) -> PlanOutcome:
+    """Run a backward and a forward pass, with or without margins; return whether x is a plan."""
+    n = len(grid.piece)
+    state = work.changed, margins
+    reachable = work.squares.reachable
+    last = work.squares.x
+    stuck = backward_forward_pass(grid, limits, work.bounds, state, work.lines, rules, work.squares)
+    if stuck >= n:
+        return PlanOutcome(UNLIMITED, stuck - n, 0.0)
+    smallest_start = rules.start * (1 - END_TOLERANCE)
+    if rules.start < math.inf and min(rules.start, reachable[0]) < smallest_start:
+        return PlanOutcome(START, stuck, reachable[0])
+    if stuck >= 0:
+        return PlanOutcome(STUCK, stuck, 0.0)
+    if rules.end < math.inf and last[n] < rules.end * (1 - END_TOLERANCE):
+        return PlanOutcome(END, stuck, last[n])
+    return PlanOutcome(FOUND, stuck, 0.0)
+
+
+@compiled(inner=True)
+def _mark_failure(lost: FloatArray, stuck: int) -> None:
+    """Request a finer grid around the interval without motion, or everywhere if it is -1."""
+    for i in range(len(lost)):
+        if stuck < 0 or abs(i - stuck) < REFINED_NEIGHBOURS:
+            lost[i] = max(lost[i], NO_PLAN_MARGIN)
+
+
+@compiled(inner=True)
+def _mark_changed(lost: FloatArray, changed: BoolArray) -> None:
+    """Request a finer grid where the last plan left its bounds."""
+    for i in range(len(lost)):
+        if changed[i]:
+            lost[i] = NO_PLAN_MARGIN

@@ -170,32 +170,58 @@ def backward_forward_pass(
 ) -> int:
     """Write the limits and the largest feasible x, by a backward and a forward pass.
 
+    The method is that of TOPP-RA (Pham and Pham, IEEE Trans. Robotics 34, 645-659, 2018), with
+    intervals on which u is linear in s; docs/guides/optimal.md, "Reachability".
+
     Returns -1 if a plan was found, the index of an interval on which no motion is allowed, or n
     plus the index of an interval without limits.
 
-    - `state`: mask of the intervals to write, (n,), and true for limits with margins.
+    - `state`: mask of the intervals whose limits have changed, (n,), and true for limits with
+      margins.
     - `squares`: output.
     """
+    largest_mean = np.empty(len(grid.piece))
+    stuck = _backward_pass(grid, limits, bounds, state, lines, rules, squares, largest_mean)
+    if stuck < 0:
+        stuck = _forward_pass(grid, limits, bounds, state, lines, rules, squares, largest_mean)
+    return stuck
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _backward_pass(
+    grid: Intervals,
+    limits: GridLimits,
+    bounds: MotionBounds,
+    state: tuple[BoolArray, bool],
+    lines: LimitLines,
+    rules: Rules,
+    squares: PassSquares,
+    largest_mean: FloatArray,
+) -> int:
+    """Write the largest x from which the end can be reached, and its largest mean u, (n,)."""
     changed, margins = state
-    cap, reachable, x = squares
+    cap, reachable, _ = squares
     n = len(grid.piece)
     below = -1
     stuck = -1
-    mean = np.empty(n)
     slots = len(lines.slot_interval) - 1
+    # A pass that is stuck does not limit x at the start.
+    reachable[0] = math.inf
     # Interval i - 1 is written before interval i is planned, while the processor waits for data.
     for i in range(n, -1, -1):
-        trial = math.inf
+        # The ceiling of x at point i is the smaller one of both adjacent intervals.
+        ceiling = math.inf
         if i > 0:
             if changed[i - 1] or lines.slot_interval[(i - 1) & slots] != i - 1:
                 write_interval_limits(grid, limits, bounds, i - 1, margins, lines)
-            trial = lines.cap[i - 1, 1]
+            ceiling = lines.cap[i - 1, 1]
         if i < n:
-            trial = min(trial, lines.cap[i, 0])
-        cap[i] = trial
+            ceiling = min(ceiling, lines.cap[i, 0])
+        cap[i] = ceiling
         if i == n:
-            reachable[n] = min(rules.end, trial, LARGEST_X)
+            reachable[n] = min(rules.end, ceiling, LARGEST_X)
             continue
+        # Once stuck, the pass only searches for an interval without limits.
         if stuck >= n:
             low, high = _mean_range(lines, i, 0.0)
             if low > -math.inf and high < math.inf:
@@ -203,27 +229,43 @@ def backward_forward_pass(
             stuck = n + i
         if stuck >= 0:
             continue
-        trial, mean[i], below, outcome = _largest_start(
-            lines, i, grid.s[i + 1] - grid.s[i], min(trial, LARGEST_X), reachable[i + 1], below
+        w = grid.s[i + 1] - grid.s[i]
+        reachable[i], largest_mean[i], below, outcome = _largest_start(
+            lines, i, w, min(ceiling, LARGEST_X), reachable[i + 1], below
         )
-        reachable[i] = trial
         if outcome != FOUND:
             stuck = i if outcome == STUCK else n + i
-    if stuck >= 0:
-        return stuck
+    return stuck
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _forward_pass(
+    grid: Intervals,
+    limits: GridLimits,
+    bounds: MotionBounds,
+    state: tuple[BoolArray, bool],
+    lines: LimitLines,
+    rules: Rules,
+    squares: PassSquares,
+    largest_mean: FloatArray,
+) -> int:
+    """Write the largest x that can be reached from the start, at most the reachable one."""
+    _, margins = state
+    _, reachable, x = squares
+    slots = len(lines.slot_interval) - 1
     x[0] = min(rules.start, reachable[0])
     if rules.start == math.inf:
         x[0] = _fastest_start(lines, grid.s[1] - grid.s[0], reachable)
-    for i in range(n):
+    for i in range(len(grid.piece)):
         w = grid.s[i + 1] - grid.s[i]
-        high = mean[i]
+        mean = largest_mean[i]
         if x[i] < reachable[i]:
             if lines.slot_interval[i & slots] != i:
                 write_interval_limits(grid, limits, bounds, i, margins, lines)
             low, high = _mean_range(lines, i, x[i])
             steep = 0.5 / w
-            high = min(high, (reachable[i + 1] - x[i]) * steep)
-            if low > high + SLACK * (abs(low) + abs(high) + reachable[i + 1] * steep):
+            mean = min(high, (reachable[i + 1] - x[i]) * steep)
+            if low > mean + SLACK * (abs(low) + abs(mean) + reachable[i + 1] * steep):
                 return i
-        x[i + 1] = min(max(x[i] + 2 * w * high, 0.0), reachable[i + 1])
+        x[i + 1] = min(max(x[i] + 2 * w * mean, 0.0), reachable[i + 1])
     return -1
