@@ -11,7 +11,8 @@ import armcontour as ac
 from armcontour.planning import optimal_timing
 from armcontour.planning.constraints import SecondOrder, constraints_of, limits_on
 from armcontour.planning.path_grid import place_grid
-from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
+from armcontour.planning.topp.grid_plan import plan_on_grid
+from armcontour.planning.topp.plan_rules import Rules
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 LEAK = 1e-9  # by how much, relatively, a limit may be exceeded anywhere

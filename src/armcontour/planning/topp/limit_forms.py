@@ -125,6 +125,15 @@ class GridLimits(NamedTuple):
     joints: FloatArray
 
 
+class MotionBounds(NamedTuple):
+    """Bounds |u| <= `u` and `x_min` <= x <= `x` for valid margins, and slopes `k`, (n,) each."""
+
+    x: FloatArray
+    x_min: FloatArray
+    u: FloatArray
+    k: FloatArray
+
+
 Form = JointBounds | LinearRows | Squares | Rounds | Friction | Ceiling
 
 
