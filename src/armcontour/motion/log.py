@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.text import clock, count_noun, list_some, short_repr, show
@@ -167,7 +167,7 @@ def with_units_of(log: Log, arm: Arm) -> Log:
     slides = arm.chain.prismatic or log.prismatic
     for name, linear, expected in zip(log.joint_names, log.prismatic, slides, strict=True):
         if linear and not expected:
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"{log.source}: {name} has a unit of length, but this joint of {arm.name} is "
                 "revolute. Correct the unit in the column title."
             )
@@ -389,7 +389,7 @@ def raise_other_joints(
         f"{source} has {count_noun(len(names), 'joint')} ({have}), but the arm has "
         f"{len(joint_names)} ({arm}). {fix}, or specify the arm of the file (--arm)."
     )
-    raise InvalidInput(" ".join((sentence, *notes)), needed=len(names), allowed=len(joint_names))
+    raise ArmMismatch(" ".join((sentence, *notes)), needed=len(names), allowed=len(joint_names))
 
 
 def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:

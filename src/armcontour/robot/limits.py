@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked, declared, parts_of
 from armcontour.core.quantities import (
     About,
@@ -288,7 +288,7 @@ class Limits(Checked):
                 changes[name] = checks.frozen_array(np.repeat(values, dof, axis=0))
                 continue
             if values.ndim == 2:
-                raise InvalidInput(
+                raise ArmMismatch(
                     f"{name} has bounds for {len(values)} joints, but the arm has {dof} joints. "
                     f"Specify one pair for all joints or {dof} pairs."
                 )

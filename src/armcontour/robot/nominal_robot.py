@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, Frozen
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
@@ -70,7 +70,7 @@ class Drives:
         servo.check_orders("The inverse dynamics of rigid bodies", integrator=True)
         assert servo.kv is not None
         if self.controller is not None and self.controller.dof != self.arm.dof:
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"The arm {self.arm.name} has {self.arm.dof} joints, but the controller's model of "
                 f"the arm has {self.controller.dof}."
             )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import (
     DEAD_TIME,
@@ -302,7 +302,7 @@ class ServoModel(Checked):
                 checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof)
             changes[name] = np.full(dof, values)
         if not isinstance(self.order, str) and len(self.order) != dof:
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"order of the servo has {len(self.order)} values, but the arm has {dof} joints. "
                 f"Specify one value for all joints or {dof} values."
             )
