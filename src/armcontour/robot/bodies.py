@@ -37,8 +37,8 @@ class Payload(Checked):
     True
 
     Args:
-        mass: Mass [kg].
-        center: Centre of mass [m], (3,).
+        mass: Mass of the load [kg].
+        center: The load's centre of mass [m], (3,).
         inertia: Inertia about the centre of mass, along the tip's axes [kg m²], (3, 3); by default
             that of a point mass.
 
