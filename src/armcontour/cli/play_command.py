@@ -20,7 +20,7 @@ from armcontour.cli.inputs import open_job, read_option
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, PlayedMotion, Ur, player
 from armcontour.controllers.controller import UNFINISHED
 from armcontour.core.checks import check_choice, raise_if
-from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput
+from armcontour.core.errors import ControllerLost, ControllerRefused, FileError, InvalidInput
 from armcontour.core.quantities import AngularDistance
 from armcontour.core.render import figure, number, plain
 from armcontour.core.text import capitalise
@@ -121,18 +121,18 @@ def write_log(folder: ResultFolder | None, played: Played) -> list[str]:
     """Write the log of a motion, and return a line that says where it is.
 
     Raises:
-        InvalidInput: It cannot be written to the folder; the message says where it is instead.
+        FileError: It cannot be written to the folder; the message says where it is instead.
     """
     if folder is None or played.record is None:
         return []
     text = log_text(played.log)
     try:
         folder.write(LOG, text)
-    except InvalidInput as error:
+    except FileError as error:
         with suppress(OSError):
             file = FilePath(tempfile.mkdtemp(prefix="armcontour-log-")) / LOG
             file.write_text(text, encoding="utf-8")
-            raise InvalidInput(f"{error} The log of the motion is in {file}.") from None
+            raise FileError(f"{error} The log of the motion is in {file}.") from None
         raise
     return [f"Log: {folder.folder / LOG}"]
 

@@ -26,7 +26,7 @@ from typing import (
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.text import capitalise, make_printable, show, suggest
 
 P = ParamSpec("P")
@@ -360,7 +360,7 @@ def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> Flo
     if array.ndim == 0:
         return np.full(dof, float(array))
     if array.shape != (dof,):
-        raise InvalidInput(
+        raise ArmMismatch(
             f"{name} has {array.size} values, but the arm has {dof} joints. "
             f"Specify one value for all joints or {dof} values."
         )

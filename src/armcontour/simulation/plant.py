@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, Immutable, IntArray
-from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.errors import ArmMismatch, ExecutionError, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
 from armcontour.motion import Execution, FineMotion, SetPoints, arm_of
@@ -138,7 +138,7 @@ def check_joints(set_points: SetPoints, arm: Arm) -> None:
     """Raise an error if set-points and arm have different numbers of joints."""
     checks.check_type("set_points", set_points, SetPoints)
     if set_points.q.shape[1] != arm.dof:
-        raise InvalidInput(
+        raise ArmMismatch(
             f"The set-points and the arm must have the same joints, but the set-points have "
             f"{set_points.q.shape[1]} joints and the arm {arm.name} has {arm.dof}."
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.errors import ArmMismatch, ExecutionError, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import AtLeast, Quantity
 from armcontour.motion import Execution, FineMotion, SetPoints
@@ -131,7 +131,7 @@ class RigidBodyPlant(LimitedPlant):
         self.chain = _require_chain(arm)
         self.controller_chain = self.chain if controller is None else _require_chain(controller)
         if len(self.controller_chain) != arm.dof:
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"arm and controller must have the same joints, but the arm {arm.name} has "
                 f"{arm.dof} joints and the controller has {len(self.controller_chain)}."
             )

@@ -18,7 +18,7 @@ from armcontour.control.compensation.set_point_times import (
     time_advances,
 )
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import declared
 from armcontour.core.quantities import NO_KEY
 from armcontour.core.quintics import solve_banded
@@ -88,7 +88,7 @@ def invert_dynamics(
             "Specify arm=."
         )
     if arm.dof != trajectory.dof:
-        raise InvalidInput(
+        raise ArmMismatch(
             f"The arm and the trajectory must have the same joints, but the arm {arm.name} has "
             f"{arm.dof} joints and the trajectory has {trajectory.dof}."
         )
