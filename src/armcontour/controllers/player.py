@@ -20,7 +20,7 @@ from armcontour.controllers.controller import (
     per_joint,
 )
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ControllerRefused, InvalidInput, NotRealizable
+from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput, NotRealizable
 from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import (
@@ -44,6 +44,7 @@ from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
 from armcontour.jobs.study import run
 from armcontour.jobs.verdict import Errors
 from armcontour.motion import Execution, JointPath, Log, SetPoints, Trajectory
+from armcontour.motion.log import FEWEST
 from armcontour.planning import Optimal, at_speed, plan
 from armcontour.planning.early_stop import plan_stop
 from armcontour.robot import Arm, Limits, resolve_limits
@@ -616,6 +617,18 @@ class Player:
                 needed=float(commanded[j]),
             )
         return record
+
+
+def lost_motion(played: Played, lost: ControllerLost) -> Played:
+    """The motion until its controller was lost, with a note that its record is incomplete.
+
+    If the record is too short for a log, the motion has none.
+    """
+    record = lost.record
+    if not isinstance(record, PlayedMotion) or len(record.t) < FEWEST:
+        return played
+    note = f"This log is incomplete: {lost}"
+    return replace(played, record=replace(record, faithful=False, notes=(note, *record.notes)))
 
 
 def is_at_start(arm: Arm, distances: FloatArray) -> bool:
