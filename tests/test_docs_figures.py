@@ -113,7 +113,7 @@ def test_the_numbers_without_a_reserve_are_computed_again(plans):
 
 
 def test_the_table_of_poles_is_computed_again(plans):
-    lines = page("docs/guides/compensations.md").splitlines()
+    lines = page("docs/concepts/compensation.md").splitlines()
     for line in (x for x in lines if x.startswith("| $(-")):
         pole, *printed = numbers(line.replace(")^3", ""))
         poles = [float(pole)] * 3

@@ -6,7 +6,7 @@
 #
 # G is the servo, and H = F G is the response of compensator and servo together. H is applied to the
 # trajectory exactly. G⁻¹ is applied to the result, whose derivatives are known. See
-# docs/guides/compensations.md.
+# docs/concepts/compensation.md.
 
 from __future__ import annotations
 

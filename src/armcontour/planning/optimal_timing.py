@@ -4,7 +4,7 @@ The method is backward and forward reachability in (s, ds²), after TOPP-RA. On 
 path acceleration is linear in s. Its slope is chosen in advance so that the active constraint is
 active on the whole interval. Every constraint is satisfied at both ends of an interval with a
 margin that bounds its rise between them; for torques and some limits of the tool the bound is
-sampled. docs/guides/optimal.md has the proof.
+sampled. docs/concepts/time_optimal.md has the proof.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 # `armcontour.robot.nominal_robot` computes the exact command with which the drives follow the plan,
 # at every time. Set-points are chosen so that their interpolation approximates this command best,
-# see docs/guides/compensations.md.
+# see docs/concepts/compensation.md.
 
 from __future__ import annotations
 

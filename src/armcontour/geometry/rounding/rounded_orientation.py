@@ -205,7 +205,7 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     # angle is at most `k |b - a|`. The tool axis alone turns by at most
     # `k d + k² e m / 2`: d and e are the components of b - a perpendicular and parallel to the
     # axis, and m is the smaller of the rates at which a and b tilt the axis. See
-    # docs/guides/rounding.md.
+    # docs/concepts/corners.md.
     if sharp.fixed:
         return np.full(len(vertex), np.inf)
     a = sharp.first[vertex]

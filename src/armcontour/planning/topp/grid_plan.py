@@ -1,8 +1,10 @@
 """Compiled plan on a grid, first without margins, then with margins that are proven to suffice.
 
-On each interval u is linear in s with a slope k that is chosen in advance. `limit_lines` writes the
-limits of an interval in the plane of x and the mean u, and `reachability` finds the largest x.
-docs/guides/optimal.md has the derivation.
+On each interval u is linear in s with a slope k that is chosen in advance. With the mean m of u and
+the half change t = k w / 2, u is m - t and m + t at the ends, and x at the end is x + 2 w m. All
+limits of an interval are therefore half-planes and conics in the plane of x and m: `limit_lines`
+writes them, and `reachability` finds the largest x. docs/concepts/time_optimal.md has the
+derivation.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 On each interval u is linear in s with a slope k that is chosen in advance. With the mean m of u and
 the half change t = k w / 2, u is m - t and m + t at the ends, and x at the end is x + 2 w m. All
 limits of an interval are therefore half-planes and conics in the plane of x and m.
-docs/guides/optimal.md has the derivation.
+docs/concepts/time_optimal.md has the derivation.
 """
 
 from __future__ import annotations

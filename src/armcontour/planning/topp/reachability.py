@@ -171,7 +171,7 @@ def backward_forward_pass(
     """Write the limits and the largest feasible x, by a backward and a forward pass.
 
     The method is that of TOPP-RA (Pham and Pham, IEEE Trans. Robotics 34, 645-659, 2018), with
-    intervals on which u is linear in s; docs/guides/optimal.md, "Reachability".
+    intervals on which u is linear in s; docs/concepts/time_optimal.md, "Reachability".
 
     Returns -1 if a plan was found, the index of an interval on which no motion is allowed, or n
     plus the index of an interval without limits.
