@@ -45,7 +45,7 @@ def test_orientations_at_waypoints_are_kept():
 
 
 @pytest.mark.parametrize("make_path", [pointing, oriented])
-def test_rate_and_acceleration_are_continuous(make_path):
+def test_turning_rate_and_acceleration_are_continuous_at_breaks(make_path):
     orientation = make_path(9).orientation
     inner = orientation.breaks[1:-1]
     before, after = (orientation.rates(inner, side=side) for side in ("left", "right"))
@@ -113,7 +113,7 @@ def test_a_spline_without_corners_is_rounded_to_itself():
     assert ac.plan(rounded, ARM).duration == pytest.approx(ac.plan(path, ARM).duration)
 
 
-def test_stops_of_the_orientation_are_said():
+def test_jump_of_turning_rate_is_reported_as_full_stop():
     points, axes, _ = curve(3)
     straight = np.linspace(points[0], points[-1], 3)
     path = ac.Path.polyline(straight).pointing(axes)
@@ -125,7 +125,7 @@ def test_stops_of_the_orientation_are_said():
         ac.plan(blended, ARM)
 
 
-def test_lines_between_splines_keep_their_even_rate():
+def test_tool_stops_once_where_spline_orientation_meets_fixed_orientation():
     points, axes, _ = curve(5)
     spline = pointing(5)
     end = spline.end

@@ -85,14 +85,14 @@ class _Allowed:
 def listen_to_reading(
     listener: Callable[[FilePath, bytes], None],
 ) -> AbstractContextManager[None]:
-    """Context in which `listener` is called with path and content of each file that is read."""
+    """Call `listener` with path and content of each file that is read in this context."""
     return registered(_listeners, listener)
 
 
 def reading_below(
     folders: Iterable[FilePath], files: Iterable[FilePath] = ()
 ) -> AbstractContextManager[None]:
-    """Context in which all threads may read only `files`, and files below `folders`.
+    """Let all threads read only `files`, and files below `folders`, while the context is open.
 
     Links that lead out of the folders are refused.
     """
@@ -240,7 +240,7 @@ def lock(folder: FilePath, name: FilePath) -> Callable[[], None]:
 
 
 def unwritable(target: object, error: OSError) -> FileError:
-    """Error for a destination that cannot be written, with a fix."""
+    """Make the error for a destination that cannot be written; it names a fix."""
     advice = FIXES.get(error.errno or 0, "choose another location")
     return FileError(f"Cannot write {target}: {error.strerror or error}; {advice}.")
 

@@ -1,4 +1,4 @@
-"""`Job`: path, arm, servo, runs, certificate and exports of a study, in SI units."""
+"""`Job`: path, arm, servo, runs, certificate and exports, in SI units."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ ENDINGS = {
     "kuka": ".src",
     "abb": ".mod",
 }
-# Formats in which events are data, so that no output is named.
+# Formats that write events as data and therefore name no outputs.
 WITHOUT_OUTPUTS = ("csv", "ros-yaml")
 # Extension of a template of the user.
 TEMPLATE = ".j2"
@@ -73,12 +73,12 @@ SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
 # Proposed tolerance of corners that become rounded.
 FIRST_TOLERANCE = "1 mm"
-# Default of the maximum distance of transitions from the objective [m].
+# Default limit for the distance of transitions from the objective [m].
 TRANSITION_TOLERANCE = 1e-5
 
 
 def ending_of(format: str) -> str:
-    """Extension of the file of a format or template, such as ".src" for "house.src.j2"."""
+    """Return the file extension of a format or template, such as ".src" for "house.src.j2"."""
     if format in ENDINGS:
         return ENDINGS[format]
     if not format.endswith(TEMPLATE):
@@ -97,8 +97,8 @@ class Exports(Checked):
         formats: Formats: csv, ros-yaml, urscript, kuka, abb, or a template such as house.j2.
         outputs: Output of each event and analog output of the process, by name, such as `{laser: 0,
             power: AO0}`; or one per format, such as `{laser: {kuka: 17, abb: doLaser}}`.
-        tolerances: With ros-yaml, ratio of the tolerances of a FollowJointTrajectory goal to the
-            predicted joint errors, at least 1; by default no goal.
+        tolerances: With ros-yaml, the tolerances in a FollowJointTrajectory goal, as a multiple of
+            the predicted joint errors, at least 1; by default no goal is written.
         cycle: Time between points of the plan [s]; by default the cycle of the run.
         derivatives: Highest derivative of the positions: 2, 1 or 0; by default 2, or 0 for
             set-points with command limits.
@@ -147,7 +147,7 @@ class Exports(Checked):
                 _check_formats_of(name, outputs)
 
     def outputs_for(self, format: str) -> dict[str, int | str]:
-        """Outputs in a format, by the names of events and analog outputs.
+        """Map events and analog outputs to their outputs in a format.
 
         Args:
             format: Name of the format, or path of a template.
@@ -164,7 +164,7 @@ class Exports(Checked):
 
 
 def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
-    """Check the outputs of an event by format."""
+    """Check the formats for which an event's outputs are given."""
     for format, output in outputs.items():
         key = f"outputs.{name}.{format}"
         with error_context(f"outputs.{name}"):
@@ -180,7 +180,7 @@ def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Experiment(Checked):
-    """Options of a simulation of the arm as rigid bodies with `RigidBodyPlant`.
+    """Options for simulating the arm as rigid bodies with `RigidBodyPlant`.
 
     Plans, compensation and the controller of the robot use only the model of the arm: gravity
     feed-forward does not include this payload.
@@ -206,7 +206,7 @@ class Experiment(Checked):
 def default_compensation(
     servo: ServoModel, arm: Arm, experiment: Experiment | None
 ) -> CompensationOptions:
-    """Inverse of the plant that judges a run: of the arm's rigid bodies, or of the servo model."""
+    """Return the inverse of the plant that judges a run: rigid bodies, or the servo model."""
     if experiment is None or not arm.has_bodies or not servo.is_plain("second"):
         return INVERSE
     return InverseDynamics()
@@ -246,7 +246,7 @@ class Rounding(Checked):
             path whose points are all within the tolerance of the objective, at corners and along
             lines, and requires `tolerance` and the timing optimal.
         tolerance: Largest corner error [m] (case II).
-        iterations: For the shape free, the largest number of iterations of the search.
+        iterations: For the shape free, how many iterations the search may take.
         speed: Lowest corner speed [m/s] (case I).
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
@@ -381,7 +381,7 @@ class Run(Checked):
             program: The program, as it is drawn or prepared.
 
         Raises:
-            InvalidInput: The run has `end_time`, and the program is no single path.
+            InvalidInput: The run has `end_time`, and the program has several paths.
         """
         if self.end_time is not None and program.single_path is None:
             raise InvalidInput(
@@ -434,7 +434,7 @@ class Run(Checked):
 
     @property
     def transition_tolerance(self) -> float:
-        """Maximum distance of transitions from the objective [m]; 0 if there are no transitions."""
+        """Maximum distance of transitions from the objective [m]; 0 without transitions."""
         if self.continuity != CURVATURE or self.rounding is None:
             return 0.0
         maximum = self.rounding.tolerance
@@ -462,7 +462,8 @@ class Job(Checked):
         arm: The arm.
         path: The objective path, or a program of several contours.
         process: Leads, overlaps and events that are added to the contours.
-        configuration: Branch of the inverse kinematics of a planar arm; by default the fastest.
+        configuration: For a planar arm, the branch of its inverse kinematics; by default the
+            fastest.
         seed: For an arm in space: joint positions near the start configuration [rad], (dof,); None
             takes the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.
@@ -526,7 +527,7 @@ class Job(Checked):
             object.__setattr__(self, "seed", checks.frozen_array(seed))
 
     def __str__(self) -> str:
-        """Table with arm, path, runs and further parts of the job."""
+        """Write a table with arm, path, runs and further parts of the job."""
         program = self.program
         summary = f"{count_noun(len(program.contours), 'contour')}, {digits(program.length)} m"
         return format_table(
@@ -544,7 +545,7 @@ class Job(Checked):
 
     @staticmethod
     def _words(run: Run) -> str:
-        """Text with timing, compensation, cycle and speed of a run."""
+        """Write timing, compensation, cycle and speed of a run."""
         speed = run.limits.speed
         fast = "" if speed is None else f", {digits(speed * 1e3)} mm/s"
         methods = f"{run.timing.method}, {run.compensation.method}"
@@ -555,7 +556,7 @@ class Job(Checked):
         """Arm and obstacles, with which the clearance is checked.
 
         Raises:
-            InvalidInput: As `check_clearance`.
+            InvalidInput: `check_clearance` would refuse the arm or the scene.
         """
         return cell_of(self.arm, self.scene)
 
@@ -570,7 +571,7 @@ def find_run(job: Job, name: str) -> Run:
 
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
-    """Run with a name, or the only run; `done`: participle for the message, such as "certified"."""
+    """Find the run with this name, or the only run; `done`: participle for the message."""
     if name is not None:
         return find_run(job, name)
     able = among or job.runs
