@@ -67,9 +67,8 @@ def square() -> tuple[ac.Arm, ac.Path]:
 def rows(reserve: float) -> Iterator[str]:
     """Rows of the table for one reserve of the plan."""
     arm, path = square()
-    allowed = (1 - reserve) * arm.limits.joint_acceleration
-    limits = {"speed": 0.1, "centripetal_acceleration": 1.0}
-    plan = ac.plan(path, arm, arm.limits.replace(joint_acceleration=allowed, **limits))
+    limits = arm.limits.replace(speed=0.1, centripetal_acceleration=1.0)
+    plan = ac.plan(path, arm, limits, ac.Optimal(reserve=reserve))
     nominal = ac.ServoModel(kp=KP, kv=KV)
     set_points = [
         ac.compensate(plan, nominal, COMPENSATIONS[x](), cycle=CYCLE, arm=arm) for x in NAMES

@@ -341,7 +341,7 @@ def test_a_rapid_turns_the_tool_by_half_a_turn_unless_it_is_free_to_turn(axis_on
     assert (turned.max() < 0.2) == axis_only
 
 
-def test_later_contours_select_among_equally_fast_configurations():
+def test_configuration_is_chosen_for_fastest_whole_program():
     # The speed of the tool bounds both contours; the way between them depends on the posture.
     program = ac.round_corners(program_of(in_space(SQUARE), in_space(BEND, 0.3)), tolerance=1e-3)
     limits = IN_SPACE.replace(speed=0.02, joint_torque=np.inf)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import MISSING, dataclass, field, fields
@@ -17,6 +16,7 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from armcontour._version import __version__
 from armcontour.cli.command_execution import Outcome, execute
+from armcontour.cli.job_options import JOB_OPTIONS
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import describe_fields
 
@@ -27,11 +27,6 @@ PREPARE = "Look, place, prepare"
 JUDGE = "Check and certify"
 ROBOT = "With the robot"
 INSTALLED = "About this installation"
-# Options that set job keys, by name; `python -m tests.cli.test_options` writes the file.
-SHORT: dict[str, dict[str, Any]] = {
-    x["option"].split("/")[0].strip("-").replace("-", "_"): x
-    for x in json.loads(FilePath(__file__).with_name("job_options.json").read_text("utf-8"))
-}
 # Conversions of the types of options whose texts need no check.
 CONVERTERS: dict[Any, Callable[[Any], Any]] = {
     str: str,
@@ -39,7 +34,6 @@ CONVERTERS: dict[Any, Callable[[Any], Any]] = {
     list[str]: list,
     list[FilePath]: lambda texts: [FilePath(x) for x in texts],
 }
-KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
 # Functions that register the commands, by name in the order of the help.
 _REGISTER: dict[str, Callable[[], None]] = {}
 
@@ -163,7 +157,7 @@ def command(topic: str, example: str, module: str = "") -> Callable[[type[T]], t
             return outcome
 
         def call(**values: Any) -> None:
-            keys = {x: values.pop(x) for x in SHORT if x in values}
+            keys = {x: values.pop(x) for x in JOB_OPTIONS if x in values}
             given = options(**values, **({"keys": keys} if keys else {}))
             raise typer.Exit(execute(work, given))
 
@@ -209,11 +203,11 @@ def _parameters(options: Any) -> Iterator[Parameter]:
     for x in fields(options):
         hint = hints[x.name]
         if x.name == "keys":
-            for name, row in SHORT.items():
-                if row["topic"] in hint.__metadata__:
-                    option = typer.Option(row["option"], help=row["help"], min=row["least"])
-                    option.rich_help_panel = row["topic"]
-                    yield parameter(name, KINDS[row["kind"]] | None, option)
+            for topic in hint.__metadata__:
+                for row in topic.options:
+                    option = typer.Option(row.name, help=row.help, min=row.least)
+                    option.rich_help_panel = topic.title
+                    yield parameter(row.parameter, row.kind | None, option)
             continue
         option = typer.Option(f"--{x.name}")
         if get_origin(hint) is Annotated:

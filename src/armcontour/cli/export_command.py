@@ -12,7 +12,8 @@ import numpy as np
 from armcontour import files
 from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Export
-from armcontour.cli.inputs import name_options, option_of, read_patch, refuse_existing
+from armcontour.cli.inputs import name_options, read_patch, refuse_existing
+from armcontour.cli.job_options import EXPORTED_POINTS, EXPORTS
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.render import figure
@@ -47,9 +48,9 @@ def check_options(job: Job, options: Mapping[str, object]) -> None:
     """Raise InvalidInput for options without --export; `options` set job keys, by name."""
     if job.export.formats:
         return
-    exports = {x.name for x in dataclasses.fields(Exports)}
-    for name in (x for x, value in options.items() if x in exports and value is not None):
-        raise InvalidInput(f"{option_of(name)} requires --export.")
+    for option in (*EXPORTS.options, *EXPORTED_POINTS.options):
+        if options.get(option.parameter) not in (None, []):
+            raise InvalidInput(f"{option.name} requires --export.")
 
 
 def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunResult) -> Written:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour import files
-from armcontour.cli.command_line import SHORT
-from armcontour.core.errors import InvalidInput, error_context
+from armcontour.cli.job_options import JOB_OPTIONS
+from armcontour.core.errors import FileError, InvalidInput, error_context
 from armcontour.core.progress import subprogress
 from armcontour.core.text import plain_number
 from armcontour.files.drawings.path_reader import YAML, find_reader
@@ -38,16 +38,9 @@ def read_patch(options: Any) -> tuple[Patch, dict[str, str]]:
     for name, value in getattr(options, "keys", {}).items():
         if value in (None, []):
             continue
-        row = SHORT[name]
-        option = option_of(name)
-        try:
-            value = READERS[row["read"]](value) if row["read"] else value
-        except ValueError as error:
-            raise InvalidInput(f"{option} {error}.") from None
-        *outer, last = row["key"].split(".")
-        each = value.items() if last == "*" else [(last, value)]
-        patch |= {(*outer, key): item for key, item in each}
-        names[row["key"].removesuffix(".*")] = option
+        option = JOB_OPTIONS[name]
+        patch[tuple(option.key.split("."))] = option.read(value) if option.read else value
+        names[option.key] = option.name
     for text in getattr(options, "sets", None) or ():
         with error_context("--set"):
             [(keys, value)] = files.parse_set(text).items()
@@ -59,11 +52,6 @@ def read_patch(options: Any) -> tuple[Patch, dict[str, str]]:
         patch[keys] = value
         names[key] = "--set"
     return patch, names
-
-
-def option_of(name: str) -> str:
-    """Option with a name, such as "--point-tolerance"."""
-    return f"--{name.replace('_', '-')}"
 
 
 @contextmanager
@@ -87,7 +75,7 @@ def library_file(name: str) -> FilePath:
 def is_job(file: FilePath) -> bool:
     """Return whether a file is a job file according to its extension; otherwise it is a drawing."""
     if file.is_dir():
-        raise InvalidInput(f"{file} is a folder. Specify a job file or a drawing.")
+        raise FileError(f"{file} is a folder. Specify a job file or a drawing.")
     return file.suffix.lower() in YAML
 
 
@@ -132,33 +120,7 @@ def refuse_given(options: Any, names: Iterable[str], reason: str) -> None:
 def refuse_existing(file: FilePath, force: bool) -> None:
     """Raise InvalidInput if a file exists, without --force."""
     if file.exists() and not force:
-        raise InvalidInput(f"{file} exists. Choose another name, or add --force to replace it.")
-
-
-def to_quantity(text: str) -> str | int:
-    """Convert text to a quantity as in a job file: text with a unit, or 0."""
-    return 0 if plain_number(text) == 0 else text.strip()
-
-
-def to_quantities(text: str) -> list[str | int]:
-    """Convert text to a list of quantities, which commas separate."""
-    return [to_quantity(part) for part in text.split(",")]
-
-
-def to_skip(_: bool) -> str:
-    """Convert a flag to "skip", the value of the job key for unknown elements."""
-    return "skip"
-
-
-def to_formats(texts: list[str]) -> list[str]:
-    """Formats of exports; templates are relative to the working folder, not to the job file."""
-    return [str(FilePath(x).absolute()) if x.endswith(".j2") else x for x in texts]
-
-
-# Functions that convert option values to values of job keys, by function name in `About`.
-READERS: dict[str, Callable[[Any], Any]] = {
-    x.__name__: x for x in (to_quantity, to_quantities, to_skip, to_formats)
-}
+        raise FileError(f"{file} exists. Choose another name, or add --force to replace it.")
 
 
 def read_option(option: str, text: str | None, kind: Any) -> Any:

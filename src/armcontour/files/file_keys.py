@@ -25,9 +25,8 @@ from typing import (
 )
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import UNIONS, parts_of, reader_of
+from armcontour.core.fields import UNIONS, reader_of
 from armcontour.core.quantities import (
-    About,
     AtLeast,
     Axes,
     Choice,
@@ -299,16 +298,11 @@ def _read_method(mark: Methods, data: Any, keys: Keys) -> Any:
 
 @cache
 def method_fields(mark: Methods) -> dict[str, KeyField]:
-    """Keys of all methods, in alphabetical order: the fields that have an `About`."""
+    """Keys of all methods, in alphabetical order."""
     every: dict[str, KeyField] = {}
     for kind in mark.kinds:
         every |= key_fields(kind)
-    return {key: every[key] for key in sorted(every) if _has_about(every[key])}
-
-
-def _has_about(field: KeyField) -> bool:
-    """Return whether the annotation of a key contains an `About`."""
-    return any(isinstance(x, About) for x in parts_of(field.hint))
+    return {key: every[key] for key in sorted(every)}
 
 
 def methods_with(mark: Methods, key: str) -> str:
@@ -391,11 +385,14 @@ def kinds_of_keys(leaf: Any) -> tuple[Any, ...]:
 
 
 def _keys_of(hints: Sequence[Any]) -> list[str]:
-    """Return the keys of all alternatives, in order; common keys of several occur repeatedly."""
-    keys = list[str]()
-    for kind in chain.from_iterable(map(kinds_of_keys, hints)):
-        keys += key_fields(kind)
-    return keys
+    """Return the keys of all alternatives, in order."""
+    keys = dict[str, None]()
+    for leaf in hints:
+        if isinstance(_mark(leaf)[1], Methods):
+            keys["method"] = None
+        for kind in kinds_of_keys(leaf):
+            keys |= dict.fromkeys(key_fields(kind))
+    return list(keys)
 
 
 def _suggest_key(hint: Any, keys: Keys) -> str:

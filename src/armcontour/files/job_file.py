@@ -5,16 +5,22 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path as FilePath
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import LONGEST_NAME, FloatArray
-from armcontour.core.errors import ArmContourError, InvalidInput, error_context, key_context
+from armcontour.core.errors import (
+    ArmContourError,
+    ArmMismatch,
+    InvalidInput,
+    error_context,
+    key_context,
+)
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
 from armcontour.core.progress import Progress
@@ -24,22 +30,21 @@ from armcontour.core.yaml_loader import load
 from armcontour.files.drawings.path_reader import YAML
 from armcontour.files.file_keys import Patch, read_keys
 from armcontour.files.job_arm import arm_of
-from armcontour.files.job_model import CellModel, JobModel, PathModel, RunModel
+from armcontour.files.job_model import CellModel, JobModel, PathModel
 from armcontour.files.job_patch import apply_patch, write_patch
-from armcontour.files.job_path import CONTOUR_LIMITS, find_contours, part_of, path_of, read_drawing
+from armcontour.files.job_path import part_of, path_of, read_drawing
+from armcontour.files.job_process import add_process
+from armcontour.files.job_run import run_of
 from armcontour.files.job_text_edits import REMOVE, line_of, move_files
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
-from armcontour.jobs import Exports, Job, Rounding, Run
-from armcontour.jobs.job import FIRST_TOLERANCE, LONGEST_TITLE, default_compensation
-from armcontour.motion import DEFAULT_CYCLE
-from armcontour.planning import Optimal, PlanOptions
-from armcontour.program import Event, Process, Program
-from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
+from armcontour.jobs import Exports, Job
+from armcontour.jobs.job import LONGEST_TITLE
+from armcontour.program import Program
+from armcontour.robot import Arm, PlanarTwoLink
 from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
 
-Model = TypeVar("Model", bound=JobModel)
 # Keys of `path` that define the geometry of a job. A drawing replaces them.
 GEOMETRY_KEYS = ("points", "start", "segments")
 SCHEMA = FilePath(__file__).with_name("job.schema.json")
@@ -158,7 +163,7 @@ def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArr
         with error_context("", "seed"):
             return checks.per_joint("seed", seed, arm.dof, "rad")
     if set(seed) != set(arm.joint_names):
-        raise InvalidInput(
+        raise ArmMismatch(
             f"seed names the joints {', '.join(map(show, seed))}, but the joints of {arm.name} are "
             f"{', '.join(arm.joint_names)}. Name each of these joints once, or write a list.",
             key=("seed",),
@@ -181,7 +186,7 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
         **_start(model.seed, arm),
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
-        runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
+        runs=tuple(run_of(name, run, model, arm) for name, run in model.runs.items()),
         certificate=model.certificate,
         scene=scene,
         export=model.export or Exports(),
@@ -203,81 +208,6 @@ def _plant(parameters: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoMo
     return _servo("plant", nominal, arm, **differs)
 
 
-def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
-    """Make a run of a job; keys that the run does not specify have the values of the job."""
-    chosen = model.corners or job.corners
-    corners = chosen if isinstance(chosen, Rounding) else None
-    with key_context("limits"):
-        limits = resolve_limits("A job", arm, Limits(**job.limits))
-    with key_context("runs", name, "limits"):
-        limits = resolve_limits("A run", arm, Limits(**model.limits), limits)
-    if corners is not None and limits.centripetal_acceleration is None:
-        # With `corners.speed`, this acceleration determines the corner radius. It also limits the
-        # speed in the corners.
-        limits = limits.replace(centripetal_acceleration=corners.acceleration)
-    commands = {**job.command_limits, **model.command_limits}
-    command_limits = None
-    keys: Keys = ("runs", name) if model.command_limits else ()
-    with key_context(*keys, "command_limits"):
-        if commands:
-            from armcontour.motion.nearest_commands import check_command_limits
-
-            command_limits = check_command_limits(Limits(**commands), arm.dof)
-    if corners is not None:
-        keys = ("corners",) if model.corners is None else ("runs", name, "corners")
-        with error_context(f"Run {name}" if model.corners is None else "", *keys):
-            corners.check(model.timing, key_text(keys))
-        if corners.tolerance is None:
-            _check_corner_speed(keys, corners, limits)
-    cycle = model.cycle or job.cycle or DEFAULT_CYCLE
-    compensation = model.compensation or default_compensation(job.servo, arm, job.experiment)
-    compensation = dataclasses.replace(compensation, command_limits=command_limits)
-    try:
-        with error_context(f"runs.{name}"):
-            return Run(
-                name=name,
-                timing=_timing(model, cycle),
-                compensation=compensation,
-                limits=limits,
-                rounding=corners,
-                cycle=cycle,
-                speed_factor=model.speed_factor or job.speed_factor,
-                end_time=model.end_time,
-                experiment=job.experiment,
-                accuracy=job.accuracy,
-                default_compensation=model.compensation is None,
-            )
-    except InvalidInput as error:
-        key = str(error.key[0]) if error.key else ""
-        inherited = getattr(job, key, None) is not None and getattr(model, key, None) is None
-        error.key = error.key if inherited else ("runs", name, *error.key)
-        raise
-
-
-def _timing(model: RunModel, cycle: float) -> PlanOptions:
-    """Timing options of a run, with the values of its keys `duration` and `cycle`."""
-    if isinstance(model.timing, Optimal):
-        return dataclasses.replace(model.timing, duration=model.duration)
-    if model.duration is not None:
-        raise InvalidInput(
-            f"duration requires the timing method optimal, not {model.timing.method}. Remove "
-            "duration, or write timing: {method: optimal}.",
-            remedies=({("duration",): None}, {("timing", "method"): Optimal.method}),
-        )
-    return model.timing.at_cycle(cycle)
-
-
-def _check_corner_speed(keys: Keys, corners: Rounding, limits: Limits) -> None:
-    """Check that rounding of corners without a tolerance has a speed and an acceleration."""
-    if corners.speed is None or limits.centripetal_acceleration is None:
-        raise InvalidInput(
-            f"{key_text(keys)} requires either tolerance, the largest corner error, or both speed "
-            "and acceleration.",
-            key=keys,
-            remedies=({("tolerance",): FIRST_TOLERANCE},),
-        )
-
-
 def _check_run_name(keys: Keys, name: str, job: JobModel) -> None:
     """Check that the job has the named run."""
     if name not in job.runs:
@@ -286,89 +216,6 @@ def _check_run_name(keys: Keys, name: str, job: JobModel) -> None:
             f"{', '.join(job.runs)}.",
             key=keys,
         )
-
-
-def add_process(
-    path: Path | Program, process: Process | None, drawing: PathModel
-) -> tuple[Path | Program, Process]:
-    """Program of a job with notes on unused keys of its process, and the complete process.
-
-    If the job has neither a drawing nor a process, the path is returned unchanged.
-    """
-    if isinstance(path, Path) and process is None:
-        return path, Process()
-    program = Program.from_path(path)
-    if drawing.file is None:
-        # As for a drawing, the process selects the start point of a closed path of points.
-        contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
-        program = Program(moves=tuple(contours))
-    process = _set_contour_values(program, process or Process(), drawing)
-    notes = _note_unused_keys(process, program)
-    if notes:
-        program = dataclasses.replace(program, notes=(*program.notes, *notes))
-    return program, _on_drawing(process, drawing, {x.layer for x in program.contours})
-
-
-def _set_contour_values(program: Program, process: Process, drawing: PathModel) -> Process:
-    """Process with the values of the key `path.contours`."""
-    if not drawing.contours:
-        return process
-    key_of_contour, _ = find_contours(program, drawing)
-    by_contour = dict[int, Any]()
-    for contour in program.contours:
-        values = drawing.contours.get(key_of_contour.get(contour.number, ""), {})
-        own = {x: y for x, y in values.items() if x not in CONTOUR_LIMITS}
-        if own:
-            by_contour[contour.number] = {**process.by_layer.get(contour.layer, {}), **own}
-    try:
-        return dataclasses.replace(process, by_contour=by_contour)
-    except InvalidInput as error:
-        _, number, *inner = error.key
-        error.key = ("path", "contours", str(key_of_contour[int(number)]), *inner)
-        raise error.with_location(key_text(error.key[:3])) from None
-
-
-def _note_unused_keys(process: Process, program: Program) -> list[str]:
-    """Notes on process keys that have no effect on the drawing; a cell often has such keys."""
-    layers = {x.layer for x in program.contours}
-    notes = [
-        f"process.by_layer has the layer {x!r}, but no contour is on this layer."
-        for x in process.by_layer
-        if x not in layers
-    ]
-    if process.off_between:
-        switched = _switched(program, process)
-        names = ", ".join(sorted(switched)) or "none"
-        notes += [
-            f"process.off_between has the output {x!r}, but the program does not switch this "
-            f"output, so that it is not switched off during rapids. Switched outputs: {names}."
-            for x in process.off_between
-            if x not in switched
-        ]
-    if process.tabs is not None and not any(x.closed for x in program.contours):
-        notes.append("process.tabs has no effect, because no contour is closed.")
-    return notes
-
-
-def _switched(program: Program, process: Process) -> set[str]:
-    """Names of the outputs that a program or its process switches."""
-    names = {x.name for x in program.moves if isinstance(x, Event)}
-    for contour in program.contours:
-        contour_process = process.of_contour(contour)
-        names |= {y.name for y in (*contour.events, *contour_process.events)}
-        names |= set() if contour_process.switch is None else {contour_process.switch.name}
-    return names
-
-
-def _on_drawing(process: Process, drawing: PathModel, existing: Collection[str]) -> Process:
-    """Process with the vertical direction and the limits of layers from the key `path`."""
-    layers = drawing.layers if isinstance(drawing.layers, dict) else {}
-    # The reader of the drawing has already reported layers that are missing in the file.
-    layer_limits = {name: x for name, x in layers.items() if name in existing}
-    by_layer = {name: x for name, x in process.by_layer.items() if name in existing}
-    return dataclasses.replace(
-        process, up=part_of(drawing).rotation[:, 2], layers=layer_limits, by_layer=by_layer
-    )
 
 
 def cell_names() -> tuple[str, ...]:

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 
 from armcontour.control.compensation import CompensationOptions
 from armcontour.core.quantities import (
-    About,
     Angle,
     AtLeast,
     Convert,
@@ -40,14 +39,11 @@ from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
 from armcontour.jobs.methods import COMPENSATIONS, TIMINGS
 from armcontour.planning import FASTEST, PlanOptions
 from armcontour.program import ContourProcess, Process
-from armcontour.program.process import FIRST_RUN
 from armcontour.robot import Limits
 from armcontour.robot.bodies import Payload
 from armcontour.robot.external_axes import Positioner, Rail
 from armcontour.robot.servo import ServoModel
 
-# Topic of options in the help of commands.
-POSITION = "Cell and position of the drawing"
 Point = Annotated[list[Length], Items(2, 3)]
 # Names of runs, which are names of files.
 RUN_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
@@ -233,17 +229,7 @@ class PathModel(ReadOptions):
     start: Point | None = None
     segments: list[SegmentModel] | None = None
     file: str | None = None
-    frame: Annotated[
-        FrameModel | None,
-        About(
-            "--position",
-            POSITION,
-            "Origin of the drawing: '300 mm, 0 mm, 100 mm'; without the third length, z stays.",
-            "to_quantities",
-            "position",
-        ),
-        About("--rpy", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
-    ] = None
+    frame: FrameModel | None = None
     contours: dict[
         int | str, Annotated[dict[str, Any], PartialFields(ContourProcess, null=True)]
     ] = field(default_factory=dict)
@@ -289,10 +275,8 @@ class SharedModel:
         default_factory=dict
     )
     corners: Rounding | Literal["sharp"] | None = None
-    cycle: Annotated[Interval | None, About(usual=(1e-4, 2e-2))] = None
-    speed_factor: Annotated[
-        SpeedFactor | None, About("--speed-factor", FIRST_RUN, read="to_quantity")
-    ] = None
+    cycle: Interval | None = None
+    speed_factor: SpeedFactor | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""`Job`: path, arm, servo, runs, certificate and exports of a study, in SI units."""
+"""`Job`: path, arm, servo, runs, certificate and exports, in SI units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from armcontour.core.frames import Frame
 from armcontour.core.lazy import load_method
 from armcontour.core.quantities import (
     NO_KEY,
-    About,
     Acceleration,
     AngularDistance,
     AtLeast,
@@ -54,10 +53,6 @@ if TYPE_CHECKING:
     from armcontour.planning import Shaped
 
 PointTolerance = Annotated[float, Quantity("rad", "0.1 mrad", "positive")]
-# Section of the help for the options that export files for robot controllers.
-FILES = "Files for robot controllers"
-# Section of the help for the options that set the points of these files.
-POINTS = "Points of these files"
 # Maximum length of a title, which is a line in reports [characters].
 LONGEST_TITLE = 200
 # Shapes of corners: arcs, or the fastest shape within the tolerance.
@@ -67,7 +62,7 @@ SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
 # Proposed tolerance of corners that become rounded.
 FIRST_TOLERANCE = "1 mm"
-# Default of the maximum distance of transitions from the objective [m].
+# Default limit for the distance of transitions from the objective [m].
 TRANSITION_TOLERANCE = 1e-5
 
 
@@ -79,8 +74,8 @@ class Exports(Checked):
         formats: Formats by name, such as csv, or a template such as house.j2.
         outputs: Output of each event and analog output of the process, by name, such as `{laser: 0,
             power: AO0}`; or one per format, such as `{laser: {kuka: 17, abb: doLaser}}`.
-        tolerances: With ros-yaml, ratio of the tolerances of a FollowJointTrajectory goal to the
-            predicted joint errors, at least 1; by default no goal.
+        tolerances: With ros-yaml, the tolerances in a FollowJointTrajectory goal, as a multiple of
+            the predicted joint errors, at least 1; by default no goal is written.
         cycle: Time between points of the plan [s]; by default the cycle of the run.
         derivatives: Highest derivative of the positions: 2, 1 or 0; by default 2, or 0 for
             set-points with command limits.
@@ -91,16 +86,14 @@ class Exports(Checked):
             file of a pendant.
     """
 
-    formats: Annotated[Sequence[str], About("--export", FILES, read="to_formats")] = ()
+    formats: Sequence[str] = ()
     outputs: Mapping[str, int | str | Mapping[str, int | str]] = field(default_factory=dict)
-    tolerances: Annotated[Factor | None, About("--tolerances", FILES)] = None
-    cycle: Annotated[Interval | None, About("--cycle", POINTS)] = None
-    derivatives: Annotated[Annotated[int, AtLeast(0, 2)] | None, About("--derivatives", POINTS)] = (
-        None
-    )
-    points: Annotated[Annotated[int, AtLeast(2)] | None, About("--points", POINTS)] = None
-    point_tolerance: Annotated[PointTolerance | None, About("--point-tolerance", POINTS)] = None
-    call: Annotated[bool, About("--call", POINTS)] = False
+    tolerances: Factor | None = None
+    cycle: Interval | None = None
+    derivatives: Annotated[int, AtLeast(0, 2)] | None = None
+    points: Annotated[int, AtLeast(2)] | None = None
+    point_tolerance: PointTolerance | None = None
+    call: bool = False
 
     def _check_together(self) -> None:
         if (self.points is None) != (self.point_tolerance is None):
@@ -113,7 +106,7 @@ class Exports(Checked):
             load_method("check_formats")(self)
 
     def outputs_for(self, format: str) -> dict[str, int | str]:
-        """Outputs in a format, by the names of events and analog outputs.
+        """Map events and analog outputs to their outputs in a format.
 
         Args:
             format: Name of the format, or path of a template.
@@ -131,7 +124,7 @@ class Exports(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Experiment(Checked):
-    """Options of a simulation of the arm as rigid bodies with `RigidBodyPlant`.
+    """Options for simulating the arm as rigid bodies with `RigidBodyPlant`.
 
     Plans, compensation and the controller of the robot use only the model of the arm: gravity
     feed-forward does not include this payload.
@@ -157,7 +150,7 @@ class Experiment(Checked):
 def default_compensation(
     servo: ServoModel, arm: Arm, experiment: Experiment | None
 ) -> CompensationOptions:
-    """Inverse of the plant that judges a run: of the arm's rigid bodies, or of the servo model."""
+    """Return the inverse of the plant that judges a run: rigid bodies, or the servo model."""
     if experiment is None or not arm.has_bodies or not servo.is_plain("second"):
         return INVERSE
     return InverseDynamics()
@@ -197,7 +190,7 @@ class Rounding(Checked):
             path whose points are all within the tolerance of the objective, at corners and along
             lines, and requires `tolerance` and the timing optimal.
         tolerance: Largest corner error [m] (case II).
-        iterations: For the shape free, the largest number of iterations of the search.
+        iterations: For the shape free, how many iterations the search may take.
         speed: Lowest corner speed [m/s] (case I).
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
@@ -207,8 +200,8 @@ class Rounding(Checked):
             "curvature" for runs with jerk limits, and "tangent" for others.
     """
 
-    shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
-    tolerance: Annotated[Distance | None, About("--tolerance", usual=(1e-5, 2e-2))] = None
+    shape: Annotated[str, Choice(SHAPES)] = ARC
+    tolerance: Distance | None = None
     iterations: Annotated[int, AtLeast(0, MAX_SHAPES), NO_KEY] = DEFAULT_ITERATIONS
     speed: Speed | None = None
     acceleration: Acceleration | None = None
@@ -332,7 +325,7 @@ class Run(Checked):
             program: The program, as it is drawn or prepared.
 
         Raises:
-            InvalidInput: The run has `end_time`, and the program is no single path.
+            InvalidInput: The run has `end_time`, and the program has several paths.
         """
         if self.end_time is not None and program.single_path is None:
             raise InvalidInput(
@@ -385,7 +378,7 @@ class Run(Checked):
 
     @property
     def transition_tolerance(self) -> float:
-        """Maximum distance of transitions from the objective [m]; 0 if there are no transitions."""
+        """Maximum distance of transitions from the objective [m]; 0 without transitions."""
         if self.continuity != CURVATURE or self.rounding is None:
             return 0.0
         maximum = self.rounding.tolerance
@@ -413,7 +406,8 @@ class Job(Checked):
         arm: The arm.
         path: The objective path, or a program of several contours.
         process: Leads, overlaps and events that are added to the contours.
-        configuration: Branch of the inverse kinematics of a planar arm; by default the fastest.
+        configuration: For a planar arm, the branch of its inverse kinematics; by default the
+            fastest.
         seed: For an arm in space: joint positions near the start configuration [rad], (dof,); None
             takes the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.
@@ -477,7 +471,7 @@ class Job(Checked):
             object.__setattr__(self, "seed", checks.frozen_array(seed))
 
     def __str__(self) -> str:
-        """Table with arm, path, runs and further parts of the job."""
+        """Write a table with arm, path, runs and further parts of the job."""
         program = self.program
         summary = f"{count_noun(len(program.contours), 'contour')}, {digits(program.length)} m"
         return format_table(
@@ -495,7 +489,7 @@ class Job(Checked):
 
     @staticmethod
     def _words(run: Run) -> str:
-        """Text with timing, compensation, cycle and speed of a run."""
+        """Write timing, compensation, cycle and speed of a run."""
         speed = run.limits.speed
         fast = "" if speed is None else f", {digits(speed * 1e3)} mm/s"
         methods = f"{run.timing.method}, {run.compensation.method}"
@@ -506,7 +500,7 @@ class Job(Checked):
         """Arm and obstacles, with which the clearance is checked.
 
         Raises:
-            InvalidInput: As `check_clearance`.
+            InvalidInput: `check_clearance` would refuse the arm or the scene.
         """
         return cell_of(self.arm, self.scene)
 
@@ -521,7 +515,7 @@ def find_run(job: Job, name: str) -> Run:
 
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
-    """Run with a name, or the only run; `done`: participle for the message, such as "certified"."""
+    """Find the run with this name, or the only run; `done`: participle for the message."""
     if name is not None:
         return find_run(job, name)
     able = among or job.runs

@@ -1,4 +1,4 @@
-"""Motions as values: joint paths, trajectories, set-points, executions."""
+"""Joint paths, trajectories, set-points, executions and logs."""
 
 from armcontour.core.lazy import lazy_names
 

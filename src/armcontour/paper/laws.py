@@ -49,7 +49,7 @@ class LineLaw(LapLaw, LawAlongPath):
         object.__setattr__(self, "s", checks.frozen_array(s))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """Arc length or a derivative, from the tool's motion along the line, (n,)."""
+        """Return the arc length or a derivative, from the tool's motion along the line, (n,)."""
         q = self.on_interval(i, t, 0)
         if order == 0:
             return np.clip(self._along(q), self.s[i], self.s[i + 1])
@@ -60,7 +60,7 @@ class LineLaw(LapLaw, LawAlongPath):
         return np.asarray(self.arm.tool_acceleration(q, dq, ddq) @ self.direction)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
-        """Times at which intervals `i` reach arc lengths inside them, by bisection [s], (n,)."""
+        """Bisect for the times at which intervals `i` reach arc lengths inside them [s], (n,)."""
         low = self.breaks[i]
         high = self.breaks[i + 1]
         for _ in range(HALVINGS):
@@ -71,7 +71,7 @@ class LineLaw(LapLaw, LawAlongPath):
         return high
 
     def _along(self, q: FloatArray) -> FloatArray:
-        """Arc lengths of the points of the line nearest to the tool [m], (n,)."""
+        """Project the tool onto the line and return the arc lengths there [m], (n,)."""
         return np.asarray(self.ends[0] + (self.arm.tool_position(q) - self.point) @ self.direction)
 
 

@@ -6,7 +6,7 @@
 #
 # G is the servo, and H = F G is the response of compensator and servo together. H is applied to the
 # trajectory exactly. G⁻¹ is applied to the result, whose derivatives are known. See
-# docs/guides/compensations.md.
+# docs/concepts/compensation.md.
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError, InvalidInput
 from armcontour.core.fields import declared
 from armcontour.core.kernel_cache import compiled
-from armcontour.core.quantities import About, Items, Key, Pole
+from armcontour.core.quantities import Items, Key, Pole
 from armcontour.motion import Trajectory, quintic
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
@@ -41,10 +41,7 @@ TERMS = 22
 NEGLIGIBLE = 1e-20
 # Poles in a file.
 POLES = Key(
-    hint=Annotated[
-        Annotated[list[Pole], Items(3, 3)] | list[Annotated[list[Pole], Items(3, 3)]] | None,
-        About(),
-    ]
+    hint=Annotated[list[Pole], Items(3, 3)] | list[Annotated[list[Pole], Items(3, 3)]] | None
 )
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -63,7 +60,7 @@ class PolePlacement(CompensationOptions):
     """
 
     method = "pole_placement"
-    poles: Annotated[npt.ArrayLike | None, About(), POLES] = None
+    poles: Annotated[npt.ArrayLike | None, POLES] = None
 
     def set_points(
         self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None

@@ -24,7 +24,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import declared
 from armcontour.core.kernel_cache import compiled
-from armcontour.core.quantities import About, AtLeast, Interval
+from armcontour.core.quantities import NO_KEY, AtLeast, Interval
 from armcontour.geometry import Path
 from armcontour.motion import (
     DEFAULT_CYCLE,
@@ -74,8 +74,8 @@ class Paper(PlanOptions):
 
     method = Method.PAPER
     only_arcs = True
-    knots: Annotated[Annotated[int, AtLeast(FEWEST_LAPS, MAX_LAPS)] | None, About()] = None
-    cycle: Interval = DEFAULT_CYCLE
+    knots: Annotated[int, AtLeast(FEWEST_LAPS, MAX_LAPS)] | None = None
+    cycle: Annotated[Interval, NO_KEY] = DEFAULT_CYCLE
 
     def _check_together(self) -> None:
         check_cycle(self.cycle)

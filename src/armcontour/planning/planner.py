@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.text import capitalise, count_noun
@@ -234,7 +234,7 @@ def _check_traced(
         if step.joint_path is None:
             continue
         if step.joint_path.dof != arm.dof:
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"The joint path has {step.joint_path.dof} joints, but the arm {arm.name} has "
                 f"{arm.dof}. Plan the joint path with its own arm."
             )

@@ -11,7 +11,7 @@ from armcontour.core.errors import NotRealizable
 from armcontour.core.fields import Options, declared
 from armcontour.core.progress import Progress
 from armcontour.core.quantities import (
-    About,
+    NO_KEY,
     AtLeast,
     Quantity,
     Reserve,
@@ -69,10 +69,10 @@ class PlanOptions(Options):
     ignores_joint_limits: ClassVar[bool] = False
     # True if `reshape` changes the path, so that the method cannot plan along a given joint path
     changes_path: ClassVar[bool] = False
-    reserve: Annotated[Reserve, About(usual=(0.0, 0.9))] = 0.0
-    configuration: str | None = None
-    seed: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
-    accept: Callable[[JointPath], bool] | None = None
+    reserve: Reserve = 0.0
+    configuration: Annotated[str | None, NO_KEY] = None
+    seed: Annotated[Annotated[FloatArray, Quantity("rad", "10 deg")] | None, NO_KEY] = None
+    accept: Annotated[Callable[[JointPath], bool] | None, NO_KEY] = None
 
     def reshape(
         self, program: Program, arm: Arm, limits: Limits, progress: Progress | None, *, named: bool

@@ -15,7 +15,6 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import (
     NO_KEY,
-    About,
     AtLeast,
     Choice,
     Convert,
@@ -40,8 +39,6 @@ from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weave import Weave
 from armcontour.program.moves import Contour, Event, Value
 
-# Section of the help for the options of the first run of a job on a robot.
-FIRST_RUN = "First run on the robot"
 # In a file, "auto" is the length of a lead that the arm needs.
 LEAD_LENGTH = Key(
     hint=Annotated[Literal["auto"] | Distance, Convert(lambda x: None if x == "auto" else x)],
@@ -309,8 +306,8 @@ class Process(Checked, LayerProcess):
     kerf_side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
     rapid_speed: Speed | None = None
     approach_speed: Speed | None = None
-    off: Annotated[bool, About("--process-off", FIRST_RUN)] = False
-    resume_at: Annotated[Distance, About("--resume-at")] = 0.0
+    off: bool = False
+    resume_at: Distance = 0.0
     _parts: Mapping[str | int, Process] = field(init=False, repr=False)
 
     def _check_together(self) -> None:

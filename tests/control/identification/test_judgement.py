@@ -81,7 +81,7 @@ def test_a_joint_whose_contour_error_remains_in_a_log_is_weak(good):
     assert not any(x.note for x in (fit.joints[0], *good.joints))
 
 
-def test_the_judged_contour_error_is_that_of_the_tool(good):
+def test_judged_contour_error_equals_distance_of_tool_from_commanded_path(good):
     arm = ac.load_arm("pmk3s")
     fit = ac.identify([robot_log(1), robot_log(2)], ac.ServoFit(kinematics=arm))
     assert fit.judgement.ratio < 0.02

@@ -82,7 +82,7 @@ def command(*arguments):
 
 def facts(folder):
     """What each consumer makes of the new format."""
-    from tools.job_form import form_text, options_text
+    from tools.job_form import form_text
 
     import armcontour as ac
 
@@ -107,8 +107,6 @@ def facts(folder):
         yield name, sorted(x.name for x in out.rglob("*.deg"))
     command("export", out, folder / "c.deg")
     yield "from result", rows_of(folder / "c.deg")
-    (option,) = (x for x in json.loads(options_text()) if x["option"] == "--export")
-    yield "help", option["help"]
     yield "form", json.loads(form_text())["formats"]
 
 

@@ -8,6 +8,9 @@ import sys
 
 import pytest
 
+from armcontour.cli.job_options import JOB_OPTIONS
+from armcontour.files.exports.formats import ENDINGS
+
 
 @pytest.fixture(scope="module")
 def facts():
@@ -26,7 +29,11 @@ def test_jobs_and_commands_write_the_added_format(facts):
     assert facts["from result"][1] == 2
 
 
-def test_messages_help_and_form_list_the_added_format(facts):
+def test_messages_and_form_list_the_added_format(facts):
     assert facts["listed"]
-    assert "degrees" in facts["help"]
     assert ["degrees", "degrees (.deg)", None] in facts["form"]
+
+
+def test_the_help_of_the_option_lists_all_formats():
+    (option,) = (x for x in JOB_OPTIONS.values() if x.name == "--export")
+    assert option.help.startswith(f"Formats: {', '.join(ENDINGS)}, or a template")

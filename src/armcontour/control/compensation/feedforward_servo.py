@@ -1,6 +1,6 @@
 """Set-points for a servo with feed-forward, and their transient after the motion."""
 
-# See docs/guides/compensations.md.
+# See docs/concepts/compensation.md.
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 # `armcontour.robot.nominal_robot` computes the exact command with which the drives follow the plan,
 # at every time. Set-points are chosen so that their interpolation approximates this command best,
-# see docs/guides/compensations.md.
+# see docs/concepts/compensation.md.
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from armcontour.control.compensation.set_point_times import (
     time_advances,
 )
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import declared
-from armcontour.core.quantities import About
+from armcontour.core.quantities import NO_KEY
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import Trajectory
 from armcontour.robot import Arm
@@ -54,8 +54,8 @@ class InverseDynamics(CompensationOptions):
 
     method = "inverse_dynamics"
     for_bodies = True
-    gravity_feedforward: Annotated[bool, About()] = True
-    controller: Arm | None = None
+    gravity_feedforward: bool = True
+    controller: Annotated[Arm | None, NO_KEY] = None
 
     @property
     def feeds_gravity_forward(self) -> bool:
@@ -88,7 +88,7 @@ def invert_dynamics(
             "Specify arm=."
         )
     if arm.dof != trajectory.dof:
-        raise InvalidInput(
+        raise ArmMismatch(
             f"The arm and the trajectory must have the same joints, but the arm {arm.name} has "
             f"{arm.dof} joints and the trajectory has {trajectory.dof}."
         )

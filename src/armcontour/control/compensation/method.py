@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.fields import Options, declared
+from armcontour.core.quantities import NO_KEY
 from armcontour.motion import Trajectory
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
@@ -29,7 +30,7 @@ class CompensationOptions(Options):
     compensates: ClassVar[bool] = True
     # True if the set-points depend on the masses of the arm, which the servo model lacks
     for_bodies: ClassVar[bool] = False
-    command_limits: Limits | None = None
+    command_limits: Annotated[Limits | None, NO_KEY] = None
 
     @property
     def feeds_gravity_forward(self) -> bool:

@@ -17,7 +17,7 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.file_access import SMALL
 from armcontour.core.frames import angle_between
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import About, Choice, Distance, Factor, Tolerance, parse_quantity
+from armcontour.core.quantities import Choice, Distance, Factor, Tolerance, parse_quantity
 from armcontour.core.text import digits, make_printable, shorten
 from armcontour.geometry import Path, SegmentLimits, Segments
 from armcontour.geometry.rounding.tangent_repair import LARGEST_KINK, RepairedPath, repair_tangents
@@ -135,21 +135,17 @@ class ReadOptions(Checked):
         InvalidInput: A unit, word or choice is unknown, or a number is out of range.
     """
 
-    units: Annotated[str | float | None, About("--units")] = None
-    scale: Annotated[Factor, About("--scale")] = 1.0
-    layers: Annotated[Sequence[str] | Mapping[str, SegmentLimits] | None, About("--layer")] = None
-    names: Annotated[Sequence[str] | None, About("--contour")] = None
+    units: str | float | None = None
+    scale: Factor = 1.0
+    layers: Sequence[str] | Mapping[str, SegmentLimits] | None = None
+    names: Sequence[str] | None = None
     colors: Sequence[str | int] | None = None
-    ignore_z: Annotated[bool, About("--ignore-z")] = False
+    ignore_z: bool = False
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
     repair_vertices: Distance = 2e-6
-    columns: Annotated[str | None, About("--waypoint-columns")] = None
-    unknown: Annotated[
-        str,
-        Choice(UNKNOWN),
-        About("--skip-unknown", help="Skip unknown elements.", read="to_skip"),
-    ] = "refuse"
+    columns: str | None = None
+    unknown: Annotated[str, Choice(UNKNOWN)] = "refuse"
 
     def _check_together(self) -> None:
         # The properties raise errors for invalid options before a file is read.
