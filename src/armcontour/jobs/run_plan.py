@@ -33,7 +33,6 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
     Explanation,
-    Optimal,
     Tracing,
     at_speed,
     explain,
@@ -183,8 +182,7 @@ def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list
     """
     # Corners of shape free are replaced by arcs here, because shaping takes long.
     rounding = None if run.rounding is None else run.rounding.with_arcs
-    assert isinstance(run.timing, Optimal)
-    timing = dataclasses.replace(run.timing, duration=None)
+    timing = run.timing.without_duration()
     run = dataclasses.replace(run, rounding=rounding, timing=timing, speed_factor=None)
     process = job.process
     # The contours are arranged first, so they have their direction already.

@@ -126,6 +126,10 @@ class PlanOptions(Options):
         """
         return self
 
+    def without_duration(self) -> Self:
+        """Return the options for a motion as fast as possible."""
+        return self
+
     def for_program(self, program: Program) -> Self:
         """Return the options for the contours of a program.
 
