@@ -59,7 +59,7 @@ class PlanOptions(Options):
     """
 
     method: ClassVar[Method]
-    # True if the method finds leads of automatic length, at whose ends the tool has full speed
+    # True if a run can have leads of automatic length, after which the tool has full speed
     automatic_leads: ClassVar[bool] = False
     # True if the method plans along lines and arcs only
     only_arcs: ClassVar[bool] = False
