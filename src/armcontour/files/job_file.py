@@ -120,35 +120,14 @@ def job_of(
         model = dataclasses.replace(
             model, export=dataclasses.replace(model.export, formats=formats)
         )
-    parts = parts_of(model, folder, reading, drawing=drawing)
-    return assemble_job(model, *parts)
-
-
-def parts_of(
-    model: JobModel,
-    folder: FilePath,
-    reading: Progress | None = None,
-    *,
-    drawing: Program | None = None,
-) -> tuple[Arm, Path | Program, Scene | None]:
-    """Make the parts of a job that can need other files: its arm, its path and its scene."""
+    part = part_of(model.path)
     with error_context("", "arm"):
-        arm = arm_of(model.arm, folder, part_of(model.path))
+        arm = arm_of(model.arm, folder, part)
     with error_context("", "path"):
-        drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
+        path = path_of(model.path, folder, arm.dimension, reading, drawing)
     with error_context("", "scene"):
-        scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
-    return arm, drawn, scene
-
-
-def _start(seed: list[float] | dict[str, float] | None, arm: Arm) -> dict[str, Any]:
-    """Start configuration of a job: a branch of a planar arm, or joint positions [rad], (dof,)."""
-    if seed is None:
-        return {}
-    near = _joint_positions(seed, arm)
-    if isinstance(arm, PlanarTwoLink):
-        return {"configuration": arm.configuration_of(near)}
-    return {"seed": near}
+        scene = None if model.scene is None else scene_of(model.scene, folder, part)
+    return assemble_job(model, arm, path, scene)
 
 
 def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
@@ -171,13 +150,19 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
     servo = _servo("servo", model.servo, arm)
     if model.certificate is not None and model.certificate.run is not None:
         _check_run_name(("certificate", "run"), model.certificate.run, model)
+    seed = None if model.seed is None else _joint_positions(model.seed, arm)
+    configuration = None
+    if seed is not None and isinstance(arm, PlanarTwoLink):
+        configuration = arm.configuration_of(seed)
+        seed = None
     return Job(
         name=model.name,
         title=model.title or model.name,
         arm=arm,
         path=path,
         process=process,
-        **_start(model.seed, arm),
+        configuration=configuration,
+        seed=seed,
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=tuple(run_of(name, run, model, arm) for name, run in model.runs.items()),
