@@ -182,7 +182,10 @@ def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Prog
 
 def part_of(model: PathModel) -> Frame:
     """Frame of the part: `path.frame`, or the zero frame if it is missing."""
-    return Frame() if model.frame is None else frame_of("path.frame", model.frame)
+    if model.frame is None:
+        return Frame()
+    with error_context("", "path", "frame"):
+        return frame_of("path.frame", model.frame)
 
 
 def _repeat(program: Program, grid: RepeatModel, names: Sequence[str] | None) -> Program:
