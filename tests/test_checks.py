@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import refused
 
 import armcontour as ac
-from armcontour import InvalidInput, controllers
+from armcontour import InvalidInput, controllers, files, robot
 from armcontour.core import checks, errors
 from armcontour.core.checks import BoolArray, FloatArray, IntArray, check_name
 from armcontour.core.fields import Checked, checked
@@ -124,9 +124,30 @@ def test_errors_have_exit_codes_and_one_base_class():
     assert [issubclass(kind, ValueError) for kind in KINDS] == [True] + [False] * 4
     assert all(issubclass(kind, ac.ArmContourError) for kind in KINDS)
     classes = [x for x in vars(errors).values() if isinstance(x, type)]
-    assert {x.__name__ for x in classes if issubclass(x, ac.ArmContourError)} <= set(
-        ac.__all__
-    ) | set(controllers.__all__)
+    public = {*ac.__all__, *controllers.__all__, *files.__all__, *robot.__all__}
+    assert {x.__name__ for x in classes if issubclass(x, ac.ArmContourError)} <= public
+
+
+def test_invalid_files_and_arms_have_their_own_class(tmp_path, arm):
+    other = ac.load_arm("ur5e")
+    path = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
+    (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "value.yaml").write_text("arm: pmk3s\nspeed: fast\n")
+    for name, kind in (
+        ("missing.yaml", files.FileError),
+        ("bytes.yaml", files.FileError),
+        ("value.yaml", InvalidInput),
+    ):
+        with pytest.raises(InvalidInput) as caught:
+            ac.read_job(tmp_path / name)
+        assert type(caught.value) is kind and caught.value.exit_code == 2
+    # Limits for six joints do not fit an arm with two.
+    for call in (
+        lambda: ac.trace(path, other),
+        lambda: arm.limits.replace(joint_acceleration=np.ones(6)).for_joints(2),
+    ):
+        with pytest.raises(robot.ArmMismatch):
+            call()
 
 
 def test_errors_contain_their_message_and_data():

@@ -38,7 +38,7 @@ def refusals(call, table, *begin, kind=InvalidInput, without="\n"):
         except Exception as error:
             text = str(error)
             lacking = [x for x in (*begin, *parts) if x not in text]
-            wrong = type(error) is not kind or without in text or "\n" in text
+            wrong = not isinstance(error, kind) or without in text or "\n" in text
             if lacking or wrong or text[-1] not in ".?)":
                 faults.append(f"{str(argument)[:99]!r}: {lacking} not in {error!r:.500}")
         else:

@@ -228,6 +228,30 @@ class Place(JobOptions, WorkerOptions, Results):
     run_name: Name = None
 
 
+@command(PREPARE, "measure part touches.csv --job job.yaml --out measured.yaml")
+class Measure(LogOptions, Json):
+    """Measure where the part or the tool is, from joint positions at touched points.
+
+    Args:
+        target: Measured frame: part (the key path.frame), work (arm.work, so that path.frame does
+            not change), or tool (the position of arm.tool).
+        touches: Touches: CSV of joint positions, for part and work with the touched points x, y and
+            z in the drawing. Without points, the three touches are the origin, a point on the x
+            axis, and a point on the side of y.
+        job: Job file whose arm touched.
+        noise: Standard deviation of each coordinate of a touch.
+        out: Job file to write, with the measured frame; by default the frame is only printed.
+        force: Replace a file of that name, such as the job itself.
+    """
+
+    target: Annotated[Literal["part", "work", "tool"], typer.Argument()]
+    touches: Argument
+    job: Annotated[FilePath, typer.Option("--job")]
+    noise: str = "0.1 mm"
+    out: Annotated[File, typer.Option("--out", "-o")] = None
+    force: bool = False
+
+
 @command(PREPARE, "arms", "installation_commands")
 class Arms:
     """List the built-in arms with their sources and assumed parameters."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from armcontour import files
 from armcontour.cli.job_options import JOB_OPTIONS
-from armcontour.core.errors import InvalidInput, error_context
+from armcontour.core.errors import FileError, InvalidInput, error_context
 from armcontour.core.progress import subprogress
 from armcontour.core.text import plain_number
 from armcontour.files.drawings.path_reader import YAML, find_reader
@@ -75,7 +75,7 @@ def library_file(name: str) -> FilePath:
 def is_job(file: FilePath) -> bool:
     """Return whether a file is a job file according to its extension; otherwise it is a drawing."""
     if file.is_dir():
-        raise InvalidInput(f"{file} is a folder. Specify a job file or a drawing.")
+        raise FileError(f"{file} is a folder. Specify a job file or a drawing.")
     return file.suffix.lower() in YAML
 
 
@@ -120,7 +120,7 @@ def refuse_given(options: Any, names: Iterable[str], reason: str) -> None:
 def refuse_existing(file: FilePath, force: bool) -> None:
     """Raise InvalidInput if a file exists, without --force."""
     if file.exists() and not force:
-        raise InvalidInput(f"{file} exists. Choose another name, or add --force to replace it.")
+        raise FileError(f"{file} exists. Choose another name, or add --force to replace it.")
 
 
 def read_option(option: str, text: str | None, kind: Any) -> Any:

@@ -27,9 +27,9 @@ UPPER = np.array([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159])
 ACCELERATION = 10.0 - EPS
 # The same, kMaxJointJerk [rad/s³].
 JERK = 5000.0 - EPS
-# The same, computeUpperLimitsJointVelocity and computeLowerLimitsJointVelocity: the velocity limit
-# of a joint at q is `min(SPEED, sqrt(SLOPE (UPPER_ZERO - q)) - OFFSET)`, and for negative
-# velocities the same of `q - LOWER_ZERO` [rad/s, rad].
+# The same, computeUpperLimitsJointVelocity and computeLowerLimitsJointVelocity [rad/s, rad]: at q,
+# a joint's velocity limit is `min(SPEED, sqrt(SLOPE (UPPER_ZERO - q)) - OFFSET)`; for negative
+# velocities, `q - LOWER_ZERO` replaces `UPPER_ZERO - q`.
 SPEED = np.array([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26])
 OFFSET = np.array([0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35])
 SLOPE = np.array([12.0, 5.17, 7.0, 8.0, 34.0, 11.0, 34.0])
@@ -39,12 +39,12 @@ UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
 
 
 def compare(q: FloatArray) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Derivatives of joint positions every 1 ms, and their limits, by name, (n, 7) each.
+    """Return derivatives of joint positions every 1 ms, and their limits, by name, (n, 7) each.
 
-    Differences are those of libfranka's `limitRate` (src/rate_limiting.cpp 76 to 125), which
-    changes no position if no value is above its limit. Velocities count with the acceleration of
-    the cycle going on for `ACCELERATION / JERK`, since it limits accelerations to
-    `JERK / ACCELERATION` times the distance from the velocity limit.
+    The values are those that libfranka's `limitRate` compares (src/rate_limiting.cpp 76 to 125). It
+    changes no position if no value exceeds its limit. With the limits A and J of acceleration and
+    jerk, it limits accelerations to J / A times the distance from the velocity limit. Therefore the
+    velocity compared is v + a A / J: the acceleration a of the cycle goes on for the time A / J.
     """
     q = np.concatenate([np.repeat(q[:1], 3, axis=0), q])
     v = np.diff(q, axis=0) / CYCLE
@@ -97,7 +97,7 @@ class Franka(Controller):
         self._compare(motion.q)
 
     def _compare(self, q: FloatArray) -> list[Row]:
-        """Largest fraction of each FCI limit that set-points use, one row per derivative."""
+        """Return the largest fraction of each FCI limit that set-points use."""
         self._check_within(q, np.array([[LOWER, UPPER]]))
         rows = []
         for name, (values, most) in compare(q).items():

@@ -20,7 +20,7 @@ from armcontour.controllers.controller import (
     per_joint,
 )
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ControllerRefused, InvalidInput, NotRealizable
+from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput, NotRealizable
 from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import (
@@ -44,9 +44,9 @@ from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
 from armcontour.jobs.study import run
 from armcontour.jobs.verdict import Errors
 from armcontour.motion import Execution, JointPath, Log, SetPoints, Trajectory
-from armcontour.planning import at_speed, plan
+from armcontour.motion.log import FEWEST
+from armcontour.planning import Optimal, at_speed, plan
 from armcontour.planning.early_stop import plan_stop
-from armcontour.planning.timing_options import Optimal
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import use_of
@@ -58,16 +58,16 @@ from armcontour.robot.servo.simulation import command_weights
 REST = 1.0
 # Tolerance between the set-points of a stop and those of the plan, before the stop begins [rad].
 SAME = 1e-7
-# First guess of the number of set-points by which the compensation looks ahead. It is doubled until
-# the set-points before the stop no longer change.
+# First guess: the compensation looks ahead by this number of set-points. It is doubled until the
+# set-points before the stop no longer change.
 FORESIGHT = 16
 # Maximum number of set-points by which the compensation may look ahead.
 LONGEST_FORESIGHT = 256
 # Duration in which a stop reduces learned corrections to 0 [s].
 FADING = 0.2
 # Default band: a revolute joint may differ from its prediction by this distance [rad], and by the
-# distance of LAG. Also the tolerance of its positions before and after a motion, and the shortest
-# motion from which a drive that does not move is recognized.
+# distance of LAG. A joint may also rest this far from its simulated end, and motions up to this
+# distance do not show whether a drive moves.
 LEAST = 2e-3
 # The same for a linear axis [m], whose band is not specified.
 LEAST_LINEAR = 2e-3
@@ -84,7 +84,7 @@ SLOW = 0.1
 # Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
 # its model saturates, and a stop may be impossible where a limit is active.
 RESERVE = 0.02
-# Drives that execute a smaller fraction of a motion than this have not moved.
+# Drives that execute less than this fraction of a motion have not moved.
 STILL = 0.1
 # A whole turn [rad], which no joint moves to the start.
 TURN = 2 * np.pi
@@ -97,7 +97,7 @@ ATTEMPTS = 3
 
 
 def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> FloatArray:
-    """Set-points at the cycles of a controller, followed by a rest [rad], (n, dof).
+    """Sample set-points at a controller's cycles, and append a rest [rad], (n, dof).
 
     Args:
         set_points: The set-points.
@@ -114,7 +114,7 @@ def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> Floa
 
 
 class Stopper:
-    """Computes the set-points of stops on the path of a plan.
+    """Compute the set-points of stops on a plan's path.
 
     Args:
         set_points: The set-points that are played; learned ones keep their corrections, which fade
@@ -155,15 +155,15 @@ class Stopper:
         return self._find(k)[0]
 
     def end_of(self, k: int) -> float:
-        """Time at which the plan is where the stop from cycle k on ends [s].
+        """Return the time at which the plan is where the stop from cycle k on ends [s].
 
         Raises:
-            NotRealizable: As a call.
+            NotRealizable: The stop would also change set-points before k.
         """
         return self._find(k)[1]
 
     def _find(self, k: int) -> tuple[Stop, float]:
-        """The stop from cycle k on, and the time at which the plan is where it ends [s]."""
+        """Find the stop from cycle k on, and the time at which the plan is where it ends [s]."""
         plan = self.set_points.trajectory
         foresight = FORESIGHT
         while foresight <= LONGEST_FORESIGHT:
@@ -188,12 +188,12 @@ class Stopper:
         )
 
     def _compensate(self, trajectory: Trajectory) -> SetPoints:
-        """Set-points of a trajectory, with the compensation of the plan."""
+        """Compute the set-points of a trajectory, with the plan's compensation."""
         cycle = self.set_points.cycle
         return unchecked_set_points(trajectory, self.servo, self.options, cycle=cycle, arm=self.arm)
 
     def _correction(self, k: int, count: int) -> FloatArray:
-        """Learned correction from cycle k on, which fades out [rad], (count, dof)."""
+        """Return the learned correction from cycle k on, which fades out [rad], (count, dof)."""
         learned = self.q[k : k + count] - self._planned[k : k + count]
         number = np.arange(count)
         x = np.clip(number * self.cycle / FADING, 0.0, 1.0)
@@ -202,7 +202,7 @@ class Stopper:
 
 
 def uncompensated_motion(trajectory: Trajectory, arm: Arm, cycle: float) -> Motion:
-    """Motion along a trajectory, with its stops; the set-points are not compensated."""
+    """Make a motion along a trajectory, with its stops; set-points are not compensated."""
     q = trajectory.sample(cycle).q
     set_points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
     stopper = Stopper(set_points, ServoModel(order="delay"), NoCompensation(), arm, cycle)
@@ -212,10 +212,10 @@ def uncompensated_motion(trajectory: Trajectory, arm: Arm, cycle: float) -> Moti
 def guarded_motion(
     stopper: Stopper, predicted: FloatArray, lag: float, band: Band = None
 ) -> Motion:
-    """Motion that stops if a joint leaves a band around its predicted positions.
+    """Make a motion that stops if a joint leaves a band around its predicted positions.
 
-    `band`: the band of revolute joints [rad], or of each joint, (dof,); by default the distance
-    that a joint moves in the time `lag` [s] at its largest speed, in addition to 2 mrad or 2 mm.
+    `band`: the band of revolute joints [rad], or of each joint, (dof,); by default 2 mrad or 2 mm,
+    plus the distance that a joint moves in the time `lag` [s] at its largest speed.
     """
     speed = np.abs(np.diff(predicted, axis=0)).max(axis=0, initial=0.0) / stopper.cycle
     arm = stopper.arm
@@ -233,13 +233,13 @@ def _with_band(arm: Arm, default: FloatArray, band: float | FloatArray) -> Float
 
 
 def _rest_tolerance(arm: Arm, band: Band) -> FloatArray:
-    """Largest distance of each joint from its simulated end [rad], (dof,)."""
+    """Return how far each joint may rest from its simulated end [rad], (dof,)."""
     default = per_joint(arm, LEAST, LEAST_LINEAR, arm.dof)
     return default if band is None else _with_band(arm, default, band)
 
 
 def largest_distance(distances: FloatArray, arm: Arm) -> Row:
-    """Row with the largest distance of a joint; with one value per unit if the units differ.
+    """Write the row with the largest distance of a joint; one value per unit if the units differ.
 
     `distances`: distance of each joint [rad], (dof,).
     """
@@ -271,7 +271,7 @@ class Played(Result):
             if no joint has moved.
         record: What the controller recorded; None in a dry run.
         kept: True if the robot completed the run as simulated; None if that was not judged.
-        reason: The requirement that decides, as a clause; empty if there is none.
+        reason: The requirement that decides, as a clause; empty if none decides.
         differences: Differences of the motion from the simulation, and its contour error.
         stopped_at: Where to resume the job after a stop; None if the motion was not stopped.
     """
@@ -308,7 +308,7 @@ class Played(Result):
 
     @property
     def outputs_note(self) -> str:
-        """Sentence that no output is switched, with their names; empty without outputs."""
+        """Return a sentence that names the outputs that are not switched; empty without outputs."""
         events = (x.name for x in self.plan.trajectory.events)
         names = list(dict.fromkeys((*events, *self.job.process.analog_names)))
         if not names:
@@ -318,7 +318,7 @@ class Played(Result):
 
     @property
     def log(self) -> Log:
-        """Log of the motion for `identify` and `learn`, with the commands that the robot used.
+        """Return the log for `identify` and `learn`, with the commands that the robot used.
 
         Raises:
             InvalidInput: A dry run.
@@ -352,7 +352,7 @@ class Played(Result):
             yield Row("resume.at", place.resume_at, "m")
 
     def to_data(self) -> Data:
-        """Rows on the run, the checks, and the motion if one was executed."""
+        """Return rows on the run, the checks, and the motion if one was executed."""
         record = self.record
         moved = None if record is None else record.stopped is None
         arm = self.job.arm
@@ -417,8 +417,8 @@ def play(
         band: Largest difference of a revolute joint from its simulated position before the motion
             is stopped [rad]; by default 2 mrad and the distance that it moves in 50 ms at its
             largest speed. The band of a linear axis is always 2 mm and the distance of 50 ms.
-        set_points: Set-points of `learn` for this run, instead of those of the compensation; with
-            the speed factor with which they were learned.
+        set_points: Set-points of `learn` for this run, which replace the compensation's; with the
+            speed factor with which they were learned.
         stop_requested: Called often during the motion; True stops it on its path.
         progress: Called with the steps.
 
@@ -442,7 +442,7 @@ def plan_kept(
     learned: bool,
     progress: Progress | None,
 ) -> tuple[Job, RunResult]:
-    """Plan the run of `play`; `learned`: the set-points of `learn` will be played."""
+    """Plan the run of `play`; `learned`: whether set-points of `learn` will be played."""
     if speed_factor is None:
         speed_factor = choose_run(job, run_name, "played").speed_factor
     if learned and speed_factor is None:
@@ -467,7 +467,7 @@ def plan_played(
     reserve: float = RESERVE,
     progress: Progress | None = None,
 ) -> tuple[Job, RunResult]:
-    """Job with the run as it is played, and the result of planning this run.
+    """Plan a run as it is played; return the job with this run, and the result.
 
     The run has all limits of the arm, and at least the reserve. Its speed factor is `speed_factor`;
     by default it does not change.
@@ -492,9 +492,9 @@ def prepare_motion(
     band: Band = None,
     lag: float = LAG,
 ) -> Played:
-    """Motion of a planned run, checked against the controller without a connection.
+    """Make the motion of a planned run, and check it against the controller without a connection.
 
-    `set_points`: learned set-points; by default those of the plan. `band`, `lag`: as of
+    `set_points`: learned set-points; by default those of the plan. `band`, `lag`: see
     `guarded_motion`.
     """
     points = planned.set_points if set_points is None else set_points
@@ -525,7 +525,14 @@ def prepare_motion(
 
 @dataclass(frozen=True, slots=True)
 class Player:
-    """A controller, and the options of motions on it; fields as the arguments of `play`."""
+    """A controller, and how motions are played on it.
+
+    Args:
+        controller: The controller, not connected.
+        execute: Whether the robot moves; otherwise the motion is only compared.
+        stop_requested: Called often during a motion; True stops it on its path.
+        progress: Called with the steps.
+    """
 
     controller: Controller
     execute: bool = False
@@ -619,13 +626,25 @@ class Player:
         return record
 
 
+def lost_motion(played: Played, lost: ControllerLost) -> Played:
+    """The motion until its controller was lost, with a note that its record is incomplete.
+
+    If the record is too short for a log, the motion has none.
+    """
+    record = lost.record
+    if not isinstance(record, PlayedMotion) or len(record.t) < FEWEST:
+        return played
+    note = f"This log is incomplete: {lost}"
+    return replace(played, record=replace(record, faithful=False, notes=(note, *record.notes)))
+
+
 def is_at_start(arm: Arm, distances: FloatArray) -> bool:
-    """Return whether joints at some distances from the start [rad], (dof,), are at the start."""
+    """Return whether joints at these distances [rad], (dof,), are at the start."""
     return bool((distances <= per_joint(arm, START, START_LINEAR, arm.dof)).all())
 
 
 def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
-    """Distance of each joint from the start [rad], (dof,), if the robot can move there straight."""
+    """Return each joint's distance from the start [rad], if the robot can move there straight."""
     start = ready.motion.q[0]
     arm = ready.job.arm
     low, high = ready.plan.run.limits.joint_range(len(start))
@@ -653,7 +672,7 @@ def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
 def approach_of(
     job: Job, limits: Limits, position: FloatArray, start: FloatArray, speed_factor: float
 ) -> Trajectory:
-    """Straight motion in joint space to the first set-point, at a fraction of the largest speed.
+    """Plan the straight motion in joint space to the first set-point, at a fraction of full speed.
 
     Raises:
         ControllerRefused: The arm would come too near to itself or its cell.
@@ -664,7 +683,7 @@ def approach_of(
 
 
 def _clear_line(job: Job, position: FloatArray, start: FloatArray) -> JointPath:
-    """Straight line in joint space, on which the arm stays clear of itself and its cell."""
+    """Return the straight line in joint space; refuse it if the arm comes too near to something."""
     line = JointPath.spline(np.stack([position, start]), [0.0, 1.0])
     clearance = clearance_of(job, line)
     if clearance is not None and not clearance.satisfied:
@@ -736,7 +755,7 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
 
 
 def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
-    """Refuse learned set-points whose plan differs from that of the job."""
+    """Refuse learned set-points whose plan differs from the job's."""
     before = set_points.trajectory
     now = planned.trajectory
     if (
@@ -751,7 +770,7 @@ def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
 
 
 def _check_accelerations(run: Run, points: SetPoints, is_safe: bool) -> Row:
-    """Ratio of the acceleration of set-points to the limits of each joint."""
+    """Compare the set-points' accelerations with the limits; return the ratio per joint."""
     limits = run.limits
     use = use_of("joint_acceleration", limits, differences(points.q, 2) / points.cycle**2)
     i, j = divmod(int(use.ratio.argmax()), use.ratio.shape[1])

@@ -45,12 +45,12 @@ DURATION = 12.0
 FADING = 2.0
 # Frequencies of the first joint in the excitation [Hz].
 FREQUENCIES = (0.31, 0.83, 1.9, 3.7)
-# The frequencies of joint j are higher by the fraction j * DETUNED, so that motions of joints are
+# The frequencies of joint j are higher by the fraction j * DETUNED, so that the joints' motions are
 # not correlated.
 DETUNED = 0.17
-# Maximum amplitude of the excitation of a revolute joint [rad].
+# Maximum amplitude with which a revolute joint is excited [rad].
 AMPLITUDE = 0.1
-# The same of a linear axis [m].
+# The same for a linear axis [m].
 AMPLITUDE_LINEAR = 0.1
 # Fraction of the limits that the excitation uses.
 SHARE = 0.6
@@ -88,7 +88,7 @@ class RobotIdentification(Result):
         }
 
     def to_data(self) -> Data:
-        """Rows on the motions."""
+        """Return rows on the motions."""
         first = self.played[RUN]
         stopped = Row("stopped", self.stopped, "", "stopped", level=VERDICT)
         records = [x.record for x in self.played.values() if x.record is not None]
@@ -114,9 +114,9 @@ def identify_on(
 ) -> RobotIdentification:
     """Play two motions on a robot, and identify its servos from them.
 
-    The first motion is a run of a job without compensation. The second one moves all joints about
-    the start of the run: sums of sines of 12 s, within the limits, clear of the arm itself and of
-    its cell.
+    The first motion is a run of the job without compensation. The second one excites all joints
+    about the start of the run for 12 s by sums of sines. It stays within the limits, and the arm
+    keeps clear of itself and its cell.
 
     Args:
         job: The job.
@@ -145,7 +145,7 @@ def prepare_identification(
     reserve: float,
     progress: Progress | None,
 ) -> dict[str, Played]:
-    """Motions of an identification by their names, checked against the controller."""
+    """Make the motions of an identification, by name, checked against the controller."""
     chosen = choose_run(job, run_name, "identified")
     plain = replace(chosen, compensation=NoCompensation(), accuracy=None)
     job, planned = plan_played(
@@ -180,7 +180,7 @@ def _is_complete(record: PlayedMotion) -> bool:
 
 
 def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
-    """Motion about the start of a trajectory, within limits and without contact.
+    """Make a motion about the start of a trajectory, within limits and without contact.
 
     Args:
         job: The job.
@@ -189,7 +189,7 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
         cycle: Cycle of the controller [s].
 
     Raises:
-        ControllerRefused: The begin is too near to a limit or to an obstacle.
+        ControllerRefused: The start is too near to a limit or to an obstacle.
     """
     start = base(0.0)
     t = np.arange(0.0, DURATION + STEP / 2, STEP)
@@ -227,7 +227,7 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
 
 
 def _sines(dof: int, t: FloatArray) -> FloatArray:
-    """Sums of sines for each joint, from rest to rest, (n, dof)."""
+    """Return sums of sines for each joint, from rest to rest, (n, dof)."""
     x = np.clip(np.minimum(t, t[-1] - t) / FADING, 0.0, 1.0)[:, None]
     fade = x**4 * (35 - x * (84 - x * (70 - 20 * x)))
     joint = np.arange(dof)

@@ -31,16 +31,16 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Log, SetPoints
 from armcontour.robot import Arm
 
-# Default of the minimum reserve: learned corrections need additional acceleration, and learning
-# assumes that drives do not saturate.
+# Default reserve: learned corrections need additional acceleration, and learning assumes that
+# drives do not saturate.
 CORRECTIONS = 0.2
-# Default of the number of runs.
+# Default number of runs.
 RUNS = 4
-# A run is stopped if a joint deviates from the plan by more than this multiple of the maximum
-# deviation of the best earlier run, and by more than LEAST.
+# A run is stopped if a joint deviates from the plan by more than LEAST and by more than this
+# multiple of the largest deviation in the best earlier run.
 RUNAWAY = 3.0
-# Deviations of a revolute joint from the plan up to this are no reason to stop a run [rad], unless
-# the specified band is narrower.
+# A run goes on while a revolute joint deviates from the plan by at most this [rad], unless the
+# specified band is narrower.
 LEAST = 1e-3
 # The same for a linear axis [m], whose band is not specified.
 LEAST_LINEAR = 1e-3
@@ -98,7 +98,7 @@ class RobotLearning(Result):
         return self.ended == STOPPED
 
     def to_data(self) -> Data:
-        """Rows on the runs, and the reason why they ended."""
+        """Return rows on the runs, and the reason why they ended."""
         count = len(self.logs)
         first = self.played
         rows = [Row("runs", count, "", "runs", self.ended, VERDICT)]
@@ -133,7 +133,7 @@ def start_learning(
 
 
 def learn_next(result: RobotLearning, player: Player, band: float | None = None) -> RobotLearning:
-    """Play the next run, and learn from it; `band` as of `learn_on`."""
+    """Play the next run, and learn from it; `band`: see `learn_on`."""
     if player.stop_requested():
         return replace(result, ended=STOPPED)
     lesson = result.lesson
@@ -166,7 +166,7 @@ def learn_next(result: RobotLearning, player: Player, band: float | None = None)
 
 
 def _runaway_band(arm: Arm, largest: FloatArray, band: float | None) -> FloatArray:
-    """Deviation of each joint from the plan at which a run is stopped [rad], (dof,).
+    """Return the deviation of each joint from the plan at which a run is stopped [rad], (dof,).
 
     - `largest`: largest deviation of each joint in the best run [rad], (dof,).
     - `band`: upper bound for revolute joints [rad]; None without one.

@@ -3,6 +3,8 @@
 ```
 ArmContourError
 ├── InvalidInput (also a ValueError)   the input does not have the required form
+│   ├── FileError                      a file or folder cannot be read or written
+│   └── ArmMismatch                    the input belongs to an arm with other joints
 ├── Unreachable                        the tool cannot reach a position or pose
 ├── NotRealizable                      no timing of this method satisfies the limits
 ├── CompensationError                  the servo's delay cannot be compensated by this method
@@ -86,7 +88,7 @@ class ArmContourError(Exception):
         self.remedies = tuple(remedies)
 
     def with_location(self, location: str) -> ArmContourError:
-        """Copy of the error with a location before its message.
+        """Copy the error and put a location before its message.
 
         Args:
             location: The location, such as the name of a file; a colon follows.
@@ -98,7 +100,7 @@ class ArmContourError(Exception):
 
 @contextmanager
 def error_context(location: str, *keys: str | int) -> Iterator[None]:
-    """Context that adds a location, such as the name of a run, and keys of a file to an error."""
+    """Add a location, such as a run's name, and keys of a file to errors in this context."""
     # An empty location is not added. An error that has the whole key already keeps it.
     try:
         yield
@@ -110,7 +112,7 @@ def error_context(location: str, *keys: str | int) -> Iterator[None]:
 
 
 def key_context(*keys: str | int) -> AbstractContextManager[None]:
-    """Context that adds keys of a file to the message and the key of an error."""
+    """Add keys of a file to the message and the key of errors in this context."""
     return error_context(key_text(keys), *keys)
 
 
@@ -122,6 +124,35 @@ class InvalidInput(ArmContourError, ValueError):
     """
 
     exit_code = 2
+
+
+class FileError(InvalidInput):
+    """A file or folder cannot be read or written; the values in it were not judged.
+
+    The file is missing, too large, not text, of an unsupported kind or in use, or writing would
+    replace files that armcontour did not write. Catch it to choose another file or to try again.
+
+    >>> from armcontour.files import FileError
+    >>> try:
+    ...     ac.read_job("missing.yaml")
+    ... except FileError as error:
+    ...     print(error)
+    There is no job file missing.yaml.
+    """
+
+
+class ArmMismatch(InvalidInput):
+    """The input is for another arm: joints, their order or the coordinates of the tool differ.
+
+    Catch it to choose the arm of a log, a trajectory or a path.
+
+    >>> from armcontour.robot import ArmMismatch
+    >>> try:
+    ...     ac.trace(path, ac.load_arm("ur5e"))
+    ... except ArmMismatch as error:
+    ...     print(error)
+    The path has 2 coordinates, but the tool of the arm UR5e has 3. Use a path with 3 coordinates.
+    """
 
 
 class Unreachable(ArmContourError):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
 
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import FileError
 from armcontour.core.progress import registered
 
 MEGABYTE = 1_000_000
@@ -76,7 +76,7 @@ class _Allowed:
         """Raise an error for a file that may not be read, before its existence is checked."""
         real = file.resolve()
         if real not in self.files and not any(real.is_relative_to(x) for x in self.folders):
-            raise InvalidInput(
+            raise FileError(
                 f"The {kind} {file} is not in {self.folders[0]} or below, where files may be read "
                 "here. Copy it there, or name it in the job file before the start."
             )
@@ -85,14 +85,14 @@ class _Allowed:
 def listen_to_reading(
     listener: Callable[[FilePath, bytes], None],
 ) -> AbstractContextManager[None]:
-    """Context in which `listener` is called with path and content of each file that is read."""
+    """Call `listener` with path and content of each file that is read in this context."""
     return registered(_listeners, listener)
 
 
 def reading_below(
     folders: Iterable[FilePath], files: Iterable[FilePath] = ()
 ) -> AbstractContextManager[None]:
-    """Context in which all threads may read only `files`, and files below `folders`.
+    """Let all threads read only `files`, and files below `folders`, while the context is open.
 
     Links that lead out of the folders are refused.
     """
@@ -104,7 +104,7 @@ def refuse_ending(file: str | FilePath, noun: str) -> None:
     """Raise an error for a robot, log or file of set-points with an unsupported extension."""
     ending = FilePath(file).suffix.lower()
     if ending in ENDINGS:
-        raise InvalidInput(
+        raise FileError(
             f"The {noun} {file} cannot be read, because {ending} files are not supported. "
             f"{ENDINGS[ending]}."
         )
@@ -120,25 +120,25 @@ def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> byte
         with open(path, "rb", opener=open_nonblocking) as stream:
             state = os.fstat(stream.fileno())
             if not stat.S_ISREG(state.st_mode):
-                raise InvalidInput(f"The {noun} {path} is not a regular file.")
+                raise FileError(f"The {noun} {path} is not a regular file.")
             # Some system files report the size 0, so the number of bytes is also checked.
             content = b"" if state.st_size > maximum else stream.read(maximum + 1)
             size = max(state.st_size, len(content))
     except FileNotFoundError:
-        raise InvalidInput(f"There is no {noun} {path}.") from None
-    except InvalidInput:
+        raise FileError(f"There is no {noun} {path}.") from None
+    except FileError:
         raise
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise InvalidInput(f"The {noun} {path} cannot be read: {reason}.") from None
+        raise FileError(f"The {noun} {path} cannot be read: {reason}.") from None
     if size > maximum:
-        raise InvalidInput(
+        raise FileError(
             f"The {noun} {path} has {size / MEGABYTE:.0f} MB, more than the "
             f"{maximum / MEGABYTE:.0f} MB that can be read. Split the file."
         )
     for start, kind in FOREIGN.items():
         if content.startswith(start):
-            raise InvalidInput(f"The {noun} {path} is {kind}.")
+            raise FileError(f"The {noun} {path} is {kind}.")
     for listener in tuple(_listeners):
         listener(path, content)
     return content
@@ -158,7 +158,7 @@ def read_text(file: str | FilePath, noun: str, *, maximum: int = SMALL, latin: b
     except UnicodeDecodeError:
         if latin and b"\0" not in content:
             return content.decode("latin-1")
-        raise InvalidInput(
+        raise FileError(
             f"The {noun} {file} cannot be read, because it is not UTF-8 text."
         ) from None
 
@@ -171,7 +171,7 @@ class Staging:
         name: Its name in messages.
 
     Raises:
-        InvalidInput: Another process writes to the destination, or was killed during `move`.
+        FileError: Another process writes to the destination, or was killed during `move`.
     """
 
     def __init__(self, destination: FilePath, name: FilePath) -> None:
@@ -185,13 +185,13 @@ class Staging:
             old = self.folder / OLD
             try:
                 if old.is_dir() and any(old.iterdir()):
-                    raise InvalidInput(
+                    raise FileError(
                         f"A run was killed while it replaced the result in {name}. Move the files "
                         f"in {old} elsewhere, and remove {self.folder}."
                     )
                 shutil.rmtree(self.folder, ignore_errors=True)
                 self.folder.mkdir()
-            except (InvalidInput, OSError):
+            except (FileError, OSError):
                 self._release()
                 raise
             _open[self.folder] = name, missing
@@ -220,7 +220,7 @@ def lock(folder: FilePath, name: FilePath) -> Callable[[], None]:
     """Lock a folder until this process ends or calls the returned function; `name`: for messages.
 
     Raises:
-        InvalidInput: Another process has the lock.
+        FileError: Another process has the lock.
     """
     # Windows and some network file systems have no locks on folders.
     with suppress(ImportError, OSError):
@@ -231,7 +231,7 @@ def lock(folder: FilePath, name: FilePath) -> Callable[[], None]:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             os.close(handle)
-            raise InvalidInput(
+            raise FileError(
                 f"Another run is writing to {name}. Wait for its end, or choose another "
                 "destination."
             ) from None
@@ -239,14 +239,14 @@ def lock(folder: FilePath, name: FilePath) -> Callable[[], None]:
     return lambda: None
 
 
-def unwritable(target: object, error: OSError) -> InvalidInput:
-    """Error for a destination that cannot be written, with a fix."""
+def unwritable(target: object, error: OSError) -> FileError:
+    """Make the error for a destination that cannot be written; it names a fix."""
     advice = FIXES.get(error.errno or 0, "choose another location")
-    return InvalidInput(f"Cannot write {target}: {error.strerror or error}; {advice}.")
+    return FileError(f"Cannot write {target}: {error.strerror or error}; {advice}.")
 
 
 def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> None:
-    """Write a file completely, or not at all; raises InvalidInput if writing fails."""
+    """Write a file completely, or not at all; raises FileError if writing fails."""
     try:
         with _placing:
             folder = FilePath(tempfile.mkdtemp(prefix=PREFIX, dir=file.parent))

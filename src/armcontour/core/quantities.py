@@ -40,7 +40,7 @@ INFINITE_VALUES = {
     math.inf: math.inf,
     -math.inf: -math.inf,
 }
-# Maximum length of the text of a quantity [characters].
+# Maximum length of a quantity's text [characters].
 MAX_CHARACTERS = 100
 # The possessive quantifiers (++, *+, ?+) prevent backtracking, so that matching takes linear time.
 # Groups have none, because Python before 3.11.5 matches possessive groups wrongly.
@@ -75,19 +75,26 @@ UNIT_FACTORS = {
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Kind of a quantity: annotates a float, or an array with one value or one per joint."""
+    """Annotate a float or an array with a physical quantity.
 
-    # SI unit; "1" for a fraction, which users may write in percent; empty for plain numbers.
+    An array has one value for all joints or one per joint.
+
+    Args:
+        unit: SI unit; "1" for a fraction, which users may write in percent; empty for plain
+            numbers.
+        example: Example of a text that users may write.
+        sign: Allowed range: a "share" is from 0 to below 1; the magnitude of a "turn" without a
+            unit is at most WHOLE_TURN.
+        endless: Whether the value may be infinite, as `.inf` or as the texts "inf" and "none".
+        bounds: Whether a lower and an upper bound may replace each value of an array.
+        within: Smallest and largest allowed value; None for any value of this sign.
+    """
+
     unit: str
-    example: str = ""  # Example of a text that users may write
-    # Allowed range of the value; a "share" is from 0 to below 1. The magnitude of a "turn" without
-    # a unit is at most WHOLE_TURN.
+    example: str = ""
     sign: Literal["any", "positive", "not negative", "negative", "share", "turn"] = "any"
-    # True if the value may be infinite, as `.inf` or as the texts "inf" and "none".
     endless: bool = False
-    # True if each value of an array may be replaced by a lower and an upper bound.
     bounds: bool = False
-    # Smallest and largest allowed value; None for any value of this sign.
     within: tuple[float, float] | None = None
 
     @property
@@ -101,7 +108,7 @@ class Quantity:
         return "" if self.unit == "1" else self.unit.replace("^2", "²").replace("^3", "³")
 
     def needed(self, value: float) -> str:
-        """Requirement that a finite value violates, as words that follow "must"."""
+        """Return the requirement that a finite value violates, as words that follow "must"."""
         low, high = self.range
         unit = self.words and f" {self.words}"
         if self.within is None and self.sign == "share":
@@ -116,23 +123,23 @@ class Quantity:
 
 
 def joint_units(unit: str, prismatic: Iterable[bool]) -> list[str]:
-    """Unit of each joint, from that of revolute joints."""
+    """List the unit of each joint, given that of revolute joints."""
     return [linear_unit(unit) if x else unit for x in prismatic]
 
 
 def shared_unit(unit: str, prismatic: Iterable[bool]) -> str:
-    """Unit of all joints, from that of revolute joints; a list of units if they differ."""
+    """Return the unit of all joints, given that of revolute joints; a list if the units differ."""
     units = joint_units(unit, prismatic)
     return ", ".join(units) if len(set(units)) > 1 else (units or [unit])[0]
 
 
 def any_unit(unit: str, prismatic: Iterable[bool]) -> str:
-    """Unit of any joint, from that of revolute joints; two units if they differ."""
+    """Return the unit of any joint, given that of revolute joints; two units if joints differ."""
     return shared_unit(unit, sorted(set(prismatic)))
 
 
 def list_values(texts: Sequence[str], unit: str, prismatic: Iterable[bool]) -> str:
-    """Values of all joints with their unit, or each with its own; one value if they are equal."""
+    """Write joint values with their unit, or each with its own; equal values only once."""
     units = joint_units(unit, prismatic)
     if len(set(units)) > 1:
         every = [*texts] * (len(units) if len(texts) == 1 else 1)
@@ -142,7 +149,7 @@ def list_values(texts: Sequence[str], unit: str, prismatic: Iterable[bool]) -> s
 
 
 def linear_unit(unit: str) -> str:
-    """Unit of a quantity of a prismatic joint, from the unit for a revolute joint."""
+    """Return the unit for a prismatic joint, given the unit for a revolute joint."""
     for angular, linear in (("kg m^2", "kg"), ("kg m²", "kg"), ("N m", "N"), ("rad", "m")):
         unit = unit.replace(angular, linear)
     return unit
@@ -150,30 +157,33 @@ def linear_unit(unit: str) -> str:
 
 @dataclass(frozen=True, slots=True, init=False)
 class Axes:
-    """Annotation of an array: its shape."""
+    """Annotate an array with its shape.
 
-    # Length of each axis, or its name. Axes with the same name have the same length in all fields
-    # of a dataclass. `...` alone is any shape.
+    Args:
+        axes: Length of each axis, or its name. In a dataclass, axes with the same name have the
+            same length. `...` alone is any shape.
+    """
+
     axes: tuple[str | int | EllipsisType, ...]
 
     def __init__(self, *axes: str | int | EllipsisType) -> None:
         object.__setattr__(self, "axes", axes)
 
     def __str__(self) -> str:
-        """Shape as numpy writes it, such as "(n, 3)"."""
+        """Write the shape as numpy does, such as "(n, 3)"."""
         return f"({', '.join(str(x) for x in self.axes)}{',' * (len(self.axes) == 1)})"
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Annotation of a str: its allowed values."""
+    """Annotate a str with its allowed values."""
 
     known: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class AtLeast:
-    """Annotation of an int: its range; None for no bound."""
+    """Annotate an int with its range; None for no bound."""
 
     least: int | None
     most: int | None = None
@@ -181,7 +191,7 @@ class AtLeast:
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """Annotation of a str: printable text of limited length, such as a name."""
+    """Annotate a str as printable text of limited length, such as a name."""
 
     most: int = LONGEST_NAME
     needed: bool = False
@@ -189,22 +199,28 @@ class Named:
 
 @dataclass(frozen=True, slots=True)
 class PartialFields:
-    """Values of some fields of a dataclass, by their names: annotates a mapping."""
+    """Annotate a mapping that gives some fields of a dataclass by name.
+
+    Args:
+        of: The dataclass.
+        null: Whether every key of a file may be `null`.
+        omit: Fields that are no keys.
+    """
 
     of: type
-    null: bool = False  # Whether every key of a file may be `null`
-    omit: tuple[str, ...] = ()  # Fields that are no keys
+    null: bool = False
+    omit: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Items:
-    """Length of a list or a mapping of a file: annotates its type."""
+    """Annotate a list or a mapping of a file with its allowed length."""
 
     least: int
     most: int | None = None
 
     def problem(self, n: int) -> str:
-        """Words after the key for a wrong length; empty for a right one."""
+        """Return words after the key for a wrong length; empty for a right one."""
         high = self.most is not None and n > self.most
         bound = self.most if high else self.least
         if not high and n >= self.least:
@@ -215,20 +231,28 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class Convert:
-    """Conversion of a value of a file by a function that may raise ValueError: annotates a type."""
+    """Annotate a type with the function that converts a file's value; it may raise ValueError."""
 
     convert: Callable[[Any], Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """Key of a file that differs from its field: annotates the field."""
+    """Annotate a field whose key in a file differs from the field.
+
+    Args:
+        name: Name of the key; empty for the field's name.
+        hint: Annotation of the key; None for that of the field.
+        default: Default of the key; None for that of the field.
+        text: Description of the key; empty for that of the field.
+        omit: Whether the field has no key.
+    """
 
     name: str = ""
-    hint: Any = None  # Annotation of the key
+    hint: Any = None
     default: Any = None
     text: str = ""
-    omit: bool = False  # Whether the field has no key
+    omit: bool = False
 
 
 NO_KEY = Key(omit=True)
@@ -296,7 +320,7 @@ OwnAccelerations = Annotated[
 
 @cache
 def _registry() -> Any:
-    """Unit registry of pint, extended by unit names of data sheets; cached."""
+    """Return pint's unit registry with unit names of data sheets added; cached."""
     from pint import UnitRegistry
 
     registry: Any = UnitRegistry(cache_folder=None)
@@ -409,7 +433,7 @@ def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -
 
 
 def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
-    """Unit in which the quantity `old` is written, and its conversion factor to SI units."""
+    """Return the unit in which `old` is written, and its conversion factor to SI units."""
     affixes = _unit_affixes(old, kind)
     if affixes is None:
         return ("" if kind.unit == "1" else kind.unit), 1.0
@@ -417,9 +441,9 @@ def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
 
 
 def _unit_affixes(old: Any, kind: Quantity) -> tuple[str, str] | None:
-    """Text before and after the number of a quantity; None for a plain number.
+    """Return the text before and after the number of a quantity; None for a plain number.
 
-    For other values, the texts of the example of `kind`.
+    If `old` is neither a number nor a text with a number, the example of `kind` is split.
     """
     if isinstance(old, int | float) and not isinstance(old, bool):
         return None
@@ -433,12 +457,12 @@ def _unit_affixes(old: Any, kind: Quantity) -> tuple[str, str] | None:
 
 
 def read_plain(value: Any, kind: Quantity) -> float:
-    """Convert a quantity to SI units without a check of its range; ValueError if invalid."""
+    """Convert a quantity to SI units without checking its range; ValueError if invalid."""
     return parse_share(value) if kind.unit == "1" else parse_quantity(value, kind.unit)
 
 
 def _shortest_text(number: float, value: float, read: Callable[[str], float], within: float) -> str:
-    """Text of `number` with the fewest digits for which `read` returns `value` within `within`."""
+    """Write `number` with the fewest digits that `read` converts to `value` within `within`."""
     allowed = max(within, RELATIVE_ROUNDING * abs(value))
     text = "0"
     if abs(value) <= allowed:

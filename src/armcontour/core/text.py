@@ -1,4 +1,4 @@
-"""Text for messages and terminals: printable, of limited length, in aligned tables; numbers."""
+"""Text for messages and terminals: printable, limited in length, aligned in tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armcontour.core.lazy import load_method
 Keys: TypeAlias = tuple[str | int, ...]
 # Maximum length of a key in a message [characters].
 MAX_KEY_LENGTH = 80
-# Largest number of characters of a value that a message repeats.
+# Maximum length of a value that a message repeats [characters].
 MAX_SHOWN = 40
 # Longest message [characters]; a longer one would repeat the content of a file.
 LONGEST_SENTENCE = 2000
@@ -37,9 +37,9 @@ WIDTH = 98
 WIDEST_NAME = 60
 # Largest number of lines of a table.
 MAX_LINES = 60
-# Space before every cell of a table row.
+# Space before each cell in a table row.
 GAP = "  "
-# Largest number of values of an array, or members of a list, that `repr` shows.
+# Largest array or list that `repr` shows in full [values].
 FEW = 6
 
 
@@ -54,17 +54,17 @@ def make_printable(text: str) -> str:
 
 
 def to_line(text: str) -> str:
-    """One printable line of limited length, for a terminal."""
+    """Write one printable line of limited length, for a terminal."""
     return make_printable(shorten(text))
 
 
 def capitalise(text: str) -> str:
-    """The text with a capital first letter."""
+    """Return the text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 
 def shorten(text: str, maximum: int = LONGEST_SENTENCE) -> str:
-    """Replace the middle of a text of more than `maximum` characters by an ellipsis."""
+    """Replace the middle of a text with more than `maximum` characters by an ellipsis."""
     if len(text) <= maximum:
         return text
     half = (maximum - 5) // 2
@@ -72,14 +72,14 @@ def shorten(text: str, maximum: int = LONGEST_SENTENCE) -> str:
 
 
 def show(value: Any) -> str:
-    """The first characters of the `repr` of a value, for messages."""
+    """Return the first characters of a value's `repr`, for messages."""
     text = _short.repr(value) if not isinstance(value, str) else repr(value[: MAX_SHOWN + 1])
     long = len(value) > MAX_SHOWN if isinstance(value, str) else len(text) > MAX_SHOWN
     return f"{text[:MAX_SHOWN]}..." if long else text
 
 
 def key_text(keys: Sequence[int | str]) -> str:
-    """Text of a key path for messages, with items of lists counted from 1."""
+    """Write a key path for messages; items of lists are counted from 1."""
     text = ""
     for i, key in enumerate(keys):
         if isinstance(key, str):
@@ -93,13 +93,13 @@ def key_text(keys: Sequence[int | str]) -> str:
 
 
 def list_some(names: Sequence[str], maximum: int) -> str:
-    """The first names, separated by commas, and the number of the other names."""
+    """Write the first names, separated by commas, and how many names follow."""
     listed = ", ".join(names[:maximum])
     return listed if len(names) <= maximum else f"{listed} and {len(names) - maximum} more"
 
 
 def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
-    """A question with the valid name most similar to an unknown one, or `otherwise`."""
+    """Ask whether the most similar valid name is meant; if none is similar, return `otherwise`."""
     valid = list(valid)
     # These words are used for the same quantity.
     known = name.replace("velocity", "speed")
@@ -109,7 +109,7 @@ def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
 
 
 def describe_fields(cls: type) -> dict[str, str]:
-    """Descriptions of the fields of a dataclass, from the docstrings of the class and its bases."""
+    """Read the descriptions of a dataclass's fields from its docstring and those of its bases."""
     texts: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         _, _, entries = inspect.cleandoc(base.__doc__ or "").partition("\nArgs:\n")
@@ -163,7 +163,7 @@ def format_table(
 
 
 def short_repr(value: Any) -> str:
-    """A dataclass in one line, for `repr`: arrays by shape, other members by class."""
+    """Write a dataclass in one line, for `repr`: arrays by shape, other members by class."""
     members = ", ".join(
         f"{x.name}={_member(getattr(value, x.name))}" for x in fields(value) if x.repr
     )
@@ -188,7 +188,7 @@ def draw(value: Any, kind: str = "path") -> Any:
 
 
 def _member(value: Any) -> str:
-    """Short text of a member of a dataclass."""
+    """Write a member of a dataclass briefly."""
     if hasattr(value, "shape") and hasattr(value, "tolist"):
         few = value.size <= FEW
         return repr(value.tolist()) if few else f"<{'x'.join(map(str, value.shape))} array>"
@@ -211,21 +211,21 @@ def clock(t: float, count: int = 4) -> str:
 
 
 def format_event(t: float, s: float) -> str:
-    """Time [s] and arc length [m] of an extreme value, as text."""
+    """Write the time [s] and arc length [m] of an extreme value."""
     return f"t = {t:.3f} s, s = {digits(s)} m"
 
 
 def count_noun(count: int, noun: str) -> str:
-    """A count with its noun, in the plural if needed."""
+    """Write a count with its noun, in the plural if needed."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def limit_label(limit: str, joint: int | None) -> str:
-    """A limit with its joint, such as "joint 2 acceleration"; without a joint, the limit alone."""
+    """Write a limit and its joint, if any, such as "joint 2 acceleration"."""
     return limit if joint is None else f"joint {joint + 1} {limit}"
 
 
 def joint_label(joint: int, names: Sequence[str]) -> str:
-    """The number of a joint, from 1, followed by its name unless that is "joint N"."""
+    """Write a joint's number, from 1, followed by its name unless that is "joint N"."""
     name = names[joint - 1]
     return str(joint) if name == f"joint {joint}" else f"{joint} ({name})"

@@ -13,9 +13,9 @@ from armcontour.core.text import LONGEST, parse_number, show
 
 # Longest text [characters]; libyaml reads one million per second. Tables have long paths.
 MAX_CHARACTERS = 16_000_000
-# Largest number of values that aliases add; an alias repeats all values of its anchor.
+# Largest number of values that aliases may add; an alias repeats all values of its anchor.
 MAX_ALIASED = 100_000
-# Number of characters of text that count as one value.
+# A text counts as one value per this number of characters.
 CHARACTERS_PER_VALUE = 80
 TAG = "tag:yaml.org,2002:"
 # The tag of the key `<<`, whose value is merged into its mapping.
@@ -43,7 +43,7 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
     """Safe loader that rejects repeated keys and aliases that multiply the size of a document."""
 
     def construct_document(self, node: yaml.Node) -> Any:
-        """Construct the document after the checks of its keys and aliases."""
+        """Check keys and aliases of the document, then construct it."""
         # A value that is written has at least one character.
         if _size(node, {}) > node.end_mark.index + MAX_ALIASED:
             words = f"its aliases add more than {MAX_ALIASED} values. Use fewer aliases"
@@ -112,7 +112,7 @@ def load(content: str | bytes, source: str) -> Any:
 
 
 def _size(node: yaml.Node, sizes: dict[yaml.Node, int]) -> int:
-    """Number of values in a node, with those that aliases repeat; its keys must differ."""
+    """Count the values in a node, with those that aliases repeat; refuse repeated keys."""
     if sizes.get(node) == 0:
         raise _node_error(node, "an alias is inside its own anchor")
     if node not in sizes:
@@ -135,12 +135,12 @@ def _size(node: yaml.Node, sizes: dict[yaml.Node, int]) -> int:
 
 
 def _node_error(node: yaml.Node, problem: str) -> yaml.constructor.ConstructorError:
-    """Error at the position of a node."""
+    """Make the error at the position of a node."""
     return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 
 def _describe_error(error: Any) -> str:
-    """Problem, line and column of an error."""
+    """Describe problem, line and column of an error."""
     mark = error.problem_mark
     begun = error.context_mark or error.problem_mark
     problem = next((x for key, x in PLAIN.items() if key in error.problem), error.problem)

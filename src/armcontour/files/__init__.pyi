@@ -1,3 +1,4 @@
+from armcontour.core.errors import FileError as FileError
 from armcontour.files.certificate_and_placement_files import certificate_page as certificate_page
 from armcontour.files.certificate_and_placement_files import placed_job_text as placed_job_text
 from armcontour.files.certificate_and_placement_files import placement_csv as placement_csv

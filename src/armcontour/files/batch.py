@@ -17,7 +17,7 @@ from typing import Any
 
 from armcontour.core import file_access
 from armcontour.core.compilation import compile_kernels
-from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.errors import ArmContourError, FileError, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.pool import open_executor, run_all
 from armcontour.core.progress import Progress, Step, subprogress
@@ -271,7 +271,7 @@ def _open_results(folder: FilePath | None) -> Iterator[Callable[[Line], object]]
         yield lambda line: None
         return
     if folder.is_dir() and any(folder.iterdir()):
-        raise InvalidInput(f"The folder {folder} is not empty. Choose another --out.")
+        raise FileError(f"The folder {folder} is not empty. Choose another --out.")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         stream = (folder / LINES).open("x", encoding="utf-8", buffering=1)

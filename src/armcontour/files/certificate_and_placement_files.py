@@ -8,8 +8,8 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import plain, units
+from armcontour.files.frame_keys import frame_keys
 from armcontour.files.job_patch import Patch, write_patch
 from armcontour.files.job_text_edits import move_files
 from armcontour.robot import SerialArm
@@ -67,14 +67,5 @@ def _placement_patch(placement: Placement, text: str) -> Patch:
             "the base do not move with it. Write their new positions by hand."
         )
     if isinstance(job.arm, SerialArm):
-        return {("arm", "work"): _frame_keys(placement.placed().arm.chain.base.inverse)}
-    return {("path", "frame"): _frame_keys(placement.placed().part)}
-
-
-def _frame_keys(frame: Frame) -> dict[str, list[float]]:
-    """Keys `position` [m] and `quaternion` of a frame in a job file."""
-    # Rounding to 1 pm removes rounding errors, for example of 0.1 m. Adding zero converts -0 to 0.
-    return {
-        "position": (frame.position.round(12) + 0.0).tolist(),
-        "quaternion": (quaternions(frame.rotation) + 0.0).tolist(),
-    }
+        return {("arm", "work"): frame_keys(placement.placed().arm.chain.base.inverse)}
+    return {("path", "frame"): frame_keys(placement.placed().part)}

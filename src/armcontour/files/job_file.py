@@ -14,7 +14,13 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import LONGEST_NAME, FloatArray
-from armcontour.core.errors import ArmContourError, InvalidInput, error_context, key_context
+from armcontour.core.errors import (
+    ArmContourError,
+    ArmMismatch,
+    InvalidInput,
+    error_context,
+    key_context,
+)
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
 from armcontour.core.progress import Progress
@@ -136,7 +142,7 @@ def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArr
         with error_context("", "seed"):
             return checks.per_joint("seed", seed, arm.dof, "rad")
     if set(seed) != set(arm.joint_names):
-        raise InvalidInput(
+        raise ArmMismatch(
             f"seed names the joints {', '.join(map(show, seed))}, but the joints of {arm.name} are "
             f"{', '.join(arm.joint_names)}. Name each of these joints once, or write a list.",
             key=("seed",),

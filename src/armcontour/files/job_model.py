@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from armcontour.control.compensation import CompensationOptions, compensator
+from armcontour.control.compensation import CompensationOptions
 from armcontour.core.quantities import (
     Angle,
     AtLeast,
@@ -36,8 +36,8 @@ from armcontour.files.scene_file import (
 )
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
-from armcontour.planning import METHODS, PlanOptions
-from armcontour.planning.timing_options import FASTEST
+from armcontour.jobs.methods import COMPENSATIONS, TIMINGS
+from armcontour.planning import FASTEST, PlanOptions
 from armcontour.program import ContourProcess, Process
 from armcontour.robot import Limits
 from armcontour.robot.bodies import Payload
@@ -62,7 +62,7 @@ Timing = Annotated[
     Methods(
         "Timing of the path.",
         "The fastest timing (optimal), the paper's (paper), or uniform speed (conventional).",
-        tuple(METHODS.values()),
+        tuple(TIMINGS.values()),
     ),
 ]
 Compensation = Annotated[
@@ -72,7 +72,7 @@ Compensation = Annotated[
         "The exact inverse of the servo, pole placement (servo of order second only), inverse "
         "dynamics of drives and arm (arm with masses, servo of order second), or none. By default "
         "inverse_dynamics for a run with an experiment, if arm and servo permit it, else inverse.",
-        tuple(compensator.METHODS.values()),
+        tuple(COMPENSATIONS.values()),
         has_default=False,
     ),
 ]

@@ -9,8 +9,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import Any
 
-from armcontour import planning
-from armcontour.control import compensation
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import Keys, key_text, show, suggest
 from armcontour.core.yaml_loader import load
@@ -19,6 +17,7 @@ from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.job_model import JobModel, RunModel
 from armcontour.files.job_text_edits import REMOVE, Change, change_data, value_at, write_data
 from armcontour.jobs.job import ARC, FREE
+from armcontour.jobs.methods import COMPENSATIONS, TIMINGS
 from armcontour.motion import Method
 
 # Top-level keys of a job.
@@ -41,9 +40,9 @@ def _options_of(methods: Mapping[Any, Any]) -> dict[str, str]:
 
 
 # Keys of a timing that are valid only with one method, with the name of this method.
-TIMING_OPTIONS = _options_of(planning.METHODS)
+TIMING_OPTIONS = _options_of(TIMINGS)
 # Keys of a compensation that are valid only with one method, with the name of this method.
-COMPENSATION_OPTIONS = _options_of(compensation.METHODS)
+COMPENSATION_OPTIONS = _options_of(COMPENSATIONS)
 # Keys that are valid only with one method or shape, with the name of this method or shape, by the
 # last two keys of the key path of their method or shape.
 CHOICES: dict[Keys, dict[str, str]] = {

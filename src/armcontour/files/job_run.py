@@ -13,7 +13,7 @@ from armcontour.files.job_model import JobModel, RunModel
 from armcontour.jobs import Rounding, Run
 from armcontour.jobs.job import FIRST_TOLERANCE, default_compensation
 from armcontour.motion import DEFAULT_CYCLE
-from armcontour.planning import Optimal, Paper, PlanOptions
+from armcontour.planning import Optimal, PlanOptions
 from armcontour.robot import Arm, Limits, resolve_limits
 
 
@@ -103,9 +103,7 @@ def _timing(run: RunModel, cycle: float) -> PlanOptions:
             "duration, or write timing: {method: optimal}.",
             remedies=({("duration",): None}, {("timing", "method"): Optimal.method}),
         )
-    if isinstance(run.timing, Paper):
-        return dataclasses.replace(run.timing, cycle=cycle)
-    return run.timing
+    return run.timing.at_cycle(cycle)
 
 
 def _check_rounding(rounding: Rounding, limits: Limits, name: str, run: RunModel) -> None:
@@ -113,7 +111,7 @@ def _check_rounding(rounding: Rounding, limits: Limits, name: str, run: RunModel
     inherited = run.corners is None
     keys: Keys = ("corners",) if inherited else ("runs", name, "corners")
     with error_context(f"Run {name}" if inherited else "", *keys):
-        rounding.check(run.timing.method, key_text(keys))
+        rounding.check(run.timing, key_text(keys))
     if rounding.tolerance is not None:
         return
     if rounding.speed is None or limits.centripetal_acceleration is None:

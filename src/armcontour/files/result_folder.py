@@ -19,7 +19,7 @@ from typing import Any
 
 from armcontour._version import __version__
 from armcontour.core import file_access, render
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import FileError
 from armcontour.core.text import list_some
 
 SUMMARY = "summary.json"
@@ -52,7 +52,7 @@ class ResultFolder:
         files: Names of the files written so far, relative to the folder.
 
     Raises:
-        InvalidInput: The folder has other files, another run is writing to the folder, or the
+        FileError: The folder has other files, another run is writing to the folder, or the
             folder cannot be written.
     """
 
@@ -65,7 +65,7 @@ class ResultFolder:
         self._record: FilePath | None = None
         self._empty_size = 0
         if os.path.lexists(folder) and not folder.is_dir():
-            raise InvalidInput(f"{folder} is not a folder. Choose another --out.")
+            raise FileError(f"{folder} is not a folder. Choose another --out.")
         try:
             self._target = folder.resolve()
             self._staging = file_access.Staging(self._target, folder)
@@ -116,7 +116,7 @@ class ResultFolder:
             The path of the file.
 
         Raises:
-            InvalidInput: The folder has a record that an earlier command left, or cannot be
+            FileError: The folder has a record that an earlier command left, or cannot be
                 written.
         """
         file = self._target / name
@@ -124,7 +124,7 @@ class ResultFolder:
             with open(file, "x", encoding="utf-8") as stream:
                 stream.write(text)
         except FileExistsError:
-            raise InvalidInput(
+            raise FileError(
                 f"{self.folder / name} has the record of a motion whose command did not end. Move "
                 "it elsewhere, or choose another --out."
             ) from None
@@ -163,12 +163,12 @@ class ResultFolder:
             return []
         manifest = _manifest(self._target)
         if not self._force and not (self._kind and manifest.get("kind") == self._kind):
-            raise InvalidInput(
+            raise FileError(
                 f"The folder {self.folder} is not empty. Choose another --out, or replace an "
                 "earlier result with --force."
             )
         if not manifest:
-            raise InvalidInput(
+            raise FileError(
                 f"The folder {self.folder} has files, but no result of armcontour, so that --force "
                 "cannot replace them. Choose another --out."
             )
@@ -178,7 +178,7 @@ class ResultFolder:
         files = [x for x in below if x != MANIFEST]
         changed = [x for x in files if not _is_unchanged(self._target / x, written.get(x))]
         if changed:
-            raise InvalidInput(
+            raise FileError(
                 f"The folder {self.folder} has files that armcontour did not write or that have "
                 f"changed since: {list_some(sorted(changed), MAX_NAMED)}. Move them elsewhere, or "
                 "choose another --out."
@@ -198,14 +198,14 @@ class ResultFolder:
         fresh = sorted(_names_in(self._new), key=lambda x: x == SUMMARY)
         foreign = [x for x in fresh if os.path.lexists(self._target / x) and x not in earlier]
         if foreign:
-            raise InvalidInput(
+            raise FileError(
                 f"Cannot write {self.folder / foreign[0]}, because armcontour did not write the "
                 "existing file or folder of this name. Move it elsewhere, or choose another --out."
             )
         aside = [(self._target / x, old / x) for x in earlier]
         self._staging.move([*aside, *((self._new / x, self._target / x) for x in fresh)])
 
-    def _unwritable(self, error: OSError) -> InvalidInput:
+    def _unwritable(self, error: OSError) -> FileError:
         return file_access.unwritable(f"to the folder {self.folder}", error)
 
 
@@ -230,7 +230,7 @@ def _manifest(folder: FilePath) -> dict[str, Any]:
     """Data of the manifest in a folder; empty if it has no valid manifest of this program."""
     try:
         data = json.loads(file_access.read_text(folder / MANIFEST, "list of files"))
-    except (InvalidInput, ValueError, RecursionError):
+    except (FileError, ValueError, RecursionError):
         return {}
     valid = isinstance(data, dict) and "armcontour" in data and isinstance(data.get("files"), dict)
     return data if valid else {}
@@ -242,19 +242,19 @@ def kind_of(folder: FilePath) -> str:
 
 
 def verify_file(folder: FilePath, name: str) -> FilePath:
-    """Path of a file of a result; InvalidInput if armcontour did not write it or it changed."""
+    """Path of a file of a result; FileError if armcontour did not write it or it changed."""
     written = _manifest(folder).get("files", {})
     if SUMMARY not in written:
-        raise InvalidInput(
+        raise FileError(
             f"{folder} has no result. Specify a folder that run, certify or learn wrote (--out)."
         )
     if name not in written:
-        raise InvalidInput(
+        raise FileError(
             f"The result in {folder} has no {name}. A run with --no-simulation and --export writes "
             "only the exports."
         )
     if not _is_unchanged(folder / name, written[name]):
-        raise InvalidInput(
+        raise FileError(
             f"{folder / name} has changed since armcontour wrote it, or does not exist. Run the "
             "job again."
         )

@@ -1,4 +1,4 @@
-"""Jobs, and the function `run`, which executes all steps of a job and returns a study."""
+"""Jobs, and the function `run`, which executes all steps of a job and returns a `JobResult`."""
 
 from armcontour.core.lazy import lazy_names
 

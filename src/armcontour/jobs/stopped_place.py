@@ -16,17 +16,17 @@ from armcontour.program import contour_called
 # Largest distances of the measured tool from its path at which it counts as on the path [m]. The
 # second one applies if the tool was always farther than the first one.
 ON_PATH = (0.1e-3, 2e-3)
-# Largest time by which the measured tool follows its plan [s].
+# The measured tool may lag its plan by at most this time [s].
 LAG = 0.5
-# Duration before the end of a motion in which the tool is searched on its path [s].
+# The tool is searched on its path during this time before the end of a motion [s].
 SEARCHED = 5.0
 # Time between two points of the path with which a measured tool is compared [s].
 STEP = 2e-3
 # Numbers of samples that are compared at once.
 AT_ONCE = 500
-# Number of places of a contour that are compared in one iteration, and number of iterations: the
-# last one has places that are 1e-9 of the contour apart.
+# One iteration compares this number of places along a contour.
 PLACES = 1001
+# In the last iteration, places are 1e-9 of the contour apart.
 ITERATIONS = 3
 # Resolution of the arc length within a contour [m].
 RESOLUTION = 1e-6
@@ -82,7 +82,7 @@ def find_stopped_place(
 def _last_time_on_path(
     planned: RunResult, end: float, t: FloatArray, measured: FloatArray
 ) -> tuple[float, float] | None:
-    """Last time of the plan that the measured tool reached [s], and its distance [m] there.
+    """Find the last plan time that the measured tool reached [s], and its distance there [m].
 
     None if the tool was not on its path before it stopped.
     """
@@ -115,7 +115,7 @@ def _last_time_on_path(
 
 
 def _place_at(job: Job, planned: RunResult, time: float, distance: float) -> StoppedPlace:
-    """Place at a time of the plan [s], or before it by a distance within the contour [m]."""
+    """Find the place at a plan time [s], or before it by a distance within the contour [m]."""
     objective = planned.objective
     works = [contour.at_work for contour in objective.contours]
     lengths = np.cumsum([0.0, *(end - start for start, end in works)])
@@ -142,9 +142,9 @@ def _place_at(job: Job, planned: RunResult, time: float, distance: float) -> Sto
 
 
 def _drawn_place(job: Job, planned: RunResult, number: int, s: float) -> float:
-    """Arc length of a contour with sharp corners at or before a place of the path [m].
+    """Find the arc length on the drawn contour at or before a place of the path [m].
 
-    `s`: arc length of the contour with rounded or shaped corners [m].
+    `s`: arc length on the contour with rounded or shaped corners [m].
     """
     low = 0.0
     high = planned.objective.contours[number].path.length

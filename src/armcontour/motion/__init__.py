@@ -1,4 +1,4 @@
-"""Motions as values: joint paths, trajectories, set-points, executions."""
+"""Joint paths, trajectories, set-points, executions and logs."""
 
 from armcontour.core.lazy import lazy_names
 
@@ -8,7 +8,7 @@ _HOME = {
     "derivative_bounds": "largest_shares",
     "execution": "Execution FineMotion LONGEST_CLOCK LimitCost SetPoints check_cycle",
     "joint_path": "JointPath",
-    "laws": "LapLaw Law LawAlongPath LineLaw PathLaw Rates dwell_law",
+    "laws": "LapLaw Law LawAlongPath PathLaw Rates dwell_law",
     "log": "Log",
     "trajectory": "DEFAULT_CYCLE LawPhase Method Samples Span TimedEvent Trajectory arm_of",
     "armcontour.core.quintics": "quintic",

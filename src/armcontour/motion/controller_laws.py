@@ -1,4 +1,4 @@
-"""Interpolation laws of robot controllers: the commands that they send for points of a trajectory.
+"""How robot controllers interpolate a trajectory's points into commands.
 
 Plants, checks and the command line share `CONTROLLERS`.
 """
@@ -37,15 +37,15 @@ class InterpolatedLaw(Law):
 
     Args:
         breaks: Times of the points, from 0 [s], (n + 1,).
-        coefficients: Coefficients of powers of the time since the start of an interval over its
-            length, (n, 6, dof).
+        coefficients: Polynomial coefficients in x, the time in an interval divided by its length,
+            (n, 6, dof).
     """
 
     breaks: FloatArray
     coefficients: FloatArray
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Joint positions or a derivative at times `t` [s] of intervals `i`, (n, dof)."""
+        """Return the derivative `order` of the positions at `t` [s] of intervals `i`, (n, dof)."""
         width = self.breaks[i + 1] - self.breaks[i]
         return evaluate(self.coefficients[i], width, t - self.breaks[i], order)
 
@@ -59,8 +59,8 @@ class CommandCurve(Frozen):
         law: Name of the interpolation, such as "quintics".
         curve: The curve, from its own time 0.
         origin: Time of the curve at which the first point is due [s].
-        lag: Time by which the controller sends the curve later than its points are due [s].
-        ahead: Number of cycles by which the controller sends its commands earlier.
+        lag: How much later than its points are due the controller sends the curve [s].
+        ahead: How many cycles earlier the controller sends its commands.
     """
 
     controller: str
@@ -71,7 +71,7 @@ class CommandCurve(Frozen):
     ahead: int = 0
 
     def __call__(self, t: FloatArray, order: int = 0) -> FloatArray:
-        """Positions of the curve or a derivative, (n, dof); at rest before and after the curve.
+        """Return positions of the curve or a derivative, (n, dof); at rest before and after it.
 
         Args:
             t: Times since the first point is due [s], (n,).
@@ -85,7 +85,7 @@ class CommandCurve(Frozen):
 
     @checked
     def commands(self, rate: Frequency) -> tuple[FloatArray, FloatArray]:
-        """Times at which the controller sends commands [s], (n,), and commands [rad], (n, dof).
+        """Return the times [s], (n,), at which the controller sends commands [rad], (n, dof).
 
         Times count from the start of the trajectory in the controller. The first and the last two
         commands are at rest.
@@ -112,14 +112,19 @@ class CommandCurve(Frozen):
 
 
 class ControllerLaw(NamedTuple):
-    """Title of a controller, and function from points to the fields of a `CommandCurve`."""
+    """How one controller interpolates.
+
+    Args:
+        title: Name of the controller for messages.
+        interpolate: Function that converts points to the fields of a `CommandCurve`.
+    """
 
     title: str
     interpolate: Callable[[_Points], Mapping[str, Any]]
 
 
 class _Points(NamedTuple):
-    """Points of a controller: times from 0 [s], (n,), positions and known derivatives, (n, dof)."""
+    """A controller's points: times from 0 [s], (n,), positions and known derivatives, (n, dof)."""
 
     t: FloatArray
     q: FloatArray
@@ -133,7 +138,7 @@ class _Points(NamedTuple):
 
 
 def _jtc(points: _Points) -> Mapping[str, Any]:
-    """Quintics if the points have accelerations, cubics if they have velocities, else lines."""
+    """Interpolate by quintics with accelerations, cubics with velocities, otherwise lines."""
     q = points.q
     dq = points.dq
     ddq = points.ddq
@@ -152,7 +157,7 @@ def _jtc(points: _Points) -> Mapping[str, Any]:
 
 
 def _jtc_spline(points: _Points) -> Mapping[str, Any]:
-    """Clamped cubic spline through positions; as `_jtc` if the points have velocities."""
+    """Interpolate positions by a clamped cubic spline; points with velocities as `_jtc`."""
     if points.dq is not None:
         return _jtc(points)
     v = _spline_velocities(points.t, points.q)
@@ -160,13 +165,13 @@ def _jtc_spline(points: _Points) -> Mapping[str, Any]:
 
 
 def _jtc_none(points: _Points) -> Mapping[str, Any]:
-    """Constant next point in every interval, after one interval at rest at the first point."""
+    """Hold the next point in every interval, after one interval at the first point."""
     t = np.append(0.0, points.t + points.interval)
     return {**_fields("next point", t, _powers(points.q)), "origin": points.interval}
 
 
 def _linuxcnc(points: _Points) -> Mapping[str, Any]:
-    """Uniform cubic B-spline whose control points are the points.
+    """Interpolate by the uniform cubic B-spline whose control points are the points.
 
     The controller has a queue of four points, which is filled with the first point at the start,
     and with the last point at the end. The current interval starts two points before the newest
@@ -191,7 +196,7 @@ def _linuxcnc(points: _Points) -> Mapping[str, Any]:
 
 
 def _hold(points: _Points) -> Mapping[str, Any]:
-    """Constant newest point in every interval."""
+    """Hold the newest point in every interval."""
     t = np.append(points.t, 2 * points.t[-1] - points.t[-2])
     return _fields("held", t, _powers(points.q))
 
@@ -214,7 +219,7 @@ NAMES = tuple(CONTROLLERS)
 
 @checked
 def interpolate_points(points: Any, controller: Annotated[str, Choice(NAMES)]) -> CommandCurve:
-    """The curve from which a controller takes its commands between points.
+    """Return the curve from which a controller takes its commands between points.
 
     - `jtc`: quintics through points with accelerations, cubics through points with velocities, else
       lines; one cycle ahead
@@ -248,7 +253,7 @@ def interpolate_points(points: Any, controller: Annotated[str, Choice(NAMES)]) -
 
 
 def _column(points: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray | None:
-    """Attribute `name` of points as an array of finite numbers; None if it is missing."""
+    """Read the attribute `name` of points as finite numbers; None if it is missing."""
     values = getattr(points, name, None)
     return (
         None if values is None else checks.shaped(name, checks.check_numbers(name, values), shape)
@@ -256,13 +261,13 @@ def _column(points: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray
 
 
 def _fields(law: str, t: FloatArray, coefficients: FloatArray) -> dict[str, Any]:
-    """Fields `law` and `curve` of a `CommandCurve`, from breaks and coefficients, (n, 6, dof)."""
+    """Return `law` and `curve` of a `CommandCurve` from breaks and coefficients, (n, 6, dof)."""
     polynomials = InterpolatedLaw(breaks=t, coefficients=coefficients)
     return {"law": law, "curve": Trajectory(laws=(polynomials,), method=law)}
 
 
 def _powers(*powers: FloatArray) -> FloatArray:
-    """Coefficients of polynomials, (n, 6, dof), from coefficients of 1, x, x², ..., (n, dof)."""
+    """Return polynomial coefficients, (n, 6, dof), from those of 1, x, x², ..., (n, dof) each."""
     coefficients = np.zeros((len(powers[0]), 6, powers[0].shape[1]))
     for k, x in enumerate(powers):
         coefficients[:, k] = x
@@ -270,7 +275,7 @@ def _powers(*powers: FloatArray) -> FloatArray:
 
 
 def _cubics(t: FloatArray, q: FloatArray, dq: FloatArray) -> FloatArray:
-    """Coefficients of cubics with positions and velocities at both ends, (n, 6, dof)."""
+    """Return coefficients of cubics with positions and velocities at both ends, (n, 6, dof)."""
     width = np.diff(t)[:, None]
     step = np.diff(q, axis=0)
     begin = dq[:-1] * width
@@ -279,7 +284,7 @@ def _cubics(t: FloatArray, q: FloatArray, dq: FloatArray) -> FloatArray:
 
 
 def _spline_velocities(t: FloatArray, q: FloatArray) -> FloatArray:
-    """Velocities at the points of the cubic spline that is at rest at both ends, (n, dof)."""
+    """Return the velocities, (n, dof), at the points of the spline that rests at both ends."""
     v = np.zeros_like(q)
     inverse = 1 / np.diff(t)
     if len(t) > 2:

@@ -1,4 +1,4 @@
-"""Proven bounds of velocity, acceleration and path speed of a motion along a joint path."""
+"""Proven bounds on velocity, acceleration and path speed along a joint path."""
 
 from __future__ import annotations
 
@@ -19,25 +19,23 @@ from armcontour.motion.trajectory import Trajectory
 
 # Relative allowance of the bounds for rounding.
 ROUNDING = 1e-12
-# Largest number of halvings of an interval. If the limit is then still not proven, the result is
-# the bound of the interval.
+# How often an interval is halved at most. If the limit is then still not proven, the result is the
+# interval's bound.
 HALVINGS = 40
 # A function and its derivatives at n points, each (n,) or (dof, n).
 Derivatives: TypeAlias = list[FloatArray]
 
 
 def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
-    """Times [s], and upper bounds of each joint's travel from the start to these times [rad].
+    """Return times [s], (n,), and upper bounds of each joint's travel until them [rad], (n, dof).
 
     Motion in both directions adds to the travel. The bound is linear between the times. A joint
-    moves at most by the increase of the bound between any two times.
+    moves at most by the increase of the bound between any two times. Between the samples of an
+    executed motion, accelerations are assumed to be at most the largest demand or sampled
+    acceleration.
 
-    Between its samples, the accelerations of an executed motion are assumed to be at most the
-    largest demand or sampled acceleration. Returns times from the start to the end, (n,), and the
-    bounds, (n, dof).
-
-    `motion` is a planned or an executed motion, or a joint path, for which arc length replaces
-    time.
+    Args:
+        motion: A planned or executed motion, or a joint path, for which arc length replaces time.
     """
     parts: Iterable[FloatArray]
     if isinstance(motion, Execution):
@@ -67,7 +65,7 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
 
 
 def largest_accelerations(motion: Execution) -> FloatArray:
-    """Bounds of the joint accelerations of an executed motion [rad/s²], (dof,)."""
+    """Bound the joint accelerations of an executed motion [rad/s²], (dof,)."""
     demanded = np.abs(motion.demand_range).max(axis=0)
     had = np.abs(motion.ddq).max(axis=0)
     return np.asarray(np.maximum(demanded, had))
@@ -75,7 +73,7 @@ def largest_accelerations(motion: Execution) -> FloatArray:
 
 @singledispatch
 def bound_joint_velocities(law: Law) -> FloatArray:
-    """Bounds of the joint velocities within every interval of a law [rad/s], (n, dof)."""
+    """Bound the joint velocities in every interval of a law [rad/s], (n, dof)."""
     raise InvalidInput(
         f"The joint velocities of a law of the kind {type(law).__name__} have no known bound. Use "
         "the law of a plan."
@@ -84,19 +82,19 @@ def bound_joint_velocities(law: Law) -> FloatArray:
 
 @bound_joint_velocities.register
 def _(law: LapLaw) -> FloatArray:
-    """Bounds for a `LapLaw`, whose velocities are linear between breaks."""
+    """Bound a `LapLaw`, whose velocities are linear between breaks."""
     end = law.dq + law.ddq * np.diff(law.breaks)[:, None]
     return np.asarray(np.maximum(np.abs(law.dq), np.abs(end)))
 
 
 @bound_joint_velocities.register
 def _(law: PathLaw) -> FloatArray:
-    """Bounds for a `PathLaw`: products of the bounds of dq_ds and of ds."""
+    """Bound a `PathLaw` by the product of the bounds on dq_ds and ds."""
     return _bound_along(law.joint_path, law.s, _bound_path_speeds(law))
 
 
 def _bound_path_speeds(law: PathLaw) -> FloatArray:
-    """Bounds of the path speed within every interval [m/s], (n,)."""
+    """Bound the path speed in every interval [m/s], (n,)."""
     ds, dds, slope, jerk = law.rates
     speeds = law.speeds
     # ds² is a parabola over s, or, with jerk, ds is a parabola over time. The peak is where the
@@ -108,7 +106,7 @@ def _bound_path_speeds(law: PathLaw) -> FloatArray:
 
 
 def _bound_along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:
-    """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof)."""
+    """Bound the joint velocities between neighbouring arc lengths [rad/s], (n, dof)."""
     return np.asarray(
         kernels.bound_joint_velocities(joint_path.breaks, joint_path.coefficients, s, speeds)
     )
@@ -117,7 +115,7 @@ def _bound_along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> Fl
 def largest_shares(
     law: PathLaw, limits: FloatArray, speeds: FloatArray, allowed: float
 ) -> FloatArray:
-    """Largest ratios of joint motion and path speed to their limits during a whole law, (6,).
+    """Return the largest ratios of a whole law to its joint and path speed limits, (6,).
 
     A result of at most `allowed` is proven for all times of the law, up to rounding errors, because
     intervals whose bound exceeds `allowed` are halved. A larger result is the ratio at a point, or
@@ -125,9 +123,12 @@ def largest_shares(
 
     The result has the ratios to the four limits of joints, then to both path speeds.
 
-    - `limits`: lower and upper bounds of acceleration [rad/s²] and of velocity [rad/s] of every
-      joint, infinite without one, (4, dof).
-    - `speeds`: two highest path speeds on every interval of the joint path [m/s], (m, 2).
+    Args:
+        law: The law.
+        limits: Each joint's lower and upper acceleration [rad/s²] and velocity [rad/s] bounds,
+            infinite without one, (4, dof).
+        speeds: Two highest path speeds in every interval of the joint path [m/s], (m, 2).
+        allowed: Largest allowed ratio, such as 1.
     """
     i = np.arange(len(law.breaks) - 1)
     begin = law.breaks[:-1]
@@ -158,10 +159,10 @@ def _ratios(
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Ratios to limits in the middle of n parts of intervals, then bounds in each part, (n, 12).
+    """Return the ratios at the middle of n interval parts, then their bounds there, (n, 12).
 
-    The bounds of a joint's velocity and acceleration and of the path speed are those of quadratics
-    about the middle, plus the terms of third order.
+    Joint velocity, joint acceleration and path speed are bounded by quadratics about the middle,
+    plus the third-order terms.
 
     `t` are the start, middle and end of each part [s].
     """
@@ -209,11 +210,13 @@ def _ratios(
 
 
 def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:
-    """Third and fourth time derivatives of a law's arc length, and a bound of the fifth.
+    """Return the third and fourth time derivatives of a law's arc length, and bound the fifth.
 
-    - `i`: indices of intervals, (n,).
-    - `t`: times in the intervals [s], (n,).
-    - `half`: the bound is valid within this time before and after each of `t` [s], (n,).
+    Args:
+        law: The law.
+        i: Indices of intervals, (n,).
+        t: Times in the intervals [s], (n,).
+        half: The bound is valid from t - half to t + half [s], (n,).
     """
     ds, dds, ddds = law.path_motion(i, t)[1:]
     slope = law.rates.slope[i]
@@ -227,7 +230,7 @@ def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> De
 
 
 def _bound_derivatives(values: Derivatives, reach: FloatArray) -> Derivatives:
-    """The function, and bounds of its derivatives within `reach`, by Taylor polynomials."""
+    """Return the function, and bound its derivatives within `reach` by Taylor polynomials."""
     n = len(values)
     magnitudes = [np.abs(x) for x in values]
     powers = [np.ones_like(reach)]
@@ -238,7 +241,7 @@ def _bound_derivatives(values: Derivatives, reach: FloatArray) -> Derivatives:
 
 
 def _bound_quadratics(f: Derivatives, half: FloatArray) -> FloatArray:
-    """Largest values of f0 + f1 u + f2 u² / 2 for u from -half to half, of the shape of f0."""
+    """Bound `f0 + f1 u + f2 u² / 2` for u from -half to half, shaped like f0."""
     f0, f1, f2 = f
     ends = f0 + np.abs(f1) * half + f2 * half**2 / 2
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -246,7 +249,7 @@ def _bound_quadratics(f: Derivatives, half: FloatArray) -> FloatArray:
 
 
 def _fifth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
-    """Fifth time derivative of q(s(t)), from the derivatives `q` of q(s) and `v` of s(t)."""
+    """Return the fifth time derivative of q(s(t)) from derivatives `q` of q(s), `v` of s(t)."""
     return np.asarray(
         q[5] * v[1] ** 5
         + 10 * q[4] * v[1] ** 3 * v[2]
@@ -257,7 +260,7 @@ def _fifth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
 
 
 def _fourth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
-    """Fourth time derivative of q(s(t)), from the derivatives `q` of q(s) and `v` of s(t)."""
+    """Return the fourth time derivative of q(s(t)) from derivatives `q` of q(s), `v` of s(t)."""
     return np.asarray(
         q[4] * v[1] ** 4
         + 6 * q[3] * v[1] ** 2 * v[2]

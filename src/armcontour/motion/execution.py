@@ -1,4 +1,4 @@
-"""Set-points of the joints with their check, and their executed motion."""
+"""Joint set-points with their check, and the executed motion."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ WHOLE_CYCLES = 1e-9
 INTERVALS = (1e-6, 1.0)
 # Time between samples of an execution made from a plan [s]; longer for a plan of many samples.
 PLANNED_STEP = 1e-3
-# Largest number of samples of an execution made from a plan.
+# Largest number of samples in an execution made from a plan.
 MAX_PLANNED = 20_000
 # Longest cycle of a controller [s]; industrial controllers have cycles of 1 to 40 ms.
 LONGEST_CLOCK = 0.1
@@ -42,12 +42,12 @@ class MotionSource(Protocol):
     """A plant that provides the motion between the samples of an execution."""
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
-        """The motion from samples `indices` to the next samples; None if it is unknown."""
+        """Return the motion of `executed` from samples `indices` to the next; None if unknown."""
 
 
 @declared(eq=False)
 class Execution(Checked):
-    """Motion of the joints of a plant, from the first set-point until rest.
+    """The joint motion of a plant, from the first set-point until rest.
 
     >>> executed.q.shape == (len(executed.t), arm.dof)
     True
@@ -99,7 +99,7 @@ class Execution(Checked):
     @classmethod
     @checked
     def from_plan(cls, trajectory: Trajectory, arm: Arm) -> Execution:
-        """The motion of joints that follow a plan exactly.
+        """Return the execution by joints that follow a plan exactly.
 
         Args:
             trajectory: The plan.
@@ -121,7 +121,7 @@ class Execution(Checked):
         )
 
     def between(self, indices: IntArray) -> FineMotion | None:
-        """The motion from samples to the next samples; None if it is unknown.
+        """Return the motion from samples to the next samples; None if it is unknown.
 
         The plant's motion is used only if the samples are at its steps and the motion ends at the
         next samples, because a cut or changed execution may have other samples.
@@ -198,7 +198,7 @@ class FineMotion:
     ddq: FloatArray | None = None
 
     def __call__(self, t: FloatArray) -> FloatArray:
-        """Joint positions at times `t` between the first and last node [rad], (len(t), dof)."""
+        """Return joint positions [rad], (len(t), dof), at times `t` between first and last node."""
         nodes = self.t
         i: Any = slice(0, 1)
         if len(nodes) > 2:
@@ -221,13 +221,14 @@ class FineMotion:
     def through(
         cls, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray | None, indices: IntArray
     ) -> FineMotion:
-        """Polynomial motion from each of the samples `indices` to the next sample.
+        """Make the polynomial motion from each of the samples `indices` to the next sample.
 
-        - `t`: times of all samples [s], (n,).
-        - `q`: joint positions [rad], (n, dof).
-        - `dq`: joint velocities [rad/s], (n, dof).
-        - `ddq`: joint accelerations [rad/s²], (n, dof), or None.
-        - `indices`: indices of the samples, increasing, (m,).
+        Args:
+            t: Times of all samples [s], (n,).
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof), or None.
+            indices: Increasing indices of the samples, (m,).
         """
         i = (indices[:, None] + np.arange(2)).ravel()
         rate = dq[i]
@@ -236,7 +237,7 @@ class FineMotion:
 
 
 def check_cycle(cycle: float) -> float:
-    """The cycle [s], after a check that it is within INTERVALS."""
+    """Return the cycle [s] if it is within INTERVALS; otherwise raise InvalidInput."""
     interval = checks.check_number("cycle", cycle, "s")
     if INTERVALS[1] < interval <= 1e3 * INTERVALS[1]:
         raise InvalidInput(
@@ -346,7 +347,7 @@ class SetPoints(Checked):
         return self.times(len(self.q), self.cycle)
 
     def times(self, count: int, step: float) -> FloatArray:
-        """Regular times from the first set-point on [s], (count,).
+        """Return regular times [s], (count,), that start at the first set-point.
 
         If the first time is a multiple of the step, so are all times, without rounding errors.
 
@@ -367,8 +368,12 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
     A compensated command leads the joint by approximately `dq / K_p`, so it can exceed the limits
     that the plan satisfies. A controller that checks its set-points would then stop.
 
-    `limits` are the limits that replace those of the plan; by default the command limits of the
-    set-points.
+    Args:
+        set_points: The set-points.
+        limits: Limits that replace the plan's limits; by default the set-points' command limits.
+
+    Raises:
+        CompensationError: A set-point is outside a joint range or too fast.
     """
     specified = set_points.command_limits if limits is None else limits
     found = find_range_or_speed_excess(
@@ -404,7 +409,7 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
 
 
 def describe_excess(set_points: SetPoints) -> str:
-    """The message of `check_set_points` with its default limits; empty without an excess."""
+    """Return the message of `check_set_points(set_points)`; empty without an excess."""
     try:
         check_set_points(set_points)
     except CompensationError as error:

@@ -18,17 +18,16 @@ from armcontour.core.text import short_repr
 from armcontour.geometry import Path
 from armcontour.motion.kernels import JointDerivatives, examine_pieces, joint_motions, spline_pieces
 
-# Rounding error of differences of arc lengths, divided by the largest arc length.
+# Rounding error in differences between arc lengths, divided by the largest arc length.
 ROUNDING = 4 * float(np.finfo(np.float64).eps)
 # Largest permitted jump of a position at a break [rad]; no robot resolves it.
 LARGEST_JUMP = 1e-6
-# Smallest difference of two parameters of a spline, divided by the largest one. The parameters of
-# points that are repeated up to rounding errors differ by less.
+# Smallest difference between two spline parameters, divided by the largest one. Points that are
+# repeated up to rounding errors have parameters that differ by less.
 REPEATED = 1e-12
 # Largest relative jump of dq_ds at a break without a stop; traced paths have errors of this size.
 LARGEST_KINK = 1e-6
-# A dq_ds below this fraction of the sum of its terms is a rounding error, whose direction is
-# random.
+# A dq_ds below this fraction of its summed terms is a rounding error, whose direction is random.
 NO_DIRECTION = 1e-12
 NO_STOPS = checks.frozen_array([])
 
@@ -44,8 +43,8 @@ class JointPath(Checked):
     (2,)
 
     Args:
-        breaks: Arc lengths of the ends of the intervals [m], (n + 1,); without a tool path, values
-            of any parameter s.
+        breaks: Arc lengths at the interval ends [m], (n + 1,); without a tool path, values of any
+            parameter s.
         coefficients: Coefficients of the quintics [rad], (n, 6, dof).
         stops: Breaks at which the motion must stop [m]; breaks at which dq_ds jumps are added.
         tool_path: The tool path that was traced, or None.
@@ -92,7 +91,7 @@ class JointPath(Checked):
     __repr__ = short_repr
 
     def _all_stops(self, kinks: BoolArray) -> FloatArray:
-        """The specified stops, and the inner breaks at which dq_ds jumps."""
+        """Return the specified stops, and the inner breaks at which dq_ds jumps."""
         inner = self.breaks[1:-1]
         is_break = np.isin(self.stops, inner)
         if not is_break.all():
@@ -113,10 +112,10 @@ class JointPath(Checked):
         stops: FloatArray = NO_STOPS,
         tool_path: Path | None = None,
     ) -> JointPath:
-        """The path of quintics with specified q, dq_ds and d2q_ds2 at both ends of every interval.
+        """Make the path of quintics with specified q, dq_ds and d2q_ds2 at all interval ends.
 
         Args:
-            breaks: Arc lengths of the ends of the intervals [m], (n + 1,).
+            breaks: Arc lengths at the interval ends [m], (n + 1,).
             begin: q, dq_ds and d2q_ds2 at the start of every interval, (n, dof) each.
             end: q, dq_ds and d2q_ds2 at the end of every interval, (n, dof) each.
             stops: Arc lengths at which the motion must stop [m], (m,).
@@ -147,7 +146,7 @@ class JointPath(Checked):
         *,
         ends: Annotated[str, Choice(("natural", "clamped"))] = "natural",
     ) -> JointPath:
-        """The cubic spline through joint positions.
+        """Interpolate joint positions by a cubic spline.
 
         Args:
             points: At least two joint positions [rad], (n, dof).
@@ -193,7 +192,7 @@ class JointPath(Checked):
         return int(self.coefficients.shape[2])
 
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Joint positions or their derivatives with respect to s, shape `s.shape + (dof,)`.
+        """Return joint positions or their derivatives with respect to s, `s.shape + (dof,)`.
 
         Args:
             s: Arc lengths [m], any shape.
@@ -211,7 +210,7 @@ class JointPath(Checked):
         )
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
-        """Index of the interval that contains each arc length.
+        """Return the index of the interval that contains each arc length.
 
         Args:
             s: Arc lengths [m], any shape.
@@ -220,7 +219,7 @@ class JointPath(Checked):
         return checks.locate(self.breaks, s, side)
 
     def on_interval(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
-        """The polynomial of interval `i`, or a derivative, at arc length `s`.
+        """Return the polynomial of interval `i`, or a derivative, at arc length `s`, (n, dof).
 
         Args:
             i: Indices of intervals, (n,).
@@ -231,7 +230,7 @@ class JointPath(Checked):
         return evaluate(self.coefficients[i], width, s - self.breaks[i], order)
 
     def motion(self, i: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """q, dq_ds and d2q_ds2 of interval `i` at arc length `s`, (n, dof) each.
+        """Return q, dq_ds and d2q_ds2 of interval `i` at arc length `s`, (n, dof) each.
 
         Args:
             i: Indices of intervals, (n,).

@@ -18,7 +18,7 @@ SMALL_ANGLE = 1e-2
 
 @compiled(inner=True)
 def interval_time(width: float, begin: float, end: float, slope: float) -> float:
-    """Duration of one interval [s], see `interval_times`."""
+    """Return the duration of one interval [s], see `interval_times`."""
     simple = 2 * width / (begin + end)
     z = slope * simple * simple / 4
     if abs(z) < SERIES_BELOW:
@@ -31,14 +31,15 @@ def interval_time(width: float, begin: float, end: float, slope: float) -> float
 def interval_times(
     width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
 ) -> FloatArray:
-    """Durations of intervals with a path acceleration linear in s [s], (n,).
+    """Return durations of intervals whose path acceleration is linear in s [s], (n,).
 
     The duration is `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
 
-    - `width`: lengths of the intervals [m], (n,).
-    - `begin`: path speeds at the starts [m/s], (n,).
-    - `end`: path speeds at the ends [m/s], (n,).
-    - `slope`: slopes of dds over s [1/s²], (n,).
+    Args:
+        width: Interval lengths [m], (n,).
+        begin: Path speeds at the starts [m/s], (n,).
+        end: Path speeds at the ends [m/s], (n,).
+        slope: Slopes of dds over s [1/s²], (n,).
     """
     times = np.empty(len(width))
     for i in range(len(width)):
@@ -73,15 +74,17 @@ def write_law(
 
 @compiled()
 def examine_pieces(
-    breaks: FloatArray,  # Arc lengths of the ends of the pieces, (n + 1,)
+    breaks: FloatArray,  # Arc lengths at the ends of the pieces, (n + 1,)
     coefficients: FloatArray,  # Coefficients of the quintics, (n, 6, dof)
     kink: float,  # Smallest jump of dq_ds that counts, as a fraction of dq_ds
-    no_direction: float,  # A dq_ds below this fraction of the sum of its terms is a rounding error
+    no_direction: float,  # A dq_ds below this fraction of its summed terms is a rounding error
     kinks: BoolArray,  # Output: whether dq_ds jumps at each inner break, (n - 1,)
 ) -> tuple[bool, float]:
-    """Check the pieces of a joint path, and mark the breaks at which dq_ds jumps."""
-    # Returns whether all numbers are finite and the breaks increase, and the largest jump of a
-    # joint position at a break [rad].
+    """Check the pieces of a joint path, and mark the breaks at which dq_ds jumps.
+
+    Returns whether all numbers are finite and the breaks increase, and the largest jump of a joint
+    position at a break [rad].
+    """
     n = coefficients.shape[0]
     dof = coefficients.shape[2]
     sound = True
@@ -182,16 +185,23 @@ def path_motions(
     slope: FloatArray,
     jerk: FloatArray,
 ) -> FloatArray:
-    """The arc length s and its first three derivatives at times `t` of intervals `i`, (4, n).
+    """Return s and its first three derivatives at times `t` [s] of intervals `i`, (4, n).
 
-    `breaks` and `s`: breaks of the law and their arc lengths, (m + 1,); `ds`, `dds`, `slope` and
-    `jerk`: fields of the law's `Rates`, (m,).
+    Args:
+        i: Indices of intervals, (n,).
+        t: Times [s], (n,).
+        breaks: Breaks of the law [s], (m + 1,).
+        s: Arc lengths at the breaks [m], (m + 1,).
+        ds: Path speeds at the interval starts [m/s], (m,).
+        dds: Path accelerations at the interval starts [m/s²], (m,).
+        slope: Slopes of dds over s [1/s²], (m,).
+        jerk: Slopes of dds over time [m/s³], (m,).
     """
     motions = np.empty((4, len(t)))
     for k in range(len(t)):
         j = i[k]
         u = t[k] - breaks[j]
-        # The solution of `dds = dds_j + slope (s - s_j)` consists of cosh(w u), sinh(w u) / w and
+        # `dds = dds_j + slope (s - s_j)` is solved by cosh(w u), sinh(w u) / w and
         # (cosh(w u) - 1) / w² with `w² = slope`. If the slope is negative, these are circular
         # functions.
         z = slope[j] * u * u
@@ -224,7 +234,7 @@ def path_motions(
 def value_and_slopes(
     a0: float, a1: float, a2: float, a3: float, a4: float, a5: float, x: float
 ) -> tuple[float, float, float]:
-    """Value, first and second derivative at x of the polynomial with coefficients a0 to a5."""
+    """Evaluate the polynomial `a0 + a1 x + ... + a5 x⁵` and its first two derivatives at x."""
     # Horner's rule computes all three together.
     slope = a5
     value = a5 * x + a4
@@ -248,21 +258,21 @@ def value_and_slopes(
 def joint_motions(
     along: FloatArray,  # s and its derivatives over time up to the third, (4, n)
     end: FloatArray,
-    law: IntArray,  # Index of the law of each point, (n,)
+    law: IntArray,  # Each point's law, as an index, (n,)
     rows: IntArray,
     breaks: FloatArray,  # Breaks of all joint paths [m], each counted from its own start, (m,)
     coefficients: FloatArray,
     out: JointDerivatives,  # Output; arrays without rows are not computed
 ) -> None:
-    """Joint positions and their derivatives over time along joint paths, by the chain rule.
+    """Write joint positions and their time derivatives along joint paths, by the chain rule.
 
     The coefficients after the last break of a joint path are not read, and may be missing.
 
-    - `end`: arc length at the end of the law's interval of each point [m], (n,). If this is a break
-      of the joint path, the point belongs to the piece before the break.
-    - `rows`: index of the first break of each law's joint path, and the number of all breaks, (laws
-      + 1,).
-    - `coefficients`: the coefficients after each break, (m, 6, dof).
+    - `end`: arc length at which the law's interval ends, for each point [m], (n,). If this is a
+      break of the joint path, the point belongs to the piece before the break.
+    - `rows`: index of the first break of each law's joint path, and the total number of breaks,
+      (laws + 1,).
+    - `coefficients`: coefficients after each break, (m, 6, dof).
     """
     orders = len(out.q) > 0, len(out.dq) > 0, len(out.ddq) > 0, len(out.dddq) > 0
     piece = 0
@@ -312,12 +322,13 @@ def joint_motions(
 def bound_joint_velocities(
     breaks: FloatArray, coefficients: FloatArray, s: FloatArray, speeds: FloatArray
 ) -> FloatArray:
-    """Bounds of the joint velocities between neighbouring arc lengths `s` [rad/s], (n, dof).
+    """Bound the joint velocities between neighbouring arc lengths `s` [rad/s], (n, dof).
 
     On each piece dq_ds is a polynomial of degree 4, which lies between its smallest and its largest
     Bernstein coefficient over an interval.
 
-    `speeds` are the bounds of the path speed on each interval [m/s], (n,).
+    `breaks` and `coefficients` are those of a `JointPath`; `speeds` bound the path speed in each
+    interval [m/s], (n,).
     """
     c = coefficients
     last = len(breaks) - 2
@@ -334,7 +345,7 @@ def bound_joint_velocities(
             piece += 1
         k = piece
         while True:
-            # An interval of a law of uniform speed can contain breaks of the joint path.
+            # An interval with uniform speed can contain breaks of the joint path.
             until = end if k == last else min(end, breaks[k + 1])
             width = breaks[k + 1] - breaks[k]
             x = (begin - breaks[k]) / width

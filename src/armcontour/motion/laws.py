@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -22,34 +22,36 @@ from armcontour.motion.kernels import (
     path_motions,
     write_law,
 )
-from armcontour.robot import Arm
-
-# Bisection steps for the time in an interval at an arc length; exact to the last digit.
-HALVINGS = 50
 
 
 class Law(Frozen, ABC):
     """Joint positions over time, from 0 to the last break; smooth between breaks.
 
     Attributes:
-        breaks: Times of the ends of the intervals, from 0 [s], (n + 1,).
+        breaks: Times at the interval ends, from 0 [s], (n + 1,).
     """
 
     breaks: FloatArray
 
     @abstractmethod
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Joint positions or a derivative up to the third, at `t` [s] of interval `i`, (n, dof)."""
+        """Return joint positions at `t` of interval `i`, or the derivative `order`, (n, dof).
+
+        Args:
+            i: Indices of intervals, (n,).
+            t: Times from 0 [s], (n,), each in its interval or at its ends.
+            order: Order of the derivative, 0 (position) to 3.
+        """
 
     def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
-        """Joint positions and derivatives up to an order, at `t` of interval `i`, (n, dof) each.
+        """Return joint positions and derivatives up to `order` at `t` of interval `i`.
 
-        This is faster than `on_interval` for every order.
+        Every array has shape (n, dof). This is faster than `on_interval` for every order.
         """
         return tuple(self.on_interval(i, t, k) for k in range(order + 1))
 
     def stretched(self, speed_factor: float) -> Law:
-        """The same motion at a fraction of its speed: q(f t), with the speed factor f.
+        """Return the same motion at a fraction of its speed: q(f t), with f = `speed_factor`.
 
         Derivatives of order k are multiplied by f^k.
         """
@@ -73,7 +75,7 @@ class StretchedLaw(Law):
     breaks: FloatArray
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Joint positions of the law or their derivative, by the chain rule, (n, dof)."""
+        """Return the joint positions or a derivative of `law`, by the chain rule, (n, dof)."""
         own = np.clip(t * self.speed_factor, self.law.breaks[i], self.law.breaks[i + 1])
         return np.asarray(self.speed_factor**order * self.law.on_interval(i, own, order))
 
@@ -89,18 +91,18 @@ class LawAlongPath(Law):
 
     @abstractmethod
     def stretched(self, speed_factor: float) -> LawAlongPath:
-        """The same motion along the path at a fraction of its speed."""
+        """Return the same motion along the path at the fraction `speed_factor` of its speed."""
 
     @abstractmethod
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """Arc length or a derivative up to the third, at times `t` [s], of interval `i`, (n,)."""
+        """Return the arc length at `t` [s] of interval `i`, or the derivative `order`, (n,)."""
 
     @abstractmethod
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
-        """Times at which intervals `i` reach arc lengths inside them [s], (n,)."""
+        """Return the times at which intervals `i` reach arc lengths inside them [s], (n,)."""
 
     def reach(self, s: FloatArray, side: str = "left") -> tuple[IntArray, FloatArray]:
-        """Intervals and times at which the law reaches or leaves arc lengths.
+        """Return the intervals and times at which the law reaches or leaves arc lengths.
 
         Args:
             s: Arc lengths between the start and the end of the law [m], (n,).
@@ -143,7 +145,7 @@ class LapLaw(Law):
         _check_breaks(self.breaks)
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Joint positions or a derivative by (21), (n, dof); the third derivative is zero."""
+        """Return joint positions or a derivative, (n, dof), by (21); the third derivative is 0."""
         u = (t - self.breaks[i])[..., None]
         if order == 0:
             return np.asarray(self.q[i] + u * (self.dq[i] + u * self.ddq[i] / 2))
@@ -152,7 +154,7 @@ class LapLaw(Law):
         return np.asarray(self.ddq[i] if order == 2 else np.zeros_like(self.ddq[i]))
 
     def stretched(self, speed_factor: float) -> Self:
-        """The same laps at a fraction of their speed."""
+        """Return the same laps at a fraction of their speed."""
         return replace(
             self,
             breaks=self.breaks / speed_factor,
@@ -163,7 +165,7 @@ class LapLaw(Law):
 
 @checked
 def dwell_law(q: FloatArray, duration: Interval) -> LapLaw:
-    """The law of joints at rest.
+    """Make the law of joints at rest.
 
     >>> rest = ac.dwell_law(np.array([0.1, 1.0]), 0.5)
     >>> ac.Trajectory(laws=(rest,), method="rest").duration
@@ -183,61 +185,6 @@ def dwell_law(q: FloatArray, duration: Interval) -> LapLaw:
     return LapLaw(
         breaks=np.array([0.0, duration]), q=np.tile(position, (2, 1)), dq=zeros, ddq=zeros
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LineLaw(LapLaw, LawAlongPath):
-    """Laps along a straight line of the tool path.
-
-    Between knots, uniform joint accelerations leave the line slightly; s is then the arc length of
-    the nearest point of the line.
-
-    Args:
-        arm: The arm, whose tool follows the line.
-        ends: Arc lengths at the first and the last knot [m].
-        point: Point of the line at the first knot [m], (dimension,).
-        direction: Unit vector along the line, (dimension,).
-    """
-
-    arm: Arm
-    ends: tuple[float, float]
-    point: FloatArray
-    direction: FloatArray
-    s: FloatArray = field(init=False)
-
-    def _check_together(self) -> None:
-        # `super` without arguments does not work in a dataclass with slots.
-        LapLaw._check_together(self)
-        # The knots of a traced path are on the line, except for rounding errors.
-        s = np.maximum.accumulate(np.clip(self._along(self.q), *self.ends))
-        s[0], s[-1] = self.ends
-        object.__setattr__(self, "s", checks.frozen_array(s))
-
-    def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """Arc length or a derivative, from the tool's motion along the line, (n,)."""
-        q = self.on_interval(i, t, 0)
-        if order == 0:
-            return np.clip(self._along(q), self.s[i], self.s[i + 1])
-        dq = self.on_interval(i, t, 1)
-        if order == 1:
-            return np.asarray(self.arm.tool_velocity(q, dq) @ self.direction)
-        ddq = self.on_interval(i, t, 2)
-        return np.asarray(self.arm.tool_acceleration(q, dq, ddq) @ self.direction)
-
-    def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
-        """Times at which intervals `i` reach arc lengths inside them, by bisection [s], (n,)."""
-        low = self.breaks[i]
-        high = self.breaks[i + 1]
-        for _ in range(HALVINGS):
-            middle = (low + high) / 2
-            short = self._along(self.on_interval(i, middle, 0)) < s
-            low = np.where(short, middle, low)
-            high = np.where(short, high, middle)
-        return high
-
-    def _along(self, q: FloatArray) -> FloatArray:
-        """Arc lengths of the points of the line nearest to the tool [m], (n,)."""
-        return np.asarray(self.ends[0] + (self.arm.tool_position(q) - self.point) @ self.direction)
 
 
 class Rates(NamedTuple):
@@ -268,9 +215,9 @@ class PathLaw(LawAlongPath):
 
     Args:
         joint_path: The joint path.
-        breaks: Times of the ends of the intervals, from 0 [s], (n + 1,).
+        breaks: Times at the interval ends, from 0 [s], (n + 1,).
         s: Arc lengths at the breaks [m], (n + 1,).
-        rates: Path speed, path acceleration and slope of the path acceleration of every interval.
+        rates: Path speed, path acceleration and its slope in every interval.
 
     Raises:
         InvalidInput: The breaks do not start at 0 and increase, or the rates have wrong shapes.
@@ -293,7 +240,7 @@ class PathLaw(LawAlongPath):
     def from_squares(
         cls, joint_path: JointPath, s: FloatArray, x: FloatArray, slope: FloatArray
     ) -> PathLaw:
-        """The law with specified squares of the path speed.
+        """Make the law from squared path speeds ds².
 
         Args:
             joint_path: The joint path.
@@ -328,7 +275,7 @@ class PathLaw(LawAlongPath):
 
     @classmethod
     def over_time(cls, joint_path: JointPath) -> PathLaw:
-        """The law of a joint path whose parameter is the time [s], from 0."""
+        """Make the law of a `joint_path` whose parameter is the time [s], from 0."""
         breaks = joint_path.breaks
         ones = np.ones(len(breaks) - 1)
         zeros = np.zeros(len(breaks) - 1)
@@ -348,29 +295,29 @@ class PathLaw(LawAlongPath):
         return self.reach(passed[(passed > self.s[0]) & (passed < self.s[-1])])[1]
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """Arc length or a derivative at times `t` by the formula of interval `i`, (n,)."""
+        """Return the arc length or a derivative at times `t` by interval `i`'s formula, (n,)."""
         return np.asarray(self.path_motion(i, t)[order])
 
     def path_motion(self, i: IntArray, t: FloatArray) -> FloatArray:
-        """s, ds, dds and ddds at times `t` by the formula of interval `i`, (4, n)."""
+        """Return s, ds, dds and ddds at times `t` by interval `i`'s formula, (4, n)."""
         shape = np.shape(t)
         flat = flatten(i, shape, np.intp), flatten(t, shape)
         motion = path_motions(*flat, self.breaks, self.s, *self.rates)
         return np.asarray(motion.reshape(4, *shape))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Joint positions or a derivative by the chain rule, (n, dof)."""
+        """Return joint positions or a derivative by the chain rule, (n, dof)."""
         return chain_rule_motion(self.joint_path, self.s[i + 1], self.path_motion(i, t), (order,))[
             0
         ]
 
     def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
-        """Joint positions and derivatives up to an order by the chain rule, (n, dof) each."""
+        """Return joint positions and derivatives up to `order` by the chain rule, (n, dof) each."""
         orders = tuple(range(order + 1))
         return chain_rule_motion(self.joint_path, self.s[i + 1], self.path_motion(i, t), orders)
 
     def stretched(self, speed_factor: float) -> PathLaw:
-        """The same motion along the path at a fraction of its speed."""
+        """Return the same motion along the path at a fraction of its speed."""
         rates = Rates(
             ds=self.rates.ds * speed_factor,
             dds=self.rates.dds * speed_factor**2,
@@ -380,7 +327,7 @@ class PathLaw(LawAlongPath):
         return replace(self, breaks=self.breaks / speed_factor, rates=rates)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
-        """Times at which intervals `i` reach arc lengths inside them, in closed form [s], (n,)."""
+        """Solve in closed form for the times at which intervals `i` reach arc lengths [s], (n,)."""
         ds, dds, slope, jerk = (x[i] for x in self.rates)
         width = s - self.s[i]
         # ds² increases by the integral of 2 dds over s, and dds is linear in s.
@@ -397,14 +344,17 @@ class PathLaw(LawAlongPath):
 def chain_rule_motion(
     joint_path: JointPath, end: FloatArray, along: FloatArray, orders: tuple[int, ...]
 ) -> tuple[FloatArray, ...]:
-    """Derivatives of joint positions over time along a joint path, by the chain rule.
+    """Differentiate joint positions along a joint path over time, by the chain rule.
 
     Returns an array (n, dof) for each order.
 
-    - `end`: arc length at the end of the law's interval of each point [m]. If a point is at a break
-      of the joint path and the interval ends there, the value before the break is returned.
-    - `along`: s and its derivatives over time up to the third, (4, n).
-    - `orders`: the requested orders, 0 for the positions.
+    Args:
+        joint_path: The joint path.
+        end: Arc length at which the law's interval ends, for each point [m], (n,). If a point is at
+            a break of the joint path and the interval ends there, the value before the break is
+            returned.
+        along: s and its derivatives over time up to the third, (4, n).
+        orders: Requested orders, 0 for the positions.
     """
     shape = np.shape(along)[1:]
     dof = joint_path.dof
@@ -421,7 +371,7 @@ def chain_rule_motion(
 def flatten(
     values: npt.ArrayLike, shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64
 ) -> npt.NDArray[Any]:
-    """Broadcast values to a shape, as one contiguous read-only row for compiled functions."""
+    """Broadcast values to a shape and `dtype`, as one read-only row for compiled functions."""
     array = np.asarray(values, dtype=dtype)
     if array.shape != shape:
         array = np.broadcast_to(array, shape)

@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.text import clock, count_noun, list_some, short_repr, show
@@ -31,12 +31,12 @@ MAX_NAMED = 8
 LONGEST_REPEAT = 10
 # Smallest fraction of repeated positions in motion.
 LEAST_REPEATED = 0.1
-# A slow joint repeats positions because of a coarse encoder or of sticking friction. A joint is
-# slow if the position after a repeat differs by less than this multiple of the smallest difference
-# of the log (median).
+# A slow joint repeats positions because its encoder is coarse or it sticks. A joint is slow if the
+# position after a repeat differs by less than this multiple of the log's smallest difference
+# (median).
 RESOLUTIONS = 4.0
 # A joint is also slow if the position after a repeat differs by less than this fraction of the
-# difference of two positions without repeats (medians).
+# difference between two positions without repeats (medians).
 SLOW = 0.5
 # Differences of positions up to this fraction of their range are rounding errors.
 ROUNDING = 1e-9
@@ -66,8 +66,8 @@ class Log(Checked):
         joint_names: One per joint; "joint 1", ... by default.
         interpolation: Interpolation of the controller between set-points, "linear" or "step"; None
             if unknown.
-        source: Origin of the log, for messages.
-        notes: Notes of a reader on recognised and ignored parts of the file.
+        source: Where the log comes from, for messages.
+        notes: What the reader recognised and ignored in the file.
         prismatic: Whether each joint is prismatic, with m instead of rad; by default none is.
 
     Raises:
@@ -132,7 +132,7 @@ class Log(Checked):
         return np.flatnonzero(np.diff(self.t) > GAP * self.interval)
 
     def between(self, start: float = -math.inf, end: float = math.inf) -> Log:
-        """The part of the log from `start` to `end` [s].
+        """Return the part of the log from `start` to `end` [s].
 
         Args:
             start: First time to keep [s].
@@ -144,7 +144,7 @@ class Log(Checked):
         )
 
     def _check_rows(self, name: str) -> FloatArray:
-        """Positions as a read-only array, (n, dof); raise InvalidInput for another shape."""
+        """Return positions as a read-only array, (n, dof); raise InvalidInput for other shapes."""
         values = getattr(self, name)
         values = values[:, None] if values.ndim == 1 else values
         if values.ndim != 2 or len(values) != len(self.t) or values.shape[1] == 0:
@@ -163,11 +163,11 @@ class Log(Checked):
 
 
 def with_units_of(log: Log, arm: Arm) -> Log:
-    """The log with the units of an arm's joints, of which the columns of a file may have none."""
+    """Return the log with the units of an arm's joints, if the file's columns have none."""
     slides = arm.chain.prismatic or log.prismatic
     for name, linear, expected in zip(log.joint_names, log.prismatic, slides, strict=True):
         if linear and not expected:
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"{log.source}: {name} has a unit of length, but this joint of {arm.name} is "
                 "revolute. Correct the unit in the column title."
             )
@@ -175,16 +175,27 @@ def with_units_of(log: Log, arm: Arm) -> Log:
 
 
 def cut_log(
-    t: FloatArray,  # Times [s]
-    command: FloatArray,  # Set-points [rad]
-    measured: FloatArray,  # Measured positions [rad]
-    window: tuple[float, float],  # First and last time to use [s]
+    t: FloatArray,
+    command: FloatArray,
+    measured: FloatArray,
+    window: tuple[float, float],
     *,
     source: str = "the log",
     **fields: Any,
 ) -> Log:
-    """Make a log from a part of arrays; the complete arrays need not be a valid log."""
-    # `fields`: other fields of `Log`.
+    """Make a log from a part of arrays; the complete arrays need not be a valid log.
+
+    Args:
+        t: Times [s], (n,).
+        command: Set-points [rad], (n, dof).
+        measured: Measured positions [rad], (n, dof).
+        window: First and last time to use [s].
+        source: Where the arrays come from, for messages.
+        fields: Other fields of `Log`.
+
+    Raises:
+        InvalidInput: The window has no samples, or `Log` refuses them.
+    """
     used = _time_mask(t, *window, source)
     command = np.asarray(command)[used]
     measured = np.asarray(measured)[used]
@@ -192,7 +203,7 @@ def cut_log(
 
 
 def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
-    """Mask of the samples from `start` to `end`, (n,); raise InvalidInput if there are none."""
+    """Return the mask of the samples from `start` to `end`, (n,); InvalidInput if none."""
     for name, value in (("first", start), ("last", end)):
         # NaN fails the comparison; NumPy cannot compare larger integers.
         largest = checks.LARGEST if isinstance(value, int) else math.inf
@@ -278,7 +289,7 @@ def regularize_times(log: Log) -> tuple[Log, tuple[str, ...]]:
 
 
 def _smooth_times(t: FloatArray, counts: FloatArray) -> FloatArray:
-    """Times without jitter [s], (n,): regular times that follow the slow drift of the clock.
+    """Return times without jitter [s], (n,): regular times that follow the clock's slow drift.
 
     `counts` are the numbers of sample intervals between successive times, (n - 1,).
     """
@@ -290,12 +301,12 @@ def _smooth_times(t: FloatArray, counts: FloatArray) -> FloatArray:
 
 
 def _compare_roughness(positions: FloatArray, t: FloatArray, regular: FloatArray) -> float:
-    """Deviation of positions from a smooth motion at regular times, relative to that at times t."""
+    """Return the positions' roughness at regular times divided by that at times t."""
     return _roughness(positions, regular) / max(_roughness(positions, t), 1e-300)
 
 
 def _roughness(positions: FloatArray, t: FloatArray) -> float:
-    """RMS deviation of positions [rad], (n, dof), from cubics through four neighbours each."""
+    """Return the RMS deviation of positions, (n, dof), from cubics through four neighbours."""
     nodes = np.stack([t[:-4], t[1:-3], t[3:-1], t[4:]]) - t[2:-2]
     values = np.stack([positions[:-4], positions[1:-3], positions[3:-1], positions[4:]])
     predicted = np.zeros_like(positions[2:-2])
@@ -307,7 +318,7 @@ def _roughness(positions: FloatArray, t: FloatArray) -> float:
 
 
 def _find_repeats(q: FloatArray) -> BoolArray:
-    """Mask of the positions of a moving joint that were not renewed, (n,)."""
+    """Return a mask, (n,): positions of a moving joint that repeat the previous position."""
     repeated = np.full(len(q), False)
     steps = np.abs(np.diff(q))
     changes = np.flatnonzero(steps > ROUNDING * np.ptp(q))
@@ -334,7 +345,22 @@ def _find_repeats(q: FloatArray) -> BoolArray:
 
 
 def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
-    """Index in `names` of each requested joint, by equal or prefixed name; None unless all fit."""
+    """Return the index in `names` of each requested joint; None unless all are found.
+
+    Names match if they are equal, or if one of them is the other one with a prefix.
+
+    >>> from armcontour.motion.log import match_joints
+    >>> match_joints(["left_elbow", "left_wrist"], ["wrist", "elbow"], "log.csv")
+    [1, 0]
+
+    Args:
+        names: Names in a file.
+        requested: Joint names of the arm, in its order.
+        source: Name of the file, for messages.
+
+    Raises:
+        InvalidInput: Two names match one joint.
+    """
     if set(requested) <= set(names):
         return [names.index(x) for x in requested]
     indices = []
@@ -370,7 +396,15 @@ def raise_other_joints(
     titles: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> NoReturn:
-    """Raise InvalidInput for joints that an arm does not have; `titles` are names for --columns."""
+    """Raise ArmMismatch for joints that an arm does not have.
+
+    Args:
+        source: Name of the file, for the message.
+        names: Joint names in the file.
+        joint_names: Joint names of the arm.
+        titles: Column titles for --columns, one per name.
+        notes: Sentences that end the message.
+    """
     have = list_some([show(x) for x in names], MAX_NAMED)
     arm = list_some([show(x) for x in joint_names], MAX_NAMED)
     fix = "Add the other joints to the file"
@@ -389,12 +423,17 @@ def raise_other_joints(
         f"{source} has {count_noun(len(names), 'joint')} ({have}), but the arm has "
         f"{len(joint_names)} ({arm}). {fix}, or specify the arm of the file (--arm)."
     )
-    raise InvalidInput(" ".join((sentence, *notes)), needed=len(names), allowed=len(joint_names))
+    raise ArmMismatch(" ".join((sentence, *notes)), needed=len(names), allowed=len(joint_names))
 
 
 def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
-    """Sort the joints of a log in the order of an arm, by equal names or names with a prefix."""
-    # Numbered joints keep their order.
+    """Sort the joints of a log in the order of an arm's `joint_names`, as `match_joints` does.
+
+    Numbered joints keep their order. Joints that the arm does not have are left out.
+
+    Raises:
+        ArmMismatch: The log lacks a joint.
+    """
     names = log.joint_names
     source = log.source
     numbered = all(re.fullmatch(r"joint \d+", x) for x in names)

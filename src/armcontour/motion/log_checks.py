@@ -1,4 +1,8 @@
-"""Checks of sampled motions from files: times, values, units, gaps, ranges, speeds and columns."""
+"""Checks on sampled motions from files: times, values, units, gaps, ranges and speeds.
+
+The checks take times `t` [s], (n,), and joint values, (n, dof). Each raises InvalidInput for the
+first wrong sample. `source` and `column` name the file and its column in the message.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +62,13 @@ MIN_INTERVALS = 5
 
 
 def check_time_range(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
-    """Check that times are small enough to be seconds."""
+    """Check that times `t` are small enough to be seconds.
+
+    Args:
+        t: Times [s], (n,).
+        describe: Function that names a value by its array, row and column.
+        rename: Function that writes a new column title as the user must, for the advice.
+    """
     distant = np.flatnonzero(np.abs(t) > LATEST)
     if len(distant):
         i = int(distant[0])
@@ -72,7 +82,13 @@ def check_time_range(t: FloatArray, describe: Place, rename: Callable[[str], str
 
 
 def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Place) -> None:
-    """Check that times and joint values of a sampled motion are possible."""
+    """Check that times and joint values are possible for a robot.
+
+    Args:
+        t: Times [s], (n,).
+        arrays: Positions "q", velocities "dq" and accelerations "ddq" that are known, (n, dof).
+        describe: Function that names a value by its array, row and column.
+    """
     check_time_range(t, describe)
     # The bound depends on the later time; a step back is below any bound.
     # The difference of two times that are printed a nanosecond apart may be a little less.
@@ -105,7 +121,7 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Pla
 
 
 def describe_bursts(t: FloatArray, source: str) -> str:
-    """Warning about times in bursts, such as arrival times of messages; empty if regular."""
+    """Return a warning that times `t` in `source` come in bursts, as arrival times do, or ""."""
     steps = np.diff(t)
     if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MAX_GAPS:
         return ""
@@ -119,8 +135,10 @@ def describe_bursts(t: FloatArray, source: str) -> str:
 def check_angle_unit(column: str, values: FloatArray, fix: str) -> None:
     """Reject joint positions without a unit that are probably degrees.
 
-    - `column`: location for the message.
-    - `fix`: value of --columns that sets the unit to degrees, for the message.
+    Args:
+        column: Where the values are, for the message.
+        values: Joint positions, assumed to be in rad.
+        fix: Value of --columns that sets the unit to degrees, for the message.
     """
     low, high = values.min(), values.max()
     if MAX_ANGLE < max(-low, high) <= LARGEST["q"]:
@@ -132,7 +150,14 @@ def check_angle_unit(column: str, values: FloatArray, fix: str) -> None:
 
 
 def check_time_unit(column: str, title: str, t: FloatArray, q: FloatArray) -> None:
-    """Reject times without a unit that are probably not seconds, because joints are too slow."""
+    """Reject times without a unit that are probably not seconds, because joints are too slow.
+
+    Args:
+        column: Where the times are, for the message.
+        title: Title of their column.
+        t: Times, assumed to be in s, (n,).
+        q: Joint positions [rad], (n, dof).
+    """
     steps = np.diff(t)
     usable = steps > 0
     if not usable.any() or not q.shape[1] or np.median(steps[usable]) < LONG_STEP:
@@ -148,7 +173,7 @@ def check_time_unit(column: str, title: str, t: FloatArray, q: FloatArray) -> No
 
 
 def check_interval(source: str, t: FloatArray) -> None:
-    """Check that the sample interval of a log is one from which a servo can be identified."""
+    """Check that a log with times `t` is sampled fast enough to identify a servo."""
     low, high = INTERVALS
     interval = float(np.median(np.diff(t)))
     # The factors allow for rounded times.
@@ -156,14 +181,14 @@ def check_interval(source: str, t: FloatArray) -> None:
         raise InvalidInput(
             f"The sample interval of {source} must be from {low:g} to {high:g} s, but is "
             f"{interval:.3g} s, so the log lasts {t[-1] - t[0]:.3g} s. Specify the unit of the "
-            "column of times, such as t [s], or record at another rate.",
+            "time column, such as t [s], or record at another rate.",
             needed=interval,
             allowed=high if interval > high else low,
         )
 
 
 def check_gaps(source: str, t: FloatArray) -> None:
-    """Check that gaps are a small fraction of a recording, and that samples are not in bursts."""
+    """Check that the times `t` of a recording have few gaps, and do not come in bursts."""
     steps = np.diff(t)
     if bursts := describe_bursts(t, source):
         raise InvalidInput(bursts)
@@ -182,7 +207,7 @@ def check_gaps(source: str, t: FloatArray) -> None:
 
 
 def find_wrap(values: FloatArray) -> int | None:
-    """Index of the sample before a jump by a whole turn, as of a wrapped angle; or None."""
+    """Return the index in `values` before a wrapped angle (a jump by a whole turn), or None."""
     steps = np.diff(values)
     i = int(np.argmax(np.abs(steps)))
     # A joint that really moves by a turn between two samples has a range above one turn.
@@ -191,7 +216,7 @@ def find_wrap(values: FloatArray) -> int | None:
 
 
 def refuse_wrapped(position: str, t: FloatArray, values: FloatArray, joint: int) -> None:
-    """Raise InvalidInput if the values of a position jump by a whole turn."""
+    """Raise InvalidInput if the `values` of `joint` at times `t` jump by a whole turn."""
     i = find_wrap(values)
     if i is not None:
         raise InvalidInput(
@@ -204,18 +229,25 @@ def refuse_wrapped(position: str, t: FloatArray, values: FloatArray, joint: int)
 
 
 def check_range_of_log(
-    source: str,  # Origin of the positions, for messages
-    t: FloatArray,  # Times [s], (n,)
-    positions: Mapping[str, FloatArray],  # Positions [rad], (n, dof), by their names
+    source: str,
+    t: FloatArray,
+    positions: Mapping[str, FloatArray],
     joint_names: Sequence[str],
     arm: Arm,
     *,
-    margin: float = RANGE_MARGIN,  # Allowed distance from the range of a joint [rad]
+    margin: float = RANGE_MARGIN,
     degrees_only: bool = False,
 ) -> None:
     """Raise InvalidInput if positions are outside the joint ranges.
 
-    If `degrees_only`, the error is raised only if all positions are within the ranges as degrees.
+    Args:
+        source: Where the positions come from, for messages.
+        t: Times [s], (n,).
+        positions: Positions by their names, such as "measured" [rad], (n, dof).
+        joint_names: Names of the joints in the file.
+        arm: The arm with the ranges.
+        margin: Allowed distance from a joint range [rad].
+        degrees_only: Raise the error only if all positions would be within the ranges as degrees.
     """
     low, high = arm.limits.joint_range(arm.dof)
     for name, values in positions.items():
@@ -246,7 +278,17 @@ def check_range_of_log(
 def check_speeds(
     source: str, t: FloatArray, q: FloatArray, joint_names: Sequence[str], prismatic: Sequence[bool]
 ) -> None:
-    """Raise InvalidInput if a joint is faster than any robot."""
+    """Raise InvalidInput if a joint is faster than the joints of any robot.
+
+    Velocities are averaged over so many samples that noise contributes little.
+
+    Args:
+        source: Where the positions come from, for messages.
+        t: Times [s], (n,).
+        q: Joint positions [rad], (n, dof).
+        joint_names: Names of the joints.
+        prismatic: Whether each joint is prismatic.
+    """
     noise = white_noise(q)
     interval = float(np.median(np.diff(t)))
     for j, y in enumerate(q.T):
@@ -270,10 +312,11 @@ def check_speeds(
 def check_completeness(source: str, t: FloatArray, duration: float, slack: float) -> None:
     """Raise InvalidInput if a recording does not cover a whole motion.
 
-    - `source`: origin of the recording, for messages.
-    - `t`: times of the recording from the start of the motion [s], (n,).
-    - `duration`: duration of the motion [s].
-    - `slack`: time that may be missing at either end [s].
+    Args:
+        source: Where the recording comes from, for messages.
+        t: Times since the start of the motion [s], (n,).
+        duration: Duration of the motion [s].
+        slack: Time that may be missing at either end [s].
     """
     if t[0] > slack or t[-1] < duration - slack:
         raise InvalidInput(

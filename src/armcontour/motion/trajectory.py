@@ -49,7 +49,7 @@ class LawPhase(Frozen):
     """A part of a trajectory that was planned by one rule.
 
     Args:
-        name: Name of the part of the path, such as "line 1" or "corner 2".
+        name: Name of this part of the path, such as "line 1" or "corner 2".
         kind: The rule: "MAC", "AVC", "MDC", "corner" or "uniform".
         t: Times of start and end [s].
         s: Arc lengths of start and end [m].
@@ -65,7 +65,7 @@ class LawPhase(Frozen):
     speed: float
 
     def stretched(self, speed_factor: float) -> LawPhase:
-        """The same part of a motion at a fraction of its speed."""
+        """Return the same part of a motion at the fraction `speed_factor` of its speed."""
         return replace(
             self,
             t=(self.t[0] / speed_factor, self.t[1] / speed_factor),
@@ -79,8 +79,8 @@ class Span:
     """The part of a program's trajectory that belongs to one move.
 
     Args:
-        move: Index of the move in the program; None for a rapid that leads to the
-            next move, or a pause before it.
+        move: Index of the move in the program; None for a rapid to the next move, or a pause before
+            it.
         kind: "contour", "rapid" or "dwell".
         name: Name of the contour; may be empty.
         t: Times of start and end [s].
@@ -129,7 +129,7 @@ class TimedEvent:
         return f"{name}={value}"
 
     def shifted(self, by: float) -> TimedEvent:
-        """The event delayed by a time [s]."""
+        """Return the event delayed by a time [s]."""
         return replace(self, t=self.t + by, due=self.due + by) if by else self
 
 
@@ -168,7 +168,7 @@ class Trajectory(Checked):
         events: Outputs that are switched during the motion, by time.
         limits: Limits with which the trajectory was planned, without the reserve; None if it was
             not planned with limits.
-        reserve: Fraction of the limits of joint acceleration and torque reserved for the servo.
+        reserve: Fraction of the joint acceleration and torque limits reserved for the servo.
         arm: The arm for which the trajectory was planned; None if unknown.
         speed_factor: Ratio of the speed to the planned speed, after `stretched`.
 
@@ -232,7 +232,7 @@ class Trajectory(Checked):
         return self.sample(DEFAULT_CYCLE).ddq
 
     def explain(self) -> Any:
-        """The limit that determines the speed, as by `armcontour.explain`.
+        """Explain which limit determines the speed, as `armcontour.explain` does.
 
         Raises:
             InvalidInput: The trajectory has no arm, or was planned by another method.
@@ -245,7 +245,7 @@ class Trajectory(Checked):
 
         Args:
             limits: The limits, without the reserve.
-            reserve: Fraction of the limits reserved for the servo.
+            reserve: Fraction of the limits reserved for the servo; 0 by default.
             arm: The arm; by default the arm of the trajectory.
         """
         spans = list(self.spans)
@@ -262,7 +262,7 @@ class Trajectory(Checked):
 
     @checked
     def limits_for(self, limits: Limits | None) -> Limits:
-        """The specified limits, completed by the limits of the plan, with one value per joint.
+        """Complete the specified limits by the plan's limits, with one value per joint.
 
         Args:
             limits: The specified limits, or None.
@@ -272,7 +272,7 @@ class Trajectory(Checked):
 
     @checked
     def stretched(self, speed_factor: SpeedFactor) -> Trajectory:
-        """The same motion at a fraction of its speed; dwells keep their durations.
+        """Return the same motion at a fraction of its speed; dwells keep their durations.
 
         The joints move through the same positions, q(f t) with the speed factor f. Velocities are
         multiplied by f, accelerations by f², jerks by f³. Torques become g + f² (tau - g), where g
@@ -334,7 +334,7 @@ class Trajectory(Checked):
         return tuple(x for x in self.spans if x.kind == "contour")
 
     def paths_at(self, t: FloatArray) -> list[tuple[Path, IntArray]]:
-        """Paths of the contours with the indices of their times; empty if a contour has no path.
+        """Return the contours' paths with the indices of their times; empty if one has no path.
 
         The trajectory of a single path has all times. A contour of a program has the times at which
         the process is on.
@@ -378,7 +378,7 @@ class Trajectory(Checked):
         return np.array([0.0, *(x.t[1] for x in self.stretches)])
 
     def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Joint positions or their derivatives, `t.shape + (dof,)` [rad, rad/s, rad/s², rad/s³].
+        """Return joint positions or derivatives up to the third, `t.shape + (dof,)`.
 
         Args:
             t: Times from 0 to `duration` [s], any shape.
@@ -393,7 +393,7 @@ class Trajectory(Checked):
     def motion(
         self, t: npt.ArrayLike, order: int = 2, *, side: str = "right"
     ) -> tuple[FloatArray, ...]:
-        """Joint positions and their derivatives up to an order, `t.shape + (dof,)` each.
+        """Return joint positions and their derivatives up to an order, `t.shape + (dof,)` each.
 
         This is faster than a call for every order.
 
@@ -410,7 +410,7 @@ class Trajectory(Checked):
     def _evaluate(
         self, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> tuple[FloatArray, ...]:
-        """Values of the laws at times, `t.shape + (dof,)` for each order."""
+        """Evaluate the laws at times, `t.shape + (dof,)` for each order."""
         outputs: tuple[FloatArray, ...] = ()
         for k, indices, i, local in self.locate(t.ravel(), side):
             if len(orders) == 1:
@@ -418,7 +418,7 @@ class Trajectory(Checked):
             else:
                 values = self.laws[k].motion(i, local, orders[-1])
             if len(indices) == t.size:
-                # One group has all times, in order. Laws of users may return arrays of other types.
+                # One group has all times, in order. A user's law may return arrays of another type.
                 outputs = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
                 break
             if not outputs:
@@ -432,7 +432,7 @@ class Trajectory(Checked):
         return outputs if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
-        """Joint positions or a derivative at any times, with rest before and after, (n, dof).
+        """Return joint positions or a derivative, (n, dof), at rest before and after the motion.
 
         Args:
             t: Times [s], (n,).
@@ -445,7 +445,7 @@ class Trajectory(Checked):
         return values
 
     def motion_with_rests(self, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
-        """Joint positions and derivatives at any times, with rest before and after, (n, dof) each.
+        """Return joint positions and derivatives, (n, dof) each, at rest outside the motion.
 
         This is faster than `with_rests` for every order.
 
@@ -461,7 +461,7 @@ class Trajectory(Checked):
         return motion
 
     def s(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Arc length or its derivatives over time, with the shape of `t` [m, m/s, m/s²].
+        """Return the arc length or its derivatives over time, shaped like `t` [m, m/s, m/s²].
 
         For a program, s counts over all contours, as in its spans, and is constant in rapids and
         dwells. For a joint path without a tool path, s is the parameter of the joint path.
@@ -486,7 +486,7 @@ class Trajectory(Checked):
         return lengths.reshape(times.shape)
 
     def time_at(self, s: npt.ArrayLike, *, side: str = "left") -> FloatArray:
-        """Times at which the motion reaches or leaves arc lengths, with the shape of `s` [s].
+        """Return the times at which the motion reaches or leaves arc lengths [s], shaped like `s`.
 
         Args:
             s: Arc lengths [m], counted as by `Trajectory.s`, any shape.
@@ -503,7 +503,7 @@ class Trajectory(Checked):
         return times.reshape(arc_lengths.shape)
 
     def speed_at(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
-        """Path speeds at arc lengths, with the shape of `s` [m/s].
+        """Return path speeds at arc lengths [m/s], shaped like `s`.
 
         Args:
             s: Arc lengths [m], counted as by `Trajectory.s`, any shape.
@@ -522,7 +522,7 @@ class Trajectory(Checked):
 
     @checked
     def sample(self, cycle: Interval) -> Samples:
-        """The trajectory sampled every `cycle` [s], and at its end.
+        """Sample the trajectory every `cycle` [s], and at its end.
 
         Args:
             cycle: Time between two samples [s]; the last interval may be shorter.
@@ -552,20 +552,20 @@ class Trajectory(Checked):
         for k, indices in _group_by_law(np.clip(law_index, 0, len(self.laws) - 1)):
             start = self.starts[k]
             breaks = self.laws[k].breaks
-            # `t - start` can be rounded to either side of a break of the law. Therefore t is
+            # `t - start` can be rounded to either side of the law's break. Therefore t is
             # compared with `start + breaks`, the sums that the property `breaks` also returns.
             i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
             i = np.clip(i, 0, len(breaks) - 2)
             yield k, indices, i, np.clip(t[indices] - start, breaks[i], breaks[i + 1])
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
-        """Times clipped to the trajectory [s]; raise InvalidInput for times outside."""
+        """Clip times to the trajectory [s]; raise InvalidInput for times outside."""
         # An invalid order also raises InvalidInput.
         checks.derivative(order, 3)
         return checks.clip_within("time", t, 0.0, self.duration, "s", "the trajectory")
 
     def _clip_arc_lengths(self, s: npt.ArrayLike) -> FloatArray:
-        """Arc lengths clipped to the motion [m]; raise InvalidInput for arc lengths outside."""
+        """Clip arc lengths to the motion [m]; raise InvalidInput for arc lengths outside."""
         self._check_arc_length()
         low = float(self._ends[0, 0])
         high = float(self._ends[-1, 1])
@@ -608,7 +608,7 @@ class Trajectory(Checked):
 
 
 def arm_of(motion: Any, arm: Arm | Any | None = None) -> Arm:
-    """The arm if it is given, otherwise that of a trajectory or an execution."""
+    """Return `arm` if it is given, otherwise the arm of `motion`, or raise InvalidInput."""
     chosen: Arm | None = getattr(motion, "arm", None) if arm is None else arm
     if chosen is None:
         raise InvalidInput(
@@ -620,7 +620,7 @@ def arm_of(motion: Any, arm: Arm | Any | None = None) -> Arm:
 
 @dataclass(frozen=True, slots=True)
 class _LawRange:
-    """Range of arc lengths of one law in its trajectory."""
+    """A law's range of arc lengths in its trajectory."""
 
     law: LawAlongPath | None  # The law; None if its s is constant or unknown
     s: tuple[float, float]  # Arc lengths at the start and end of the law [m]; NaN if it has none
@@ -628,7 +628,7 @@ class _LawRange:
 
 
 def _law_ranges(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_LawRange, ...]:
-    """Range of arc lengths of every law of a trajectory."""
+    """Return every law's range of arc lengths."""
     if not spans:
         return tuple(_law_range(law, 0.0) for law in laws)
     parts: list[_LawRange] = []
@@ -650,7 +650,7 @@ def _law_ranges(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_LawRan
 
 
 def _stretch_spans(spans: tuple[Span, ...], speed_factor: float) -> tuple[Span, ...]:
-    """Spans at a fraction of their speed; dwells keep their durations."""
+    """Return the spans at a fraction of their speed; dwells keep their durations."""
     slow = list[Span]()
     t = 0.0
     for span in spans:
@@ -670,7 +670,7 @@ def _stretch_spans(spans: tuple[Span, ...], speed_factor: float) -> tuple[Span, 
 
 
 def _laws_of_spans(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> list[Law]:
-    """Laws of the trajectories of spans; dwells have their laws in `laws`."""
+    """Return the spans' laws; the laws of dwells are taken from `laws`."""
     chosen = list[Law]()
     for span in spans:
         if span.trajectory is None:
@@ -681,7 +681,7 @@ def _laws_of_spans(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> list[Law]:
 
 
 def _law_range(law: Law, offset: float) -> _LawRange:
-    """Range of arc lengths of a law plus an offset [m]; NaN if it has none."""
+    """Return a law's range of arc lengths plus an offset [m]; NaN if it has none."""
     if not isinstance(law, LawAlongPath):
         return _LawRange(None, (np.nan, np.nan), np.nan)
     return _LawRange(law, (offset + float(law.s[0]), offset + float(law.s[-1])), offset)

@@ -19,8 +19,7 @@ from armcontour.core.quantities import Time
 from armcontour.motion import JointPath, Law, PathLaw, Trajectory, arm_of
 from armcontour.planning.constraints import FROM_LIMITS, Constraint
 from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
-from armcontour.planning.optimal_timing import plan_optimal
-from armcontour.planning.timing_options import Optimal
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits

@@ -112,14 +112,45 @@ def is_uneven(
     - `x`: increasing fractions of a piece at which it is sampled, (samples,).
     """
     n = len(straight)
-    count = len(x)
-    travel = np.empty((n, count))
-    turns = np.empty(n * count + 2)
+    travel = np.empty((n, len(x)))
+    turns = np.empty(n * len(x) + 2)
+    last_turn = _measure_travel(along, same, straight, x, travel, turns)
+    rounding = DISTANCE_ROUNDING * turns[last_turn]
+    before = 0
+    for i in range(n):
+        if not straight[i]:
+            continue
+        for k in range(len(x)):
+            while before + 1 < last_turn and turns[before + 1] <= travel[i, k]:
+                before += 1
+            distance = min(travel[i, k] - turns[before], turns[before + 1] - travel[i, k])
+            distance -= rounding
+            _, slope, bend = _along(along[i], x[k])
+            if _is_unresolved(max(distance, 0.0), slope, bend, intervals[i]):
+                return True
+    return False
+
+
+@compiled(inner=True)
+def _measure_travel(
+    along: FloatArray,
+    same: FloatArray,
+    straight: BoolArray,
+    x: FloatArray,
+    travel: FloatArray,
+    turns: FloatArray,
+) -> int:
+    """Measure the way along all lines up to each sample, (n, samples), and to each turn.
+
+    A turn is a reversal, or an end of a line. Returns the index of the last turn; its way is the
+    length of all lines.
+    """
     turns[0] = 0.0
     number = 1
     total = 0.0
+    # Direction of the motion before a sample; 0 at the start of a line
     before = 0.0
-    for i in range(n):
+    for i in range(len(straight)):
         if not straight[i]:
             before = 0.0
             continue
@@ -132,19 +163,10 @@ def is_uneven(
             turns[number] = total
             number += 1
         last, _, _ = _along(along[i], 0.0)
-        for k in range(count):
+        for k in range(len(x)):
             value, slope, _ = _along(along[i], x[k])
             if slope * before < 0.0:
-                low = x[max(k - 1, 0)]
-                high = x[k]
-                for _ in range(BISECTIONS):
-                    middle = (low + high) / 2
-                    _, slope_there, _ = _along(along[i], middle)
-                    if slope_there * before > 0.0:
-                        low = middle
-                    else:
-                        high = middle
-                turn, _, _ = _along(along[i], high)
+                turn = _find_turn(along[i], x[max(k - 1, 0)], x[k], before)
                 turns[number] = total + abs(turn - last)
                 number += 1
                 total += abs(turn - last)
@@ -155,25 +177,39 @@ def is_uneven(
             if slope != 0.0:
                 before = slope
     turns[number] = total
-    number += 1
-    after = 0
-    for i in range(n):
-        if not straight[i]:
-            continue
-        for k in range(count):
-            while after + 1 < number - 1 and turns[after + 1] <= travel[i, k]:
-                after += 1
-            distance = min(travel[i, k] - turns[after], turns[after + 1] - travel[i, k])
-            distance -= DISTANCE_ROUNDING * total
-            _, slope, bend = _along(along[i], x[k])
-            squared = slope * slope
-            share = 2 * max(distance, 0.0) * abs(bend)
-            relative = bend / intervals[i]
-            if share > PARABOLA * squared and (
-                share * relative * relative > LARGEST_SHARE * squared * squared
-            ):
-                return True
-    return False
+    return number
+
+
+@compiled(inner=True)
+def _find_turn(c: FloatArray, low: float, high: float, before: float) -> float:
+    """Position at which a piece turns back between two samples, by bisection of its slope.
+
+    `before` has the sign of the slope at the first sample.
+    """
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        _, slope, _ = _along(c, middle)
+        if slope * before > 0.0:
+            low = middle
+        else:
+            high = middle
+    turn, _, _ = _along(c, high)
+    return turn
+
+
+@compiled(inner=True)
+def _is_unresolved(distance: float, slope: float, bend: float, intervals: int) -> bool:
+    """Test whether the grid loses more than LARGEST_SHARE of an acceleration limit at a sample.
+
+    - `distance`: distance D from the nearest turn.
+    - `slope`, `bend`: derivatives q1 and q2 in the fraction of the piece.
+    - `intervals`: number 1 / w of intervals of the piece.
+    """
+    squared = slope * slope
+    share = 2 * distance * abs(bend)
+    relative = bend / intervals
+    lost = share * relative * relative
+    return share > PARABOLA * squared and lost > LARGEST_SHARE * squared * squared
 
 
 def _replace_lines(

@@ -19,8 +19,7 @@ from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import cut_path
 from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
-from armcontour.planning.optimal_timing import plan_optimal
-from armcontour.planning.timing_options import Optimal
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.tracing import sketch_all, trace, trace_all, trace_rest, trace_to
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits

@@ -3,6 +3,7 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
+    "armcontour.core.errors": "ArmMismatch",
     "arm": "Arm compare_limits resolve_limits",
     "bodies": "Payload",
     "chain": "Chain",

@@ -1,3 +1,4 @@
+from armcontour.core.errors import ArmMismatch as ArmMismatch
 from armcontour.robot.arm import Arm as Arm
 from armcontour.robot.arm import compare_limits as compare_limits
 from armcontour.robot.arm import resolve_limits as resolve_limits

@@ -1,4 +1,4 @@
-"""The base class of all arms: kinematics of a chain of joints, limits and joint torques."""
+"""The base class of all arms: kinematics of joint chains, limits and joint torques."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FAR_OUT = 20.0
 
 
 def unit_hint(gap: float) -> str:
-    """Message suffix that suggests a missing unit for a point `gap` [m] out of reach, or ""."""
+    """Return the suffix "a unit may be missing" for a point `gap` [m] out of reach, or ""."""
     if gap < FAR_OUT:
         return ""
     return (
@@ -79,14 +79,14 @@ def resolve_limits(
 
 
 def unit_of(arm: Arm | None, unit: str, joint: int | None = None) -> str:
-    """`Chain.unit` of an arm; the unit of revolute joints if the arm is unknown."""
+    """Return `Chain.unit` of an arm for `joint`; if the arm is None, that of revolute joints."""
     chain: Chain | None = getattr(arm, "chain", None)
     return unit if chain is None else chain.unit(unit, joint)
 
 
 def compare_limits(limits: Limits, arm: Arm) -> str:
-    """Warning about limits (one value per joint) that exceed the arm's; empty if none does."""
-    # Lifted limits are None and are skipped.
+    """Return a warning about limits (one value per joint) above the arm's, or ""."""
+    # Removed limits are None and are skipped.
     above = []
     for name, unit in UNITS.items():
         values = getattr(limits, name)
@@ -116,7 +116,7 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
 
 
 def _as_ceilings(name: str, limits: Limits, dof: int) -> FloatArray:
-    """Upper bounds, (1, 1) or (rows, dof); the second row has negated lower bounds of a limit."""
+    """Return upper bounds, (1, 1) or (rows, dof); a second row has the negated lower bounds."""
     if name in TOOL_LIMITS:
         return np.reshape(getattr(limits, name), (1, 1))
     low, high = limits.joint_range(dof) if name in JOINT_RANGE else limits.bounds(name, dof)
@@ -141,10 +141,10 @@ class Arm(Immutable, ABC):
         name: Name of the arm, for messages and reports.
         joint_names: One name per joint.
         limits: Limits of the arm's joints and tool.
-        dimension: Number of coordinates of a tool point: 2 in the plane, 3 in space.
-        branches: Names of the solutions of the closed-form inverse kinematics, the default
-            solution first; empty if the arm has no closed form.
-        source: Where the data of the arm come from.
+        dimension: Number of tool-point coordinates: 2 in the plane, 3 in space.
+        branches: Names of the IK branches (solutions of the closed-form inverse kinematics), the
+            default branch first; empty if the arm has no closed form.
+        source: Where the arm's data come from.
         chain: The joints and links.
         link_table: Table of the links for the compiled kinematics, (dof + 1, 12).
         limits_hint: Advice on how to add the limits that the arm lacks, for messages.
@@ -195,7 +195,7 @@ class Arm(Immutable, ABC):
 
     @cached_property
     def shapes(self) -> ArmShapes | None:
-        """Shapes of the links and of the tool; None if they are not known.
+        """Shapes of the links and the tool; None if they are not known.
 
         The files are read at the first access.
 
@@ -345,13 +345,13 @@ class Arm(Immutable, ABC):
 
     @property
     def stroke(self) -> float:
-        """Sum of the largest distances of prismatic joints from 0, 1 m without a range [m]."""
+        """Sum of the prismatic joints' largest distances from 0 [m]; 1 m without a range."""
         farthest = np.maximum(*map(np.abs, self.limits.joint_range(self.dof)))[self.chain.slides]
         return float(np.where(np.isfinite(farthest), farthest, 1.0).sum())
 
     @checked
     def forward(self, q: npt.ArrayLike) -> FloatArray:
-        """Poses of the tool in the work frame as homogeneous transforms, (..., 4, 4).
+        """Return tool poses in the work frame as homogeneous transforms, (..., 4, 4).
 
         Poses of a planar arm are in the plane z = 0.
 
@@ -373,9 +373,10 @@ class Arm(Immutable, ABC):
         near: npt.ArrayLike | None = None,
         all: bool = False,  # noqa: A002, FBT001, FBT002
     ) -> FloatArray:
-        """Joint positions [rad], (dof,), at which the tool has a pose, within the joint ranges.
+        """Return joint positions [rad], (dof,), within the ranges at which the tool has a pose.
 
-        The solution has a closed form for planar arms and most six-joint arms; else it is searched.
+        Planar arms and most six-joint arms have a closed-form solution; for other arms it is
+        searched.
 
             q = arm.inverse(arm.forward(start), near=start)
             elbow_up_and_down = arm.inverse(Frame((0.4, 0.1, 0.3), flipped), all=True)
@@ -418,12 +419,12 @@ class Arm(Immutable, ABC):
     def _solutions(
         self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None
     ) -> tuple[FloatArray, float]:
-        """Joint positions for a pose, in or out of range, (k, dof); distance from it if none."""
+        """Return joint positions for a pose, (k, dof), in or out of range, or its distance."""
 
     def _reach(
         self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None
     ) -> FloatArray:
-        """Solutions in the joint ranges, (k, dof), by distance from `near`, or from the middle."""
+        """Return the solutions within the joint ranges, (k, dof), the nearest to `near` first."""
         candidates, gap = self._solutions(point, rotation, near)
         turned = [shift_by_turns(self, q[None], near) for q in candidates]
         inside = np.array([q[0] for q, fits in turned if fits]).reshape(-1, self.dof)
@@ -451,7 +452,7 @@ class Arm(Immutable, ABC):
 
     @checked
     def jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Geometric Jacobian: twist of the tool per joint velocity, (..., 6, dof).
+        """Return the geometric Jacobian: twist of the tool per joint velocity, (..., 6, dof).
 
         The first three rows are the velocity of the tool point [m/rad], the last three the angular
         velocity [rad/rad], along the axes of the work frame (`LOCAL_WORLD_ALIGNED` in pinocchio).
@@ -471,7 +472,7 @@ class Arm(Immutable, ABC):
         return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
 
     def tool_position(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m], (n, dimension); for a planar arm by eq. (1)-(2).
+        """Return the tool points [m], (n, dimension); for a planar arm by eq. (1)-(2).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -479,7 +480,7 @@ class Arm(Immutable, ABC):
         return self.poses(q)[..., : self.dimension, 3].copy()
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Points of all joints and of the tool, (n, dof + 1, dimension) [m].
+        """Return the points of the joints and the tool [m], (n, dof + 1, dimension).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -489,7 +490,7 @@ class Arm(Immutable, ABC):
         return points
 
     def tool_jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool velocity per joint velocity [m/rad], (n, dimension, dof).
+        """Return the tool velocity per joint velocity [m/rad], (n, dimension, dof).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -524,7 +525,7 @@ class Arm(Immutable, ABC):
         return rate.reshape(*leading, self.dimension, self.dof)
 
     def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Tool velocity [m/s], eq. (22).
+        """Return the tool velocity `J(q) dq` [m/s], (n, dimension), eq. (22).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -535,7 +536,7 @@ class Arm(Immutable, ABC):
     def tool_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> FloatArray:
-        """Tool acceleration [m/s²].
+        """Return the tool acceleration `J ddq + dJ/dt dq` [m/s²], (n, dimension).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -547,7 +548,7 @@ class Arm(Immutable, ABC):
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Tool velocity [m/s] and acceleration [m/s²] from one evaluation of the kinematics.
+        """Return the tool velocity [m/s] and acceleration [m/s²] from one kinematics evaluation.
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -558,7 +559,7 @@ class Arm(Immutable, ABC):
         return motion[..., : self.dimension], motion[..., 6 : 6 + self.dimension]
 
     def _motion(self, *states: npt.ArrayLike) -> FloatArray:
-        """Pose of the tool, or its twist and the derivatives of the twist if dq, ... are given."""
+        """Return the tool pose; with dq, ... the tool twist and its derivatives."""
         # Numba is imported at first use, because it loads slowly and many arms are only listed.
         from armcontour.robot.kernels import tool_motion
 
@@ -568,7 +569,7 @@ class Arm(Immutable, ABC):
         return np.asarray(motion.reshape(*leading, motion.shape[1]))
 
     def poses(self, q: npt.ArrayLike) -> FloatArray:
-        """Rotations and positions of the tool in the work frame, (..., 3, 4).
+        """Return the rotations and positions of the tool in the work frame, (..., 3, 4).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -576,14 +577,14 @@ class Arm(Immutable, ABC):
         return self._motion(q).reshape(*np.shape(q)[:-1], 3, 4)
 
     def _frames(self, q: npt.ArrayLike) -> FloatArray:
-        """Frames of all joints and of the tool in the work frame, (..., dof + 1, 3, 4)."""
+        """Return the joint frames and the tool frame in the work frame, (..., dof + 1, 3, 4)."""
         from armcontour.robot.kernels import frames_of
 
         leading, (rows,) = state_rows(self.dof, q)
         return np.asarray(frames_of(self.link_table, rows).reshape(*leading, self.dof + 1, 3, 4))
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
-        """Torque of each joint's drive [N m].
+        """Return each drive's torque [N m], `M(q) ddq + C(q, dq) dq + g(q) + friction(dq)`.
 
         The torque covers the inertia of links, drives and payload, gravity, and friction.
 
@@ -602,10 +603,17 @@ class Arm(Immutable, ABC):
 def shift_by_turns(
     arm: Arm, q: FloatArray, start: FloatArray | None = None
 ) -> tuple[FloatArray, bool]:
-    """Joint positions shifted by whole turns into the ranges; True if all are inside."""
-    # The shift brings the positions as near as possible to the start, or to the middle of the
-    # ranges. A joint whose range has only one end is shifted into its range. Prismatic joints are
-    # not shifted.
+    """Shift joint positions by whole turns into the ranges; also return whether all are inside.
+
+    The shift is one per joint. It brings the positions as near as possible to `start`, or to the
+    middle of the ranges. A joint whose range has only one end is shifted into its range. Prismatic
+    joints are not shifted.
+
+    Args:
+        arm: The arm.
+        q: Joint positions [rad], (n, dof).
+        start: Joint positions [rad], (dof,), to which the first row should be near, or None.
+    """
     lower, upper = arm.limits.joint_range(arm.dof)
     low = q.min(axis=0)
     high = q.max(axis=0)
@@ -624,14 +632,14 @@ def shift_by_turns(
 
 
 def _range_middle(arm: Arm) -> FloatArray:
-    """Middle of each joint range [rad], 0 if a range is unbounded on any side, (dof,)."""
+    """Return the middle of each joint range [rad], (dof,); 0 if either end is unbounded."""
     lower, upper = arm.limits.joint_range(arm.dof)
     both = np.isfinite(lower) & np.isfinite(upper)
     return np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Vector products, (..., 3), five times as fast as `np.cross` for few vectors."""
+    """Return the vector products, (..., 3), five times as fast as `np.cross` for few vectors."""
     products = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         products[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]

@@ -38,7 +38,7 @@ class Payload(Checked):
 
     Args:
         mass: Mass of the load [kg].
-        center: Centre of mass of the load [m], (3,).
+        center: The load's centre of mass [m], (3,).
         inertia: Inertia about the centre of mass, along the tip's axes [kg m²], (3, 3); by default
             that of a point mass.
 
@@ -73,16 +73,18 @@ def place_payload(payload: Payload, frame: Frame) -> Payload:
 def merge_bodies(
     bodies: Sequence[tuple[float, FloatArray, FloatArray]],
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Mass [kg], centre of mass [m], and inertia about it [kg m²] of rigidly joined bodies.
+    """Return mass [kg], centre [m] and inertia about it [kg m²] of rigidly joined bodies.
 
-    The sum of the masses must be positive.
+    The inertia about the common centre c follows from the parallel-axis theorem,
+    `sum(I_k + m_k (|d_k|² E - d_k d_kᵀ))` with `d_k = c_k - c`.
 
-    `bodies` are mass, centre, (3,), and inertia, (3, 3), of each body, in one frame.
+    Args:
+        bodies: Mass [kg], centre of mass [m], (3,), and inertia about it [kg m²], (3, 3), of each
+            body, in one frame. The total mass must be positive.
     """
     masses, centers, inertias = (np.array(x) for x in zip(*bodies, strict=True))
     mass = float(masses.sum())
     center = masses @ centers / mass
-    # Parallel-axis theorem for all bodies.
     away = centers - center
     apart = (masses[:, None] * away).T @ away
     inertia = inertias.sum(axis=0) + np.trace(apart) * np.eye(3) - apart
@@ -90,7 +92,11 @@ def merge_bodies(
 
 
 def check_inertia(who: str, inertia: npt.ArrayLike) -> None:
-    """Check that a rigid body can have an inertia matrix, (3, 3) [kg m²]."""
+    """Check that a rigid body can have an inertia matrix, (3, 3) [kg m²].
+
+    Its principal moments must not be negative, and none may exceed the sum of the two others.
+    `who` names the body in the message.
+    """
     matrix = np.asarray(inertia, dtype=np.float64)
     size = float(np.abs(matrix).max())
     if np.abs(matrix - matrix.T).max() > 1e-9 * size:

@@ -1,4 +1,4 @@
-"""The data of a chain of joints and links: joint axes, masses, inertias, friction, payload."""
+"""Joints and links in series: joint axes, masses, inertias, friction, payload."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ PER_JOINT = (
     *("rotations", "positions", "axes", "masses", "centers", "inertias"),
     *("armature", "viscous", "coulomb", "weights"),
 )
-# Fields of the branch of the arm
+# Fields of `arm_branch`, the chain from the floor to the tool
 FROM_FLOOR: dict[str, Any] = {
     "held": {},
     "positioner": None,
@@ -63,14 +63,15 @@ class Chain(Checked):
         positions: Positions of the joint frames [m], (n, 3).
         axes: Joint axes as unit vectors in the joint frames, (n, 3).
         masses: Masses of the links [kg], (n,); None if they are not known.
-        centers: Centres of mass of the links in the link frames [m], (n, 3).
+        centers: The links' centres of mass in the link frames [m], (n, 3).
         inertias: Inertias of the links about their centres of mass, along the axes of the link
             frames [kg m²], (n, 3, 3).
         armature: Inertia of each drive, reflected to its joint [kg m²], (n,).
         viscous: Viscous friction of the joints [N m s/rad], (n,).
         coulomb: Coulomb friction of the joints [N m], (n,).
         prismatic: Whether each joint is prismatic (sliding), (n,); by default all are revolute.
-        weights: Weights of the motion of the joints, if the arm is redundant, (n,); 1 by default.
+        weights: Weights of the joint motions for a redundant arm, (n,); 1 by default. A joint with
+            a larger weight moves less.
         held: Positions at which some joints stay [rad], by index.
         positioner: The positioner whose axes are the first joints, from the part to the floor. The
             base is then the table, and its frame is that of the floor with these joints at 0.
@@ -78,10 +79,10 @@ class Chain(Checked):
         floor: Frame of the floor, which is that of the arm's base or rail, in the frame of this
             link.
         base: Frame of the base in the work frame, in which tool points are given.
-        tip: Frame of the end of the chain (the flange) in the frame of the last link.
+        tip: Flange frame (end of the chain) in the frame of the last link.
         tool: Tool frame in the frame of the tip. Its origin follows paths; its z axis is the tool
             axis.
-        gravity: Acceleration of gravity in the frame of the floor [m/s²], (3,).
+        gravity: Gravitational acceleration in the floor frame [m/s²], (3,).
         payload: Load at the tip.
         assumed: Assumed data and the rule by which they are assumed; empty if none are assumed.
 
@@ -152,7 +153,20 @@ class Chain(Checked):
 
     @checked
     def unit(self, unit: str, joint: int | None = None) -> str:
-        """Unit of a joint, from that of revolute joints; of all joints, one each if they differ."""
+        """Convert a unit of revolute joints, such as rad/s, to that of this chain's joints.
+
+        >>> ac.load_arm("ur5e").chain.unit("rad/s")
+        'rad/s'
+
+        Args:
+            unit: Unit that revolute joints have; prismatic joints have m instead of rad, and N
+                instead of N m.
+            joint: Index of a joint. By default the result is for all joints, with one unit per
+                joint if they differ.
+
+        Raises:
+            InvalidInput: The joint does not exist.
+        """
         chosen = self.prismatic or ()
         if joint is not None:
             checks.raise_if(not 0 <= joint < len(chosen), f"There is no joint {joint}.")
@@ -202,7 +216,7 @@ class Chain(Checked):
 
     @checked
     def on_rail(self, rail: Rail) -> Chain:
-        """The chain with a rail as the first joint."""
+        """Return the chain with a rail as its first joint."""
         if self.positioner is not None:
             raise InvalidInput("The arm already has a positioner: add its rail first.")
         return self._with_first(
@@ -211,11 +225,11 @@ class Chain(Checked):
 
     @checked
     def on_positioner(self, positioner: Positioner) -> Chain:
-        """The chain from the part over the axes of a positioner and the floor to the tool."""
+        """Return the chain from the part over the positioner axes and the floor to the tool."""
         if self.positioner is not None:
             raise InvalidInput("The arm already has a positioner.")
-        # The transform from the floor to the part is the product of the motions of the axes. Its
-        # inverse is the product of the opposite motions in the opposite order.
+        # The transform from the floor to the part multiplies the axes' motions. Its inverse
+        # multiplies the opposite motions in the opposite order.
         axes = positioner.axes[::-1]
         origins = np.array([x.origin for x in axes])
         chain = self._with_first(
@@ -240,7 +254,7 @@ class Chain(Checked):
         prismatic: bool,
         **changes: FloatArray,
     ) -> Chain:
-        """The chain with joints before its own, which are moved by an offset [m], (3,)."""
+        """Return the chain with joints put before its own, which move by `offset` [m], (3,)."""
         n = len(names)
         if clash := set(names) & set(self.joints):
             raise InvalidInput(f"The arm already has a joint of the name {min(clash)}.")
@@ -261,7 +275,7 @@ class Chain(Checked):
         )
 
     def without_held(self) -> Chain:
-        """The chain for kinematics in which the held joints are rigid."""
+        """Return the chain for kinematics in which the held joints are rigid."""
         frames = []
         before = Frame()
         floor = self.floor
@@ -291,7 +305,7 @@ class Chain(Checked):
         )
 
     def replace(self, **changes: object) -> Chain:
-        """A copy of the chain with some of its data changed."""
+        """Return the chain with some of its data changed."""
         if not FRAMES.issuperset(changes):
             return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
         # The frames and the payload are already checked. A check of all links would take a
@@ -303,13 +317,13 @@ class Chain(Checked):
 
 
 def _directions(axes: Sequence[Rail | PositionerAxis]) -> FloatArray:
-    """Unit vectors of the axes, (n, 3)."""
+    """Return the unit vectors of the axes, (n, 3)."""
     along = np.array([x.axis for x in axes], dtype=np.float64)
     return np.asarray(along / np.linalg.norm(along, axis=1, keepdims=True))
 
 
 def state_rows(dof: int, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:
-    """Common shape of joint states without the last axis, and the states as rows, (n, dof)."""
+    """Return the common leading shape of joint states, and the states as rows, (n, dof)."""
     # The shapes are checked because compiled code would read past the end of a short row.
     arrays = [checks.floats("states of an arm", x) for x in states]
     shape = arrays[0].shape
@@ -330,7 +344,7 @@ def state_rows(dof: int, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[
 
 
 def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
-    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4), at q, (n, dof)."""
+    """Return the base and link frames of `chain` in the work frame at q, (n, dof + 1, 3, 4)."""
     from armcontour.robot.kernels import frames_of
 
     joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
@@ -342,7 +356,7 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
 
 
 def joint_rows(chain: Chain, joints: IntArray) -> dict[str, Any]:
-    """Fields of a chain with one value per joint, for some of the joints, by their indices."""
+    """Return the fields of `chain` with one value per joint, for the joint indices `joints`."""
     rows = {x: getattr(chain, x) for x in PER_JOINT}
     chosen: dict[str, Any] = {x: y[joints] for x, y in rows.items() if y is not None}
     for name in ("joints", "prismatic"):
@@ -351,7 +365,7 @@ def joint_rows(chain: Chain, joints: IntArray) -> dict[str, Any]:
 
 
 def floor_poses(chain: Chain, q: FloatArray) -> FloatArray:
-    """Frames of the floor in the work frame, (n, 3, 4), at q, (n, dof)."""
+    """Return the floor frame of `chain` in the work frame at q, (n, dof), as (n, 3, 4)."""
     link = link_poses(chain, q)[:, chain.floor_link]
     floor = chain.floor
     origin = link[..., :3] @ floor.position + link[..., 3]
@@ -359,8 +373,8 @@ def floor_poses(chain: Chain, q: FloatArray) -> FloatArray:
 
 
 def link_table(chain: Chain) -> FloatArray:
-    """Table of the links for the compiled kinematics, (dof + 1, 13)."""
-    # A row has the rotation (row by row) and the position of the frame of a joint or of the tool,
+    """Return the link table of `chain` for the compiled kinematics, (dof + 1, 13)."""
+    # A row has the rotation (row by row) and the position of a joint frame or the tool frame,
     # relative to the previous frame; the first is relative to the work frame. z is the joint axis.
     # The last column is 1 for a prismatic joint, otherwise 0.
     table = np.empty((len(chain) + 1, 13))
@@ -380,7 +394,7 @@ def link_table(chain: Chain) -> FloatArray:
 
 
 def joint_frames(chain: Chain) -> FloatArray:
-    """Rotations of frames with z along the joint axes, in the frames of the links, (n, 3, 3)."""
+    """Return rotations in the link frames of `chain` that turn z to the joint axes, (n, 3, 3)."""
     frames = np.tile(np.eye(3), (len(chain), 1, 1))
     for frame, axis in zip(frames, chain.axes, strict=True):
         if axis[2] != 1.0:

@@ -23,35 +23,43 @@ NEAR = 1e-6
 # the base with all joints at 0. The formulas are products of rotations about these axes (Murray, Li
 # and Sastry, 1994).
 class JointAxis(NamedTuple):
-    """A joint axis: unit vector, and matrix of the vector product with it."""
+    """A joint axis, about which vectors rotate.
+
+    Args:
+        along: Unit vector along the axis, (3,).
+        cross: Matrix of the vector product with this unit vector, (3, 3).
+    """
 
     along: FloatArray
     cross: FloatArray
 
     def turn(self, angle: FloatArray, v: FloatArray) -> FloatArray:
-        """Vectors (..., 3) rotated about the axis by angles (...), by Rodrigues' formula."""
+        """Rotate vectors `v`, (..., 3), about the axis by `angle`, (...) (Rodrigues' formula)."""
         c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
         along = (v @ self.along)[..., None] * self.along
         return np.asarray(along + c * (v - along) + s * (v @ self.cross.T))
 
     def across(self, v: FloatArray) -> FloatArray:
-        """Components of vectors normal to the axis."""
+        """Return the components of vectors `v` normal to the axis."""
         return np.asarray(v - (v @ self.along)[..., None] * self.along)
 
     def angle(self, a: FloatArray, b: FloatArray) -> FloatArray:
-        """Angles about the axis that rotate vectors a to the directions of vectors b [rad]."""
+        """Return the angles about the axis [rad] that rotate vectors a to the directions of b."""
         return np.arctan2(_dot(a @ self.cross.T, b), _dot(self.across(a), b))
 
     def solve_angles(
         self, v: FloatArray, along: FloatArray, component: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Angles about the axis that give rotated vectors a component along a direction.
+        """Solve for the angles about the axis that give `v` a component along a direction.
 
-        Returns the missing part of the component, negative if two angles exist, (...), and the
-        angles [rad], (..., 2), which are equal if the component cannot be reached.
+        Args:
+            v: The vectors, (..., 3).
+            along: The direction, (3,).
+            component: Required component of the rotated vectors along the direction, (...).
 
-        - `along`: the direction, (3,).
-        - `component`: required component, (...).
+        Returns:
+            The missing part of the component, (...), which is negative if two angles exist; and the
+            angles [rad], (..., 2), which are equal if the component cannot be reached.
         """
         fixed = (v @ self.along) * float(self.along @ along)
         a = v @ along - fixed
@@ -64,39 +72,55 @@ class JointAxis(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Geometry that the links must bridge for n poses; m angles of joint 5: 2, or 1 for a wrist."""
+    """Geometry that the links must bridge for n poses; m angles of joint 5: 2, or 1 for a wrist.
 
-    # Rotation of the last link from its position with all joints at 0, (n, 3, 3).
+    Args:
+        turned: Rotation of the last link from its position with all joints at 0, (n, 3, 3).
+        lacking: Distance from the plane of both links to the center [m], (n,); negative if joint 1
+            can move the center into the plane.
+        first: Angles of joint 1 [rad], (n, 2).
+        target_axis: Required direction of axis 6, rotated back by joint 1, (n, 2, 3).
+        fifth: Angles of joint 5 [rad], (n, 2, m); 0 for a wrist.
+        bend: Angle of joint 2 plus those of joints 3 and 4 [rad], (n, 2, m); 0 for a wrist.
+        feasible: True if joint 5 can give axis 6 the required direction, (n, 2, m).
+        flat: True if axis 6 is nearly parallel to axis 2 at the angles `fifth`, (n, 2, m).
+        vector: Vector in the plane from joint 2 to the end of the forearm [m], (n, 2, m, 3).
+        gap: Length that the links lack [m], (n, 2, m); negative if they are long enough.
+    """
+
     turned: FloatArray
-    # Distance from the plane of both links to the center, negative if joint 1 can move the center
-    # into the plane [m], (n,).
     lacking: FloatArray
-    first: FloatArray  # Angles of the first joint [rad], (n, 2)
-    target_axis: FloatArray  # Required direction of axis 6, rotated back by joint 1, (n, 2, 3)
-    fifth: FloatArray  # Angles of joint 5 [rad], (n, 2, m); 0 for a wrist
-    bend: FloatArray  # Sum of the angles of joints 2, 3 and 4 [rad], (n, 2, m); 0 for a wrist
-    feasible: BoolArray  # True if joint 5 can give axis 6 the required direction, (n, 2, m)
-    flat: BoolArray  # True if axis 6 is nearly parallel to axis 2 at q5, (n, 2, m)
-    vector: (
-        FloatArray  # Vector in the plane from joint 2 to the end of the forearm [m], (n, 2, m, 3)
-    )
-    gap: FloatArray  # Length that the links lack, negative if they are long enough [m], (n, 2, m)
+    first: FloatArray
+    target_axis: FloatArray
+    fifth: FloatArray
+    bend: FloatArray
+    feasible: BoolArray
+    flat: BoolArray
+    vector: FloatArray
+    gap: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosedForm:
-    """Joint axes and points of an arm with closed-form inverse kinematics."""
+    """Joint axes and points of an arm with closed-form inverse kinematics.
+
+    Args:
+        axes: The six joint axes, in the base frame with all joints at 0.
+        points: One point on each axis [m], (6, 3).
+        center: Intersection of axes 5 and 6 [m], (3,).
+        end: Rotation and position of the tool in the base frame, (3, 4).
+        wrist: True if axis 4 passes through `center`; otherwise joint 4 is parallel to 2 and 3.
+    """
 
     axes: tuple[JointAxis, ...]
-    points: FloatArray  # Points on the axes [m], (6, 3)
-    center: FloatArray  # Intersection of axes 5 and 6 [m], (3,)
-    end: FloatArray  # Rotation and position of the tool in the frame of the base, (3, 4)
-    # True if axis 4 passes through the center; otherwise joint 4 is parallel to 2 and 3.
+    points: FloatArray
+    center: FloatArray
+    end: FloatArray
     wrist: bool
 
     @classmethod
     def from_chain(cls, chain: Chain) -> ClosedForm | None:
-        """Closed form of a chain; None if the chain has another kind of geometry."""
+        """Return the closed form of a chain; None if its geometry is another one."""
         if len(chain) != 6 or chain.slides.any():
             return None
         links = link_poses(chain.replace(base=Frame()), np.zeros((1, 6)))[0, 1:]
@@ -119,10 +143,11 @@ class ClosedForm:
         )
 
     def solve(self, base: FloatArray, pose: FloatArray) -> FloatArray | None:
-        """All joint positions for a tool pose [rad], (k, 6); None near singularities.
+        """Return all joint positions for a tool pose [rad], (k, 6); None near singularities.
 
-        - `base`: frame of the base in the work frame, (3, 4).
-        - `pose`: (3, 4).
+        Args:
+            base: Base frame in the work frame, (3, 4).
+            pose: Tool pose in the work frame, (3, 4).
         """
         reach = Reach(*(value[0] for value in self._reach(base[None], pose[None])))
         if reach.lacking > NEAR:
@@ -200,7 +225,7 @@ class ClosedForm:
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Scalar products of vectors, (...)."""
+    """Return the scalar products of vectors, (...)."""
     return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
@@ -210,7 +235,7 @@ def _parallel(first: FloatArray, second: FloatArray) -> bool:
 
 
 def _intersect_axes(points: FloatArray, axes: FloatArray) -> FloatArray | None:
-    """Intersection of two lines [m], (3,); None if they are parallel or skew."""
+    """Return the intersection of two lines [m], (3,); None if they are parallel or skew."""
     across = np.cross(axes[0], axes[1])
     size = float(across @ across)
     gap = points[1] - points[0]

@@ -1,4 +1,4 @@
-"""Joint torques of a chain of rigid bodies, their derivatives, and the model for pinocchio."""
+"""Joint torques of rigid-body chains, and their derivatives."""
 
 from __future__ import annotations
 
@@ -16,8 +16,13 @@ from armcontour.robot.chain import Chain, joint_frames, state_rows
 class Dynamics:
     """Inverse dynamics of a chain with masses; arrays are (n, dof), or (dof,) for one state.
 
-    Joint positions are in rad, velocities in rad/s and accelerations in rad/s². For a prismatic
-    joint, m replaces rad and N replaces N m. The armature of the drives is part of the torques.
+    The torque is `tau = M(q) ddq + C(q, dq) dq + g(q)`, computed by the recursive Newton-Euler
+    algorithm (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 5), and includes the drives'
+    armature. Joint positions are in rad, velocities in rad/s and accelerations in rad/s². For a
+    prismatic joint, m replaces rad and N replaces N m.
+
+    >>> ac.load_arm("ur5e").dynamics.gravity(np.zeros(6)).shape
+    (6,)
 
     Args:
         chain: A chain with masses.
@@ -34,8 +39,8 @@ class Dynamics:
         part = chain.part_branch
         first = chain.floor_link
         rest = np.arange(first, len(chain))
-        # Columns of the joints of each branch, its links, and gravity. Bodies of different branches
-        # do not act on each other.
+        # Each branch's joint columns, links and gravity. Bodies in different branches do not act on
+        # each other.
         self._branches = [(rest, _link_data(arm), np.array(arm.gravity))]
         if part is not None:
             reversed_columns = np.arange(first)[::-1]
@@ -43,12 +48,22 @@ class Dynamics:
         self._friction = np.asarray(chain.viscous), np.asarray(chain.coulomb)
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
-        """Joint torques [N m] of links, payload, drives and gravity, without friction."""
+        """Return joint torques [N m] due to inertia and gravity, without friction.
+
+        Args:
+            q: Joint positions [rad], (n, dof) or (dof,).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+        """
         _, moving, weight = self.path_terms(q, dq, ddq)
         return moving + weight
 
     def friction(self, dq: npt.ArrayLike) -> FloatArray:
-        """Joint torques [N m] of viscous and Coulomb friction."""
+        """Return the friction torques `viscous dq + coulomb sign(dq)` [N m].
+
+        Args:
+            dq: Joint velocities [rad/s], (n, dof) or (dof,).
+        """
         rate = checks.floats("joint velocities", dq, "rad/s")
         viscous, coulomb = self._friction
         return np.asarray(viscous * rate + coulomb * np.sign(rate))
@@ -56,7 +71,16 @@ class Dynamics:
     def path_terms(
         self, q: npt.ArrayLike, dq_ds: npt.ArrayLike, d2q_ds2: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coefficients a, b, c of the torque `a dds + b ds² + c` along a path, without friction."""
+        """Return a, b, c of the torque `a dds + b ds² + c` along a path, without friction.
+
+        With `dq = q' ds` and `ddq = q' dds + q'' ds²`, they are `a = M q'`,
+        `b = M q'' + C(q, q') q'` and `c = g` (Bobrow, Dubowsky and Gibson, 1985).
+
+        Args:
+            q: Joint positions [rad], (n, dof) or (dof,).
+            dq_ds: First derivatives q' along the path [rad/m], same shape.
+            d2q_ds2: Second derivatives q'' along the path [rad/m²], same shape.
+        """
         from armcontour.robot import kernels
 
         leading, states = state_rows(len(self.chain), q, dq_ds, d2q_ds2)
@@ -74,7 +98,11 @@ class Dynamics:
         return a, b, c
 
     def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
-        """Mass matrix: torque per joint acceleration [kg m²], (n, dof, dof)."""
+        """Return the mass matrix M(q): torque per joint acceleration [kg m²], (n, dof, dof).
+
+        Args:
+            q: Joint positions [rad], (n, dof) or (dof,).
+        """
         _, (positions,) = state_rows(len(self.chain), q)
         n, dof = positions.shape
         # Rows are the torques for a unit acceleration of one joint without gravity.
@@ -84,22 +112,32 @@ class Dynamics:
         return ((matrices + np.swapaxes(matrices, 1, 2)) / 2).reshape(*np.shape(q), dof)
 
     def gravity(self, q: npt.ArrayLike) -> FloatArray:
-        """Joint torques [N m] that hold links and payload against gravity."""
+        """Return the joint torques g(q) [N m] that hold links and payload against gravity.
+
+        Args:
+            q: Joint positions [rad], (n, dof) or (dof,).
+        """
         still = np.zeros(np.shape(q))
         return self.path_terms(q, still, still)[2]
 
     def derivatives(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Derivatives of the torque by q, dq and ddq, without friction, (n, dof, dof) each.
+        """Return the torque's derivatives by q, dq and ddq, without friction, (n, dof, dof) each.
 
         They have the units N m/rad, N m s/rad and kg m²; the last one is the mass matrix.
+
+        Args:
+            q: Joint positions [rad], (n, dof) or (dof,).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+            gravity: Whether the torque includes gravity.
         """
         unit = np.eye(len(self.chain))
         _, states = state_rows(len(unit), q, dq, ddq)
 
         def change(order: int, step: float) -> FloatArray:
-            """Half the change of the torque from -step to step of a joint, (n, dof, joints)."""
+            """Return half the torque change from -step to step of a joint, (n, dof, joints)."""
             ends = []
             for end in (-step, step):
                 moved = [x[:, None] + (k == order) * end * unit for k, x in enumerate(states)]
@@ -119,7 +157,7 @@ class Dynamics:
 
 
 def _link_data(chain: Chain) -> FloatArray:
-    """Data of the links for the compiled dynamics, (dof, 25), in frames with z on joint axes."""
+    """Return link data for the compiled dynamics, (dof, 25), in frames with z on joint axes."""
     # Columns: rotation (9) and position (3) relative to the previous frame; mass; first moment (3);
     # inertia about the joint xx, xy, xz, yy, yz, zz; mass of this and all later links; armature; 1
     # for a prismatic joint, otherwise 0.

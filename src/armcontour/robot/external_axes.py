@@ -30,7 +30,7 @@ from armcontour.core.quantities import (
 )
 from armcontour.robot.bodies import TENSOR, Payload, check_inertia
 
-# Limits of joints, and the fields of an external axis that specify them
+# Joint limits, each with the field of an external axis that specifies it
 FIELDS = {
     "joint_lower": "lower",
     "joint_upper": "upper",
@@ -63,9 +63,9 @@ class Rail(Checked):
         force: Largest force of its drive [N]; by default unlimited.
         origin: Position of the arm's base with the rail at 0 [m], (3,). The frame of the rail
             replaces the frame of the arm's base in the work frame and in the scene.
-        mass: Mass of the carriage and of the arm's base, which the force accelerates [kg].
-        weight: Weight of the motion of the rail, relative to that of the other joints. With a
-            larger weight the rail moves less, and the arm reaches farther.
+        mass: Mass of carriage and arm base, which the force accelerates [kg].
+        weight: Weight of the rail's motion relative to the other joints. With a larger weight the
+            rail moves less, and the arm reaches farther.
         hold: Position at which the rail stays [m]; by default it moves.
 
     Raises:
@@ -102,8 +102,8 @@ class PositionerAxis(Checked):
 
     Args:
         name: Name of the joint.
-        axis: Direction of the axis, along the axes of the arm's base (of the rail, if there is
-            one), as all positions here.
+        axis: Direction of the axis, in coordinates of the arm's base, or of the rail if the arm has
+            one. All positions here have the same coordinates.
         origin: A point of the axis [m], (3,).
         lower, upper: Ends of its range [rad].
         velocity: Largest velocity [rad/s].
@@ -113,7 +113,7 @@ class PositionerAxis(Checked):
         mass: Mass of the body between this axis and the next one, or of the table [kg].
         center: Its centre of mass [m], (3,); by default the origin.
         inertia: Its inertia about the centre of mass [kg m²], (3, 3); that of a point by default.
-        weight: Weight of its motion, as that of a rail.
+        weight: Weight of its motion relative to the other joints, as for a rail.
         hold: Position at which the axis stays [rad]; by default it moves.
 
     Raises:

@@ -12,19 +12,19 @@ from armcontour.robot.arm import MET, Arm
 # Task dimensions, as in `newton.py`:
 WHOLE = 6  # The whole tool pose.
 POINT = 3  # The tool point only.
-# Number of initial joint positions of the search. With this number the search found all eight
-# configurations of a common six-joint arm in each of thousands of random poses.
+# Number of joint positions at which the search starts. With this number it found all eight
+# configurations of a common six-joint arm for every one among thousands of random poses.
 SEEDS = 400
 # Weight of a radian relative to a metre in the search for solutions [m/rad].
 SEARCH_WEIGHT = 0.5
 # Weight of a radian relative to a metre in the search for the reachable tool point nearest to a
 # pose [m/rad].
 REACH_WEIGHT = 10.0
-# Largest number of steps of both searches.
+# Largest number of steps in each search.
 MAX_STEPS = 200
-# Number of initial joint positions of the search for the nearest reachable tool point.
+# Number of joint positions at which the search for the nearest reachable tool point starts.
 REACH_SEEDS = 60
-# Number of parts of the search, each in its own thread.
+# Number of parts into which the search is divided, each in its own thread.
 PARTS = 8
 # Two solutions are distinct if they differ by more than this [rad or m].
 APART = 1e-3
@@ -36,11 +36,18 @@ APART_REDUNDANT = 0.5
 def configurations(
     arm: Arm, pose: FloatArray, task: int, near: FloatArray | None = None
 ) -> FloatArray:
-    """All joint positions for a tool pose (3, 4), up to whole turns of a joint [rad], (k, dof).
+    """Return the joint positions [rad], (k, dof), at which the tool has a pose, (3, 4).
 
-    For a redundant arm, with infinitely many solutions, a sample is returned. With `near` (dof,)
-    the search starts there; otherwise all solutions are searched. The task dimension is 6 for the
-    whole pose, 5 if rotation about the tool axis is free, 3 for the tool point alone.
+    Solutions that differ by whole turns of a joint are one solution. A redundant arm has infinitely
+    many solutions, of which a sample is returned.
+
+    Args:
+        arm: The arm.
+        pose: Tool pose in the work frame, (3, 4).
+        task: Task dimension: 6 for the whole pose, 5 if the rotation about the tool axis is free, 3
+            for the tool point alone.
+        near: Joint positions at which the search starts [rad], (dof,); by default it starts from
+            many positions, to find all solutions.
     """
     if near is None and task == WHOLE and arm.closed_form is not None:
         solutions = arm.closed_form.solve(arm.chain.base.matrix, pose)
@@ -50,7 +57,14 @@ def configurations(
 
 
 def search(arm: Arm, pose: FloatArray, task: int, near: FloatArray | None = None) -> FloatArray:
-    """Find `configurations` by damped least squares from `near` or from random positions."""
+    """Find `configurations` by damped least squares from `near` or from random positions.
+
+    Args:
+        arm: The arm.
+        pose: Tool pose in the work frame, (3, 4).
+        task: Task dimension, as in `configurations`.
+        near: Joint positions at which the search starts [rad], (dof,), or None.
+    """
     q = seeds(arm) if near is None else np.array(near, dtype=np.float64).reshape(1, -1)
     target = np.ascontiguousarray(pose)
 
@@ -81,7 +95,7 @@ def search(arm: Arm, pose: FloatArray, task: int, near: FloatArray | None = None
 
 
 def seeds(arm: Arm) -> FloatArray:
-    """Random joint positions [rad] within the ranges, the same in every call, (SEEDS, dof)."""
+    """Return random joint positions within the ranges of `arm`, always the same, (SEEDS, dof)."""
     # A joint range of a whole turn or more is replaced by -pi to pi, and the range of a prismatic
     # joint without ends by the span of the arm.
     lower, upper = arm.limits.joint_range(arm.dof)
@@ -95,22 +109,29 @@ def seeds(arm: Arm) -> FloatArray:
 
 
 def out_of_reach(arm: Arm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Distance from each pose to the nearest reachable tool point [m], (n,).
+    """Return the distance from each pose to the nearest reachable tool point [m], (n,).
 
     The search gives the tool orientation priority over the position.
 
-    - `poses`: (n, 3, 4).
-    - `q`: initial joint positions [rad], (k, dof).
+    Args:
+        arm: The arm.
+        poses: Tool poses in the work frame, (n, 3, 4).
+        task: Task dimension, as in `configurations`.
+        q: Joint positions at which the search starts [rad], (k, dof).
     """
     return np.array([_approach(arm, x, task, q)[1].min() for x in poses])
 
 
 def nearest_reached(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Joint positions with the smallest distance from the tool to a pose [rad], (dof,).
+    """Return the joint positions [rad], (dof,), that bring the tool nearest to a pose.
 
     The search is that of `out_of_reach`.
 
-    `pose` has shape (3, 4).
+    Args:
+        arm: The arm.
+        pose: Tool pose in the work frame, (3, 4).
+        task: Task dimension, as in `configurations`.
+        q: Joint positions at which the search starts [rad], (k, dof).
     """
     tried, distances = _approach(arm, pose, task, q)
     return np.asarray(tried[np.argmin(distances)])
@@ -119,7 +140,7 @@ def nearest_reached(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> Flo
 def _approach(
     arm: Arm, pose: FloatArray, task: int, q: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Final joint positions of the searches [rad], (k, dof); tool distances from the pose [m]."""
+    """Return the joint positions that the searches end at, (k, dof), and tool distances [m]."""
     tried = q.copy()
     parameters = tried, REACH_WEIGHT, MAX_STEPS
     residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)

@@ -35,17 +35,23 @@ Bounded = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Use:
-    """The use of one limit at some times."""
+    """The use of one limit at some times.
 
-    name: str  # Name of the limit, such as a field of `Limits`
-    # Values in the unit of the limit, (..., dof) of joints or (n,) of the tool; absolute values
-    # except for joint positions.
+    Args:
+        name: Name of the limit, such as a field of `Limits`.
+        value: Values in the unit of the limit, (..., dof) for joints or (n,) for the tool; absolute
+            values except for joint positions.
+        limit: Limits of the values, broadcast to their shape.
+        error: Bound on the errors of the values, broadcast to their shape; 0 for exact values.
+        zero: Origin from which values and limits are counted, such as the middle of a joint range;
+            None for 0. A lower limit is below it.
+    """
+
+    name: str
     value: FloatArray
-    limit: FloatArray | float  # Limits of the values, broadcast to their shape
-    error: npt.ArrayLike = 0.0  # Bound on the errors of the values, broadcast to their shape
-    zero: FloatArray | None = (
-        None  # Origin of values and limits; a lower limit is below it; None for 0
-    )
+    limit: FloatArray | float
+    error: npt.ArrayLike = 0.0
+    zero: FloatArray | None = None
 
     @property
     def ratio(self) -> FloatArray:
@@ -58,7 +64,7 @@ class Use:
         return np.asarray(self.ratio.max(axis=0))
 
     def ratios(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Ratios of values to limits, lower bounds of the ratios, and bounds on their errors."""
+        """Return the ratios of values to limits, their lower bounds, and bounds on their errors."""
         error = np.asarray(self.error)
         used = self.value
         room = np.asarray(self.limit)
@@ -82,10 +88,13 @@ class Use:
 
 
 def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike = 0.0) -> Use:
-    """Use of a limit (a field of `Limits`) by values of its quantity; 0 without a limit.
+    """Compute how much of a limit the values of its quantity use; nothing without a limit.
 
-    - `values`: of joints (..., dof), of the tool (n,), or vectors of the tool (n, dimension).
-    - `error`: bound on the error of the values or of the vectors' lengths.
+    Args:
+        name: Name of the limit, a field of `Limits`.
+        limits: The limits.
+        values: Joint values, (..., dof), tool values, (n,), or tool vectors, (n, dimension).
+        error: Bound on the error of the values, or of the lengths of vectors.
     """
     if name in JOINT_RANGE:
         lower, upper = limits.joint_range(values.shape[-1])
@@ -111,12 +120,17 @@ def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike =
 
 @dataclass(frozen=True)
 class States:
-    """Joint states of an arm, and the tool motion that follows from them."""
+    """Joint states of an arm, and the tool motion that follows from them.
+
+    Args:
+        arm: The arm.
+        columns: Joint positions [rad] and their known derivatives [rad/s, rad/s², rad/s³], (n, dof)
+            each.
+        errors: Bounds on the errors of these columns, (dof,) each; empty for exact numbers.
+    """
 
     arm: Arm
-    # Joint positions [rad] and their known derivatives [rad/s, rad/s², rad/s³], (n, dof) each.
     columns: Sequence[FloatArray]
-    # Bounds on the errors of the columns, (dof,) each; empty for exact numbers.
     errors: Sequence[FloatArray] = ()
 
     @property
@@ -139,9 +153,14 @@ class States:
         return {}
 
     def measure(self, name: str) -> Bounded:
-        """Values of the quantity that a limit applies to, and bounds on their errors."""
-        # The values are in the unit of the limit, (n, dof) of joints or (n,) of the tool. Joint
-        # values are signed, except for torques.
+        """Return the values that the limit `name` bounds, and bounds on their errors.
+
+        The values are in the unit of the limit, (n, dof) for joints or (n,) for the tool. Joint
+        values are signed, except for torques.
+
+        Raises:
+            InvalidInput: The limit does not exist, or the states lack a derivative that it needs.
+        """
         if name not in LIMITS:
             raise InvalidInput(
                 f"There is no limit {name!r}. It must be one of {', '.join(LIMITS)}."
@@ -155,11 +174,11 @@ class States:
         return self._measured[name]
 
     def use(self, name: str, limits: Limits) -> Use:
-        """Use of a limit by these states, as by `use_of`."""
+        """Compute how much of the limit `name` these states use, as `use_of` does."""
         return use_of(name, limits, *self.measure(name))
 
     def uses(self, limits: Limits) -> Iterator[Use]:
-        """Yield the use of every specified limit that can be evaluated for these states and arm."""
+        """Yield the use of each specified limit in `limits` that these states determine."""
         for name, limit in LIMITS.items():
             if (
                 getattr(limits, name) is not None
@@ -186,21 +205,25 @@ class States:
         return self._tool_motion[1]
 
     def bounded(self, function: Quantity, order: int) -> tuple[FloatArray, FloatArray]:
-        """A vector of the tool, (n, columns), and a bound on the norm of its error, (n,)."""
+        """Return a tool vector, (n, columns), and a bound on its error, (n,).
+
+        Args:
+            function: Function that returns the vector from the joint states up to `order`.
+            order: Number of joint-position derivatives that `function` takes.
+        """
         value = function(*self.columns[: order + 1])
         return value, self.spread(function, value, order)
 
     def spread(self, function: Quantity, value: FloatArray, order: int) -> FloatArray:
-        """Bound on the norm of the error of `value`, a tool vector from `function`, (n,)."""
+        """Bound the error of `value`, a tool vector from `function` and `order`, (n,)."""
         total = np.zeros(len(value))
         for change in self.changes(function, value, order):
             total += np.linalg.norm(change, axis=1)
-        # The combined effect of two errors is smaller than the effect of one error times the angle
-        # of the other error.
+        # Two errors together have a smaller effect than one error times the other error's angle.
         return np.asarray(total * (1 + self.errors[0].sum())) if self.errors else total
 
     def changes(self, function: Quantity, value: FloatArray, order: int) -> Iterator[FloatArray]:
-        """Yield the changes of a value due to the error of each joint state, (n, columns) each."""
+        """Yield how each joint state's error changes `value` from `function`, (n, columns) each."""
         columns = self.columns[: order + 1]
         for k, errors in enumerate(self.errors[: order + 1]):
             for joint in np.flatnonzero(errors):
@@ -209,7 +232,7 @@ class States:
                 yield function(*columns[:k], moved, *columns[k + 1 :]) - value
 
     def _derivative(self, limit: Limit) -> Bounded:
-        """Derivatives of the joint positions, or norms of those of the tool pose."""
+        """Return the derivatives of the joint positions or, for the tool, their norms."""
         order = limit.order
         arm = self.arm
         if limit.kind == "joint":
@@ -226,7 +249,7 @@ class States:
         return length(vectors), self.spread(function, vectors, order)
 
     def torque(self) -> Bounded:
-        """Absolute joint torques [N m]; at rest dry friction takes its most favourable value."""
+        """Return absolute joint torques [N m]; at rest dry friction has its best possible value."""
         drive = self.arm.torque(self.q, self.dq, self.ddq)
         chain = self.arm.chain
         assert chain.coulomb is not None
@@ -248,11 +271,10 @@ class States:
         return value, error
 
     def centripetal(self) -> Bounded:
-        """Tool accelerations normal to the motion, (n,), and bounds on their errors."""
+        """Return tool accelerations normal to the motion, (n,), and bounds on their errors."""
         speed, speed_error = self.measure("speed")
         size, error = self.measure("tool_acceleration")
-        # An error of the direction of motion turns part of the tangential acceleration into normal
-        # acceleration.
+        # If the direction of motion is wrong, a part of the tangential acceleration becomes normal.
         turned = size * np.minimum(1.0, speed_error / np.maximum(speed, SLOWEST))
         value = across(self.tool_velocity, self.tool_acceleration)
         return value, np.where(speed > SLOWEST, error + turned, 0.0)
@@ -262,19 +284,20 @@ def require_orientation(arm: Arm) -> SerialArm:
     """Return the arm if its tool has an orientation; otherwise raise an error."""
     if not isinstance(arm, SerialArm):
         raise InvalidInput(
-            f"The tool of the arm {arm.name} is a point without an orientation. Lift its angular "
-            "limits with limits.replace(angular_speed=math.inf, angular_acceleration=math.inf)."
+            f"The tool of the arm {arm.name} is a point without an orientation. Remove its "
+            "angular limits with "
+            "limits.replace(angular_speed=math.inf, angular_acceleration=math.inf)."
         )
     return arm
 
 
 def angular(twist: Quantity) -> Quantity:
-    """Function that returns the angular part of a twist, (n, 3)."""
+    """Return a function that returns the angular part of a twist, (n, 3)."""
     return lambda *states: twist(*states)[:, 3:]
 
 
 def across(velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Norm of the tool acceleration normal to the motion, (n,); 0 below `SLOWEST`."""
+    """Return the acceleration's norm normal to `velocity`, (n,); 0 below the speed `SLOWEST`."""
     speed = length(velocity)
     direction = velocity / np.maximum(speed, SLOWEST)[:, None]
     along = np.einsum("ij,ij->i", acceleration, direction)
@@ -282,5 +305,5 @@ def across(velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
 
 
 def length(vectors: FloatArray) -> FloatArray:
-    """Lengths of vectors, (n,)."""
+    """Return the lengths of vectors, (n,)."""
     return np.asarray(np.linalg.norm(vectors, axis=1))

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked, declared, parts_of
 from armcontour.core.quantities import (
     AccelerationLimit,
@@ -45,27 +45,38 @@ CONSTRAINT_ORDERS = (1, 2)
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Record of a limit, in the annotation of its field of `Limits`.
+    """A limit's record, in the annotation of a field of `Limits`.
 
     Planner, stops, check, certificate, explanation, player and reports read the record. The
-    constraint of the planner names the field (`planning/constraints.py`), so the order must be
-    1 or 2: limits of position and of jerk are refused, except those that have a planner of their
-    own, `WITHOUT_CONSTRAINT`.
+    planner's constraint names the field (`planning/constraints.py`), so the order must be 1 or 2.
+    Limits of position or jerk are refused, except those with their own planner,
+    `WITHOUT_CONSTRAINT`.
+
+    Args:
+        order: Number of joint-position derivatives that the quantity requires. Without `rate`, the
+            limited quantity is this derivative of the joint positions, or its norm for the tool's
+            position or orientation.
+        label: Name in messages and explanations; by default made from the name of the field.
+        power: Exponent of the speed factor in the limit; by default `order`.
+        rate: Function of `limit_use.States` that returns the values of the quantity and bounds on
+            their errors; None for the derivative `order`.
+        needs_bodies: True if the quantity requires the arm's masses.
+        reserved: True if a plan's reserve reduces the limit.
+        name: Name of the field, set from it.
+        kind: "joint" with one value per joint, "rotation", or "tool", set from the field's prefix
+            "joint_" or "angular_".
+        quantity: Quantity of the field, set from its annotation.
     """
 
-    # Without `rate`, the derivative `order` of the joint positions is limited, or the norm of this
-    # derivative of the tool position, or of the orientation.
-    order: int  # Number of time derivatives of the joint positions that the quantity requires
-    label: str = ""  # Name in messages and explanations; by default from that of the field
+    order: int
+    label: str = ""
     _: KW_ONLY
-    power: int | None = None  # Exponent of the speed factor in the limit; by default `order`
-    # Function of `limit_use.States` that returns values of the quantity and bounds on their errors
+    power: int | None = None
     rate: Callable[[Any], tuple[FloatArray, FloatArray]] | None = None
-    needs_bodies: bool = False  # True if the quantity requires the masses of the arm
-    reserved: bool = False  # True if the reserve of a plan reduces the limit
-    # From the field: its name, kind by the prefix "joint_" or "angular_", and quantity.
+    needs_bodies: bool = False
+    reserved: bool = False
     name: str = ""
-    kind: str = "tool"  # "joint", with one value per joint; "tool" or "rotation"
+    kind: str = "tool"
     quantity: Quantity = Quantity("")
 
     @property
@@ -76,7 +87,7 @@ class Limit:
 
 @declared(eq=False)
 class Limits(Checked):
-    """Limits of the joints and of the tool.
+    """Limits of an arm's joints and tool.
 
     Limits replace those of an arm value by value: None keeps the arm's limit, infinity removes it,
     also for single joints. A removed limit also has the value None, and its name is in `removed`.
@@ -99,7 +110,7 @@ class Limits(Checked):
         tool_acceleration: Largest norm of the tool acceleration [m/s²].
         centripetal_acceleration: Largest tool acceleration normal to the motion [m/s²].
         angular_speed: Largest angular speed of the tool [rad/s].
-        angular_acceleration: Largest norm of the angular acceleration of the tool [rad/s²].
+        angular_acceleration: Largest norm of the tool's angular acceleration [rad/s²].
 
     Attributes:
         removed: Names of the limits that are removed.
@@ -157,7 +168,7 @@ class Limits(Checked):
     __repr__ = short_repr
 
     def _list_values(self, name: str, values: npt.ArrayLike) -> str:
-        """The values of all joints with their units; one value if they are equal."""
+        """Return the values of all joints with their units; one value if they are equal."""
         texts = [" to ".join(map(digits, np.atleast_1d(x))) for x in np.atleast_1d(values)]
         return list_values(texts, UNITS[name], self.prismatic if name in JOINT_VALUES else ())
 
@@ -198,7 +209,7 @@ class Limits(Checked):
 
     @classmethod
     def only(cls, **values: Any) -> Limits:
-        """Limits with the specified values and all others removed.
+        """Make limits with the specified values, and all other limits removed.
 
         Args:
             values: Values by the names of the limits.
@@ -279,7 +290,7 @@ class Limits(Checked):
                 changes[name] = checks.frozen_array(np.repeat(values, dof, axis=0))
                 continue
             if values.ndim == 2:
-                raise InvalidInput(
+                raise ArmMismatch(
                     f"{name} has bounds for {len(values)} joints, but the arm has {dof} joints. "
                     f"Specify one pair for all joints or {dof} pairs."
                 )
@@ -355,7 +366,7 @@ class Limits(Checked):
         return ends[0], ends[1]
 
     def middle(self, dof: int) -> FloatArray:
-        """Middle of each joint range [rad]; if the range is unbounded, the position closest to 0.
+        """Return the middle of each joint range [rad]; the position nearest to 0 if unbounded.
 
         Args:
             dof: Number of joints.
@@ -372,7 +383,7 @@ class Limits(Checked):
 
 
 def _read_records() -> dict[str, Limit]:
-    """Records of the limits by name, from the annotations of the fields.
+    """Read the records of all limits, by name, from the annotations of `Limits`.
 
     Raises:
         InvalidInput: A limit that no planner can keep.
@@ -398,8 +409,8 @@ def _read_records() -> dict[str, Limit]:
     return records
 
 
-# Records of all limits; units of all limits and of those with values per joint; names of the tool
-# limits; names of the joint limits without the ranges, and of those with two directions.
+# Records of all limits. Units of all limits, and of limits with values per joint. Names of the tool
+# limits, of the joint limits without the ranges, and of those with two directions.
 LIMITS = _read_records()
 UNITS = {name: x.unit for name, x in LIMITS.items()}
 JOINT_VALUES = {name: x.unit for name, x in LIMITS.items() if x.kind == "joint"}
@@ -419,12 +430,12 @@ def _is_unlimited(values: float | FloatArray) -> bool:
 
 
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
-    """Joint limits as an array; infinity for every joint if None."""
+    """Return joint limits as an array, (dof,); infinity for every joint if `values` is None."""
     return np.full(dof, np.inf) if values is None else np.array(values, dtype=np.float64)
 
 
 def reduce_limits(limits: Limits, reserve: float) -> Limits:
-    """Reduce the limits of joint acceleration and torque by a fraction from 0 to below 1."""
+    """Reduce the joint acceleration and torque limits by the fraction `reserve`, 0 to below 1."""
     if not reserve:
         return limits
     reduced = {}
@@ -436,6 +447,6 @@ def reduce_limits(limits: Limits, reserve: float) -> Limits:
 
 
 def select_joints(limits: Limits, joints: IntArray) -> Limits:
-    """Limits of some of the joints, by their indices, from limits with one value per joint."""
+    """Return the limits of some joints, by index, from limits with one value per joint."""
     rows = {name: getattr(limits, name) for name in JOINT_VALUES}
     return limits.replace(**{name: x[joints] for name, x in rows.items() if x is not None})

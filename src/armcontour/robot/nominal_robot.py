@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, Frozen
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
@@ -70,7 +70,7 @@ class Drives:
         servo.check_orders("The inverse dynamics of rigid bodies", integrator=True)
         assert servo.kv is not None
         if self.controller is not None and self.controller.dof != self.arm.dof:
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"The arm {self.arm.name} has {self.arm.dof} joints, but the controller's model of "
                 f"the arm has {self.controller.dof}."
             )
@@ -88,12 +88,17 @@ class Drives:
     def command(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray, step: float = np.inf
     ) -> FloatArray:
-        """Command u for which the drives execute a motion [rad], (n, dof).
+        """Return the command u with which the drives execute a motion [rad], (n, dof).
 
-        `u = q + dq / K_p + tau / (J K_v K_p)`. tau is the torque without gravity feed-forward and
-        without the output of integrators. At the first time, integrators supply the whole torque.
-        Integrators need the time `step` between two rows [s]; if it is infinite, the rows are
-        steady states.
+        `u = q + dq / K_p + tau / (J K_v K_p)`, where tau is `moving_torque` without the part that
+        the integrators supply. At the first time, the integrators supply the whole torque.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+            step: Time between two rows, which integrators need [s]; by default infinite, which
+                means that the rows are steady states.
         """
         torque = self.moving_torque(q, dq, ddq)
         if self.servo.ki.any():
@@ -105,7 +110,13 @@ class Drives:
         return np.asarray(q + dq / self.servo.kp + torque / self.stiffness)
 
     def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """The torque of the loops for a motion, without gravity feed-forward [N m], (n, dof)."""
+        """Return the torque that the drives' loops supply in a motion [N m], (n, dof).
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
         # The torque includes inertia, coupling, Coriolis and centrifugal torques, payload,
         # friction, and the gravity torque that the controller does not feed forward. Coulomb
         # friction is `coulomb sign(dq)`, except for joints slower than `CREEP`.
@@ -120,7 +131,15 @@ class Drives:
     def linear(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Mass, damping (with viscous friction) and stiffness of the loops, (n, dof, dof) each."""
+        """Linearize the loops: return mass, damping and stiffness, (n, dof, dof) each.
+
+        The damping includes viscous friction.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
         fed = self.gravity_feedforward
         differs = self.controller is not None
         # The gravity torque that the controller feeds forward cancels the arm's gravity torque.
@@ -135,7 +154,7 @@ class Drives:
 
 
 def nominal_inertia(arm: Arm) -> FloatArray:
-    """Nominal inertia of each joint with its drive [kg m²], (dof,)."""
+    """Return each joint's nominal inertia with its drive, from the masses of `arm` [kg m²]."""
     # The inertia is the diagonal of the mass matrix in the middle of the joint ranges, without
     # payload.
     from armcontour.robot.dynamics import Dynamics
@@ -153,12 +172,16 @@ def nominal_inertia(arm: Arm) -> FloatArray:
 
 
 class Equations(NamedTuple):
-    """Equations `A x = S u + U a` of deviations; vectors are ordered by time, then by joint."""
+    """Equations `A x = S u + U a` of deviations; vectors are ordered by time, then by joint.
 
-    # u: commands. a: commands that bypass the integrators, such as acceleration feed-forward;
-    # without an integrator, S = U. The first rows of A express equilibrium at the first command. A
-    # is lower triangular except for blocks of (dof, dof) on its diagonal. S averages over
-    # neighbouring times.
+    x are the joint positions, u the commands, and a the commands that bypass the integrators, such
+    as acceleration feed-forward. The first rows of A express equilibrium at the first command.
+
+    Args:
+        left: A, lower triangular except for (dof, dof) blocks on its diagonal.
+        seen: S, which averages commands over neighbouring times.
+        unseen: U; without an integrator equal to S.
+    """
 
     left: csc_array
     seen: csc_array
@@ -194,7 +217,7 @@ class Response(Frozen):
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def equations(self) -> Equations:
-        """The equations `A x = S u + U a` of the loops in discrete time."""
+        """Return the loops' equations `A x = S u + U a` in discrete time."""
         # Newmark's method with constant mean acceleration (second order, unconditionally stable):
         #
         #     M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / (2 h) + K m(x) = G m(u)
@@ -238,7 +261,7 @@ class Response(Frozen):
         return unfiltered, unfiltered
 
     def _filters(self, weights: FloatArray) -> csc_array:
-        """Matrix of the joint filters, from the weights of the present and the previous value."""
+        """Make the matrix of joint filters from the weights of present and previous values."""
         from scipy.sparse import csc_array, diags_array
 
         now, before = np.tile(weights.T[:, None], (1, len(self.t), 1))
@@ -249,7 +272,7 @@ class Response(Frozen):
         return csc_array(diags_array([now.ravel(), before[1:].ravel()], offsets=[0, -dof]))
 
     def _steps(self, mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> csc_array:
-        """Matrix of `M x'' + D x' + K x` at all times, but of `K x` alone at the first time."""
+        """Return the matrix of `M x'' + D x' + K x`; at the first time of `K x` alone."""
         m = mass[:-1] / self.step**2
         d = damping[:-1] / (2 * self.step)
         k = stiffness[:-1] / 4
@@ -257,7 +280,7 @@ class Response(Frozen):
 
 
 def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
-    """Sparse matrix with one block in the first block row and three in each other row."""
+    """Make a sparse matrix with one block in the first block row and three in each other row."""
     from scipy.sparse import bsr_array, csc_array
 
     n = len(blocks) + 1
@@ -276,7 +299,15 @@ def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
 def linear_along(
     drives: Drives, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray
 ) -> list[FloatArray]:
-    """Mass, damping and stiffness at all times of a motion, (n, dof, dof) each."""
+    """Return mass, damping and stiffness of `Drives.linear` at all times, (n, dof, dof) each.
+
+    Args:
+        drives: The drives.
+        t: Times of the motion [s], (n,).
+        q: Joint positions [rad], (n, dof).
+        dq: Joint velocities [rad/s], (n, dof).
+        ddq: Joint accelerations [rad/s²], (n, dof).
+    """
     rows = np.linspace(0, len(t) - 1, max(int((t[-1] - t[0]) / APART), 1) + 1).astype(np.intp)
     position = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
     before = np.minimum(position.astype(np.intp), len(rows) - 2)
@@ -294,7 +325,7 @@ def respond_along(
     gravity_feedforward: bool = True,
     controller: Arm | None = None,
 ) -> Response:
-    """Response of the nominal robot around a motion.
+    """Linearize the nominal robot around a motion.
 
     If the arm has masses and the servos are of second order, the robot responds as `Drives`, with
     viscous friction. Otherwise every joint responds as its servo, (6), and torques are in units of

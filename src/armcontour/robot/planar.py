@@ -21,7 +21,7 @@ from armcontour.robot.chain import Chain, state_rows
 from armcontour.robot.limits import Limits
 from armcontour.robot.scene import ArmShapes, Capsule, LinkShape
 
-# Within this distance [m] of a limit of its reach the arm counts as singular: sin(theta2) is about
+# Within this distance [m] from either end of its reach the arm counts as singular: sin(theta2) is
 # 1e-4, the joints move 10^4 times faster than the tool, and theta2 has only 8 correct digits in
 # double precision.
 SINGULAR_MARGIN = 1e-9
@@ -29,11 +29,19 @@ SINGULAR_MARGIN = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinkTube(Checked):
-    """A uniform round tube that replaces a link whose mass and inertia are unknown."""
+    """A uniform round tube that replaces a link whose mass and inertia are unknown.
 
-    outer_diameter: Size  # Outer diameter [m]
-    wall: Size  # Thickness of the wall [m]
-    # Density of the material [kg/m³].
+    Args:
+        outer_diameter: Outer diameter [m].
+        wall: Thickness of the wall [m].
+        density: Density of the material [kg/m³].
+
+    Raises:
+        InvalidInput: The wall is thicker than the radius.
+    """
+
+    outer_diameter: Size
+    wall: Size
     density: Annotated[float, Quantity("kg/m^3", sign="positive")]
 
     def _check_together(self) -> None:
@@ -44,12 +52,12 @@ class LinkTube(Checked):
             )
 
     def mass(self, length: float) -> float:
-        """Mass of a tube of this length [kg]."""
+        """Return the mass of a tube with this length [kg]."""
         outer, inner = self._radii()
         return self.density * math.pi * (outer**2 - inner**2) * length
 
     def inertia(self, length: float) -> FloatArray:
-        """Inertia of a tube of this length along y, about its centre [kg m²], (3, 3)."""
+        """Return the inertia about its centre [kg m²], (3, 3), of a tube along y."""
         outer, inner = self._radii()
         mass = self.mass(length)
         squares = outer**2 + inner**2
@@ -57,7 +65,7 @@ class LinkTube(Checked):
         return np.diag([across, mass * squares / 2, across])
 
     def _radii(self) -> tuple[float, float]:
-        """Outer and inner radius [m]."""
+        """Return the outer and inner radius [m]."""
         outer = self.outer_diameter / 2
         return outer, outer - self.wall
 
@@ -125,7 +133,7 @@ class PlanarTwoLink(Arm):
         return self.reach[1]
 
     def joint_position(self, points: npt.ArrayLike, configuration: str | None = None) -> FloatArray:
-        """Joint positions [rad] for tool points, (..., 2), eq. (3)-(4).
+        """Return joint positions [rad], (..., 2), for tool points, eq. (3)-(4).
 
         The quadrant of (3) is corrected; theta1 is within (-2 pi, 2 pi).
 
@@ -166,7 +174,7 @@ class PlanarTwoLink(Arm):
         return np.stack([self.joint_position(point[:2], x) for x in self.branches]), 0.0
 
     def configuration_of(self, q: npt.ArrayLike) -> str:
-        """Configuration (one of `branches`) of joint positions.
+        """Return the configuration (one of `branches`) of joint positions.
 
         Args:
             q: Joint positions [rad], (2,).
@@ -175,7 +183,7 @@ class PlanarTwoLink(Arm):
         return self.branches[0 if sine >= 0 else 1]
 
     def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
-        """Joint velocities [rad/s] for the tool velocity `velocity`, eq. (28).
+        """Return the joint velocities [rad/s] for the tool velocity `velocity`, eq. (28).
 
         Args:
             q: Joint positions [rad], (..., 2).
@@ -189,7 +197,7 @@ class PlanarTwoLink(Arm):
     def joint_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, acceleration: npt.ArrayLike
     ) -> FloatArray:
-        """Joint accelerations [rad/s²] for the tool acceleration `acceleration`.
+        """Return the joint accelerations [rad/s²] for the tool acceleration `acceleration`.
 
         The equation is `J⁻¹ (a - dJ/dt dq)`, which is (27) without its misprints.
 
@@ -280,7 +288,7 @@ class PlanarTwoLink(Arm):
 
 
 def _capsules(tubes: tuple[LinkTube, LinkTube], lengths: tuple[float, float]) -> ArmShapes:
-    """Capsules that replace the tubes; the second one ends at the tool."""
+    """Return the capsules that replace the tubes; the second one ends at the tool."""
     shapes = []
     for k, (tube, length) in enumerate(zip(tubes, lengths, strict=True), start=1):
         radius = tube.outer_diameter / 2

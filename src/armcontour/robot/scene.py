@@ -15,8 +15,7 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Axes, Choice, Distance, Length, Name, Quantity, Size
 
-# Range of the largest size of a mesh [m]. A mesh outside this range was probably read in another
-# unit.
+# Allowed largest sizes of meshes [m]. A mesh outside this range was probably read in another unit.
 SMALLEST = 1e-3
 LARGEST = 20.0
 # Radius of the capsule that replaces a tool without shapes [m].
@@ -48,9 +47,13 @@ class Shape(Checked, ABC):
 
 @declared(eq=False)
 class Sphere(Shape):
-    """A ball about the origin."""
+    """A ball about the origin.
 
-    radius: Size = field(kw_only=False)  # Radius [m]
+    Args:
+        radius: Radius [m].
+    """
+
+    radius: Size = field(kw_only=False)
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -60,10 +63,15 @@ class Sphere(Shape):
 
 @declared(eq=False)
 class Capsule(Shape):
-    """All points near a segment of the z axis that is centred at the origin."""
+    """All points near a segment of the z axis that is centred at the origin.
 
-    radius: Size = field(kw_only=False)  # Distance of the surface from the segment [m]
-    length: Size = field(kw_only=False)  # Length of the segment, without the round ends [m]
+    Args:
+        radius: Distance from the segment to the surface [m].
+        length: Length of the segment, without the round ends [m].
+    """
+
+    radius: Size = field(kw_only=False)
+    length: Size = field(kw_only=False)
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -73,10 +81,15 @@ class Capsule(Shape):
 
 @declared(eq=False)
 class Cylinder(Shape):
-    """A round cylinder along the z axis, centred at the origin."""
+    """A round cylinder along the z axis, centred at the origin.
 
-    radius: Size = field(kw_only=False)  # Radius [m]
-    length: Size = field(kw_only=False)  # Length [m]
+    Args:
+        radius: Radius [m].
+        length: Length [m].
+    """
+
+    radius: Size = field(kw_only=False)
+    length: Size = field(kw_only=False)
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
@@ -86,9 +99,12 @@ class Cylinder(Shape):
 
 @declared(eq=False)
 class Box(Shape):
-    """A box about the origin."""
+    """A box about the origin.
 
-    # Lengths along x, y and z [m], (3,).
+    Args:
+        size: Lengths along x, y and z [m], (3,).
+    """
+
     size: Annotated[FloatArray, Quantity("m", "5 mm", "positive"), Axes(3)] = field(kw_only=False)
 
     @property
@@ -109,13 +125,20 @@ class HalfSpace(Shape):
 
 @declared(eq=False, weakref_slot=True)
 class Mesh(Shape):
-    """A triangle mesh; distances are those of its convex hull or of the triangles."""
+    """A triangle mesh, or the convex hull of points.
 
-    # Corners of the triangles [m], (n, 3).
+    Args:
+        points: Corners of the triangles [m], (n, 3).
+        triangles: Indices of each triangle's three corners, (m, 3); None for the convex hull.
+        source: Where the mesh comes from, for messages.
+
+    Raises:
+        InvalidInput: The points lie in a plane, or a triangle has an index without a point.
+    """
+
     points: Annotated[FloatArray, Quantity("m"), Axes("points", 3)] = field(kw_only=False)
-    # Indices of the three corners of each triangle, (m, 3); None for the convex hull of `points`.
     triangles: Annotated[IntArray, Axes("triangles", 3)] | None = None
-    source: str = ""  # Source of the mesh, for messages
+    source: str = ""
     _hull: Mesh | None = field(init=False, default=None, repr=False)
 
     def _check_together(self) -> None:
@@ -160,19 +183,31 @@ class Mesh(Shape):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinkShape(Checked):
-    """A shape that moves with a link or with the tool, or a fixed body (link 0)."""
+    """A shape that moves with a link or with the tool, or a fixed body (link 0).
 
-    # Name of the link, or of the body that a job adds to it; for messages and exclusions
+    Args:
+        name: Name of the link, or of the body that a job adds to it; for messages and exclusions.
+        link: 0 for the base (with a positioner for the table), i for the link after joint i.
+        shape: The shape.
+        place: Frame of the shape in the link frame; by default the same.
+        tool: True if the shape belongs to the tool, or to a part that the tool holds.
+        exact: Exact shape if `shape` is its convex hull; it is used where the hull violates the
+            margin. None if `shape` is exact.
+        assumed: True if the shape is only assumed.
+        on_floor: True if the shape stands on the floor, even with a positioner.
+
+    Raises:
+        InvalidInput: A half-space would move with a link.
+    """
+
     name: Name
-    # 0 for the base (with a positioner for the table), i for the link after the i-th joint
     link: int
     shape: Shape
-    place: Frame = field(default_factory=Frame)  # Frame of the shape in the frame of the link
-    tool: bool = False  # True if the shape belongs to the tool, or to a part that the tool holds
-    # Exact shape if `shape` is its convex hull; it is used where the hull violates the margin.
+    place: Frame = field(default_factory=Frame)
+    tool: bool = False
     exact: Shape | None = None
-    assumed: bool = False  # True if the shape is an assumption
-    on_floor: bool = False  # True if the shape stands on the floor, even with a positioner
+    assumed: bool = False
+    on_floor: bool = False
 
     def _check_together(self) -> None:
         if isinstance(self.shape, HalfSpace) and (self.link or self.tool) and not self.on_floor:
@@ -189,24 +224,35 @@ class LinkShape(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftOut:
-    """Two bodies whose distance is not checked."""
+    """Two bodies whose distance is not checked.
 
-    # first, second: names of links, obstacles or other bodies.
+    Args:
+        first, second: Names of links, obstacles or other bodies.
+        reason: Why their distance is not checked.
+    """
+
     first: str
     second: str
-    reason: str  # Reason why their distance is not checked
+    reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArmShapes(Checked):
-    """The shapes of an arm's links and tool."""
+    """The shapes of an arm's links and tool.
 
-    # Shapes of the links and of the tool; a link may have several shapes.
+    Args:
+        shapes: The shapes; a link may have several.
+        left_out: Pairs of links whose distance is not checked, with the reasons. The distance
+            between neighbouring links is never checked.
+        source: Where the shapes come from, and their licence.
+
+    Raises:
+        InvalidInput: A pair in `left_out` has a link without a shape.
+    """
+
     shapes: tuple[LinkShape, ...]
-    # Pairs of links whose distance is not checked, with the reasons. The distance of neighbouring
-    # links is never checked.
     left_out: tuple[LeftOut, ...] = ()
-    source: str = ""  # Source and licence of the shapes
+    source: str = ""
 
     def _check_together(self) -> None:
         names = {x.name for x in self.shapes}
@@ -219,7 +265,7 @@ class ArmShapes(Checked):
                     )
 
     def with_tool(self, shapes: Iterable[LinkShape]) -> ArmShapes:
-        """Return the shapes with other shapes of the tool."""
+        """Return the shapes with the tool's shapes replaced by `shapes`."""
         links = tuple(x for x in self.shapes if not x.tool)
         return replace(self, shapes=(*links, *(replace(x, tool=True) for x in shapes)))
 

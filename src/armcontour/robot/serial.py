@@ -1,4 +1,4 @@
-"""Serial arms in space, of any number of revolute and prismatic joints."""
+"""Serial arms in space with any number of revolute and prismatic joints."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class SerialArm(Arm):
         """True if the joints move the tool in a plane only."""
         jacobian = self.jacobian(np.zeros(self.dof))
         slides = self.chain.slides
-        # The columns of the angular part of the Jacobian are the axes of the revolute joints.
+        # The angular part of the Jacobian has the revolute joint axes as columns.
         axes = jacobian[3:, ~slides]
         paths = jacobian[:3, slides]
         rank = np.linalg.matrix_rank(axes, tol=PARALLEL) if axes.size else 0
@@ -110,7 +110,7 @@ class SerialArm(Arm):
 
     @checked
     def with_tool(self, tool: Pose, payload: Payload | None = None) -> SerialArm:
-        """A copy of the arm with another tool.
+        """Return the arm with another tool.
 
         Args:
             tool: Tool frame in the frame of the tip: a Frame, a 4 by 4 transform, a pinocchio.SE3
@@ -122,16 +122,17 @@ class SerialArm(Arm):
 
     @checked
     def with_work(self, work: Pose) -> SerialArm:
-        """A copy of the arm with its tool points in another work frame.
+        """Return the arm with its tool points in another work frame.
 
         Args:
-            work: Work frame of the paths in the frame of the base, in one of the forms of `tool`.
+            work: Work frame of the paths in the base frame: a Frame, a 4 by 4 transform, a
+                pinocchio.SE3 or a position [m].
         """
         return self._with(self.chain.replace(base=Frame.from_pose(work).inverse), "closed_form")
 
     @checked
     def with_rail(self, rail: Rail) -> SerialArm:
-        """A copy of the arm on a rail, which is the first joint.
+        """Return the arm on a rail, which is its first joint.
 
         Args:
             rail: Direction, range and limits of the rail.
@@ -140,7 +141,7 @@ class SerialArm(Arm):
 
     @checked
     def with_positioner(self, positioner: Positioner) -> SerialArm:
-        """A copy of the arm with a positioner, whose axes are the first joints.
+        """Return the arm with a positioner, whose axes are its first joints.
 
         The work frame is fixed to the table; the arm's work frame is that with the axes at 0.
 
@@ -150,7 +151,7 @@ class SerialArm(Arm):
         return self._with_first(self.chain.on_positioner(positioner), positioner.axes[::-1])
 
     def _with_first(self, chain: Chain, axes: Sequence[Rail | PositionerAxis]) -> SerialArm:
-        """The arm with the chain that has external axes before its own joints."""
+        """Return the arm with the chain that has external axes before its own joints."""
         changes = {}
         for limit in FIELDS:
             others = getattr(self.limits, limit)
@@ -171,7 +172,7 @@ class SerialArm(Arm):
         return arm.with_shapes(partial(_on_later_links, self, chain)) if self.knows_shapes else arm
 
     def without_held(self) -> SerialArm:
-        """The arm for kinematics in which the held joints are rigid."""
+        """Return the arm for kinematics in which the held joints are rigid."""
         moving = np.setdiff1d(np.arange(self.dof), list(self.chain.held))
         limits = select_joints(self.limits, moving)
         return self._of(self.chain.without_held(), limits, None)
@@ -183,7 +184,7 @@ class SerialArm(Arm):
         return self._of(self.chain.arm_branch, select_joints(self.limits, rest), None)
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).
+        """Return tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -192,7 +193,7 @@ class SerialArm(Arm):
         return poses[..., 3].copy(), poses[..., :3].copy()
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Points of the base, all joints, the tip and the tool, (n, dof + 3, 3) [m].
+        """Return the points of base, joints, tip and tool [m], (n, dof + 3, 3).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -204,7 +205,7 @@ class SerialArm(Arm):
         return points
 
     def tool_twist(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Twist of the tool: velocity [m/s] and angular velocity [rad/s], (n, 6).
+        """Return the tool's twist: velocity [m/s] and angular velocity [rad/s], (n, 6).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -215,7 +216,7 @@ class SerialArm(Arm):
     def tool_twist_rate(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> FloatArray:
-        """Acceleration [m/s²] and angular acceleration [rad/s²] of the tool, (n, 6).
+        """Return the tool's acceleration [m/s²] and angular acceleration [rad/s²], (n, 6).
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -225,7 +226,7 @@ class SerialArm(Arm):
         return self._motion(q, dq, ddq)[..., 6:]
 
     def _of(self, chain: Chain, limits: Limits, assumed: Limits | None) -> SerialArm:
-        """The arm with another chain and other limits, without shapes."""
+        """Return the arm with another chain and other limits, without shapes."""
         return SerialArm(
             name=self.name,
             chain=chain,
@@ -247,7 +248,7 @@ class SerialArm(Arm):
 
 
 def _on_later_links(arm: SerialArm, chain: Chain) -> ArmShapes:
-    """Shapes of an arm for the chain with external axes before its joints."""
+    """Return the shapes of an arm for the chain with external axes before its joints."""
     shapes = arm.shapes
     first = len(chain) - arm.dof
     assert shapes is not None

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import FileError, InvalidInput
 from armcontour.core.file_access import read_bytes, write_atomically
 from armcontour.files.job_file import drawing_text, read_data
 from armcontour.files.job_text_edits import write_data
@@ -79,7 +79,7 @@ class Document:
         """Create the job of a drawing in a cell (name or job file), next to the drawing."""
         drawing = FilePath(file).absolute()
         if not drawing.is_file():
-            raise InvalidInput(f"The drawing {drawing} does not exist.")
+            raise FileError(f"The drawing {drawing} does not exist.")
         file_next = drawing.with_suffix(".yaml")
         text = drawing_text(cell, drawing, file_next.parent)
         origin = drawing, str(FilePath(cell).absolute()) if FilePath(cell).suffix else cell
@@ -143,7 +143,7 @@ class Document:
                 f"{self.source} cannot be saved because it has no file. Download it instead."
             )
         if not force and self.on_disk() == CHANGED:
-            raise InvalidInput(
+            raise FileError(
                 f"Another program has changed {self.file} since it was read. Reload or overwrite "
                 "the file."
             )
@@ -233,7 +233,7 @@ def decode(content: bytes, file: FilePath | str) -> str:
     try:
         return content.decode()
     except UnicodeDecodeError:
-        raise InvalidInput(f"{file} cannot be read because it is not UTF-8 text.") from None
+        raise FileError(f"{file} cannot be read because it is not UTF-8 text.") from None
 
 
 def _write_file(file: FilePath, content: bytes) -> None:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import FileError
 from armcontour.core.file_access import unwritable, write_atomically
 
 # Maximum number of listed documents without unsaved changes.
@@ -54,7 +54,7 @@ class Recent:
         try:
             make_private(_folder())
             write_atomically(_file(self.id), lambda fresh: fresh.write_bytes(content))
-        except (InvalidInput, OSError):
+        except (FileError, OSError):
             return False
         return True
 

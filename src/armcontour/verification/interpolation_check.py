@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Choice, Frequency, NotNegative, Quantity, Tolerance
 from armcontour.core.render import Result, moment, number
@@ -145,9 +145,7 @@ def check_interpolation(
     """
     curve = interpolate_points(points, controller)
     if (dof := curve.curve.dof) != arm.dof:
-        raise InvalidInput(
-            f"The arm {arm.name} has {arm.dof} joints, but the trajectory has {dof}."
-        )
+        raise ArmMismatch(f"The arm {arm.name} has {arm.dof} joints, but the trajectory has {dof}.")
     bounds = resolve_limits("check_interpolation", arm, limits)
     t, q = curve.commands(rate)
     commanded = SimpleNamespace(t=t, q=q)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.render import Result, number
 from armcontour.core.result import Data, Row
 from armcontour.geometry import Path
@@ -371,7 +371,7 @@ def uses_of_law(
     for name, *sides in zip(ORDERS[: order + 1], after, before, strict=True):
         values = np.concatenate(sides)
         if values.shape != (len(t), arm.dof):
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"The law has {values.shape[-1]} joints, but the arm has {arm.dof}. Specify the "
                 "arm for which the law was made."
             )

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
 from armcontour.core.render import Result, moment, number
@@ -502,7 +502,7 @@ def _check_path(
 ) -> None:
     """Check that the path has the dimension of the arm, and that limited deviations have a path."""
     if path is not None and path.dimension != arm.dimension:
-        raise InvalidInput(
+        raise ArmMismatch(
             f"The path has {path.dimension} coordinates, but the arm {arm.name} moves its tool in "
             f"{arm.dimension}."
         )
@@ -546,7 +546,7 @@ def _check_joint_order(samples: Any, arm: Arm) -> None:
     joints = tuple(getattr(samples, "joints", ()))
     order = match_joints(joints, arm.joint_names, getattr(samples, "source", "The trajectory"))
     if order is not None and order != list(range(len(joints))):
-        raise InvalidInput(
+        raise ArmMismatch(
             f"The samples have the joints {', '.join(joints)}, but {arm.name} has "
             f"{', '.join(arm.joint_names)}. Read the file with the joint names of the arm, such as "
             "read_trajectory(file, arm.joint_names)."

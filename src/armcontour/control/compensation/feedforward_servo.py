@@ -1,6 +1,6 @@
 """Set-points for a servo with feed-forward, and their transient after the motion."""
 
-# See docs/guides/compensations.md.
+# See docs/concepts/compensation.md.
 
 from __future__ import annotations
 
@@ -58,6 +58,11 @@ def invert_feedforward(
     set_points = set_points[:length]
     set_points[-1] = plain[-1]
     return np.asarray(set_points), None
+
+
+def has_transient(servo: ServoModel) -> bool:
+    """Return whether set-points change after the motion, due to feed-forward or an integrator."""
+    return servo.has_feedforward or bool(servo.ki.any())
 
 
 def tail_duration(servo: ServoModel, duration: float) -> float:

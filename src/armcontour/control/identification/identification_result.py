@@ -19,7 +19,7 @@ from armcontour.control.identification.joint_fit import (
 from armcontour.control.identification.least_squares import UNITS, Estimate, fastest_motion
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, Frozen
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import shared_unit
 from armcontour.core.render import Result, number
@@ -430,7 +430,7 @@ class Prediction(Result):
         """
         checks.check_type("arm", arm, Arm)
         if arm.dof != self.log.dof:
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "
                 f"{arm.dof}. Specify the arm with which the log was recorded."
             )

@@ -40,7 +40,7 @@ from armcontour.control.identification.model_selection import (
 )
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Options, checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Choice, Interval, Quantity, linear_unit
@@ -472,7 +472,7 @@ def identify(
 def _with_joints_of(log: Log, arm: Arm) -> Log:
     """The log with the joints of an arm in their order, and with their units."""
     if log.dof < arm.dof:
-        raise InvalidInput(
+        raise ArmMismatch(
             f"{log.source} has {log.dof} joints, but the arm {arm.name} has {arm.dof}. Specify the "
             "arm with which the log was recorded."
         )

@@ -17,7 +17,7 @@ from armcontour.controllers.feeders.feeder import RARE, DeviceError, Row, Sample
 CYCLE = 1e-3
 # Tolerance between the desired positions of a state and the row sent in the previous cycle [rad].
 SAME = 1e-6
-# Number of cycles of the motion from the held position to the first row.
+# The motion from the held position to the first row takes this number of cycles.
 ALIGNING = 500
 # Maximum length of this motion, for each joint [rad].
 FARTHEST = 2e-3
@@ -28,7 +28,7 @@ UNANSWERED = 20
 
 @contextmanager
 def reported() -> Iterator[None]:
-    """Report an error of libfranka as a failure of the controller."""
+    """Report libfranka's errors in this context as failures of the controller."""
     try:
         yield
     except FrankaException as error:
@@ -65,7 +65,7 @@ class FrankaDevice:
 
     @reported()
     def connect(self) -> Row:
-        """Connect; returns the joint positions [rad]."""
+        """Connect; return the joint positions [rad]."""
         realtime = RealtimeConfig.kIgnore if self._is_here() else RealtimeConfig.kEnforce
         self.robot = pylibfranka.Robot(self.address, realtime)
         state = self.robot.read_once()
@@ -86,15 +86,15 @@ class FrankaDevice:
         self.row = self.sent = tuple(self.state.q)
 
     def take_limits(self, rows: Sequence[Row], new: bool) -> float:
-        """The robot stops by its reflex when answers are missing."""
+        """Return 0: the robot stops by its reflex when answers are missing."""
         return 0.0
 
     def missed(self, all_sent: bool) -> int | None:
-        """None: the robot ends the control by an error if rows are missing."""
+        """Return None: if rows are missing, the robot ends the control by an error."""
         return None
 
     def room(self) -> int:
-        """Number of rows that are due according to the robot's clock; only the last one is sent."""
+        """Count the rows that are due by the robot's clock; only the last one is sent."""
         if self.approach_rows or self.answered:
             return 0
         return 1 if self.k < 0 else self.due

@@ -30,28 +30,28 @@ BEAT = 0.02
 # After this time without an edge, when the FIFO is empty and the joints rest, HAL disables the
 # drives [s].
 TIMEOUT = 0.5
-# Longest time in which HAL has to obey a change of a pin [s].
+# HAL must obey a changed pin within this time [s].
 OBEYING = 2.0
 # Timeout of the servo thread between motions: it counts as dead after this time without a sample
 # [s].
 SILENCE = 1.0
 # Largest motion of a disabled joint between a connection and the first motion [rad].
 STILL = 1e-3
-# Number of successive equal readings of the FIFO that are required.
+# The FIFO's length counts after so many equal readings.
 AGREEING = 5
 # Time for which the threads still run after the drives were disabled, so that their hardware and
 # other samplers notice it before HAL is unloaded [s].
 DISABLED = 0.1
 # Time between two readings of the FIFO [s].
 LOOK = 1.7e-3
-# Relative and absolute margins of the limit of an acceleration against rounding [1, rad/s²].
+# Margins of an acceleration limit against rounding: relative, and absolute [rad/s²].
 MARGINS = (1e-6, 1e-6)
-# Duration of a braking with HAL's limit3, in multiples of velocity over acceleration: to rest, and
-# back to the last row.
+# Time in which HAL's limit3 brakes to rest and moves back to the last row, in multiples of velocity
+# over acceleration.
 BRAKING = 2.5
-# Number of samples with the same command after which the joints rest.
+# The joints rest after so many samples with the same command.
 RESTING = 200
-# Largest number of rows of the motion from the held position to the first row.
+# The motion from the held position to the first row has at most this number of rows.
 ALIGNING = 2000
 # Largest second derivative of the smooth motion between 0 and 1 in a time of 1.
 STEEPEST = 5.78
@@ -61,10 +61,10 @@ USUAL = ("Running with fallback_uid", "Note: Using POSIX")
 
 
 class LinuxCNCDevice:
-    """HAL with a streamer of n + 1 floats and a sampler of 2 n + 1.
+    """HAL with a streamer of n + 1 floats and a sampler of 2 n + 1 floats.
 
-    The first float of both is the cycle of the motion, -1 at rest and less before row 0. The others
-    are the commands of the joints, and in the sampler their measured positions [rad].
+    The first float of both is the motion's cycle, -1 at rest and less before row 0. The others are
+    the joints' commands, and in the sampler also their measured positions [rad].
 
     HAL stops the joints without this process: when the FIFO is empty, the streamer is switched off
     until the next motion, and a `limit3` per joint keeps the acceleration of the command below the
@@ -155,7 +155,7 @@ class LinuxCNCDevice:
         self.heard = time.monotonic()
 
     def take_over(self) -> int:
-        """Continue a motion; returns the number of rows received, or one less if the FIFO wraps."""
+        """Continue a motion; return the rows received, or one less if the FIFO wraps."""
         self.attach(f"{COMPONENT}-guard", replaces=COMPONENT)
         self.limits = tuple(self.component[f"acceleration-{j + 1}"] for j in range(self.dof))
         self.has_played = self.enabled = True
@@ -173,7 +173,7 @@ class LinuxCNCDevice:
         return seen[-1]
 
     def next_sample(self) -> Sample:
-        """The next sample of the thread."""
+        """Wait for the thread's next sample, and return it."""
         while not self.back.readable:
             self.check_alive()
             self.beat()
@@ -241,7 +241,7 @@ class LinuxCNCDevice:
     def obey(
         self, done: Callable[[], bool], failure: str, act: Callable[[], None] = lambda: None
     ) -> None:
-        """Wait until HAL has obeyed; DeviceError if it does not. `act` is called repeatedly."""
+        """Call `act` repeatedly until HAL has obeyed; raise DeviceError if it does not."""
         end = time.monotonic() + OBEYING
         while not done():
             if time.monotonic() > end:
@@ -274,7 +274,7 @@ class LinuxCNCDevice:
         return float(self.component["timeout"]) + ALIGNING * period * new
 
     def missed(self, all_sent: bool) -> int | None:
-        """First cycle without a row, once the FIFO has become empty in a motion."""
+        """Return the first cycle without a row, once the FIFO has become empty in a motion."""
         if self.end is None and self.has_played and not self.component["playing"]:
             # Rows that are written after the FIFO was empty are not played.
             if not all_sent or int(self.out.depth):
@@ -282,7 +282,7 @@ class LinuxCNCDevice:
         return self.end
 
     def room(self) -> int:
-        """Number of rows that fill the FIFO up to `ahead`."""
+        """Return how many rows fill the FIFO up to `ahead`."""
         return max(self.ahead - int(self.out.depth), 0)
 
     def write(self, k: int, row: Row) -> None:
@@ -337,7 +337,7 @@ class LinuxCNCDevice:
             self.component["play"] = not self.component["play"]
 
     def exchange(self) -> Iterable[Sample]:
-        """Samples of the thread; the first calls in a motion switch the streamer on."""
+        """Return the thread's samples; the first calls in a motion switch the streamer on."""
         self.beat()
         if self.waiting and self.unread:
             self.switch_on()

@@ -26,7 +26,7 @@ DATA_PACKAGE = "U"
 DOF = 6
 # Number of rows that the input registers hold.
 SLOTS = 4
-# Number of the first double register that holds rows, of the inputs and of the outputs.
+# First double register that holds rows; inputs and outputs have the same numbers.
 FIRST = 24
 # Cycle of the controller [s].
 CYCLE = 2e-3
@@ -117,7 +117,7 @@ class UrDevice:
         self.complete: list[Sample] = []
 
     def connect(self) -> Row:
-        """Connect; returns the commanded joint positions [rad]."""
+        """Connect; return the commanded joint positions [rad]."""
         self.rtde = self._open(RTDE_PORT)
         # Request protocol version 2, set up the recipes of outputs and inputs, and start.
         if self._ask("V", struct.pack(">H", 2)) != b"\x01":
@@ -164,16 +164,16 @@ class UrDevice:
         self.running = True
 
     def take_limits(self, rows: Sequence[Row], new: bool) -> float:
-        """The program stops with `stopj`, and has stopped before its connection is ended."""
+        """Return 0: the program has stopped by `stopj` before its connection ends."""
         return 0.0
 
     def missed(self, all_sent: bool) -> int | None:
-        """First cycle for which the program had no row, so that it has stopped the joints."""
+        """Return the first cycle without a row, at which the program stopped the joints."""
         self.is_last = all_sent
         return self.end
 
     def room(self) -> int:
-        """Number of rows that fit into the registers."""
+        """Return how many rows fit into the registers."""
         if self.end is not None:
             return 0
         if self.newest < 0 <= self.k:
@@ -238,7 +238,7 @@ class UrDevice:
         self.rtde.sendall(struct.pack(">HB", len(data) + 3, ord(kind)) + data)
 
     def _ask(self, kind: str, data: bytes) -> bytes:
-        """Send a request; returns the data of the answer."""
+        """Send a request; return the data of the answer."""
         self._send(kind, data)
         while True:
             answered, answer = self._receive()
@@ -251,7 +251,7 @@ class UrDevice:
         return len(data) >= 3 and len(data) >= int.from_bytes(data[:2], "big")
 
     def _receive(self) -> tuple[str, bytes]:
-        """Receive the next package; returns its type and data."""
+        """Receive the next package; return its type and data."""
         while not self._has_package():
             data = self.rtde.recv(1 << 16)
             if not data:
@@ -263,7 +263,7 @@ class UrDevice:
         return chr(kind), data
 
     def _types(self, names: Sequence[str], answer: bytes) -> str:
-        """Format of a recipe that the controller has accepted, for `struct`."""
+        """Return the format of an accepted recipe for `struct`."""
         types = answer[1:].decode().split(",")
         for name, kind in zip(names, types, strict=True):
             if kind not in SIZES:

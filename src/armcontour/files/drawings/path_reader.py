@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import FileError, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_bytes
 from armcontour.core.frames import Frame
@@ -169,11 +169,9 @@ def find_reader(file: str | FilePath) -> tuple[FilePath, str]:
     location = FilePath(file)
     suffix = location.suffix.lower()
     if suffix == ".dwg":
-        raise InvalidInput(
-            f"{location.name} is a DWG file, which is not supported. Save it as DXF."
-        )
+        raise FileError(f"{location.name} is a DWG file, which is not supported. Save it as DXF.")
     if suffix not in READERS:
-        raise InvalidInput(
+        raise FileError(
             f"{location.name} cannot be read as a path. Its extension must be one of "
             f"{', '.join(READERS)}."
         )

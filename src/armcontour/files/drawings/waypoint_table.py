@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import FileError, InvalidInput
 from armcontour.core.frames import QUATERNION_TOLERANCE, from_rpy
 from armcontour.core.text import show
 from armcontour.files.csv_table import CsvTable, Title, read_table
@@ -70,7 +70,7 @@ def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str]
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InvalidInput(
+        raise FileError(
             f"{source} must be text in UTF-8, but is not. Save it as CSV in UTF-8."
         ) from None
     table = read_table(

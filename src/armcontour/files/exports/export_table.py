@@ -15,7 +15,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import AtLeast, Axes, Interval, Quantity, joint_units
 from armcontour.motion import (
@@ -241,7 +241,7 @@ def tabulate(
         # The derivatives of a curve through set-points can exceed limits of their differences.
         derivatives = 0 if about.get("command_limits") is not None else 2
     if arm is not None and arm.dof != dof:
-        raise InvalidInput(
+        raise ArmMismatch(
             f"The arm {arm.name} has {arm.dof} joints, but the motion of {name!r} has {dof}."
         )
     if joint_names is None:

@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar
 
 from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import FileError, InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import AtLeast
 from armcontour.files.exports.export_table import SetPointTable, make_table, write_csv
@@ -305,7 +305,7 @@ def check_outputs(
 def write_destination(file: FilePath, write: Callable[[FilePath], None]) -> None:
     """Write a file atomically; if writing fails, an existing file is unchanged."""
     if not file.name or "\0" in str(file):
-        raise InvalidInput(f"Cannot write {str(file)!r}, because it is not a valid file name.")
+        raise FileError(f"Cannot write {str(file)!r}, because it is not a valid file name.")
     if file.is_dir():
-        raise InvalidInput(f"Cannot write {file}, because a folder has this name.")
+        raise FileError(f"Cannot write {file}, because a folder has this name.")
     file_access.write_atomically(file, write)

@@ -2,7 +2,7 @@
 
 The unknowns are the middle control points d of `a = ds²` on n cells, between the values of a at
 both ends. Each row couples three neighbours, so each step solves a pentadiagonal system. Every
-iterate satisfies every row. See docs/guides/jerk.md.
+iterate satisfies every row. See docs/concepts/jerk_limited.md.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from armcontour.planning.jerk.mesh import (
 )
 from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.timing_options import Task
-from armcontour.planning.topp.grid_plan import MotionBounds
+from armcontour.planning.topp.limit_forms import MotionBounds
 
 # Default number of cells per build-up time of the acceleration, during non-uniform motion.
 PER_BUILD_UP = 2.0

@@ -13,8 +13,17 @@ from armcontour.core.quintics import to_bernstein
 from armcontour.planning.constraints import Constraint, JointMotion, limits_on
 from armcontour.planning.jerk.interior_point import JerkSection
 from armcontour.planning.jerk.mesh import JerkMesh
-from armcontour.planning.topp.grid_plan import MotionBounds, rows_with_friction
-from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, Intervals, margins_of
+from armcontour.planning.topp.friction_rows import rows_with_friction
+from armcontour.planning.topp.limit_forms import (
+    HIGH,
+    LOW,
+    A,
+    B,
+    GridLimits,
+    Intervals,
+    MotionBounds,
+    margins_of,
+)
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 # Highest degree of a joint path.

@@ -17,11 +17,17 @@ from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, SHAPED
 from armcontour.planning.shaping.quadratic_program import solve_program
-from armcontour.planning.shaping.shape_starts import Candidate, Timer, make_starts, match, prove
+from armcontour.planning.shaping.shape_starts import (
+    Candidate,
+    Timer,
+    Tolerances,
+    make_starts,
+    match,
+    prove,
+)
 from armcontour.planning.shaping.spline_nodes import INSIDE, NearPath, Nodes, place_nodes
 from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
 from armcontour.planning.shaping.tool_path_fit import DrawnPath, draw
-from armcontour.planning.timing_options import Shaped
 
 # On a path with more corners and rests than this, corners are rejected separately.
 LONG_PATH = 40
@@ -138,7 +144,7 @@ class ShapeSearch:
     start: Candidate
     tube: Tube
     timer: Timer
-    options: Shaped
+    tolerances: Tolerances
     state: _State = field(init=False)
 
     @property
@@ -445,19 +451,19 @@ class ShapeSearch:
 
     def _make_path(self, drawn: DrawnPath) -> ShapedPath | None:
         """Make the shaped path of a drawing; None if its tool orientation deviates too much."""
-        options = self.options
         objective = self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
             objective=objective,
             places=drawn.places,
-            tolerance=options.tolerance,
+            tolerance=self.tolerances.distance,
             outcome=ShapingOutcome(start=self.start.name, durations={}),
             curve=drawn.curve,
         )
         if objective.orientation is not None:
-            path, angle = orient_shaped(path, objective, drawn.places, options.angular_tolerance)
-            if angle > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
+            allowed = self.tolerances.angle
+            path, angle = orient_shaped(path, objective, drawn.places, allowed)
+            if allowed is not None and angle > allowed:
                 return None
         return path
 
@@ -473,18 +479,18 @@ def explain_unshaped(objective: Path, tube: Tube) -> str | None:
 
 
 def make_searches(
-    objective: Path, tube: Tube, timer: Timer, options: Shaped
+    objective: Path, tube: Tube, timer: Timer, tolerances: Tolerances
 ) -> Iterator[ShapeSearch | None]:
     """Yield the searches from parabolas and from arcs, beginning with the faster start."""
     # Yields None instead of a search with too many nodes.
-    starts = make_starts(objective, tube, options, START_SHARE)
+    starts = make_starts(objective, tube, tolerances, START_SHARE)
     candidates = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in candidates if x is not None), key=lambda x: x.duration):
         nodes = place_nodes(start, tube, timer.arm, timer.configuration)
         if nodes is None:
             yield None
         elif not nodes.fixed.all():
-            yield ShapeSearch(nodes, start, tube, timer, options)
+            yield ShapeSearch(nodes, start, tube, timer, tolerances)
 
 
 def _turns_at_corners(objective: Path) -> bool:

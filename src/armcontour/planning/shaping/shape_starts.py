@@ -13,9 +13,8 @@ from armcontour.geometry import Path, Proof, RoundedPath, Tube, round_path
 from armcontour.geometry.rounding.rounded_path import Curve
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, STOPS
 from armcontour.motion import JointPath, Trajectory
-from armcontour.planning.optimal_timing import plan_optimal
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.program_tracing import trace_by_duration
-from armcontour.planning.timing_options import Optimal, Shaped
 from armcontour.robot import Arm, Limits
 
 # Angle between matched points along arcs [rad].
@@ -81,6 +80,14 @@ def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
     return tube.prove(path, matches, MATCH_TOLERANCE * tube.tolerance[piece])
 
 
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """Tolerances of a shaped path."""
+
+    distance: float  # Largest distance from the objective, and of its vertices from the path [m]
+    angle: float | None  # Largest angle from the required orientation [rad]; None: unlimited
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Candidate:
     """A path within the tolerance, with its fastest timing."""
@@ -132,7 +139,7 @@ class Timer:
 
 
 def make_starts(
-    objective: Path, tube: Tube, options: Shaped, share: float = 1.0
+    objective: Path, tube: Tube, tolerances: Tolerances, share: float = 1.0
 ) -> dict[str, tuple[Path, FloatArray]]:
     """Make the starts by name, all within the tube, each with its matching arc lengths.
 
@@ -142,25 +149,25 @@ def make_starts(
     starts: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, matches)}
     curves: dict[str, Curve] = {ARCS: "arc", PARABOLAS: "parabola"}
     for name, curve in curves.items():
-        rounded = _round_within(objective, tube, options, curve, share)
+        rounded = _round_within(objective, tube, tolerances, curve, share)
         if rounded is not None:
             starts[name] = rounded
     return starts
 
 
 def _round_within(
-    objective: Path, tube: Tube, options: Shaped, curve: Curve, share: float
+    objective: Path, tube: Tube, tolerances: Tolerances, curve: Curve, share: float
 ) -> tuple[RoundedPath, FloatArray] | None:
     """Rounded path within the tube, with its matching arc lengths; None if it needs stops."""
     # Corners whose rounding leaves the tube get a smaller tolerance.
-    requested = np.full(len(objective) - 1, share * options.tolerance)
+    requested = np.full(len(objective) - 1, share * tolerances.distance)
     requested[tube.vertex - 1] = share * tube.vertex_tolerance
 
     def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
         path = round_path(
-            objective, tolerance=tolerance, angular_tolerance=options.angular_tolerance, curve=curve
+            objective, tolerance=tolerance, angular_tolerance=tolerances.angle, curve=curve
         )
-        matches = match(tube, path, _matching_lengths(path), REACH * options.tolerance)
+        matches = match(tube, path, _matching_lengths(path), REACH * tolerances.distance)
         return path, matches, _corners_outside(tube, path, matches)
 
     path, matches, outside_corners = outside(requested)

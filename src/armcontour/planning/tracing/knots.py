@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.geometry import Orientation, Path, RoundedPath
 from armcontour.geometry.rounding.rounded_path import OUT_OF_PLANE
 from armcontour.robot import SerialArm
@@ -154,7 +154,7 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
     # The task dimension is 6 (position and orientation), 5 (position and tool axis) or 3
     # (position).
     if path.dimension != 3:
-        raise InvalidInput(
+        raise ArmMismatch(
             f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} has "
             f"{arm.dimension}. Use a path with {arm.dimension} coordinates."
         )
@@ -165,7 +165,7 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
     task = 5 if orientation.axis_only else 6
     if task > arm.dof:
         remedy = ". Leave the rotation about the tool axis free with axis_only"
-        raise InvalidInput(
+        raise ArmMismatch(
             f"The arm {arm.name} has {arm.dof} joints, but a tool "
             f"{'axis' if task == 5 else 'orientation'} in space needs {task}"
             f"{remedy if arm.dof == 5 else ''}."
@@ -183,7 +183,7 @@ def _refuse_position_only(arm: SerialArm) -> None:
             "path.pointing(direction) if only the tool axis matters)."
         )
     if arm.dof < 3:
-        raise InvalidInput(
+        raise ArmMismatch(
             f"The arm {arm.name} has {arm.dof} joints, but a path in space needs at least 3. "
             "Describe an arm that moves in a plane by an arm file of the kind planar_two_link."
         )

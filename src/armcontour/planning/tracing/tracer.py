@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.errors import InvalidInput, Unreachable
+from armcontour.core.errors import ArmMismatch, InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.geometry.path import cut_path
 from armcontour.geometry.segments import REPEATED_POINT
@@ -132,7 +132,7 @@ class AnalyticSolver(Solver[PlanarTwoLink]):
         # `configuration`: one of `arm.branches`; `tolerance`: largest distance of the tool from the
         # path between knots [m].
         if path.dimension != arm.dimension:
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
                 f"has {arm.dimension}. Use a path with {arm.dimension} coordinates."
             )

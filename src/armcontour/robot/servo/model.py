@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import (
     DEAD_TIME,
@@ -49,11 +49,11 @@ TRUSTED = 0.5
 LOGGED = (0.0, 1e6)
 # Motions that exceed a logged value by more than this factor cause a warning.
 EXCEEDED = 1.02
-# Largest ratio of the frequency of the logs to the frequency of a motion, because errors of fast
-# reversals do not bound those of slow motion. In simulations of random plants, the bounds held for
+# Largest ratio between the frequencies of logs and motion, because errors in fast reversals do not
+# bound errors in slow motion. In simulations of random plants, the bounds held for
 # frequency ratios up to 10, and often not above 16.
 MAX_FREQUENCY_RATIO = 13.0
-# A joint moves if its largest velocity is at least this fraction of that of the fastest joint.
+# A joint moves if its largest velocity is at least this fraction of the fastest joint's.
 MOVING_SHARE = 0.1
 # Parameters with one value per joint.
 PER_JOINT = (
@@ -145,9 +145,9 @@ class ServoModel(Checked):
             determined, one for all joints or one per joint; None if it is not known.
         logged_acceleration: Largest acceleration of that motion [rad/s²], one for all joints or one
             per joint; None if it is not known.
-        logged_frequency: Smallest frequency of a joint in one of the logs of that motion [1/s], its
-            largest acceleration divided by its largest velocity in this log; None if it is not
-            known. Then `logged_acceleration` divided by `logged_velocity` replaces it.
+        logged_frequency: Smallest joint frequency in one of that motion's logs [1/s], which is the
+            joint's largest acceleration divided by its largest velocity; None if it is not known.
+            Then `logged_acceleration` divided by `logged_velocity` replaces it.
         contour_ratio: RMS contour error with compensation over that without it, on measured motion
             to which the model was not fitted, in the worst log; None if it is not known.
         program_ratio: The same in the worst of the logs that reverse about as slowly as the slowest
@@ -299,7 +299,7 @@ class ServoModel(Checked):
                 checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof)
             changes[name] = np.full(dof, values)
         if not isinstance(self.order, str) and len(self.order) != dof:
-            raise InvalidInput(
+            raise ArmMismatch(
                 f"order of the servo has {len(self.order)} values, but the arm has {dof} joints. "
                 f"Specify one value for all joints or {dof} values."
             )
@@ -336,7 +336,7 @@ class ServoModel(Checked):
         )
 
     def describe_excess(self, dq: FloatArray, ddq: FloatArray) -> str:
-        """Warning that a motion exceeds the motion that determined `model_error`; empty if not.
+        """Return a warning if a motion exceeds the motion that determined `model_error`, or "".
 
         Args:
             dq: Joint velocities [rad/s], (n, dof).
@@ -413,8 +413,8 @@ class ServoModel(Checked):
     def slowest(self) -> float:
         """Smallest decay rate of any joint [1/s]; infinite if all joints are pure delays."""
         kp, kv = np.broadcast_arrays(self.kp, self._loops)
-        # The rates are the negative real parts of the roots of s² + kv s + kp kv. If the roots are
-        # real, the sum of the rates is kv and their product is kp kv.
+        # The roots of s² + kv s + kp kv have the decay rates as negative real parts. If the roots
+        # are real, the rates add up to kv, and their product is kp kv.
         loop = np.isfinite(kv)
         if not loop.any():
             return float(kp.min())
@@ -430,7 +430,7 @@ class ServoModel(Checked):
         return float(min(rate.min(), alone))
 
     def saturate(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Acceleration bounds [rad/s²], (dof,) each; infinite without a velocity loop.
+        """Return the servo's acceleration bounds [rad/s²], (dof,) each; infinite without a loop.
 
         Args:
             lower: Lower bounds of the robot [rad/s²], (dof,), used if acceleration_limit is None.
@@ -443,7 +443,7 @@ class ServoModel(Checked):
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
 
     def is_plain(self, *orders: str) -> bool:
-        """Return whether all joints are of one of the orders, without friction and drive cycle.
+        """Return whether every joint has one of these orders, without friction and drive cycle.
 
         Args:
             orders: The accepted orders.
@@ -491,7 +491,9 @@ class ServoModel(Checked):
                 )
 
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None) -> FloatArray:
-        """Command for which the unsaturated servo without dead time follows q [rad], (n, dof).
+        """Return the command with which the servo follows q [rad], (n, dof).
+
+        The servo is unsaturated and has no dead time.
 
         Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`. Dry
         friction adds `c sign(dq)`. With feed-forward, the result is `u + a du + b ddu` with the
@@ -526,7 +528,7 @@ class ServoModel(Checked):
         return command + factor * acceleration
 
     def response(self, s: npt.ArrayLike) -> FloatArray:
-        """Transfer function from command to joint position at each s; complex, (n, joints).
+        """Return the transfer function from command to joint position at s; complex, (n, joints).
 
         `G(s) = exp(-s tau) (g s² + f K_v s + K_p K_v) / (s² + K_v s + K_p K_v)`, with f = g = 0
         (5), or for order "first" `exp(-s tau) (f s + K_p) / (s + K_p)`; in a P-PI cascade with
@@ -556,15 +558,23 @@ class ServoModel(Checked):
 
 
 def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatArray, FloatArray]:
-    """Factors of `ServoModel.lead`; kv is infinite without a velocity loop."""
+    """Return the factors of `ServoModel.lead` from gains and feed-forward factors.
+
+    Args:
+        kp: Position loop gains [1/s].
+        kv: Velocity loop gains [1/s]; infinite without a velocity loop.
+        velocity: Factors of the command velocity.
+        acceleration: Factors of the command acceleration.
+    """
     loops = np.where(np.isinf(kv), 1.0, kv)
     return np.asarray(velocity / kp), np.asarray(acceleration / (kp * loops))
 
 
 def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator, in z, of the filter `s / (s + ki)` for means over cycles.
+    """Return numerator and denominator, in z, of the filter `s / (s + ki)` for cycle means.
 
-    With a drive cycle, the integral is a sum; the filter is exact if `cycle` is the drive cycle.
+    The filter takes and returns means over `cycle` [s]. In a drive with the cycle `drive_cycle`
+    [s], 0 for a continuous loop, the integral is a sum; the filter is exact if both are equal.
     """
     decay = np.log1p(ki * drive_cycle) / drive_cycle if drive_cycle else ki
     mean = -np.expm1(-decay * cycle) / (ki * cycle)
@@ -574,10 +584,16 @@ def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[Floa
 def without_integral(
     dq: FloatArray, ddq: FloatArray, servo: ServoModel, cycle: float
 ) -> FloatArray:
-    """Part of mean accelerations that the integrators do not supply [rad/s²], (n, dof).
+    """Return the part of mean accelerations that the integrators do not supply [rad/s²].
 
     The loop output is `K_v (1 + k_i / s)` times the velocity error, starting at rest, and also
-    overcomes friction. dq and ddq are means over intervals of length `cycle`.
+    overcomes friction.
+
+    Args:
+        dq: Mean joint velocities over intervals of length `cycle` [rad/s], (n, dof).
+        ddq: Mean joint accelerations over the same intervals [rad/s²], (n, dof).
+        servo: Servo with one value per joint.
+        cycle: Length of the intervals [s].
     """
     if not servo.ki.any():
         return ddq
@@ -597,7 +613,7 @@ def without_integral(
 
 
 def sliding(rate: FloatArray) -> FloatArray:
-    """Factor of dry friction at command velocities [rad/s], from -1 to 1, smooth at rest."""
+    """Return the dry-friction factor at command velocities `rate` [rad/s], smooth from -1 to 1."""
     return np.asarray(rate / np.hypot(rate, SLIDING))
 
 
@@ -609,7 +625,7 @@ def _join_texts(texts: str | Sequence[str]) -> str:
 
 
 def _check_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) -> FloatArray:
-    """Gains as a read-only array for all joints or per joint; infinite for unused gains."""
+    """Return the gains as a read-only array; infinite for joints that do not use the gain."""
     if not same:
         array = np.array(np.broadcast_to(array, needed.shape))
     used = np.broadcast_to(needed, array.shape) if array.ndim else needed[0]

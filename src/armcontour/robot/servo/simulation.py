@@ -24,10 +24,16 @@ SNAP = 1e-9
 
 
 class ServoSimulation:
-    """Simulation of all joints that follow set-points, exact between events of saturation."""
+    """Simulation of all joints that follow set-points, exact between saturation events.
 
-    # q: set-points [rad], (n, dof). `servo` has values per joint. lower, upper: acceleration bounds
-    # [rad/s²], (dof,), infinite by default. `steps`: number of results per interval.
+    Args:
+        q: Set-points [rad], (n, dof).
+        cycle: Time between two set-points [s].
+        servo: Servo with one value per joint.
+        lower: Lower acceleration bounds [rad/s²], (dof,); infinite by default.
+        upper: Upper acceleration bounds [rad/s²], (dof,); infinite by default.
+        steps: Number of results per interval.
+    """
 
     def __init__(
         self,
@@ -58,10 +64,13 @@ class ServoSimulation:
     ) -> JointMotions:
         """Simulate all joints from the start of interval `begin` to the start of `end`.
 
-        `q` [rad] and `dq` [rad/s], (dof,), are the initial state.
-
-        `held` are the initial values that drives with a cycle hold, (dof,): accelerations [rad/s²],
-        for order "first" velocities, with an integrator demands.
+        Args:
+            begin: Index of the first interval.
+            end: Index of the interval at whose start the simulation ends.
+            q: Initial joint positions [rad], (dof,).
+            dq: Initial joint velocities [rad/s], (dof,).
+            held: Values that drives with a cycle hold at first, (dof,): accelerations [rad/s²], for
+                order "first" velocities, with an integrator demands.
         """
         results = np.arange(begin * self.steps, end * self.steps + 1, dtype=np.float64)
         held = np.zeros_like(q) if held is None else held
@@ -70,7 +79,13 @@ class ServoSimulation:
     def run_at(
         self, times: FloatArray, state: tuple[FloatArray, FloatArray, FloatArray]
     ) -> JointMotions:
-        """Simulate all joints as `run`, from times[0] on, with results at the other times [s]."""
+        """Simulate all joints as `run` does, with results at times[1:].
+
+        Args:
+            times: Increasing times [s], (m + 1,); the simulation starts at the first one.
+            state: Joint positions [rad], velocities [rad/s] and held values at the start, (dof,)
+                each.
+        """
         kind = HELD if self.servo.drive_cycle else COMPLETE
         if kind == HELD:
             commands, starts = self._cycles(times[0], times[-1])
@@ -91,7 +106,12 @@ class ServoSimulation:
         return run
 
     def velocities_after(self, t: FloatArray, q: FloatArray) -> FloatArray:
-        """Velocities just after times t [rad/s], (m, dof); NaN for joints of order "second"."""
+        """Return velocities just after times t [rad/s], (m, dof); NaN for order "second".
+
+        Args:
+            t: Times [s], (m,).
+            q: Joint positions at these times [rad], (m, dof).
+        """
         velocities = np.full(q.shape, np.nan)
         for j in np.flatnonzero(self.joints.kv == 0):
             k = np.searchsorted(self.starts[j], t + SNAP * self.cycle, side="right")
@@ -106,7 +126,7 @@ class ServoSimulation:
         return velocities
 
     def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
-        """Held commands of the drives between two times, and start times of the cycles [s]."""
+        """Return the drives' held commands between two times, and the cycles' start times [s]."""
         drive_cycle = self.servo.drive_cycle
         pieces = self.commands
         cycle = self.cycle
@@ -124,7 +144,7 @@ class ServoSimulation:
 def _joints(
     servo: ServoModel | JointServo, like: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> Joints:
-    """Gains and bounds for the compiled simulation, in writable arrays, (rows,) each."""
+    """Return gains and bounds for the compiled simulation as writable arrays, (rows,) each."""
     kv = np.broadcast_to(np.inf if servo.kv is None else servo.kv, like.shape)
     # Joints without a velocity loop do not saturate.
     loop = np.isfinite(kv)
@@ -135,12 +155,15 @@ def _joints(
 
 
 def held_pieces(u: FloatArray, starts: FloatArray, servo: ServoModel | JointServo) -> FloatArray:
-    """Command pieces for `march`, including feed-forward and friction.
+    """Return the command pieces for `march`, including feed-forward and friction.
 
     A piece is one held value per drive cycle, or linear for joints that are pure delays.
 
-    `u`: commands without feed-forward and friction at each drive cycle, starting two cycles before
-    `starts`, (rows, count + 2).
+    Args:
+        u: Commands without feed-forward and friction at each drive cycle [rad], (rows, count + 2),
+            starting two cycles before `starts`.
+        starts: Start times of the drive cycles [s], (count,).
+        servo: The servo.
     """
     width = starts[1] - starts[0]
     du = np.diff(u, axis=1)[:, 1:] / width
@@ -154,6 +177,22 @@ def held_pieces(u: FloatArray, starts: FloatArray, servo: ServoModel | JointServ
     return pieces
 
 
+class MotionInInterval(NamedTuple):
+    """Joint motion within one set-point interval.
+
+    Args:
+        t: Requested times, and times at which a set-point reaches a joint, in order [s], (m,).
+        q: Joint positions [rad], (m, dof).
+        before: Joint velocities just before each time [rad/s], (m, dof).
+        after: Joint velocities just after each time [rad/s], (m, dof).
+    """
+
+    t: FloatArray
+    q: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+
 def respond_within(
     q: FloatArray,
     cycle: float,
@@ -162,14 +201,17 @@ def respond_within(
     k: int,
     times: FloatArray,
     state: tuple[FloatArray, FloatArray, FloatArray],
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Response of all joints at increasing times within interval k.
+) -> MotionInInterval:
+    """Simulate all joints at increasing times within interval `k`.
 
-    Returns `times` and the times at which a set-point reaches a joint, in order [s], (m,);
-    positions [rad], and velocities just before and just after each time [rad/s], (m, dof) each.
-
-    `state` contains positions [rad], velocities [rad/s] and held values at the first time, (dof,)
-    each.
+    Args:
+        q: Set-points [rad], (n, dof).
+        cycle: Time between two set-points [s].
+        servo: Servo with one value per joint.
+        bounds: Lower and upper acceleration bounds [rad/s²], (dof,) each.
+        k: Index of the interval.
+        times: Increasing times [s].
+        state: Positions [rad], velocities [rad/s] and held values at the first time, (dof,) each.
     """
     phase = servo.dead_time % cycle
     tolerance = SNAP * cycle
@@ -187,7 +229,7 @@ def respond_within(
     if not servo.drive_cycle:
         jump = active.velocities_after((k - first) * cycle + times[:-1], position[:-1])
         after[:-1] = np.where(np.isnan(jump), velocity[:-1], jump)
-    return times, position, velocity, after
+    return MotionInInterval(times, position, velocity, after)
 
 
 def follow(
@@ -198,11 +240,19 @@ def follow(
     drive_cycle: float = 0.0,
     ddq0: float | FloatArray = 0.0,
 ) -> FloatArray:
-    """Positions of a joint over its log [rad], (n,), exact between the breaks of its command.
+    """Simulate a joint that follows its log; return its positions [rad], (n,).
 
-    If the servo has arrays, (rows,), the result is (rows, n). q0 [rad], dq0 [rad/s] and, with an
-    integrator, the demand ddq0 [rad/s²] are the initial state. A drive cycle begins at the first
-    set-point. The result is not finite if the time steps that the servo requires are too short.
+    The simulation is exact between the breaks of the command. If the servo has arrays, (rows,), the
+    result is (rows, n). It is not finite if the time steps that the servo requires are too short.
+
+    Args:
+        command: The logged command.
+        servo: The joint's servo.
+        q0: Initial position [rad].
+        dq0: Initial velocity [rad/s].
+        drive_cycle: Time between two computations of the drive's loop [s]; 0 for a continuous loop.
+            The first cycle begins at the first set-point.
+        ddq0: Initial demand [rad/s²], for a servo with an integrator.
     """
     shape = np.broadcast_shapes(*(np.shape(x) for x in (*servo, q0, dq0, ddq0)))
     rows = int(np.prod(shape))
@@ -236,7 +286,18 @@ def follow(
 
 
 class JointServo(NamedTuple):
-    """Parameters of one joint's servo, as in `ServoModel`: numbers, or arrays (rows,)."""
+    """One joint's servo, with the units of `ServoModel`: numbers, or arrays (rows,).
+
+    Args:
+        kp: Position loop gain; infinite without a lag.
+        kv: Velocity loop gain; infinite without a velocity loop.
+        velocity_feedforward: Factor of the command velocity.
+        acceleration_feedforward: Factor of the command acceleration.
+        dead_time: Delay until a set-point reaches the servo.
+        acceleration_limit: Acceleration at which the joint saturates.
+        friction: Position error due to dry friction.
+        ki: Integral gain of the velocity loop; 0 without an integrator.
+    """
 
     kp: Any
     kv: Any = np.inf
@@ -255,10 +316,18 @@ class JointServo(NamedTuple):
 
 
 class LoggedCommand:
-    """Command of one joint in a log, which can be evaluated at any time."""
+    """Command of one joint in a log, which can be evaluated at any time.
 
-    # t [s] and u [rad], (n,): all set-points. The motion begins at set-point `begin`; earlier
-    # set-points may arrive during the motion. `knots` are the times of all set-points.
+    Args:
+        t: Times of all set-points [s], (n,).
+        u: Set-points [rad], (n,).
+        interpolation: "linear" or "step".
+        begin: Index of the set-point at which the motion begins. Earlier set-points may arrive
+            during the motion.
+
+    Attributes:
+        knots: Times of all set-points [s], (n,).
+    """
 
     def __init__(
         self, t: FloatArray, u: FloatArray, interpolation: str = "linear", begin: int = 0
@@ -271,7 +340,7 @@ class LoggedCommand:
         self.pieces = command_pieces(self.every[:, None], np.diff(t), interpolation, rest=False)
 
     def evaluate(self, t: FloatArray) -> FloatArray:
-        """The command at times t [rad], (n,)."""
+        """Return the command at times t [rad], (n,)."""
         if self.linear:
             return np.interp(t, self.knots, self.every)
         k = np.searchsorted(self.knots, t + SNAP * 1e-3, side="right") - 1
@@ -279,12 +348,17 @@ class LoggedCommand:
 
 
 class CommandPieces(NamedTuple):
-    """Commands of all joints as polynomials in the time since the start of each piece."""
+    """Commands of all joints as polynomials in the time since the start of each piece.
 
-    # Piece k is between set-points k - 1 and k. Before the first and after the last set-point the
-    # command is constant. plain: the command itself, (dof, n + 1, 4). rate, bend: its velocity and
-    # acceleration, (dof, n + 1, 1), for cubics (dof, n + 1, 3). sliding: factor of dry friction,
-    # (dof, n + 1).
+    Piece k is between set-points k - 1 and k. Before the first and after the last set-point the
+    command is constant.
+
+    Args:
+        plain: Coefficients of the command, (dof, n + 1, 4).
+        rate: Coefficients of its velocity, (dof, n + 1, 1), for cubics (dof, n + 1, 3).
+        bend: Coefficients of its acceleration, shaped like `rate`.
+        sliding: Dry-friction factor, (dof, n + 1).
+    """
 
     plain: FloatArray
     rate: FloatArray
@@ -295,7 +369,15 @@ class CommandPieces(NamedTuple):
 def command_pieces(
     q: FloatArray, width: float | FloatArray, interpolation: str, *, rest: bool = True
 ) -> CommandPieces:
-    """Command through set-points q [rad], (n, dof), which are `width` apart [s], (n - 1,)."""
+    """Interpolate set-points q [rad], (n, dof), that are `width` apart [s], (n - 1,).
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        width: Time from each set-point to the next [s], (n - 1,) or one number.
+        interpolation: "linear", "step" or "cubic", as in `ServoModel`.
+        rest: True if the joints rest at the first set-point before it; otherwise the command before
+            it is unknown.
+    """
     n, dof = q.shape
     cubic = interpolation == "cubic"
     plain = np.zeros((dof, n + 1, 4))
@@ -332,9 +414,11 @@ def command_pieces(
 def add_feedforward(
     command: CommandPieces, servo: ServoModel | JointServo, first: int = 0
 ) -> FloatArray:
-    """Pieces from `first` on for servos without feed-forward and friction, (rows, n + 1, 5)."""
-    # A servo with feed-forward and friction responds to the command as one without them to these
-    # pieces. The last column is the part of the command that bypasses the integrator.
+    """Return the pieces of `command` from `first` on, with feed-forward, (rows, n + 1, 5).
+
+    A `servo` with feed-forward and friction responds to `command` as a servo without them responds
+    to these pieces. The last column is the part that bypasses the integrator.
+    """
     plain, rate, bend = (x[:, first:] for x in command[:3])
     shape = np.broadcast_shapes(np.shape(servo.lead[0]), np.shape(servo.friction), (len(plain),))
     lead, acceleration, friction = (
@@ -357,7 +441,14 @@ def add_feedforward(
 def sample_command(
     pieces: FloatArray, cycle: float, dead_time: FloatArray, t: FloatArray
 ) -> FloatArray:
-    """Delayed command at the joint servos at times t since the first set-point [rad], (n, dof)."""
+    """Return the delayed command at times t since the first set-point [rad], (n, dof).
+
+    Args:
+        pieces: Command of each joint, from `add_feedforward`, (dof, pieces, 5).
+        cycle: Time between two set-points [s].
+        dead_time: Delay of each joint [s], (dof,).
+        t: Times since the first set-point [s], (n,).
+    """
     commands = np.zeros((len(t), len(pieces)))
     for j, joint_pieces in enumerate(pieces):
         phase = (t - dead_time[j]) / cycle
@@ -375,7 +466,14 @@ def sample_command(
 def command_weights(
     count: int, cycle: float, interpolation: str, t: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Indices and weights of the set-points that determine the command at times t, (n, 2 or 4)."""
+    """Return indices and weights of the set-points that the command depends on, (n, 2 or 4).
+
+    Args:
+        count: Number of set-points.
+        cycle: Time between two set-points [s].
+        interpolation: "linear", "step" or "cubic".
+        t: Times since the first set-point [s], (n,).
+    """
     phase = np.clip(t / cycle, 0.0, count - 1)
     k = np.minimum(np.floor(phase + SNAP), max(count - 2, 0)).astype(np.intp)
     fraction = np.clip(phase - k, 0.0, 1.0)

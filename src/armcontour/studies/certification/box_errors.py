@@ -30,7 +30,6 @@ from itertools import product
 
 import numpy as np
 
-from armcontour.control.compensation import NoCompensation
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.pool import map_in_threads
 from armcontour.core.progress import Step
@@ -276,7 +275,7 @@ def slow_motion_caps(case: Case, joint_path: JointPath, cells: FloatArray) -> Fl
     - `cells`: arc lengths of the ends of the cells [m], (n + 1,).
     """
     path = joint_path.tool_path
-    if path is None or isinstance(case.run.compensation, NoCompensation):
+    if path is None or not case.run.compensation.compensates:
         return np.full(len(cells) - 1, np.inf)
     kp, _, dead_time = independent_half_widths(case)
     servo = case.servo

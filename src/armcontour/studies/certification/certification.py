@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.control.compensation.compensator import INVERSE
+from armcontour.control.compensation import INVERSE
 from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -30,8 +30,7 @@ from armcontour.jobs.job import (
 from armcontour.jobs.run_plan import explained_reach, plan_one
 from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.jobs.verdict import Deviation
-from armcontour.motion import Method
-from armcontour.planning import Optimal, check_jerk_support, explain
+from armcontour.planning import Optimal, explain
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
@@ -129,8 +128,8 @@ def certify(
             f"A certificate is for the full speed, but run {chosen.name} has a speed factor of "
             f"{number(chosen.speed_factor, '1')}. Remove speed_factor."
         )
-    if chosen.rounding is not None and chosen.rounding.free:
-        check_jerk_support(Method.SHAPED, chosen.limits)
+    if chosen.shaping is not None:
+        chosen.shaping.check_jerk(chosen.limits)
     plant = None
     if chosen.experiment is not None:
         # The plant is built before the search, so that invalid options are reported early.
@@ -143,12 +142,11 @@ def certify(
         options = replace(INVERSE, command_limits=chosen.compensation.command_limits)
         chosen = replace(chosen, compensation=options)
     # Derating replaces the reserve, so the reserve is not used.
-    free = chosen.rounding is not None and chosen.rounding.free
-    intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None
+    intervals = None if chosen.shaping is None else chosen.shaping.intervals
     chosen = replace(chosen, timing=Optimal(intervals=intervals))
     report = subprogress(progress)
     shapes = [chosen]
-    if free and chosen.rounding is not None:
+    if chosen.rounding is not None and chosen.rounding.free:
         shapes.append(replace(chosen, rounding=chosen.rounding.with_arcs))
     best: tuple[Verdict, Uncertified] | None = None
     refusals: list[NotRealizable] = []

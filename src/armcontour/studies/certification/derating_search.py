@@ -18,7 +18,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from armcontour.control.compensation import InverseDynamics, NoCompensation
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
 from armcontour.core.progress import Step
@@ -363,7 +362,7 @@ def _estimate_uses(
     edges = start + move.plan.time_at(move.derating.cells)
     memory = 2.0 / float((case.servo.kp if case.servo.kv is None else case.servo.kv).min())
     # Without compensation, the tool lags, so an error is due to an earlier part of the plan.
-    lags = isinstance(case.run.compensation, NoCompensation)
+    lags = not case.run.compensation.compensates
     delay = TOOL_MEMORY * memory / 2 if lags else 0.0
 
     def in_cells(t: FloatArray, values: FloatArray, before: float = 0.0) -> FloatArray:
@@ -522,9 +521,9 @@ def _refuse(
     advice = f"Use {finer}"
     if cause == "box":
         advice = "Reduce the uncertainty of the robot (a smaller box)"
-    elif isinstance(compensation, NoCompensation):
+    elif not compensation.compensates:
         advice = "Compensate the lag of the servo"
-    elif isinstance(compensation, InverseDynamics) and cause == "acceleration":
+    elif compensation.for_bodies and cause == "acceleration":
         finer = "compensation inverse (inverse_dynamics is for rigid bodies)"
     # Ratios of "tool" are those of squared speeds.
     tool = (1 + SPEED_SLACK) * ratio**0.5
