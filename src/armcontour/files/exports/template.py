@@ -63,14 +63,25 @@ class _Refused(Exception):
     """Error with the reason for which a template rejects a table."""
 
 
-def template_of(
+def render_template(
     table: SetPointTable,
     template: str | FilePath,
     outputs: Mapping[str, int | str],
     *,
     file: str,
 ) -> str:
-    """Text of the program that a template generates from a table."""
+    """Render a template with the points of a table, and return the text of the program.
+
+    Args:
+        table: Points, events and analog values.
+        template: Name of a built-in format, or path of a template.
+        outputs: Outputs of events and analog outputs, by their names.
+        file: Name of the program's file, without its extension.
+
+    Raises:
+        InvalidInput: The template does not exist, has wrong syntax or raises an error; or it
+            rejects the table.
+    """
     source, text = _read_template(template)
     variables = _variables(table, outputs, file)
     try:
@@ -147,7 +158,7 @@ def write_template(
     outputs: Mapping[str, int | str],
 ) -> None:
     """Write the program that a template generates from a table to a file."""
-    text = template_of(table, template, outputs, file=file.stem)
+    text = render_template(table, template, outputs, file=file.stem)
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
