@@ -51,15 +51,25 @@ class LimitsFile(Limits):
     orientation_deviation: Angle | None = None
 
 
-def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, float | None]:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MotionRequirements:
+    """Requirements that a motion is checked against."""
+
+    limits: Limits
+    deviation: float | None = None  # Largest distance of the tool from its path [m]
+    # Largest angle between the tool and its required orientation [rad]
+    orientation_deviation: float | None = None
+
+
+def read_limits(file: str | FilePath, arm: Arm) -> MotionRequirements:
     """Read limits from a YAML file.
 
     Limits that are not in the file are those of the arm. Infinity removes a limit, as in a job
     file.
 
-    Returns:
-        The limits, and the largest deviation from the path [m] and from the required orientation
-        [rad]; None if the file does not specify it.
+    Args:
+        file: The file.
+        arm: Arm of the limits.
 
     Raises:
         InvalidInput: The file does not exist, is not YAML, or has an unknown key or invalid value.
@@ -76,10 +86,13 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
         )
     with error_context(location.name):
         specified = read_keys(PartialFields(LimitsFile), data)
-    deviations = [specified.pop(name, None) for name in ("deviation", "orientation_deviation")]
+    deviation = specified.pop("deviation", None)
+    orientation_deviation = specified.pop("orientation_deviation", None)
     with error_context(location.name):
         limits = resolve_limits(location.name, arm, Limits(**specified))
-    return limits, *deviations
+    return MotionRequirements(
+        limits=limits, deviation=deviation, orientation_deviation=orientation_deviation
+    )
 
 
 def read_servo(file: FilePath, dof: int) -> ServoModel:
