@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -257,6 +258,23 @@ def read_job(
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Cell:
+    """A cell or job file whose keys are not checked."""
+
+    text: str
+    source: str  # Name for messages
+    folder: FilePath  # Folder against which relative file names are resolved
+
+
+def _open_cell(cell: str) -> _Cell:
+    """Read a built-in cell, or a job file."""
+    file = FilePath(cell)
+    if file.suffix.lower() in YAML:
+        return _Cell(job_text(file), file.name, file.parent)
+    return _Cell(cell_text(cell), f"the cell {cell}", FilePath())
+
+
 def read_cell(
     cell: str | FilePath,
     drawing: str | FilePath,
@@ -264,54 +282,62 @@ def read_cell(
     patch: Patch | None = None,
     reading: Progress | None = None,
 ) -> Job:
-    """Make a job from a cell or job file and a drawing; `patch` overrides keys."""
-    # The drawing replaces the geometry of a job file, but not its frame and its reader options.
-    data, source, folder = cell_data(cell, drawing, patch)
-    with error_context(source):
-        model: CellModel = read_keys(CellModel, data)
+    """Make a job from a cell or job file and a drawing.
+
+    The drawing replaces the geometry of a job file, but not its frame and its reader options.
+
+    Args:
+        cell: As in `read_job`.
+        drawing: The drawing.
+        patch: As in `read_job`.
+        reading: As in `read_job`.
+
+    Raises:
+        InvalidInput: As in `read_job`.
+    """
+    opened = _open_cell(str(cell))
+    data = read_data(opened.text, opened.source)
+    file = FilePath(drawing)
+    drawn = drawing_patch(file, str(file.absolute()))
+    with error_context(opened.source):
+        model: CellModel = read_keys(CellModel, apply_patch(data, {**drawn, **(patch or {})}))
     # Messages of errors in the drawing name only the drawing, not the cell.
-    program = read_drawing(model.path, str(model.path.file), folder, reading)
-    with error_context(source):
-        return job_of(model, folder, reading, program)
+    program = read_drawing(model.path, str(model.path.file), opened.folder, reading)
+    with error_context(opened.source):
+        return job_of(model, opened.folder, reading, program)
 
 
 def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
     """Arm (None if not specified) and scene of a cell or job file; other keys may be missing."""
-    text, source, folder = _read_cell_text(str(cell))
-    data = read_data(text, source)
-    with file_context(text, source):
+    opened = _open_cell(str(cell))
+    data = read_data(opened.text, opened.source)
+    with file_context(opened.text, opened.source):
         specified = read_keys(PartialFields(CellModel), data)
     model = specified.get("arm")
     path = specified.get("path", PathModel())
     scene = specified.get("scene")
-    with error_context(source):
+    with error_context(opened.source):
         part = part_of(path)
-        arm = None if model is None else arm_of(model, folder, part)
-        return arm, Scene() if scene is None else scene_of(scene, folder, part)
-
-
-def cell_data(
-    cell: str | FilePath, drawing: str | FilePath, patch: Patch | None = None
-) -> tuple[dict[str, Any], str, FilePath]:
-    """Job data of a cell with a drawing, the cell's name for messages, and the cell's folder."""
-    text, source, folder = _read_cell_text(str(cell))
-    data = read_data(text, source)
-    location = FilePath(drawing)
-    drawn = drawing_patch(location, str(location.absolute()))
-    with error_context(source):
-        return apply_patch(data, {**drawn, **(patch or {})}), source, folder
+        arm = None if model is None else arm_of(model, opened.folder, part)
+        return arm, Scene() if scene is None else scene_of(scene, opened.folder, part)
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
     """Text of a job file in the folder `to` for a cell and a drawing, with the cell's comments."""
-    text, source, folder = _read_cell_text(str(cell))
+    opened = _open_cell(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
-    return write_patch(move_files(text, folder, to), drawing_patch(location, file), source)
+    text = move_files(opened.text, opened.folder, to)
+    return write_patch(text, drawing_patch(location, file), opened.source)
 
 
 def drawing_patch(drawing: FilePath, file: str) -> Patch:
-    """Patch that sets path, name and title of a job for a drawing with the file name `file`."""
+    """Patch that sets path, name and title of a job for a drawing.
+
+    Args:
+        drawing: The drawing, whose name becomes name and title.
+        file: Name of the drawing's file for the key `path.file`.
+    """
     return {
         **{("path", key): REMOVE for key in GEOMETRY_KEYS},
         ("path", "file"): file,
@@ -319,11 +345,3 @@ def drawing_patch(drawing: FilePath, file: str) -> Patch:
         ("name",): shorten(make_printable(drawing.stem), LONGEST_NAME),
         ("title",): shorten(make_printable(drawing.name), LONGEST_TITLE),
     }
-
-
-def _read_cell_text(cell: str) -> tuple[str, str, FilePath]:
-    """Text of a cell, its name for messages, and the folder for its relative file names."""
-    file = FilePath(cell)
-    if file.suffix.lower() in YAML:
-        return job_text(file), file.name, file.parent
-    return cell_text(cell), f"the cell {cell}", FilePath()

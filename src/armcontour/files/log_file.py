@@ -159,28 +159,31 @@ def _read_log(
     keys = [Key("q", role, name) for role, name in product(roles, names)]
     samples = read_samples(table, keys, *window)
     columns_of_roles = np.hsplit(samples.values, len(roles))
-    slides = []
-    for name in names:
-        columns_of_joint = [table.columns[Key("q", x, name)] for x in roles]
-        slides.append(any(x.linear for x in columns_of_joint))
-        angle = next((x for x in columns_of_joint if x.unit is not None and not x.linear), None)
-        if slides[-1] and angle is not None:
-            raise InvalidInput(
-                f"{table.heading}: the column {show(angle.title)} has the unit {show(angle.unit)}, "
-                "but another column of this joint has a unit of length. Correct one of them."
-            )
     log = cut_log(
         samples.t,
         columns_of_roles[0],
         columns_of_roles[-1],
         window,
         joint_names=tuple(f"joint {x}" if x.isdigit() else x for x in names),
-        prismatic=tuple(slides),
+        prismatic=tuple(_is_prismatic(table, x, roles) for x in names),
         interpolation=_find_interpolation(table.comments),
         source=table.source,
         notes=(*naming, *notes, *samples.notes),
     )
     return log, len(roles) > 1
+
+
+def _is_prismatic(table: CsvTable[Key], joint: str, roles: Sequence[str]) -> bool:
+    """Return whether the columns of a joint have a unit of length; all must agree."""
+    columns = [table.columns[Key("q", x, joint)] for x in roles]
+    slides = any(x.linear for x in columns)
+    angle = next((x for x in columns if x.unit is not None and not x.linear), None)
+    if slides and angle is not None:
+        raise InvalidInput(
+            f"{table.heading}: the column {show(angle.title)} has the unit {show(angle.unit)}, "
+            "but another column of this joint has a unit of length. Correct one of them."
+        )
+    return slides
 
 
 def _find_interpolation(comments: Iterable[str]) -> str | None:
