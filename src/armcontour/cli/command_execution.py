@@ -15,7 +15,7 @@ from armcontour.cli.console import ProgressDisplay, print_lines
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.progress import listen_to_compilation
 
-# File names of the report and of the JSON output in a result folder.
+# Names of the report and the JSON output in a result folder.
 REPORT = "report.html"
 SUMMARY = "summary.json"
 
@@ -56,7 +56,7 @@ class Json:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """Result of the work of a command.
+    """What a command returns: printed lines, JSON data and exit code.
 
     Args:
         lines: Lines to print.

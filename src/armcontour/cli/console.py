@@ -114,7 +114,7 @@ class ProgressDisplay:
         """Show the compilation of a function, and print one line before the first."""
         if not self._noted:
             self._noted = True
-            # `name` can be the number of functions of a run, of which some may be compiled already.
+            # `name` can be the number of functions in a run, some of which may be compiled already.
             subject = f"up to {name}" if name[:1].isdigit() else "functions"
             print_lines(
                 f"Compiling {subject}, because no earlier command has used them. This happens only "

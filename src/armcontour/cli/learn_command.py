@@ -39,7 +39,7 @@ from armcontour.report import render_learning
 
 # Kind of a result folder with runs on a robot; later runs can continue such a folder.
 KIND = "learn --on"
-# File name of the log of a run, by number from 1.
+# Name of the file with a run's log, by the run's number from 1.
 LOG = "logs/run_{}.csv"
 
 

@@ -69,11 +69,11 @@ class CsvColumn:
 
 @dataclass(slots=True)
 class Digits:
-    """Statistics of the printed digits of the numbers in a column."""
+    """Statistics on the printed digits in a column."""
 
     places: int = -99  # Largest number of decimal places; negative for powers of ten
     digits: int = 0  # Largest number of significant digits
-    highest: float = -math.inf  # Power of ten of the first digit of the largest number
+    highest: float = -math.inf  # Power of ten at the first digit of the largest number
 
     def add(self, texts: Sequence[str]) -> None:
         """Update the statistics with the texts of numbers."""
@@ -160,7 +160,7 @@ class CsvTable(Generic[Key]):
         return f"{self.option} '{new}={old}'"
 
     def file_title(self, key: Key) -> str:
-        """Title in the file of the column of a quantity, for messages with the option."""
+        """Title that the file has for the column of a quantity, for messages with the option."""
         return self.titles[self.columns[key].index]
 
     def place(self, row: int, *keys: Key) -> str:
@@ -219,7 +219,7 @@ class CsvTable(Generic[Key]):
         return values * [self.columns[x].factor for x in keys], digits
 
     def _parse_column(self, texts: list[str], first: int, key: Key) -> list[float]:
-        """Numbers of the cells of a column, starting at row `first`; NaN for empty cells."""
+        """Numbers in a column's cells, starting at row `first`; NaN for empty cells."""
         joined = "".join(texts)
         if joined.isascii() and "_" not in joined and max(map(len, texts)) <= LONGEST:
             try:
@@ -246,7 +246,7 @@ class CsvTable(Generic[Key]):
 
 @dataclass(frozen=True, slots=True)
 class _Heading:
-    """Titles of the columns of a table, and where they are specified."""
+    """Column titles of a table, and where they are specified."""
 
     titles: list[str]  # Titles that determine the content of the columns
     in_file: list[str]  # Titles in the file; without titles in it, equal to `titles`
@@ -287,7 +287,8 @@ def read_table(
         columns: Names of all columns, separated by commas, or new names of some columns, as in
             `rename`; None for the titles in the file.
         option: Option that specifies `columns`, for messages.
-        untitled: Returns the titles of a row of a known format without titles; None for other rows.
+        untitled: Returns the titles of a known format whose files have no titles, from the cells of
+            a row; None for other rows.
 
     Raises:
         InvalidInput: The table has no line, the number of names differs from the number of columns,
@@ -399,7 +400,7 @@ def _join_seconds(line: str, separator: str, index: int) -> str:
     """A row in which seconds and the nanoseconds after them are one decimal number."""
     cells = line.split(separator, index + 2)
     if len(cells) < index + 2 or not cells[index + 1].strip().isdigit():
-        # The check of the width or of the number raises the error.
+        # A later check of width or number raises the error.
         return line
     time = f"{cells[index].strip()}.{cells[index + 1].strip():0>9}"
     return separator.join([*cells[:index], time, *cells[index + 2 :]])

@@ -1,4 +1,4 @@
-"""Reader of the keys of files, from the annotations of dataclasses.
+"""Reader of keys in files, from the annotations of dataclasses.
 
 The reader selects the alternative of an annotation by the form of the data, converts quantities to
 SI units, and makes the dataclasses. `core/fields.py` checks the values.
@@ -64,7 +64,7 @@ SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
 
 @dataclass(frozen=True, slots=True)
 class Methods:
-    """Annotation of one of several dataclasses, selected by the key `method`."""
+    """Annotation: one of several dataclasses, which the key `method` selects."""
 
     text: str  # Description of the mapping
     method: str  # Description of the key `method`
@@ -147,7 +147,7 @@ def _mark(leaf: Any) -> tuple[Any, Any]:
 
 
 def _forms(leaf: Any) -> tuple[type, ...]:
-    """Forms of the data of an alternative."""
+    """Return the forms that data of an alternative may have."""
     base, mark = _mark(leaf)
     if isinstance(mark, Quantity):
         text = (str,) if mark.unit or mark.endless else ()
@@ -161,7 +161,7 @@ def _forms(leaf: Any) -> tuple[type, ...]:
 
 
 def _forms_of_items(leaf: Any) -> list[type]:
-    """Return the forms of the items of an alternative that is a list."""
+    """Return the forms that items may have in an alternative that is a list."""
     base, _ = _mark(leaf)
     return list(chain.from_iterable(map(_forms, leaves(get_args(base)[0]))))
 
@@ -245,7 +245,7 @@ def _in_si(data: Any, quantity: Quantity, keys: Keys, depth: int = 0) -> Any:
 def _read_fields(
     kind: Any, data: Any, keys: Keys, partial: PartialFields | None = None
 ) -> dict[str, Any]:
-    """Values of the specified keys of a dataclass, by the names of its fields."""
+    """Read the specified keys of a dataclass; values by the names of its fields."""
     known = key_fields(kind)
     values = {}
     for key in data:
@@ -343,7 +343,7 @@ def quantity_of(kind: type, keys: Sequence[str | int]) -> Quantity | None:
 
 
 def in_si(data: Any, *hints: Any) -> Any:
-    """Copy of the data of a file with plain numbers in SI units for all quantities."""
+    """Copy file data, with all quantities as plain numbers in SI units."""
     # Values that cannot be converted are unchanged; the reader of the keys refuses them later.
     if isinstance(data, dict):
         return {key: in_si(x, *_inside(hints, key)) for key, x in data.items()}
@@ -359,7 +359,7 @@ def in_si(data: Any, *hints: Any) -> Any:
 
 
 def _inside(hints: Sequence[Any], key: Any) -> tuple[Any, ...]:
-    """Alternatives of a key inside a mapping, or of an item of a list."""
+    """Return the alternatives of a key inside a mapping, or of a list item."""
     inner: list[Any] = []
     for leaf in hints:
         base, mark = _mark(leaf)

@@ -101,7 +101,7 @@ def file_context(text: str, source: str, patch: Patch | None = None) -> Iterator
 
 
 def read_data(text: str, source: str) -> dict[str, Any]:
-    """Data of the text of a job file, a mapping whose keys are not checked."""
+    """Read the text of a job file as a mapping, whose keys are not checked."""
     data = load(text, source)
     if not isinstance(data, dict):
         raise InvalidInput(f"{source} must be a mapping of keys such as name, arm, path and runs.")

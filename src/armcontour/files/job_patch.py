@@ -113,7 +113,7 @@ def resolve_patch(data: Any, patch: Patch, run: str | None = None) -> list[Chang
 
 
 def apply_patch(data: Any, patch: Patch) -> Any:
-    """Copy of the data of a job file with a patch applied."""
+    """Copy the data of a job file, and apply a patch."""
     return _resolve(data, patch, None)[0]
 
 
@@ -192,7 +192,7 @@ def _set_corner_option(
 
 
 def _height(position: Any) -> Any:
-    """The coordinate z of a written position of the part, which a new x and y do not change."""
+    """Return z of the part's written position, which a new x and y do not change."""
     if isinstance(position, list) and len(position) == 3:
         return position[2]
     raise InvalidInput(

@@ -254,7 +254,7 @@ def _check_range(keys: Keys, point: Sequence[float]) -> None:
 
 
 def _segment_chain(start: list[float], models: list[SegmentModel]) -> Path:
-    """The path of a chain of lines and arcs from a start point."""
+    """Make the path that a chain of lines and arcs describes from a start point."""
     if not models:
         raise InvalidInput("path.segments is empty, but a path needs at least one segment.")
     segments: list[Line | Arc] = []

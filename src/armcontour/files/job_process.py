@@ -25,7 +25,7 @@ def add_process(
         return path, Process()
     program = Program.from_path(path)
     if drawing.file is None:
-        # As for a drawing, the process selects the start point of a closed path of points.
+        # As for a drawing, the process selects where a closed path of points starts.
         contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
         program = Program(moves=tuple(contours))
     process = _set_contour_values(program, process or Process(), drawing)

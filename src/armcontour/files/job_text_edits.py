@@ -77,7 +77,7 @@ class Part(NamedTuple):
     head: int  # Start of the key or dash; of the value in a list in flow style
     name_end: int  # End of the key with its colon, or of the dash
     begin: int  # Start of the value
-    end: int  # End of the value; of the last line of a block
+    end: int  # End of the value; of a block, the end of its last line
     node: yaml.Node | None  # None for an alias, or in an empty text
 
 
@@ -104,7 +104,7 @@ def write_data(text: str, new: Any, source: str = "job") -> str:
 
 
 def change_data(data: Any, changes: Sequence[Change]) -> Any:
-    """Copy of the data of a job file with changes."""
+    """Copy the data of a job file, and apply changes."""
     for change in changes:
         if change.value is not REMOVE or value_at(data, change.keys, REMOVE) is not REMOVE:
             data = _change_value(data, change.keys, change)

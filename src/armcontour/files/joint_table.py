@@ -54,7 +54,7 @@ FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
         ("q", "measured", 2, r".*/joint_states/(.+)/position"),
         ("dq", "measured", 2, r".*/joint_states/(.+)/velocity"),
     ),
-    # `rostopic echo -p` of JointState and of the state of a controller; times are integers
+    # `rostopic echo -p` of JointState and a controller's state; times are integers
     "rostopic echo -p": (
         ("t", "", 1, r"field\.header\.stamp"),
         ("t", "", 2, r"%time"),
@@ -90,7 +90,7 @@ _PATTERNS = [
 ]
 # SI units by kind of column.
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
-# Names of the kinds of joint columns, for messages.
+# Names of joint columns by their kinds, for messages.
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 
 

@@ -1,4 +1,4 @@
-"""Files of limits and of an identified servo."""
+"""Files with limits, and with an identified servo."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
 
 
 def servo_yaml(identification: Identification) -> str:
-    """YAML text of the key `servo` of a job file, with identified values and their intervals."""
+    """Write the key `servo` of a job file as YAML, with identified values and their intervals."""
     servo = identification.servo_model()
     lines = [
         f"# Identified from {identification.source} by armcontour {__version__}. Copy it into a "
@@ -129,7 +129,7 @@ def servo_yaml(identification: Identification) -> str:
 
 
 def servo_values(identification: Identification) -> dict[str, Any]:
-    """Values of the key `servo` of a job file, as `servo_yaml` writes them."""
+    """Return the values that `servo_yaml` writes, by the keys in `servo`."""
     return dict(load(servo_yaml(identification), "servo")["servo"])
 
 

@@ -242,7 +242,7 @@ def kind_of(folder: FilePath) -> str:
 
 
 def verify_file(folder: FilePath, name: str) -> FilePath:
-    """Path of a file of a result; FileError if armcontour did not write it or it changed."""
+    """Check and return a result's file; FileError if armcontour did not write it or it changed."""
     written = _manifest(folder).get("files", {})
     if SUMMARY not in written:
         raise FileError(

@@ -52,12 +52,12 @@ from armcontour.robot import Limits
 
 # Fields of messages and goals that contain the JointTrajectory, directly or nested.
 INNER_FIELDS = ("request", "goal", "trajectory", "joint_trajectory")
-# Names of the fields of a time in ROS 2 and ROS 1.
+# Fields of a time in ROS 2 and ROS 1.
 STAMPS = (("sec", "nanosec"), ("secs", "nsecs"))
 ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 # Resolution of times in ROS [s].
 NANOSECOND = 1e-9
-# Beginnings of the titles of export columns that are ignored without a note.
+# Export columns that are ignored without a note, by the beginnings of their titles.
 IGNORED = ("events", "torque ")
 EXAMPLE = "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured positions"
 # Times are equal if they differ by at most this [cycles]; times are printed with 12 digits.
@@ -148,7 +148,7 @@ def _nanoseconds(start: Any) -> int:
 def _join_points(
     source: str, names: Sequence[str], points: Sequence[_Point], joint_names: Sequence[str]
 ) -> TrajectoryFile:
-    """Motion of the points of a trajectory, with the resolution of the printed numbers."""
+    """Join points to a motion, with the resolution of the printed numbers."""
     requested = tuple(joint_names) or tuple(names)
     order = match_joints(names, requested, source)
     if not order:

@@ -231,7 +231,7 @@ class ArcChain:
         return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + fraction * missed)
 
     def _fitted(self, counts: IntArray, tolerance: float) -> list[Segments]:
-        """Tangent circular arcs within the tolerance [m] of chains of `counts` elliptical arcs."""
+        """Fit tangent circular arcs to chains of `counts` elliptical arcs within a tolerance."""
         first = np.cumsum(counts) - counts
         chain_of = np.repeat(np.arange(len(counts)), counts)
 

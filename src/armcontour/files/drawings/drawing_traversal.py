@@ -41,7 +41,7 @@ CUT_OFF = "Skipped because a clip or viewport removes them, in part or completel
 
 
 def is_drawn(path: Path, border: Path) -> BoolArray:
-    """Mask of the parts of a path in the plane, cut at a border, that are not outside of it."""
+    """Return which parts of a planar path that was cut at a border are inside or on this border."""
     # A point is inside if its winding number is not 0. Parts on the border are drawn.
     table = path.segments
     i, begin, end = _cut_at_border(table, border.segments)
@@ -222,7 +222,7 @@ class Walk:
 
 
 def _places_of_outlines(entities: Sequence[EntityOutlines], clips: Sequence[Outline]) -> list[str]:
-    """Name, for messages, the entity of each outline of all entities, then each clip."""
+    """Name, for messages, the entity to which each outline belongs, then each clip."""
     places = list[str]()
     for entity in entities:
         places += [entity.where] * len(entity.outlines)

@@ -1,4 +1,4 @@
-"""Shapes of DXF entities, in the coordinates of the drawing or of the block around them."""
+"""Shapes of DXF entities, in the coordinates of the drawing or the block around them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armcontour.files.drawings.outlines import BezierSpline, Shape
 NO_SWEEP = 1e-8
 # Maximum degree of a spline.
 MAX_DEGREE = 25
-# Maximum number of points of a spline.
+# Maximum number of points in a spline.
 MAX_POINTS = 100_000
 # Flag of a polyline vertex that is a control point of a spline frame and is not drawn.
 FRAME_POINT = 16
@@ -135,7 +135,7 @@ def _polyline_shape(
 
 def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> ArcChain:
     """Lines and arcs of an open polyline with bulges."""
-    # A bulge is the tangent of a quarter of the swept angle of the arc.
+    # A bulge is the tangent of a quarter of the arc's swept angle.
     chord = np.diff(points, axis=0)
     bent = (np.abs(bulges) > NO_BULGE) & (np.abs(chord).max(axis=1, initial=0.0) > 0)
     b = np.where(bent, bulges, 1.0)[:, None]
@@ -249,7 +249,7 @@ def insert_grid(entity: Any) -> tuple[int, int]:
 
 
 def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
-    """Affine map of the first copy of an INSERT, and offsets of all copies from it, (n, 3).
+    """Return the affine map of an INSERT's first copy, and offsets of all copies from it, (n, 3).
 
     Both are in units of the drawing; `base` is the base point of the block.
     """
@@ -286,7 +286,7 @@ def plane_axes(extrusion: Any) -> FloatArray:
     if normal.shape != (3,) or not 0 < size < np.inf:
         raise Unreadable("must not have an extrusion of length zero")
     z = normal / size
-    # The algorithm uses the y axis of the world instead of z if the normal is close to z.
+    # The algorithm uses the world's y axis instead of z if the normal is close to z.
     near = abs(z[0]) < 1 / 64 and abs(z[1]) < 1 / 64
     x = np.cross([0.0, 1.0, 0.0] if near else [0.0, 0.0, 1.0], z)
     x /= np.linalg.norm(x)

@@ -1,4 +1,4 @@
-"""Chaining of the entities of a drawing to contours."""
+"""Chaining of drawn entities to contours."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LAYER_DISTANCE = 1e9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnEntity:
-    """The path of an entity of a drawing, or of a part of an entity (a piece)."""
+    """The path of a drawn entity, or of a part of it (a piece)."""
 
     path: Path
     name: str  # Name of the entity in the drawing
@@ -118,7 +118,7 @@ def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
 
 
 def _chains(partner: IntArray, omitted: BoolArray) -> list[tuple[list[int], bool]]:
-    """The entries of each chain of joined pieces, and whether the chain is closed.
+    """Return the entries of each chain, and whether the chain is closed.
 
     Entry 2 i is piece i forwards, 2 i + 1 piece i backwards. `partner` is that of `find_partners`.
     """
@@ -176,7 +176,7 @@ class EntitySegments:
     """The segments of all pieces in one table."""
 
     segments: Segments
-    # Index of the first segment of each piece, and the total number of segments, (pieces + 1,).
+    # Index of each piece's first segment, and the total number of segments, (pieces + 1,).
     first: IntArray
 
     @property
@@ -303,7 +303,7 @@ def _connect(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
 def _shift(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> FloatArray:
-    """Largest displacement of a point of each arc if `_stretch` moves the arc's ends [m], (n,)."""
+    """Return each arc's largest displacement if `_stretch` moves its ends [m], (n,)."""
     at_start = to_start - arcs.starts
     at_end = to_end - ends
     chord = np.linalg.norm(ends - arcs.starts, axis=1)
@@ -439,7 +439,7 @@ def _near_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
 
 
 def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """Indices of points and of their neighbours, without the entries n for missing neighbours."""
+    """Return indices of points and neighbours without the entries n, which are no neighbours."""
     i = np.repeat(np.arange(n), neighbours.shape[1])
     k = neighbours.ravel()
     return i[k < n], k[k < n]

@@ -104,7 +104,7 @@ class BezierSpline:
 
 
 def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
-    """Control points of the Bézier curves of a B-spline, (curves, degree + 1, dimension)."""
+    """Return the control points of a B-spline's Bézier curves, (curves, degree + 1, dimension)."""
     # Each control point is the value of the polar form (blossom) of a curve, with the ends of the
     # knot interval as arguments. De Boor's algorithm computes it with one argument per step.
     n = len(points)
@@ -178,7 +178,7 @@ class _SplineCurves:
 
     @property
     def breaks(self) -> tuple[FloatArray, IntArray]:
-        """Parameters of the ends of all Bézier curves, and the index of their spline, (m,) each."""
+        """Parameters at the ends of all Bézier curves, and the index of their spline, (m,) each."""
         parameters = np.concatenate([np.arange(n + 1.0) for n in self._counts])
         return parameters, np.repeat(np.arange(len(self._counts)), self._counts + 1)
 
@@ -200,7 +200,7 @@ class _SplineCurves:
 
 
 def _derivative_points(control: list[FloatArray]) -> list[FloatArray]:
-    """Control points of the derivatives of Bézier curves."""
+    """Return the control points of the derivatives of Bézier curves."""
     degree = len(control) - 1
     return [degree * (b - a) for a, b in itertools.pairwise(control)]
 

@@ -185,7 +185,7 @@ class _SvgInherited(Inherited):
 
 
 class SvgWalk(Walk):
-    """Traversal of the elements of an SVG drawing, with notes on omitted elements."""
+    """Traversal of an SVG drawing, with notes on omitted elements."""
 
     separates_parts = True
 

@@ -61,7 +61,7 @@ MAX_TRANSFORMS = 1000
 _ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
 # Maximum number of values in one list, which no drawing of contours exceeds.
 MAX_NUMBERS = 4_000_000
-# Valid numbers of arguments of each transform.
+# Valid numbers of arguments, by transform.
 ARGUMENT_COUNTS = {
     "matrix": (6,),
     "translate": (1, 2),
@@ -70,7 +70,7 @@ ARGUMENT_COUNTS = {
     "skewX": (1,),
     "skewY": (1,),
 }
-# Fraction of the unused space of the viewport that is before the viewBox, by alignment.
+# Fraction of the viewport's unused space that is before the viewBox, by alignment.
 ALIGNMENT_SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
 IDENTITY = Affine(frozen_array(np.eye(2)), frozen_array(np.zeros(2)))
 
@@ -85,7 +85,7 @@ class Element:
     source: str  # Name of the file
     line: int  # Line of the file in which the element starts
     children: list[Element] = field(default_factory=list)
-    # Parts of the text of the element; empty for elements other than style.
+    # Parts of the element's text; empty for elements other than style.
     text: list[str] = field(default_factory=list)
 
     @property
@@ -310,7 +310,7 @@ def make_absolute(element: Element, view: ViewBox | None) -> Element:
 
 
 def transform_of(element: Element) -> Affine:
-    """The affine map of the attribute transform of an element."""
+    """Return the affine map in an element's attribute `transform`."""
     text = element.get("transform")
     if text in ("", "none"):
         return IDENTITY

@@ -25,7 +25,7 @@ from armcontour.files.drawings.svg_elements import (
     read_length_or_zero,
 )
 
-# Number of arguments of each path command.
+# Number of arguments, by path command.
 ARGUMENT_COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 # Commands for the further points of a move command, which are lines.
 FURTHER = {"M": "L", "m": "l"}
@@ -52,7 +52,7 @@ def path_outlines(element: Element, count_segments: Callable[[int], None]) -> li
 
 
 def _count_repeats(element: Element, letter: str, given: int, position: int) -> int:
-    """Number of repetitions of a command with a given number of arguments."""
+    """Count how often a command is repeated, from its number of arguments."""
     count = ARGUMENT_COUNTS[letter.upper()]
     repeats, remainder = divmod(given, count) if count else (1, given)
     if remainder or not repeats:
@@ -112,7 +112,7 @@ def _parse_arcs(element: Element, chunk: str, position: int) -> list[float]:
 
 
 def _refuse_arguments(element: Element, chunk: str, position: int, end: int) -> None:
-    """Raise an error for the text from index `end` of the arguments `chunk` of a command."""
+    """Raise an error for the text from index `end` in the arguments `chunk` of a command."""
     element.refuse(
         f"path data has {chunk[end : end + 20].strip()!r} at character {position + end + 1}, which "
         "is not a valid argument of the command"

@@ -93,7 +93,7 @@ def _trial_table(job: Job, run: Run, cycle: float) -> SetPointTable:
 
 
 def _levels(process: Process) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the name and the levels of each analog output of a process."""
+    """Yield each analog output of a process: its name and its levels."""
     for name in process.analog_names:
         levels = set[float]()
         for variant in process.variants:

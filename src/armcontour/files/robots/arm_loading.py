@@ -1,4 +1,4 @@
-"""`load_arm`, which loads arms from all sources; reader of arm files and of hulls of links."""
+"""`load_arm`, which loads arms from all sources; reader of arm files and link hulls."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from armcontour.robot.serial import SerialArm
 
 # Folder with the files of the built-in arms.
 LIBRARY = FilePath(__file__).with_name("library")
-# Folder with the hulls of the links of built-in arms; some arms have none.
+# Folder with the link hulls of built-in arms; some arms have none.
 HULLS = LIBRARY / "hulls"
 # Required units of limits.
 LIMITS = {name: x.quantity.unit for name, x in RECORDS.items() if x.kind == "joint"}
@@ -249,7 +249,7 @@ def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> Plan
 
 
 def _tubes(file: str, data: Any) -> tuple[LinkTube, LinkTube]:
-    """Tubes of the two links of a planar arm."""
+    """Read the two link tubes of a planar arm."""
     keys = ("outer_diameter", "wall", "density")
     if not isinstance(data, Mapping) or set(data) != set(keys):
         raise InvalidInput(f"{file}: tubes must have the keys {', '.join(keys)}.")
@@ -398,7 +398,7 @@ def read_hulls(name: str) -> ArmShapes:
 def with_more_shapes(
     arm: Arm, shapes: tuple[LinkShape, ...] = (), srdf: FilePath | None = None
 ) -> Arm:
-    """Arm with additional shapes, and with the excluded pairs of links of an SRDF file."""
+    """Add shapes to an arm, and the link pairs that an SRDF file excludes."""
     if not shapes and srdf is None:
         return arm
     # The file is read now, so that a file that is missing or not allowed is refused at once.
@@ -409,7 +409,7 @@ def with_more_shapes(
 def _combine_shapes(
     arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None, content: bytes
 ) -> ArmShapes:
-    """Combine the shapes of an arm with more shapes and the excluded pairs of an SRDF file."""
+    """Combine an arm's shapes with more shapes, and with the pairs that an SRDF file excludes."""
     # Imported here, because the import loads compiled code of motions.
     from armcontour.verification.clearance.body_pairs import exclude_touching
 

@@ -47,7 +47,7 @@ def excluded_pairs_of(
 
 
 def _pair(element: ET.Element, location: FilePath) -> LeftOut:
-    """Excluded pair of links of an element, with the reason in the file."""
+    """Return the pair of links that an element excludes, with the reason in the file."""
     first, second = (element.get(key, "").strip() for key in ("link1", "link2"))
     if not first or not second or first == second:
         raise InvalidInput(
@@ -87,7 +87,7 @@ def link_shapes(
 
 
 def _shape_of(tree: Tree, element: ET.Element, location: str) -> Shape:
-    """Shape of a child of a `geometry` element, such as <box>; `location` is for messages."""
+    """Read a child of a `geometry` element, such as <box>; `location` is for messages."""
     kind = element.tag
     if kind == "box":
         return Box(size=read_numbers(location, "size", element.get("size", "")))

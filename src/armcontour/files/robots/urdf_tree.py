@@ -16,7 +16,7 @@ from armcontour.robot.external_axes import Tilt
 
 # Extension of robot descriptions.
 DESCRIPTION = ".urdf"
-# Maximum length of the name of a robot, joint or link [characters]. It is large, because some
+# Longest name of a robot, joint or link [characters]. It is large, because some
 # packages add prefixes to names.
 MAX_CHARACTERS = 1000
 # Options that are valid for any arm; the others are only for robot descriptions.

@@ -174,7 +174,7 @@ class Machine:
         return self.motion in ARCS and not block.words.keys().isdisjoint(letters)
 
     def _unit_of_feed(self, block: Block) -> float:
-        """The unit of length of F on a line [m]; a line that changes the unit can be refused."""
+        """Return the length unit of F on a line [m]; refuse an ambiguous unit."""
         # On a line that changes the unit, controllers differ: they interpret F in the old or in the
         # new unit. If no unit was specified before, only the new unit is possible.
         unit = _selected_unit(block)
@@ -528,7 +528,7 @@ def _selected_unit(block: Block) -> float | None:
 
 
 def _number(block: Block, letter: str, code: int) -> int:
-    """The number of the output of an M code; removes it from the line."""
+    """Return the output number of an M code; removes it from the line."""
     if letter not in block.words:
         raise Fault(f"M{code} needs the number of its output, {letter}")
     return whole_number(block.words.pop(letter), f"the number of an output {letter}")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 from armcontour.core.text import list_some
 
-# Lengths of the units of a program [m]:
+# Length units of a program [m]:
 MILLIMETRE = 1e-3
 INCH = 0.0254
 LEFT_OUT_NOTE = "Ignored because it causes no motion: {}."
@@ -20,7 +20,7 @@ MAX_NUMBER_LENGTH = 34
 MAX_VALUE = 1e9
 # Maximum length of a line [characters]; real programs need about ten, with comments some hundred.
 MAX_LINE_LENGTH = 65_536
-# Number of characters of rejected text that a message shows.
+# Number of characters that a message shows of a rejected text.
 SHOWN_CHARACTERS = 30
 # A value counts as a whole number if it differs from the nearest whole number by at most this
 # (LinuxCNC manual, "Numbers").
