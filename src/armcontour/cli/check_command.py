@@ -86,7 +86,7 @@ def check(options: Check, _: None, progress: Progress) -> Outcome:
 
 
 def _arm(options: Check, default: Arm | None) -> Arm:
-    """Arm of --arm; without this option, the arm of the job or cell."""
+    """Return the arm of --arm; without this option, the arm of the job or cell."""
     arm = default if options.arm is None else named_arm(options.arm)
     if arm is None:
         raise InvalidInput(
@@ -127,7 +127,7 @@ def _page(
     clearance: Clearance | None,
     commands: InterpolationCheck | None,
 ) -> dict[str, Any]:
-    """Data of the JSON output."""
+    """Return the data of the JSON output."""
     data = result.to_data()
     parts = {"clearance": clearance, "commands": commands}
     page = replace(
@@ -149,14 +149,14 @@ def named_arm(name: str) -> Arm:
 
 
 def _path(job: Job, run: Run) -> Program:
-    """Path of a run, with its leads and rounded corners."""
+    """Return the path of a run, with its leads and rounded corners."""
     resumption = resume_run(job, run)
     objective = prepare_program(job, run, resumption=resumption)
     return round_program(job, run, objective, resumption=resumption)
 
 
 def _requirements(options: Check, run: Run | None, arm: Arm) -> MotionRequirements:
-    """Limits and allowed deviations: of --limits, of the run, or of the arm."""
+    """Return the limits and allowed deviations: of --limits, of the run, or of the arm."""
     if options.limits is None:
         return MotionRequirements(limits=arm.limits if run is None else run.limits)
     required = files.read_limits(options.limits, arm)
@@ -206,7 +206,7 @@ def _samples(options: Check, arm: Arm) -> TrajectoryFile:
 
 
 def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
-    """Samples whose resolution includes the maximum errors that `--noise` declares."""
+    """Return the samples whose resolution includes the maximum errors that `--noise` declares."""
     if noise is None:
         return samples
     parts = noise.split(",")

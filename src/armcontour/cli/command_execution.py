@@ -35,7 +35,7 @@ class Results:
     kind: ClassVar[str] = ""
 
     def claim(self) -> files.ResultFolder | None:
-        """Folder of --out, locked until the command ends; None without --out."""
+        """Return the folder of --out, locked until the command ends; None without --out."""
         if self.out is not None:
             return files.ResultFolder(self.out, force=self.force, replaces=self.kind)
         if self.force:
@@ -115,5 +115,5 @@ def write_summary(folder: files.ResultFolder, page: Mapping[str, Any]) -> None:
 
 
 def report_line(folder: FilePath) -> str:
-    """Line with the address of the report in a folder."""
+    """Return the line with the address of the report in a folder."""
     return f"Report: {(folder / REPORT).resolve().as_uri()}"

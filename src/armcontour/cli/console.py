@@ -55,7 +55,7 @@ def print_lines(*texts: str, err: bool = False) -> None:
 
 
 def data_lines(data: Data) -> list[str]:
-    """Values, tables and notes of a result as lines."""
+    """Return the values, tables and notes of a result as lines."""
     from armcontour.core.render import text
 
     return [*text(data).splitlines(), *data.notes]
@@ -132,7 +132,7 @@ class ProgressDisplay:
 
 
 def _start_bar() -> Any:
-    """Bar of `rich` on the standard error."""
+    """Return the bar of `rich` on the standard error."""
     from rich import progress
     from rich.console import Console
 

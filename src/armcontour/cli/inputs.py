@@ -68,7 +68,7 @@ def name_options(options: Mapping[str, str]) -> Iterator[None]:
 
 
 def library_file(name: str) -> FilePath:
-    """Path of a file in the job library of the package."""
+    """Return the path of a file in the job library of the package."""
     return FilePath(str(resources.files("armcontour.jobs") / "library" / name))
 
 
@@ -143,7 +143,7 @@ def read_option(option: str, text: str | None, kind: Any) -> Any:
 
 
 def read_window(start: str | None, end: str | None) -> tuple[float, float]:
-    """First and last used time of a log [s]; infinite if the option is not given."""
+    """Return the first and last used time of a log [s]; infinite if the option is not given."""
     first = read_option("--from", start, Moment)
     last = read_option("--to", end, Moment)
     return -math.inf if first is None else first, math.inf if last is None else last

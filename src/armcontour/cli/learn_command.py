@@ -142,7 +142,7 @@ def _write_study(study: LearningStudy, folder: ResultFolder) -> None:
 
 
 def _robot_lines(result: RobotLearning, options: Learn) -> list[str]:
-    """Results of the runs, and the command that plays the best set-points."""
+    """Return the results of the runs, and the command that plays the best set-points."""
     if result.study is None:
         end = playing.DRY if not options.execute else "Stopped before anything was learned."
         return [*data_lines(result.to_data()), end]

@@ -104,11 +104,11 @@ class Batch:
         return [("job", *header[1:]), *((n, *x[1:]) for n, x in zip(numbers, table, strict=True))]
 
     def errors(self) -> list[str]:
-        """Message of each job without results, with the number of the job."""
+        """Return the message of each job without results, with the number of the job."""
         return [f"Job {x.job}: {x.error}" for x in self.rows if x.error]
 
     def __str__(self) -> str:
-        """Main results as a table, and messages of jobs without results."""
+        """Return the main results as a table, and messages of jobs without results."""
         return "\n".join([lay_out(self.title, self.cells()), *self.errors()])
 
     __repr__ = short_repr

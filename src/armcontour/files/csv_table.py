@@ -150,13 +150,13 @@ class CsvTable(Generic[Key]):
         return f"{self.option} '{','.join(pairs)}'"
 
     def _numeric(self) -> list[str]:
-        """Titles of the unknown columns with a number in the first row."""
+        """Return the titles of the unknown columns with a number in the first row."""
         unknown = [x for x in self.unknown if x]
         first = dict(zip(self.titles, self.first_cells(), strict=False))
         return [x for x in unknown if NUMBER.fullmatch(first.get(x, "0").replace(",", "."))]
 
     def rename(self, new: str, old: str) -> str:
-        """Text of the option that renames a column, for messages."""
+        """Return the text of the option that renames a column, for messages."""
         return f"{self.option} '{new}={old}'"
 
     def file_title(self, key: Key) -> str:
@@ -170,7 +170,7 @@ class CsvTable(Generic[Key]):
         return f"{location}, column {show(titles)}" if keys else location
 
     def cells(self, row: int) -> list[str]:
-        """All cells of a row, without surrounding blanks."""
+        """Return all cells of a row, without surrounding blanks."""
         try:
             cells = _split(self.lines[row], self.separator)
         except csv.Error as error:
@@ -185,11 +185,11 @@ class CsvTable(Generic[Key]):
         return cells
 
     def first_cells(self) -> list[str]:
-        """Cells of the first row, also if their number is wrong; empty without rows."""
+        """Return the cells of the first row, also if their number is wrong; empty without rows."""
         return _split_any(self.lines[0], self.separator) if self.lines else []
 
     def cell(self, row: int, key: Key) -> str:
-        """Text of the cell in a row and the column of a quantity."""
+        """Return the text of the cell in a row and the column of a quantity."""
         return self.cells(row)[self.columns[key].index]
 
     def is_empty(self, key: Key) -> bool:
@@ -219,7 +219,7 @@ class CsvTable(Generic[Key]):
         return values * [self.columns[x].factor for x in keys], digits
 
     def _parse_column(self, texts: list[str], first: int, key: Key) -> list[float]:
-        """Numbers in a column's cells, starting at row `first`; NaN for empty cells."""
+        """Return the numbers in a column's cells, starting at row `first`; NaN for empty cells."""
         joined = "".join(texts)
         if joined.isascii() and "_" not in joined and max(map(len, texts)) <= LONGEST:
             try:
@@ -334,12 +334,12 @@ def read_table(
 
 
 def _count_names(columns: str | None) -> int | None:
-    """Number of columns that an option names; None if it does not name all columns."""
+    """Return the number of columns that an option names; None if it does not name all columns."""
     return None if columns is None or "=" in columns else len(columns.split(","))
 
 
 def _find_separator(lines: Sequence[str]) -> str | None:
-    """Separator between the cells of the first lines; None for blanks.
+    """Return the separator between the cells of the first lines; None for blanks.
 
     The recorder of UR's RTDE client writes blanks between cells.
     """
@@ -397,7 +397,7 @@ def _find_seconds(titles: Sequence[str]) -> int | None:
 
 
 def _join_seconds(line: str, separator: str, index: int) -> str:
-    """A row in which seconds and the nanoseconds after them are one decimal number."""
+    """Return a row in which seconds and the nanoseconds after them are one decimal number."""
     cells = line.split(separator, index + 2)
     if len(cells) < index + 2 or not cells[index + 1].strip().isdigit():
         # A later check of width or number raises the error.

@@ -181,7 +181,7 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
 
 
 def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
-    """Servo model with the values of `differs`, and with one value per joint."""
+    """Return the servo model with the values of `differs`, and with one value per joint."""
     with key_context(key):
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
 
@@ -205,7 +205,7 @@ def _check_run_name(keys: Keys, name: str, job: JobModel) -> None:
 
 
 def cell_names() -> tuple[str, ...]:
-    """Names of the built-in cells."""
+    """Return the names of the built-in cells."""
     return tuple(sorted(x.stem for x in CELLS.glob("*.yaml")))
 
 
@@ -332,7 +332,7 @@ def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) ->
 
 
 def drawing_patch(drawing: FilePath, file: str) -> Patch:
-    """Patch that sets path, name and title of a job for a drawing.
+    """Return the patch that sets path, name and title of a job for a drawing.
 
     Args:
         drawing: The drawing, whose name becomes name and title.

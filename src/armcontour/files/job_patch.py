@@ -118,17 +118,17 @@ def apply_patch(data: Any, patch: Patch) -> Any:
 
 
 def write_patch(text: str, patch: Patch, source: str = "job") -> str:
-    """Text of a job file with a patch applied; comments do not change."""
+    """Return the text of a job file with a patch applied; comments do not change."""
     return write_data(text, apply_patch(load(text, source), patch), source)
 
 
 def arm_keys(arm: str) -> dict[str, str]:
-    """Mapping of the key `arm` for its short form, a built-in name or a file name."""
+    """Return the mapping of the key `arm` for its short form, a built-in name or a file name."""
     return {"file" if arm.lower().endswith(ARM_FILES) else "name": arm}
 
 
 def _resolve(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Change]]:
-    """Data with a patch applied, and the changes that apply it."""
+    """Return the data with a patch applied, and the changes that apply it."""
     changes: list[Change] = []
     values = {key_of(keys): value for keys, value in patch.items()}
     for keys in sorted(values, key=_sort_key):

@@ -52,7 +52,7 @@ def unplaced_path(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """Path or program in its own coordinates, before the transform by `path.frame`."""
+    """Return the path or program in its own coordinates, before the transform by `path.frame`."""
     if model.file is not None:
         if any(x is not None for x in (model.points, model.start, model.segments)):
             raise InvalidInput(
@@ -72,7 +72,7 @@ def unplaced_path(
 
 
 def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path | Program:
-    """The path or program of `unplaced_path`, transformed by `path.frame`."""
+    """Return the path or program of `unplaced_path`, transformed by `path.frame`."""
     frame = part_of(model)
     if dimension == 2 and path.dimension == 2 and not frame.is_planar_transform:
         raise InvalidInput(NOT_PLANAR)
@@ -82,7 +82,7 @@ def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path 
 
 
 def _set_contour_limits(program: Program, model: PathModel) -> Program:
-    """Program with the speeds, tolerances and order of the key `path.contours`."""
+    """Return the program with the speeds, tolerances and order of the key `path.contours`."""
     key_of_contour, notes = find_contours(program, model)
     moves = list[Move](program.moves)
     for i, move in enumerate(moves):
@@ -124,7 +124,7 @@ def find_contours(program: Program, model: PathModel) -> tuple[dict[int, int | s
 
 
 def _path_from_keys(model: PathModel) -> Path:
-    """Path of a job without a file, with the tool orientation if it is specified."""
+    """Return the path of a job without a file, with the tool orientation if it is specified."""
     path = _positions(model)
     if model.orientation is None:
         return path
@@ -181,7 +181,7 @@ def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Prog
 
 
 def part_of(model: PathModel) -> Frame:
-    """Frame of the part: `path.frame`, or the zero frame if it is missing."""
+    """Return the frame of the part: `path.frame`, or the zero frame if it is missing."""
     if model.frame is None:
         return Frame()
     with error_context("", "path", "frame"):
@@ -219,7 +219,7 @@ def _orient_contours(program: Program, orientation: OrientationModel) -> Program
 
 
 def _positions(model: PathModel) -> Path:
-    """The path of a job without a file: a polyline, or lines and arcs."""
+    """Return the path of a job without a file: a polyline, or lines and arcs."""
     kinds = (model.points, model.segments)
     if sum(x is not None for x in kinds) != 1 or (model.start is None) != (model.segments is None):
         raise InvalidInput("path requires exactly one of points, start with segments, and file.")
@@ -232,7 +232,7 @@ def _positions(model: PathModel) -> Path:
 
 
 def _points(points: list[list[float]]) -> FloatArray:
-    """The key `points` as an array, (n, 2) or (n, 3) [m]."""
+    """Return the key `points` as an array, (n, 2) or (n, 3) [m]."""
     if not points:
         raise InvalidInput("path.points is empty, but a path needs at least two points.")
     if len({len(x) for x in points}) > 1:
@@ -270,7 +270,7 @@ def _segment_chain(start: list[float], models: list[SegmentModel]) -> Path:
 
 
 def _end(segments: list[Line | Arc]) -> list[float]:
-    """End point of the last segment [m], as a list of coordinates."""
+    """Return the end point of the last segment [m], as a list of coordinates."""
     try:
         (*_, end) = Path(segments=segments[-1:]).vertices.tolist()
     except InvalidInput:
@@ -281,7 +281,7 @@ def _end(segments: list[Line | Arc]) -> list[float]:
 
 
 def _segment(start: list[float], segment: SegmentModel, keys: Keys) -> Line | Arc:
-    """Line or arc of a model, from a start point."""
+    """Return the line or arc of a model, from a start point."""
     segment_limits = SegmentLimits(
         **{y.name: getattr(segment, y.name) for y in dataclasses.fields(SegmentLimits)}
     )
@@ -326,7 +326,7 @@ def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
 
 
 def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
-    """Path with one tool orientation per waypoint."""
+    """Return the path with one tool orientation per waypoint."""
     for i, orientation in enumerate(models):
         key = key_text(("path", "orientation", i))
         _check_single_rotation(("path", "orientation", i), orientation)

@@ -36,7 +36,7 @@ def add_process(
 
 
 def _set_contour_values(program: Program, process: Process, drawing: PathModel) -> Process:
-    """Process with the values of the key `path.contours`."""
+    """Return the process with the values of the key `path.contours`."""
     if not drawing.contours:
         return process
     key_of_contour, _ = find_contours(program, drawing)
@@ -77,7 +77,7 @@ def _note_unused_keys(process: Process, program: Program) -> list[str]:
 
 
 def _switched(program: Program, process: Process) -> set[str]:
-    """Names of the outputs that a program or its process switches."""
+    """Return the names of the outputs that a program or its process switches."""
     names = {x.name for x in program.moves if isinstance(x, Event)}
     for contour in program.contours:
         contour_process = process.of_contour(contour)

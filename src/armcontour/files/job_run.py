@@ -80,7 +80,7 @@ def _limits(name: str, run: RunModel, job: JobModel, arm: Arm) -> Limits:
 
 
 def _compensation(name: str, run: RunModel, job: JobModel, arm: Arm) -> CompensationOptions:
-    """Compensation of a run, with the command limits of the job and the run."""
+    """Return the compensation of a run, with the command limits of the job and the run."""
     options = run.compensation or default_compensation(job.servo, arm, job.experiment)
     values = {**job.command_limits, **run.command_limits}
     if not values:
@@ -94,7 +94,7 @@ def _compensation(name: str, run: RunModel, job: JobModel, arm: Arm) -> Compensa
 
 
 def _timing(run: RunModel, cycle: float) -> PlanOptions:
-    """Timing options of a run, with the values of its keys `duration` and `cycle`."""
+    """Return the timing options of a run, with the values of its keys `duration` and `cycle`."""
     if isinstance(run.timing, Optimal):
         return dataclasses.replace(run.timing, duration=run.duration)
     if run.duration is not None:

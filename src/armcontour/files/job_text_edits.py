@@ -177,7 +177,7 @@ def line_of(text: str, keys: Sequence[Key]) -> int | None:
 
 
 def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
-    """Value at a key path in data; `default` if the path does not exist."""
+    """Return the value at a key path in data; `default` if the path does not exist."""
     for key in keys:
         if isinstance(data, list) and isinstance(key, int) and 0 <= key < len(data):
             data = data[key]
@@ -231,7 +231,7 @@ def _align(old: Any, new: Any, parts: Sequence[Part]) -> tuple[dict[Any, Any], l
 
 
 def _count_equal(one: Sequence[Any], other: Sequence[Any]) -> int:
-    """Number of equal items at the starts of two lists."""
+    """Return the number of equal items at the starts of two lists."""
     pairs = enumerate(zip(one, other, strict=False))
     return next((k for k, (x, y) in pairs if x != y), min(len(one), len(other)))
 
@@ -282,7 +282,7 @@ def _replace(text: str, part: Part, new: Any, flow: bool) -> Iterator[Splice]:
 
 
 def _item_text(item: dict[Any, Any] | list[Any], gap: str, flow: bool) -> str:
-    """Text of a mapping or list with one item: on one line if it fits, or as a block."""
+    """Return the text of a mapping or list with one item: on one line if it fits, or as a block."""
     line = _dump(item, default_flow_style=True, width=inf)[1:-1]
     if flow:
         return line
@@ -298,13 +298,13 @@ def _dump(value: Any, **style: Any) -> str:
 
 
 def _gap(text: str, position: int) -> str:
-    """Line break and indentation to the column of a position."""
+    """Return the line break and indentation to the column of a position."""
     eol = "\r\n" if "\r\n" in text else "\n"
     return eol + " " * (position - text.rfind("\n", 0, position) - 1)
 
 
 def _parts(text: str, node: Any) -> list[Part]:
-    """Values in a mapping or list, in the order of the text; empty for other values."""
+    """Return the values in a mapping or list, in the order of the text; empty for other values."""
     parts = []
     end = 0 if node is None else node.start_mark.index
     for k, item in enumerate(node.value if isinstance(node, yaml.CollectionNode) else ()):
@@ -333,7 +333,7 @@ def _parts(text: str, node: Any) -> list[Part]:
 
 
 def _span(text: str, node: yaml.Node) -> tuple[int, int]:
-    """Start and end of a value, without blanks and lines of comments after it."""
+    """Return the start and end of a value, without blanks and lines of comments after it."""
     begin = node.start_mark.index
     body = text[begin : node.end_mark.index].rstrip()
     while body.rpartition("\n")[2].lstrip().startswith("#"):

@@ -102,7 +102,7 @@ class Key(NamedTuple):
     joint: str = ""  # Number or name of the joint in the file; empty for times
 
     def __str__(self) -> str:
-        """Title of a column with this quantity, for messages."""
+        """Return the title of a column with this quantity, for messages."""
         return f"{self.kind}{self.joint}"
 
     @property
@@ -245,7 +245,7 @@ def _filled_rows(table: CsvTable[Key], values: FloatArray, keys: Sequence[Key]) 
 def drop_repeated_rows(
     t: FloatArray, values: FloatArray, source: str
 ) -> tuple[IntArray, tuple[str, ...]]:
-    """Indices of the rows that do not repeat the previous row, and notes on the times."""
+    """Return indices of the rows that do not repeat the previous row, and notes on the times."""
     again = np.zeros(len(t), dtype=bool)
     again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
     # If all rows are equal, all are used; `check_samples` rejects their times later.

@@ -134,7 +134,7 @@ def servo_values(identification: Identification) -> dict[str, Any]:
 
 
 def servo_lines(servo: ServoModel, prismatic: Sequence[bool]) -> list[str]:
-    """Lines of YAML with the key `servo`, with one value per joint."""
+    """Return the lines of YAML with the key `servo`, with one value per joint."""
     orders = [servo.order] * len(prismatic) if isinstance(servo.order, str) else servo.order
     lines = ["servo:", f"  order: [{', '.join(orders)}]", f"  interpolation: {servo.interpolation}"]
     units = {name: x.unit for name, x in quantities(ServoModel).items() if x.unit != "1"}
@@ -151,7 +151,7 @@ def servo_lines(servo: ServoModel, prismatic: Sequence[bool]) -> list[str]:
 
 
 def _estimate_text(estimate: Estimate) -> str:
-    """Text with the value and the interval of an estimate, for a comment."""
+    """Return the text with the value and the interval of an estimate, for a comment."""
     if not estimate.determined:
         return f"{estimate.label} not determined"
     return f"{estimate.label} {figure(estimate.row)} {estimate.row.note}".rstrip()

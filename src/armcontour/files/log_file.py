@@ -187,7 +187,7 @@ def _is_prismatic(table: CsvTable[Key], joint: str, roles: Sequence[str]) -> boo
 
 
 def _find_interpolation(comments: Iterable[str]) -> str | None:
-    """Interpolation that a comment specifies; None if no comment specifies it."""
+    """Return the interpolation that a comment specifies; None if no comment specifies it."""
     names = (match["what"].lower() for x in comments if (match := _INTERPOLATION.fullmatch(x)))
     return next((x for x in names if x in INTERPOLATIONS), None)
 

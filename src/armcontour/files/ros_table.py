@@ -132,7 +132,7 @@ def _refuse_two_arms(
 
 
 def _name_columns(table: CsvTable[Key], joint_names: Sequence[str]) -> list[int]:
-    """Indices of the columns with names of joints."""
+    """Return the indices of the columns with names of joints."""
     used = {x.index for x in table.columns.values()}
     first = table.first_cells()
     if len(first) != table.width:
@@ -185,6 +185,6 @@ def _names_of_group(
 
 
 def _index(title: str) -> str | None:
-    """The last number of a title, without leading zeros; None without a number."""
+    """Return the last number of a title, without leading zeros; None without a number."""
     match = _INDEX.fullmatch(title)
     return str(int(match[1])) if match else None

@@ -319,7 +319,7 @@ def _select_columns(
 
 
 def _joint_numbers(table: CsvTable[Key], role: str) -> list[str]:
-    """Numbers of the joints as texts, starting at 1, or at 0 if there is a joint 0."""
+    """Return the numbers of the joints as texts, starting at 1, or at 0 if there is a joint 0."""
     numbers = {int(x.joint) for x in table.columns if x.role == role and x.joint.isdigit()}
     first = 0 if 0 in numbers else 1
     joints = []
@@ -348,7 +348,7 @@ class StoredRun:
     external: tuple[int, ...] = ()  # Indices of external axes
 
     def set_points(self, derivatives: int | None = None) -> SetPointTable:
-        """Table of the set-points; `derivatives` as in `tabulate`."""
+        """Return the table of the set-points; `derivatives` as in `tabulate`."""
         stored = self._read("set_points.csv")
         start = float(stored.t[0])
         return tabulate(
@@ -416,7 +416,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
 
 
 def _choose_run(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:
-    """Name of the requested run, or of the only run."""
+    """Return the name of the requested run, or of the only run."""
     names = list_some([repr(x) for x in runs], 6)
     if name is None and len(runs) == 1:
         return next(iter(runs))

@@ -129,7 +129,7 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
 
 
 def _flattened(entities: list[EntityOutlines]) -> list[EntityOutlines]:
-    """The entities, projected onto the plane if all z are 0; otherwise unchanged."""
+    """Return the entities, projected onto the plane if all z are 0; otherwise unchanged."""
 
     def is_flat(entity: EntityOutlines) -> bool:
         heights = (x.bounding_points[:, 2] for x in entity.outlines)
@@ -339,7 +339,7 @@ class DxfWalk(Walk):
 
 
 def _attribute(entity: Any, name: str, default: Any) -> Any:
-    """An attribute of an entity; `default` if the entity or its type does not have it."""
+    """Return an attribute of an entity; `default` if the entity or its type does not have it."""
     return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
 
 

@@ -147,7 +147,7 @@ def _chains(partner: IntArray, omitted: BoolArray) -> list[tuple[list[int], bool
 def _find_repeated(
     pieces: Sequence[DrawnEntity], table: EntitySegments, layers: IntArray
 ) -> BoolArray:
-    """Mask of the pieces that coincide with an earlier piece of their layer, (n,)."""
+    """Return the mask of the pieces that coincide with an earlier piece of their layer, (n,)."""
     n = len(pieces)
     feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
     cell = np.column_stack([layers, np.round(feature / FEATURE_GRID)])
@@ -229,7 +229,7 @@ class EntitySegments:
 
 
 def _join_rows(rows: Segments, vertices: IntArray, tolerance: float) -> Path:
-    """The path of segments, with the gaps before the segments `vertices` closed."""
+    """Return the path of segments, with the gaps before the segments `vertices` closed."""
     ends = rows.ends
     gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
     wide = gaps > MAX_OPEN_GAP
@@ -288,7 +288,7 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
 
 
 def _connect(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
-    """Lines between points, with the speeds and tolerances of the given segments."""
+    """Return the lines between points, with the speeds and tolerances of the given segments."""
     chords = ends - starts
     lengths = np.linalg.norm(chords, axis=1)
     return rows.replace(
@@ -407,7 +407,7 @@ def _join_ends(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolera
 
 
 def _touching_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
-    """Pairs of free ends that touch, with the smallest turns for each end, (m, 2)."""
+    """Return the pairs of free ends that touch, with the smallest turns for each end, (m, 2)."""
     # Ends in one cell of a grid are merged, so that many ends at one point cause few pairs.
     keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
     _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -446,5 +446,5 @@ def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
 
 
 def _pairs(free: IntArray, a: IntArray, b: IntArray) -> IntArray:
-    """Sorted unique pairs of ends, (m, 2), from indices `a` and `b` into `free`."""
+    """Return the sorted unique pairs of ends, (m, 2), from indices `a` and `b` into `free`."""
     return np.unique(np.sort(np.column_stack([free[a], free[b]]), axis=1), axis=0)

@@ -43,7 +43,7 @@ CountSegments = Callable[[int], None]
 
 
 def path_outlines(element: Element, count_segments: Callable[[int], None]) -> list[Outline]:
-    """The outlines of a path, one per subpath."""
+    """Return the outlines of a path, one per subpath."""
     pen = Pen(element)
     for letter, numbers in _commands(element, count_segments):
         pen.execute(letter, numbers)
@@ -237,7 +237,7 @@ def _arc_between(
     large: bool,
     sweep: bool,
 ) -> ArcChain:
-    """The elliptical arc between two points as defined for SVG's command A."""
+    """Return the elliptical arc between two points as defined for SVG's command A."""
     # Radii that are too small are scaled so that the ellipse passes through both points.
     c, s = math.cos(tilt), math.sin(tilt)
     axes = np.array([[c, -s], [s, c]]) * radii
@@ -260,12 +260,12 @@ def _arc_between(
 
 
 def element_outlines(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outlines of an element with a tag in `SHAPES`; empty if the shape has no size."""
+    """Return the outlines of an element with a tag in `SHAPES`; empty if the shape has no size."""
     return SHAPES[element.tag](element, count_segments)
 
 
 def _line(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outline of a line; empty if it has no length."""
+    """Return the outline of a line; empty if it has no length."""
     count_segments(1)
     x1, y1, x2, y2 = (read_length_or_zero(element, key) for key in ("x1", "y1", "x2", "y2"))
     if (x1, y1) == (x2, y2):
@@ -274,7 +274,7 @@ def _line(element: Element, count_segments: CountSegments) -> list[Outline]:
 
 
 def _polyline(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outline of a polyline or polygon; empty if it has fewer than two points."""
+    """Return the outline of a polyline or polygon; empty if it has fewer than two points."""
     values = parse_numbers(element, "points", element.get("points"))
     if len(values) % 2:
         element.refuse(f"points must be pairs of x and y, but has {len(values)} numbers")
@@ -323,14 +323,14 @@ def _rect(element: Element, count_segments: CountSegments) -> list[Outline]:
 
 
 def _circle(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outline of a circle; empty if the radius is zero."""
+    """Return the outline of a circle; empty if the radius is zero."""
     count_segments(1)
     radius = read_length_or_zero(element, "r")
     return _full_ellipse(element, (radius, radius), ("r", "r"))
 
 
 def _ellipse(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outline of an ellipse; empty if a radius is zero."""
+    """Return the outline of an ellipse; empty if a radius is zero."""
     count_segments(1)
     radii = [read_length(element, key, default=None) for key in ("rx", "ry")]
     rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))

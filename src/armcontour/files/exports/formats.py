@@ -48,7 +48,7 @@ class ExportFormat(Checked):
 
     @checked
     def describe(self, table: SetPointTable) -> list[str]:
-        """Warnings about a file: outputs that are missing, rounding, and too many points.
+        """Return warnings about a file: outputs that are missing, rounding, and too many points.
 
         Args:
             table: The table of the file.
@@ -125,7 +125,7 @@ class RosYamlFormat(ExportFormat):
 
     @checked
     def select(self, table: SetPointTable) -> SetPointTable:
-        """Table of the points that are written.
+        """Return the table of the points that are written.
 
         Args:
             table: The table of all points.
@@ -213,7 +213,7 @@ def format_named(name: str, options: Exports | None = None) -> ExportFormat:
 
 
 def format_of(file: FilePath) -> str:
-    """Name of the format with the extension of a file."""
+    """Return the name of the format with the extension of a file."""
     for name, ending in ENDINGS.items():
         if file.suffix.lower() == ending:
             return name
@@ -225,7 +225,7 @@ def format_of(file: FilePath) -> str:
 
 
 def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
-    """Outputs of events by their names; empty for formats without outputs."""
+    """Return the outputs of events by their names; empty for formats without outputs."""
     return getattr(format, "outputs", None) or {}
 
 
@@ -287,7 +287,7 @@ def export(
 
 
 def names_of(table: SetPointTable) -> set[str]:
-    """Names of the events and analog outputs of a table."""
+    """Return the names of the events and analog outputs of a table."""
     return {*(x.name for x in table.events), *table.analog}
 
 

@@ -59,7 +59,7 @@ class GoalTolerances(Checked):
 
 
 def predict_tolerances(execution: Execution, factor: float = 2.0) -> GoalTolerances:
-    """Tolerances of a goal, computed from the predicted joint errors of its set-points.
+    """Return the tolerances of a goal, computed from the predicted joint errors of its set-points.
 
     Args:
         execution: The predicted motion.
@@ -224,7 +224,7 @@ def _deviation(
 
 
 def _nanoseconds(table: SetPointTable) -> IntArray:
-    """Times of the points in whole nanoseconds, (n,)."""
+    """Return the times of the points in whole nanoseconds, (n,)."""
     if table.duration > MAX_DURATION:
         raise InvalidInput(
             f"The motion of {table.name!r} takes {table.duration:g} s, but a duration in ROS is at "

@@ -98,7 +98,7 @@ def describe_program(
     outputs: Mapping[str, int | str],
     digit: float | None,
 ) -> list[str]:
-    """Warnings about a program: outputs that are not set, rounding, and too many points."""
+    """Return warnings about a program: outputs that are not set, rounding, and too many points."""
     sentences = _describe_rounding(table, digit)
     if name in LENGTH_ADVICE and len(table.t) > MAX_POINTS:
         sentences.append(
@@ -176,7 +176,7 @@ def check_template(template: str | FilePath) -> None:
 
 
 def _read_template(template: str | FilePath) -> tuple[str, str]:
-    """File name and text of a template, from its name or path."""
+    """Return the file name and text of a template, from its name or path."""
     if isinstance(template, str) and template in BUILT_IN:
         # Templates of the package may be read where only some folders of the user may be.
         file = FilePath(__file__).parent / "templates" / BUILT_IN[template]
@@ -191,7 +191,7 @@ def _read_template(template: str | FilePath) -> tuple[str, str]:
 
 
 def _environment() -> Any:
-    """Sandbox of jinja2, in which templates can read the table but no files."""
+    """Return the sandbox of jinja2, in which templates can read the table but no files."""
     from jinja2 import StrictUndefined
     from jinja2.sandbox import ImmutableSandboxedEnvironment
 
@@ -212,7 +212,7 @@ def _environment() -> Any:
 
 
 def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
-    """Variables of a template by name."""
+    """Return the variables of a template by name."""
     points = _template_points(table)
     return {
         "name": table.name,
@@ -234,7 +234,7 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
 
 
 def _template_points(table: SetPointTable) -> tuple[Point, ...]:
-    """Points of a table, each with its events."""
+    """Return the points of a table, each with its events."""
     events: dict[int, list[TimedEvent]] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
         events.setdefault(i, []).append(event)
@@ -274,13 +274,13 @@ def _refuse(reason: str) -> NoReturn:
 
 
 def _error_text(error: Exception) -> str:
-    """Message of an error on one line, without the full stop at the end."""
+    """Return the message of an error on one line, without the full stop at the end."""
     message = " ".join(str(error).split()).rstrip(".")
     return message or type(error).__name__
 
 
 def _error_line(error: Exception, source: str) -> str:
-    """Name of the template and number of the line in which an error occurred."""
+    """Return the name of the template and number of the line in which an error occurred."""
     from jinja2 import TemplateSyntaxError
 
     if isinstance(error, TemplateSyntaxError):

@@ -76,7 +76,7 @@ KINDS = {"planar_two_link": PLANAR, "serial": SERIAL}
 
 @checks.explained
 def arm_names() -> tuple[str, ...]:
-    """Names of the built-in arms.
+    """Return the names of the built-in arms.
 
     >>> "ur5e" in ac.arm_names()
     True
@@ -198,7 +198,7 @@ def _read_arm(name: str, payload: Payload | None) -> Arm:
 
 
 def _attach(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
-    """Arm with another tool, work frame and payload; None means no change."""
+    """Return the arm with another tool, work frame and payload; None means no change."""
     if isinstance(arm, SerialArm):
         if tool is not None or payload is not None:
             arm = arm.with_tool(arm.chain.tool if tool is None else tool, payload)
@@ -314,7 +314,7 @@ def _bodies(file: str, data: Mapping[str, Any], n: int) -> dict[str, Any]:
 
 
 def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of an arm that all arm files have: name, source and limits."""
+    """Return the arguments of an arm that all arm files have: name, source and limits."""
     limits = data.get("limits") or {}
     if not isinstance(limits, Mapping):
         raise InvalidInput(
@@ -345,7 +345,7 @@ def _unused_limits(file: str, data: Mapping[str, Any]) -> Limits | None:
 
 
 def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...]) -> FloatArray:
-    """Numbers of a key as an array, which must have the given shape."""
+    """Return the numbers of a key as an array, which must have the given shape."""
     array = checks.check_numbers(f"{key} in {file}", _value(file, key, data), UNITS[key])
     if array.shape != shape:
         raise InvalidInput(
@@ -356,7 +356,7 @@ def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...])
 
 
 def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
-    """Value of a key, which must be a quantity in the unit that UNITS requires."""
+    """Return the value of a key, which must be a quantity in the unit that UNITS requires."""
     quantity = data.get(key)
     if not isinstance(quantity, Mapping) or "value" not in quantity:
         raise InvalidInput(f"{file}: {key} must be a quantity with value, unit and source.")

@@ -25,7 +25,7 @@ MAX_UP = 4
 def excluded_pairs_of(
     content: bytes, location: FilePath, links: Collection[str]
 ) -> tuple[LeftOut, ...]:
-    """Pairs of links that an SRDF file excludes from distance checks, with reasons."""
+    """Return the pairs of links that an SRDF file excludes from distance checks, with reasons."""
     # Typical reasons are "Never" (the pair never touched in random configurations) and "Default"
     # (the pair always touched).
     robot = parse_xml(str(location), content)
@@ -64,7 +64,7 @@ def link_shapes(
     carried: Mapping[str, tuple[int, Frame]],
     last: str = "",
 ) -> tuple[LinkShape, ...]:
-    """Shapes of the links of a description; links after the link `last` are tools.
+    """Return the shapes of the links of a description; links after the link `last` are tools.
 
     `carried` has the index of the chain's link and the frame in it of each link, by name.
     """

@@ -162,7 +162,7 @@ def _default_tip(tree: Tree, base: str) -> str:
 
 
 def _part_joints(tree: Tree, base: str, part: str, arm: list[Joint]) -> list[Joint]:
-    """Joints of a positioner, from the part to the base; checks that they are a branch."""
+    """Return joints of a positioner, from the part to the base; checks that they are a branch."""
     joints = [x for x in tree.between(base, part, "part") if x.kind != "fixed"][::-1]
     shared = next((x.name for x in joints if x in arm), None)
     if shared is not None:
@@ -242,7 +242,7 @@ def assume_accelerations(limits: Limits, joints: Sequence[str]) -> tuple[Limits,
 
 
 def _table(tree: Tree, moving: list[Joint]) -> Table:
-    """Table of the limits in a description; limits of at most 0 count as missing."""
+    """Return the table of the limits in a description; limits of at most 0 count as missing."""
     table: Table = {name: [] for name in (*DESCRIBED_LIMITS, *JOINT_RANGE)}
     for joint in moving:
         for name, keys in DESCRIBED_LIMITS.items():

@@ -119,7 +119,7 @@ class Notes:
         self.firsts.setdefault(sentence, self.line)
 
     def sentences(self) -> list[str]:
-        """All notes as complete sentences."""
+        """Return all notes as complete sentences."""
         skipped = []
         for sentence, kinds in self.kinds.items():
             if kinds:
@@ -244,12 +244,12 @@ def _add_code(
 
 
 def g_name(code: int) -> str:
-    """Name of a G code that is given in tenths: 611 is G61.1."""
+    """Return the name of a G code that is given in tenths: 611 is G61.1."""
     return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")
 
 
 def unsupported(text: str) -> Fault:
-    """The error for a word or text that is not supported."""
+    """Return the error for a word or text that is not supported."""
     return Fault(f"{text} is not supported. {PLAIN_MOVES}")
 
 
