@@ -64,7 +64,13 @@ def data_lines(data: Data) -> list[str]:
 def table_lines(
     rows: Sequence[Sequence[str]], title: str | None = None, names: int = 1
 ) -> list[str]:
-    """A table as lines, header first; the first columns (`names`) wrap only above USUAL_NAME."""
+    """Lay a table out as lines, whose first lines are the title and the header.
+
+    Args:
+        rows: Texts of the cells; the first row is the header.
+        title: Title; None for no title.
+        names: Number of first columns with names, which wrap only above USUAL_NAME characters.
+    """
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

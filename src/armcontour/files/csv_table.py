@@ -447,9 +447,18 @@ def _split_any(line: str, separator: str | None) -> list[str]:
 
 
 def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
-    """Rename columns or joints; `pairs` is a comma-separated list of `NEW=OLD`, such as `q1=a`."""
-    # In OLD, # matches a number and * any text; the same wildcard in NEW inserts the matched text.
-    # An example is `q# [deg]=joint_#`.
+    """Rename columns or joints.
+
+    Args:
+        names: Present names.
+        pairs: New names: `NEW=OLD`, separated by commas, such as `q1=axis_1`. In OLD, # matches a
+            number and * any text; the same wildcard in NEW inserts the matched text, as in
+            `q# [deg]=joint_#`.
+        source: Name of the file, for messages.
+
+    Raises:
+        InvalidInput: A pair has another form, or a name does not exist.
+    """
     renamed = list(names)
     for pair in pairs.split(","):
         new, _, old = map(str.strip, pair.partition("="))

@@ -87,7 +87,13 @@ def parse_job(
 
 @contextmanager
 def file_context(text: str, source: str, patch: Patch | None = None) -> Iterator[None]:
-    """Context that adds the name of a file, and the line of the wrong key, to the message."""
+    """Context that adds the name of a file, and the line of the wrong key, to the message.
+
+    Args:
+        text: Text of the file.
+        source: Name of the file.
+        patch: Patch of the file, whose keys have no line.
+    """
     try:
         with error_context(source):
             yield
@@ -109,7 +115,7 @@ def read_data(text: str, source: str) -> dict[str, Any]:
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of job files, as a dictionary."""
+    """Return the JSON Schema of job files as a dictionary."""
     schema: dict[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))
     return schema
 
@@ -120,7 +126,17 @@ def job_of(
     reading: Progress | None,
     drawing: Program | None = None,
 ) -> Job:
-    """Make a job from its model; reads the files of its arm, drawing and scene."""
+    """Make a job from its model; reads the files of its arm, drawing and scene.
+
+    Args:
+        model: Keys of the job.
+        folder: Folder against which relative file names are resolved.
+        reading: Called with the progress of reading the drawing.
+        drawing: Program of the drawing, if it is already read.
+
+    Raises:
+        InvalidInput: As in `read_job`; the error has the key path of the wrong value.
+    """
     if model.export is not None:
         # Templates are relative to the job file.
         formats = [str(folder / x) if x.endswith(".j2") else x for x in model.export.formats]
@@ -152,7 +168,17 @@ def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArr
 
 
 def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
-    """Make a job from its model and its arm, path and scene."""
+    """Make a job from its model and the parts that may need other files.
+
+    Args:
+        model: Keys of the job.
+        arm: Arm.
+        drawn: Path or program in the coordinates of the part frame, without the process.
+        scene: Scene; None if obstacles are unknown.
+
+    Raises:
+        InvalidInput: A value is wrong. The error has its key path.
+    """
     path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
     if model.certificate is not None and model.certificate.run is not None:
@@ -210,7 +236,14 @@ def cell_names() -> tuple[str, ...]:
 
 
 def cell_text(name: str) -> str:
-    """Text of a built-in cell, including its comments. A cell is a job file without a path."""
+    """Return the text of a built-in cell with its comments. A cell is a job file without a path.
+
+    Args:
+        name: Name of the cell, as in `cell_names`.
+
+    Raises:
+        InvalidInput: There is no such cell.
+    """
     names = cell_names()
     if name not in names:
         raise InvalidInput(
@@ -323,7 +356,16 @@ def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
-    """Text of a job file in the folder `to` for a cell and a drawing, with the cell's comments."""
+    """Write a job file for a drawing in a cell; comments of the cell stay.
+
+    Args:
+        cell: Built-in cell or job file.
+        drawing: The drawing.
+        to: Folder of the new job file, to which its file names are relative.
+
+    Raises:
+        InvalidInput: The cell does not exist or is not valid YAML.
+    """
     opened = _open_cell(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()

@@ -86,7 +86,18 @@ def full_key(keys: Keys) -> Keys:
 
 
 def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
-    """Key path at which a value is set: in the run if it overrides the key, else in the job."""
+    """Return the key path at which a value is set.
+
+    The value is set in the run if the run overrides the key, else in the job.
+
+    Args:
+        keys: Key path.
+        data: Data of the job file.
+        run: Name of the run; None for the job.
+
+    Raises:
+        InvalidInput: The key path names a run that does not exist.
+    """
     runs = value_at(data, ("runs",))
     if keys[0] == "runs" and isinstance(runs, Mapping) and (len(keys) < 2 or keys[1] not in runs):
         names = [str(x) for x in runs]
@@ -108,7 +119,16 @@ def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
 
 
 def resolve_patch(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
-    """Changes of a job file that apply a patch; `run` selects the run that the patch changes."""
+    """Return the changes of a job file that apply a patch.
+
+    Args:
+        data: Data of the job file.
+        patch: The patch.
+        run: Run that the patch changes; None for the job and the runs that override a key.
+
+    Raises:
+        InvalidInput: A key of the patch cannot be set.
+    """
     return _resolve(data, patch, run)[1]
 
 
@@ -118,7 +138,16 @@ def apply_patch(data: Any, patch: Patch) -> Any:
 
 
 def write_patch(text: str, patch: Patch, source: str = "job") -> str:
-    """Return the text of a job file with a patch applied; comments do not change."""
+    """Write the text of a job file with a patch applied; comments do not change.
+
+    Args:
+        text: Text of the job file.
+        patch: The patch.
+        source: Name of the file, for messages.
+
+    Raises:
+        InvalidInput: The text is not YAML, or a key of the patch cannot be set.
+    """
     return write_data(text, apply_patch(load(text, source), patch), source)
 
 

@@ -40,7 +40,19 @@ def path_of(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """Objective path or program of a job, with the tool orientation if it is specified."""
+    """Make the objective path or program of a job, with the tool orientation if it is specified.
+
+    Args:
+        model: Keys of the path.
+        folder: Folder against which relative file names are resolved.
+        dimension: 2 for an arm in the plane, 3 for an arm in space.
+        progress: Called with the progress of reading the drawing.
+        drawing: Program of the drawing, if it is already read.
+
+    Raises:
+        InvalidInput: A value is wrong, the drawing cannot be read, or a path in space is for an arm
+            in the plane.
+    """
     unplaced = unplaced_path(model, folder, dimension, progress, drawing)
     return placed_path(model, unplaced, dimension)
 
@@ -147,7 +159,17 @@ def _check_planar(model: PathModel, program: Program) -> None:
 def read_drawing(
     model: PathModel, file: str, folder: FilePath, progress: Progress | None = None
 ) -> Program:
-    """Read the program of a drawing with the options in the key `path` of a job."""
+    """Read the program of a drawing with the options in the key `path` of a job.
+
+    Args:
+        model: Keys of the path.
+        file: Name of the drawing's file.
+        folder: Folder against which this name is resolved.
+        progress: Called with the progress.
+
+    Raises:
+        InvalidInput: As in `read_path`; the error has the key `path.file`.
+    """
     from armcontour.files.drawings.path_reader import read_path
 
     # With `repeat`, `names` can be names of copies, so `_repeat` selects them.

@@ -17,9 +17,15 @@ from armcontour.program import Event, Process, Program
 def add_process(
     path: Path | Program, process: Process | None, drawing: PathModel
 ) -> tuple[Path | Program, Process]:
-    """Program of a job with notes on unused keys of its process, and the complete process.
+    """Return a job's program with notes on unused process keys, and the complete process.
 
-    If the job has neither a drawing nor a process, the path is returned unchanged.
+    Args:
+        path: Path or program. Without a drawing and a process, it is returned unchanged.
+        process: Key `process`; None if it is missing.
+        drawing: Keys of the path, with values of layers and contours.
+
+    Raises:
+        InvalidInput: A value of a contour is wrong. The error has its key path.
     """
     if isinstance(path, Path) and process is None:
         return path, Process()

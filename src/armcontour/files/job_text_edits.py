@@ -82,7 +82,16 @@ class Part(NamedTuple):
 
 
 def write_data(text: str, new: Any, source: str = "job") -> str:
-    """Change YAML text so that its data are `new`; all lines of equal values stay."""
+    """Change YAML text so that it has new data; the lines of equal values stay.
+
+    Args:
+        text: The text.
+        new: The new data.
+        source: Name of the file, for messages.
+
+    Raises:
+        InvalidInput: A change cannot be made in the text, for example because of a YAML anchor.
+    """
     data = load(text, source)
     changed = [x for x in {**(data or {}), **new} if value_at(data, (x,)) != new.get(x)]
     for _ in range(MAX_PASSES):
@@ -136,7 +145,13 @@ def _change_value(data: Any, keys: Keys, change: Change) -> Any:
 
 
 def move_files(text: str, folder: FilePath, to: FilePath) -> str:
-    """Text of a job file whose relative file names are converted from `folder` to `to`."""
+    """Convert the relative file names in the text of a job file for another folder.
+
+    Args:
+        text: The text.
+        folder: Folder to which the names are relative.
+        to: Folder to which the returned names are relative.
+    """
     changes = []
     data = load(text, "job")
     for keys, name in _file_names(data):

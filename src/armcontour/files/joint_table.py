@@ -190,7 +190,18 @@ def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
 def read_samples(
     table: CsvTable[Key], keys: Sequence[Key], start: float = -math.inf, end: float = math.inf
 ) -> TableSamples:
-    """Read the times and the columns `keys`; `start` and `end` [s] limit the checks only."""
+    """Read times and columns of a table.
+
+    Args:
+        table: The table.
+        keys: Columns to read.
+        start: First time that is used [s]. Of earlier samples, only the numbers are checked.
+        end: Last time that is used [s]. Of later samples, only the numbers are checked.
+
+    Raises:
+        InvalidInput: The table has no column of times, a cell is not a number, or a time or a
+            sample is not valid.
+    """
     # Rows that repeat the previous row, and rows that have cells only in other columns, are
     # omitted.
     table.require_columns(TIME)

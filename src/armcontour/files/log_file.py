@@ -113,10 +113,22 @@ def read_run_log(
     columns: str | None = None,
     commanded: bool = False,
 ) -> Log | Recording:
-    """Read the log of a robot run for learning; without commands, it is a `Recording`."""
-    # The file has the form of `read_log`, or is CSV with measured positions only. Joints with the
-    # names of the arm, also with a prefix, are sorted in the order of the arm; the order of other
-    # joints does not change.
+    """Read the log of a robot run for learning; without commands, it is a `Recording`.
+
+    The file has the form of `read_log`, or is CSV with measured positions only. Joints with the
+    names of the arm, also with a prefix, are sorted in the order of the arm. The order of other
+    joints does not change.
+
+    Args:
+        file: The file.
+        joint_names: Names of the arm's joints.
+        window: First and last time to use [s].
+        columns: As in `read_log`.
+        commanded: Whether a log without commands is refused.
+
+    Raises:
+        InvalidInput: As in `read_log`, or the log has other joints.
+    """
     from armcontour.control.learning import Recording
 
     log, has_commands = _read_log(FilePath(file), joint_names, window, columns, commanded=commanded)

@@ -61,7 +61,16 @@ Direction = Annotated[list[float], Items(3, 3)]
 
 
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
-    """Scene of a job; `part` is the frame of the part, for obstacles that are fixed to it."""
+    """Make the scene of a job; reads the files of meshes.
+
+    Args:
+        model: Keys of the scene.
+        folder: Folder against which relative file names are resolved.
+        part: Frame of the part, for obstacles that are fixed to it.
+
+    Raises:
+        InvalidInput: A body is wrong, or its file cannot be read.
+    """
     obstacles = tuple(_obstacle(x, folder, part) for x in model.obstacles)
     return Scene(obstacles=obstacles, margins=model.margins, floor=model.floor)
 

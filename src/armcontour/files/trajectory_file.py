@@ -67,7 +67,17 @@ SAME_TIME = 1e-6
 def read_ros_motion(
     file: FilePath, joint_names: Sequence[str], names: str | None = None
 ) -> TrajectoryFile:
-    """Read a JointTrajectory in the form of `ros2 topic echo`; `names` renames its joints."""
+    """Read a JointTrajectory in the form of `ros2 topic echo`.
+
+    Args:
+        file: The file (YAML).
+        joint_names: Names of the arm's joints; empty for the joints of the file.
+        names: New names of joints, as in `rename`; None for those of the file.
+
+    Raises:
+        InvalidInput: The file has not exactly one JointTrajectory, or its joints or points are
+            wrong.
+    """
     if names is not None and "=" not in names:
         raise InvalidInput(
             f"{file.name} is a file of ROS, which has no columns. --columns can only rename its "
@@ -230,7 +240,13 @@ def parse_trajectory(
     source: str = "trajectory",
     columns: str | None = None,
 ) -> TrajectoryFile:
-    """Read a trajectory from CSV text; see `read_trajectory`.
+    """Read a trajectory from CSV text.
+
+    Args:
+        text: The text, in the form that `read_trajectory` describes.
+        joint_names: As in `read_trajectory`.
+        source: Name of the text, for messages.
+        columns: As in `read_trajectory`.
 
     Raises:
         InvalidInput: As in `read_trajectory`.

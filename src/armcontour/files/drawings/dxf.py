@@ -103,7 +103,18 @@ ADDRESS = re.compile(r"\(#\d+\)")
 def read_dxf(
     data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
 ) -> Program:
-    """Read the contours of a DXF drawing."""
+    """Read the contours of a DXF drawing.
+
+    Args:
+        data: Content of the file.
+        source: Name of the file, for messages.
+        options: Options.
+        progress: Called with the completed fraction.
+
+    Raises:
+        InvalidInput: The file is not a DXF file, has no contour that the options select, or has an
+            entity that is not supported.
+    """
     # Lines and arcs are not changed; ellipses and splines become arcs within the chord tolerance.
     # If all points have z = 0, the program is in the plane, otherwise in space.
     # Entities are named by their handles. In a block, the handle of the INSERT precedes the name.

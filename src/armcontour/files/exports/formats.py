@@ -294,7 +294,17 @@ def names_of(table: SetPointTable) -> set[str]:
 def check_outputs(
     outputs: Iterable[str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
-    """Check that outputs belong to existing events or analog outputs."""
+    """Check that outputs belong to existing events or analog outputs.
+
+    Args:
+        outputs: Names of the events and analog outputs that have an output.
+        events: Names of the existing events and analog outputs.
+        option: Option or key that has the outputs, for messages.
+        owner: What has the events, such as "the run fast", for messages.
+
+    Raises:
+        InvalidInput: An output belongs to no event and no analog output.
+    """
     names = sorted(set(events))
     for name in outputs:
         if name not in names:

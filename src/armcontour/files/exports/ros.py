@@ -89,7 +89,16 @@ def write_ros_yaml(
     *,
     tolerances: GoalTolerances | None = None,
 ) -> None:
-    """Write a JointTrajectory message as YAML; with tolerances, a FollowJointTrajectory goal."""
+    """Write a JointTrajectory message as YAML; with tolerances, a FollowJointTrajectory goal.
+
+    Args:
+        table: Points.
+        file: File to write.
+        tolerances: Tolerances of the goal; None for a message.
+
+    Raises:
+        InvalidInput: The tolerances have another number of joints.
+    """
     # `ros2 topic pub` accepts the text, which has the form of `ros2 topic echo`. The message has no
     # field for events; each is a comment in JSON at the top, `# event: {...}`.
     fields = {

@@ -98,7 +98,14 @@ def describe_program(
     outputs: Mapping[str, int | str],
     digit: float | None,
 ) -> list[str]:
-    """Return warnings about a program: outputs that are not set, rounding, and too many points."""
+    """Return warnings about a program: outputs that are not set, rounding, and too many points.
+
+    Args:
+        table: Points, events and analog values.
+        name: Name of the format, or path of a template.
+        outputs: Outputs of events and analog outputs, by their names.
+        digit: Value of the last printed digit of joint positions [rad]; None if it is unknown.
+    """
     sentences = _describe_rounding(table, digit)
     if name in LENGTH_ADVICE and len(table.t) > MAX_POINTS:
         sentences.append(
@@ -157,7 +164,17 @@ def write_template(
     template: str | FilePath,
     outputs: Mapping[str, int | str],
 ) -> None:
-    """Write the program that a template generates from a table to a file."""
+    """Write the program that a template generates from a table.
+
+    Args:
+        table: As in `render_template`.
+        file: File to write.
+        template: As in `render_template`.
+        outputs: As in `render_template`.
+
+    Raises:
+        InvalidInput: As in `render_template`.
+    """
     text = render_template(table, template, outputs, file=file.stem)
     file.write_text(text, encoding="utf-8", newline="\n")
 

@@ -219,7 +219,16 @@ def _built_in(name: str) -> Any:
 
 
 def arm_of(file: str, data: Any, payload: Payload | None = None) -> Arm:
-    """Make the arm from the data of an arm file."""
+    """Make an arm from the data of an arm file.
+
+    Args:
+        file: Name of the file, for messages.
+        data: Data of the file.
+        payload: Payload at the tip; None for no payload.
+
+    Raises:
+        InvalidInput: The data do not describe an arm.
+    """
     kind = data.get("kind") if isinstance(data, Mapping) else None
     keys = KINDS.get(kind) if isinstance(kind, str) else None
     if keys is None:
@@ -398,7 +407,16 @@ def read_hulls(name: str) -> ArmShapes:
 def with_more_shapes(
     arm: Arm, shapes: tuple[LinkShape, ...] = (), srdf: FilePath | None = None
 ) -> Arm:
-    """Add shapes to an arm, and the link pairs that an SRDF file excludes."""
+    """Add shapes to an arm, and exclude pairs of links from distance checks.
+
+    Args:
+        arm: The arm.
+        shapes: Additional shapes of links.
+        srdf: SRDF file with the excluded pairs; None for no further pairs.
+
+    Raises:
+        InvalidInput: The SRDF file cannot be read or names an unknown link.
+    """
     if not shapes and srdf is None:
         return arm
     # The file is read now, so that a file that is missing or not allowed is refused at once.
