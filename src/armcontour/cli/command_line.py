@@ -27,7 +27,7 @@ PREPARE = "Look, place, prepare"
 JUDGE = "Check and certify"
 ROBOT = "With the robot"
 INSTALLED = "About this installation"
-# Conversions of the types of options whose texts need no check.
+# Functions that convert texts to option types for which no check is needed.
 CONVERTERS: dict[Any, Callable[[Any], Any]] = {
     str: str,
     FilePath: FilePath,
@@ -58,7 +58,7 @@ def _write_panels(self: Any, ctx: Any, formatter: Any) -> None:
 
 @dataclass(frozen=True)
 class _Converter:
-    """Conversion of the texts of an option in place of typer's, which imports pydantic (0.1 s)."""
+    """Converts the texts of an option without typer, which would import pydantic (0.1 s)."""
 
     convert: Callable[[Any], Any]
 

@@ -392,7 +392,7 @@ class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
     log: File = None
 
     def claim(self) -> files.ResultFolder | None:
-        """Folder of --out; None with --on, because each run is then written at once."""
+        """Return the folder of --out; None with --on, because each run is then written at once."""
         return None if self.on else super().claim()
 
 

@@ -54,7 +54,14 @@ def check_options(job: Job, options: Mapping[str, object]) -> None:
 
 
 def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunResult) -> Written:
-    """Export set-points and plan of a run; a file that fails does not stop the others."""
+    """Export set-points and plan of a run; a file that fails does not stop the others.
+
+    Args:
+        folder: Folder of the result.
+        job: The job, whose `export` has the formats and their options.
+        name: Name of the run, which is the name of its folder.
+        result: Result of the run.
+    """
     written = Written()
     warnings = dict[str, None]()
     for kind in job.export.formats:

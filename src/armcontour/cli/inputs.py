@@ -68,7 +68,7 @@ def name_options(options: Mapping[str, str]) -> Iterator[None]:
 
 
 def library_file(name: str) -> FilePath:
-    """Path of a file in the job library of the package."""
+    """Return the path of a file in the job library of the package."""
     return FilePath(str(resources.files("armcontour.jobs") / "library" / name))
 
 
@@ -80,7 +80,17 @@ def is_job(file: FilePath) -> bool:
 
 
 def open_job(file: FilePath, options: Any, progress: Progress) -> Job:
-    """Read a job file, or combine a drawing with a cell, with the job keys of the options."""
+    """Read a job file, or a drawing in a cell, with the job keys of the options.
+
+    Args:
+        file: Job file or drawing.
+        options: Options of the command.
+        progress: Called with the progress of reading the drawing.
+
+    Raises:
+        InvalidInput: As in `read_job`; the message names the option that set the wrong key. Or a
+            drawing has no cell, or a job file has one.
+    """
     patch, names = read_patch(options)
     cell = getattr(options, "cell", None)
     file = find_file(file, cell)
@@ -110,7 +120,16 @@ def find_file(file: FilePath, cell: str | None) -> FilePath:
 
 
 def refuse_given(options: Any, names: Iterable[str], reason: str) -> None:
-    """Raise InvalidInput if an option is given, by field; `reason` is the end of the message."""
+    """Check that options are not given.
+
+    Args:
+        options: Options of the command.
+        names: Fields of the options that must not be given.
+        reason: End of the message, after the name of the option.
+
+    Raises:
+        InvalidInput: An option is given.
+    """
     for name in names:
         option = OPTIONS.get(name, name)
         if getattr(options, name):
@@ -124,7 +143,16 @@ def refuse_existing(file: FilePath, force: bool) -> None:
 
 
 def read_option(option: str, text: str | None, kind: Any) -> Any:
-    """Read a quantity in SI units; values other than 0 require a unit; None without the option."""
+    """Read an option with a quantity in SI units; None if the option is not given.
+
+    Args:
+        option: Name of the option, for messages.
+        text: Text of the option.
+        kind: Annotation with the quantity.
+
+    Raises:
+        InvalidInput: The text has no unit (0 needs none), or the value is out of range.
+    """
     if text is None:
         return None
     quantity = get_args(kind)[1]
@@ -143,7 +171,7 @@ def read_option(option: str, text: str | None, kind: Any) -> Any:
 
 
 def read_window(start: str | None, end: str | None) -> tuple[float, float]:
-    """First and last used time of a log [s]; infinite if the option is not given."""
+    """Return the first and last used time of a log [s]; infinite if the option is not given."""
     first = read_option("--from", start, Moment)
     last = read_option("--to", end, Moment)
     return -math.inf if first is None else first, math.inf if last is None else last

@@ -39,7 +39,7 @@ from armcontour.report import render_learning
 
 # Kind of a result folder with runs on a robot; later runs can continue such a folder.
 KIND = "learn --on"
-# File name of the log of a run, by number from 1.
+# Name of the file with a run's log, by the run's number from 1.
 LOG = "logs/run_{}.csv"
 
 
@@ -142,7 +142,7 @@ def _write_study(study: LearningStudy, folder: ResultFolder) -> None:
 
 
 def _robot_lines(result: RobotLearning, options: Learn) -> list[str]:
-    """Results of the runs, and the command that plays the best set-points."""
+    """Return the results of the runs, and the command that plays the best set-points."""
     if result.study is None:
         end = playing.DRY if not options.execute else "Stopped before anything was learned."
         return [*data_lines(result.to_data()), end]

@@ -22,7 +22,7 @@ from armcontour.files.touch_file import Touches, read_touches
 from armcontour.jobs import Job
 from armcontour.robot.measurement import Measurement, measure_part, measure_tool
 
-# Maximum number of points of the path at which the expected error is computed.
+# Maximum number of path points at which the expected error is computed.
 MAX_REGION = 200
 
 
@@ -83,5 +83,5 @@ def _region(job: Job) -> FloatArray:
 
 
 def _residual_rows(measured: Measurement) -> list[tuple[str, str]]:
-    """Return the rows of the table of residuals."""
+    """Return the residuals as rows of a table."""
     return [(str(k + 1), f"{x * 1e3:.3f}") for k, x in enumerate(measured.residuals)]

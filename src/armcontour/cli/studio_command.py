@@ -66,6 +66,6 @@ def _leave(hosts: list[SessionHost]) -> None:
 
 
 def _unsaved(hosts: list[SessionHost]) -> str | None:
-    """Message about unsaved changes of the document; None without any."""
+    """Return the message about unsaved changes of the document; None without any."""
     sessions = (x.session for x in hosts if x.session is not None)
     return next((x.editor.document.unsaved() for x in sessions), None)

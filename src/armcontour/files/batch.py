@@ -1,4 +1,4 @@
-"""`batch`: the runs of a job for every combination of values of its keys."""
+"""`batch`, which runs a job for every combination of key values."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Task = tuple[int, Patch]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchRow:
-    """A run of one job of a batch, or a job without results.
+    """A run in a batch, or a job without results.
 
     Args:
         job: Number of the job, from 1.
@@ -104,11 +104,11 @@ class Batch:
         return [("job", *header[1:]), *((n, *x[1:]) for n, x in zip(numbers, table, strict=True))]
 
     def errors(self) -> list[str]:
-        """Message of each job without results, with the number of the job."""
+        """Return the message of each job without results, with the number of the job."""
         return [f"Job {x.job}: {x.error}" for x in self.rows if x.error]
 
     def __str__(self) -> str:
-        """Main results as a table, and messages of jobs without results."""
+        """Return the main results as a table, and messages of jobs without results."""
         return "\n".join([lay_out(self.title, self.cells()), *self.errors()])
 
     __repr__ = short_repr
@@ -125,7 +125,7 @@ def batch(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Batch:
-    """Run a job for every combination of values of its keys; a refused job is also a row.
+    """Run a job for every combination of key values; a refused job is also a row.
 
     With `out`, each result is written to `results.jsonl` at once, so that an interruption loses no
     result, and the table is written to `results.csv` at the end.
@@ -266,7 +266,7 @@ def _rows(number: int, values: Mapping[str, Any], line: Line) -> Iterator[BatchR
 
 @contextmanager
 def _open_results(folder: FilePath | None) -> Iterator[Callable[[Line], object]]:
-    """Context with a function that appends a result to the file of results of a new folder."""
+    """Open the file of results in a new folder; yields a function that appends a result."""
     if folder is None:
         yield lambda line: None
         return

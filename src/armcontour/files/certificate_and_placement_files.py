@@ -19,7 +19,7 @@ from armcontour.studies.placement import AXES, Placement
 
 
 def certificate_page(certificate: Certificate) -> dict[str, Any]:
-    """Data of a certificate for JSON: requirements, results and model."""
+    """Return the data of a certificate for JSON: requirements, results and model."""
     data = certificate.to_data()
     page = plain(certificate.study.to_data())
     return page | {"units": page["units"] | units([data]), "certificate": plain(data)}
@@ -40,7 +40,7 @@ def placement_csv(placement: Placement) -> str:
 def placed_job_text(
     placement: Placement, text: str, *, folder: FilePath, to: FilePath, patch: Patch | None = None
 ) -> str:
-    """Text of the job file with the part or the base at the best placement.
+    """Return the text of the job file with the part or the base at the best placement.
 
     Args:
         placement: The placement.

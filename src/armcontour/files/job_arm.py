@@ -93,7 +93,7 @@ def _with_external_axes(arm: Arm, model: ArmModel, part: Frame) -> Arm:
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:
-    """Frame of a model; a missing position or rotation is zero."""
+    """Return the frame of a model; a missing position or rotation is zero."""
     turned = rotation_of(key, model)
     return Frame(
         position=np.array(model.position or [0.0, 0.0, 0.0]),

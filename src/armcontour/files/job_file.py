@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -86,7 +87,13 @@ def parse_job(
 
 @contextmanager
 def file_context(text: str, source: str, patch: Patch | None = None) -> Iterator[None]:
-    """Context that adds the name of a file, and the line of the wrong key, to the message."""
+    """Context that adds the name of a file, and the line of the wrong key, to the message.
+
+    Args:
+        text: Text of the file.
+        source: Name of the file.
+        patch: Patch of the file, whose keys have no line.
+    """
     try:
         with error_context(source):
             yield
@@ -100,7 +107,7 @@ def file_context(text: str, source: str, patch: Patch | None = None) -> Iterator
 
 
 def read_data(text: str, source: str) -> dict[str, Any]:
-    """Data of the text of a job file, a mapping whose keys are not checked."""
+    """Read the text of a job file as a mapping, whose keys are not checked."""
     data = load(text, source)
     if not isinstance(data, dict):
         raise InvalidInput(f"{source} must be a mapping of keys such as name, arm, path and runs.")
@@ -108,7 +115,7 @@ def read_data(text: str, source: str) -> dict[str, Any]:
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of job files, as a dictionary."""
+    """Return the JSON Schema of job files as a dictionary."""
     schema: dict[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))
     return schema
 
@@ -119,42 +126,31 @@ def job_of(
     reading: Progress | None,
     drawing: Program | None = None,
 ) -> Job:
-    """Make a job from its model; reads the files of its arm, drawing and scene."""
+    """Make a job from its model; reads the files of its arm, drawing and scene.
+
+    Args:
+        model: Keys of the job.
+        folder: Folder against which relative file names are resolved.
+        reading: Called with the progress of reading the drawing.
+        drawing: Program of the drawing, if it is already read.
+
+    Raises:
+        InvalidInput: As in `read_job`; the error has the key path of the wrong value.
+    """
     if model.export is not None:
         # Templates are relative to the job file.
         formats = [str(folder / x) if x.endswith(".j2") else x for x in model.export.formats]
         model = dataclasses.replace(
             model, export=dataclasses.replace(model.export, formats=formats)
         )
-    parts = parts_of(model, folder, reading, drawing=drawing)
-    return assemble_job(model, *parts)
-
-
-def parts_of(
-    model: JobModel,
-    folder: FilePath,
-    reading: Progress | None = None,
-    *,
-    drawing: Program | None = None,
-) -> tuple[Arm, Path | Program, Scene | None]:
-    """Make the parts of a job that can need other files: its arm, its path and its scene."""
+    part = part_of(model.path)
     with error_context("", "arm"):
-        arm = arm_of(model.arm, folder, part_of(model.path))
+        arm = arm_of(model.arm, folder, part)
     with error_context("", "path"):
-        drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
+        path = path_of(model.path, folder, arm.dimension, reading, drawing)
     with error_context("", "scene"):
-        scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
-    return arm, drawn, scene
-
-
-def _start(seed: list[float] | dict[str, float] | None, arm: Arm) -> dict[str, Any]:
-    """Start configuration of a job: a branch of a planar arm, or joint positions [rad], (dof,)."""
-    if seed is None:
-        return {}
-    near = _joint_positions(seed, arm)
-    if isinstance(arm, PlanarTwoLink):
-        return {"configuration": arm.configuration_of(near)}
-    return {"seed": near}
+        scene = None if model.scene is None else scene_of(model.scene, folder, part)
+    return assemble_job(model, arm, path, scene)
 
 
 def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
@@ -172,18 +168,34 @@ def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArr
 
 
 def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
-    """Make a job from its model and its arm, path and scene."""
+    """Make a job from its model and the parts that may need other files.
+
+    Args:
+        model: Keys of the job.
+        arm: Arm.
+        drawn: Path or program in the coordinates of the part frame, without the process.
+        scene: Scene; None if obstacles are unknown.
+
+    Raises:
+        InvalidInput: A value is wrong. The error has its key path.
+    """
     path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
     if model.certificate is not None and model.certificate.run is not None:
         _check_run_name(("certificate", "run"), model.certificate.run, model)
+    seed = None if model.seed is None else _joint_positions(model.seed, arm)
+    configuration = None
+    if seed is not None and isinstance(arm, PlanarTwoLink):
+        configuration = arm.configuration_of(seed)
+        seed = None
     return Job(
         name=model.name,
         title=model.title or model.name,
         arm=arm,
         path=path,
         process=process,
-        **_start(model.seed, arm),
+        configuration=configuration,
+        seed=seed,
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=tuple(run_of(name, run, model, arm) for name, run in model.runs.items()),
@@ -195,7 +207,7 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
 
 
 def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
-    """Servo model with the values of `differs`, and with one value per joint."""
+    """Return the servo model with the values of `differs`, and with one value per joint."""
     with key_context(key):
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
 
@@ -219,12 +231,19 @@ def _check_run_name(keys: Keys, name: str, job: JobModel) -> None:
 
 
 def cell_names() -> tuple[str, ...]:
-    """Names of the built-in cells."""
+    """Return the names of the built-in cells."""
     return tuple(sorted(x.stem for x in CELLS.glob("*.yaml")))
 
 
 def cell_text(name: str) -> str:
-    """Text of a built-in cell, including its comments. A cell is a job file without a path."""
+    """Return the text of a built-in cell with its comments. A cell is a job file without a path.
+
+    Args:
+        name: Name of the cell, as in `cell_names`.
+
+    Raises:
+        InvalidInput: There is no such cell.
+    """
     names = cell_names()
     if name not in names:
         raise InvalidInput(
@@ -272,6 +291,23 @@ def read_job(
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Cell:
+    """A cell or job file whose keys are not checked."""
+
+    text: str
+    source: str  # Name for messages
+    folder: FilePath  # Folder against which relative file names are resolved
+
+
+def _open_cell(cell: str) -> _Cell:
+    """Read a built-in cell, or a job file."""
+    file = FilePath(cell)
+    if file.suffix.lower() in YAML:
+        return _Cell(job_text(file), file.name, file.parent)
+    return _Cell(cell_text(cell), f"the cell {cell}", FilePath())
+
+
 def read_cell(
     cell: str | FilePath,
     drawing: str | FilePath,
@@ -279,54 +315,71 @@ def read_cell(
     patch: Patch | None = None,
     reading: Progress | None = None,
 ) -> Job:
-    """Make a job from a cell or job file and a drawing; `patch` overrides keys."""
-    # The drawing replaces the geometry of a job file, but not its frame and its reader options.
-    data, source, folder = cell_data(cell, drawing, patch)
-    with error_context(source):
-        model: CellModel = read_keys(CellModel, data)
+    """Make a job from a cell or job file and a drawing.
+
+    The drawing replaces the geometry of a job file, but not its frame and its reader options.
+
+    Args:
+        cell: As in `read_job`.
+        drawing: The drawing.
+        patch: As in `read_job`.
+        reading: As in `read_job`.
+
+    Raises:
+        InvalidInput: As in `read_job`.
+    """
+    opened = _open_cell(str(cell))
+    data = read_data(opened.text, opened.source)
+    file = FilePath(drawing)
+    drawn = drawing_patch(file, str(file.absolute()))
+    with error_context(opened.source):
+        model: CellModel = read_keys(CellModel, apply_patch(data, {**drawn, **(patch or {})}))
     # Messages of errors in the drawing name only the drawing, not the cell.
-    program = read_drawing(model.path, str(model.path.file), folder, reading)
-    with error_context(source):
-        return job_of(model, folder, reading, program)
+    program = read_drawing(model.path, str(model.path.file), opened.folder, reading)
+    with error_context(opened.source):
+        return job_of(model, opened.folder, reading, program)
 
 
 def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
     """Arm (None if not specified) and scene of a cell or job file; other keys may be missing."""
-    text, source, folder = _read_cell_text(str(cell))
-    data = read_data(text, source)
-    with file_context(text, source):
+    opened = _open_cell(str(cell))
+    data = read_data(opened.text, opened.source)
+    with file_context(opened.text, opened.source):
         specified = read_keys(PartialFields(CellModel), data)
     model = specified.get("arm")
     path = specified.get("path", PathModel())
     scene = specified.get("scene")
-    with error_context(source):
+    with error_context(opened.source):
         part = part_of(path)
-        arm = None if model is None else arm_of(model, folder, part)
-        return arm, Scene() if scene is None else scene_of(scene, folder, part)
-
-
-def cell_data(
-    cell: str | FilePath, drawing: str | FilePath, patch: Patch | None = None
-) -> tuple[dict[str, Any], str, FilePath]:
-    """Job data of a cell with a drawing, the cell's name for messages, and the cell's folder."""
-    text, source, folder = _read_cell_text(str(cell))
-    data = read_data(text, source)
-    location = FilePath(drawing)
-    drawn = drawing_patch(location, str(location.absolute()))
-    with error_context(source):
-        return apply_patch(data, {**drawn, **(patch or {})}), source, folder
+        arm = None if model is None else arm_of(model, opened.folder, part)
+        return arm, Scene() if scene is None else scene_of(scene, opened.folder, part)
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
-    """Text of a job file in the folder `to` for a cell and a drawing, with the cell's comments."""
-    text, source, folder = _read_cell_text(str(cell))
+    """Write a job file for a drawing in a cell; comments of the cell stay.
+
+    Args:
+        cell: Built-in cell or job file.
+        drawing: The drawing.
+        to: Folder of the new job file, to which its file names are relative.
+
+    Raises:
+        InvalidInput: The cell does not exist or is not valid YAML.
+    """
+    opened = _open_cell(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
-    return write_patch(move_files(text, folder, to), drawing_patch(location, file), source)
+    text = move_files(opened.text, opened.folder, to)
+    return write_patch(text, drawing_patch(location, file), opened.source)
 
 
 def drawing_patch(drawing: FilePath, file: str) -> Patch:
-    """Patch that sets path, name and title of a job for a drawing with the file name `file`."""
+    """Return the patch that sets path, name and title of a job for a drawing.
+
+    Args:
+        drawing: The drawing, whose name becomes name and title.
+        file: Name of the drawing's file for the key `path.file`.
+    """
     return {
         **{("path", key): REMOVE for key in GEOMETRY_KEYS},
         ("path", "file"): file,
@@ -334,11 +387,3 @@ def drawing_patch(drawing: FilePath, file: str) -> Patch:
         ("name",): shorten(make_printable(drawing.stem), LONGEST_NAME),
         ("title",): shorten(make_printable(drawing.name), LONGEST_TITLE),
     }
-
-
-def _read_cell_text(cell: str) -> tuple[str, str, FilePath]:
-    """Text of a cell, its name for messages, and the folder for its relative file names."""
-    file = FilePath(cell)
-    if file.suffix.lower() in YAML:
-        return job_text(file), file.name, file.parent
-    return cell_text(cell), f"the cell {cell}", FilePath()

@@ -1,4 +1,4 @@
-"""Dataclasses of the keys of a job file; some keys use dataclasses of other packages."""
+"""Dataclasses with the keys of job files; some keys use dataclasses of other packages."""
 
 from __future__ import annotations
 

@@ -17,15 +17,21 @@ from armcontour.program import Event, Process, Program
 def add_process(
     path: Path | Program, process: Process | None, drawing: PathModel
 ) -> tuple[Path | Program, Process]:
-    """Program of a job with notes on unused keys of its process, and the complete process.
+    """Return a job's program with notes on unused process keys, and the complete process.
 
-    If the job has neither a drawing nor a process, the path is returned unchanged.
+    Args:
+        path: Path or program. Without a drawing and a process, it is returned unchanged.
+        process: Key `process`; None if it is missing.
+        drawing: Keys of the path, with values of layers and contours.
+
+    Raises:
+        InvalidInput: A value of a contour is wrong. The error has its key path.
     """
     if isinstance(path, Path) and process is None:
         return path, Process()
     program = Program.from_path(path)
     if drawing.file is None:
-        # As for a drawing, the process selects the start point of a closed path of points.
+        # As for a drawing, the process selects where a closed path of points starts.
         contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
         program = Program(moves=tuple(contours))
     process = _set_contour_values(program, process or Process(), drawing)
@@ -36,7 +42,7 @@ def add_process(
 
 
 def _set_contour_values(program: Program, process: Process, drawing: PathModel) -> Process:
-    """Process with the values of the key `path.contours`."""
+    """Return the process with the values of the key `path.contours`."""
     if not drawing.contours:
         return process
     key_of_contour, _ = find_contours(program, drawing)
@@ -77,7 +83,7 @@ def _note_unused_keys(process: Process, program: Program) -> list[str]:
 
 
 def _switched(program: Program, process: Process) -> set[str]:
-    """Names of the outputs that a program or its process switches."""
+    """Return the names of the outputs that a program or its process switches."""
     names = {x.name for x in program.moves if isinstance(x, Event)}
     for contour in program.contours:
         contour_process = process.of_contour(contour)

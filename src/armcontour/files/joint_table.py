@@ -54,7 +54,7 @@ FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
         ("q", "measured", 2, r".*/joint_states/(.+)/position"),
         ("dq", "measured", 2, r".*/joint_states/(.+)/velocity"),
     ),
-    # `rostopic echo -p` of JointState and of the state of a controller; times are integers
+    # `rostopic echo -p` of JointState and a controller's state; times are integers
     "rostopic echo -p": (
         ("t", "", 1, r"field\.header\.stamp"),
         ("t", "", 2, r"%time"),
@@ -90,7 +90,7 @@ _PATTERNS = [
 ]
 # SI units by kind of column.
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
-# Names of the kinds of joint columns, for messages.
+# Names of joint columns by their kinds, for messages.
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 
 
@@ -102,7 +102,7 @@ class Key(NamedTuple):
     joint: str = ""  # Number or name of the joint in the file; empty for times
 
     def __str__(self) -> str:
-        """Title of a column with this quantity, for messages."""
+        """Return the title of a column with this quantity, for messages."""
         return f"{self.kind}{self.joint}"
 
     @property
@@ -190,7 +190,18 @@ def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
 def read_samples(
     table: CsvTable[Key], keys: Sequence[Key], start: float = -math.inf, end: float = math.inf
 ) -> TableSamples:
-    """Read the times and the columns `keys`; `start` and `end` [s] limit the checks only."""
+    """Read times and columns of a table.
+
+    Args:
+        table: The table.
+        keys: Columns to read.
+        start: First time that is used [s]. Of earlier samples, only the numbers are checked.
+        end: Last time that is used [s]. Of later samples, only the numbers are checked.
+
+    Raises:
+        InvalidInput: The table has no column of times, a cell is not a number, or a time or a
+            sample is not valid.
+    """
     # Rows that repeat the previous row, and rows that have cells only in other columns, are
     # omitted.
     table.require_columns(TIME)
@@ -245,7 +256,7 @@ def _filled_rows(table: CsvTable[Key], values: FloatArray, keys: Sequence[Key]) 
 def drop_repeated_rows(
     t: FloatArray, values: FloatArray, source: str
 ) -> tuple[IntArray, tuple[str, ...]]:
-    """Indices of the rows that do not repeat the previous row, and notes on the times."""
+    """Return indices of the rows that do not repeat the previous row, and notes on the times."""
     again = np.zeros(len(t), dtype=bool)
     again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
     # If all rows are equal, all are used; `check_samples` rejects their times later.

@@ -80,7 +80,7 @@ def read_touches(file: str | FilePath, arm: Arm, columns: str | None = None) -> 
 
 
 def _title(name: str, arm: Arm) -> Title[str] | None:
-    """Recognize the title of a coordinate or of a joint position; None for other titles."""
+    """Recognize the title of a coordinate or joint position; None for other titles."""
     plain = name.strip()
     if plain.lower() in POINT:
         return Title(plain.lower(), "m")

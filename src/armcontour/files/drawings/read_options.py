@@ -95,7 +95,7 @@ def color_of(text: str) -> str:
 
 
 def hex_of(red: int, green: int, blue: int) -> str:
-    """The colour `#rrggbb` with components from 0 to 255."""
+    """Return the colour `#rrggbb` with components from 0 to 255."""
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
@@ -233,7 +233,7 @@ def _may_have_repairs(paths: Sequence[Path], tolerance: float) -> BoolArray:
 
 
 def _describe_repairs(done: list[RepairedPath]) -> str:
-    """A note on the number, turn and displacement of the repaired vertices."""
+    """Return a note on the number, turn and displacement of the repaired vertices."""
     count = sum(x.count for x in done)
     kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))
     vertices = f"{count} vertices" if count > 1 else "1 vertex"

@@ -104,7 +104,7 @@ def read_svg(
 
 
 def _writers(root: Element, data: bytes) -> list[tuple[str, float]]:
-    """The programs that wrote a file, in their order, and CSS; each with its px [m]."""
+    """Return the programs that wrote a file, in their order, and CSS; each with its px [m]."""
     writers = []
     # Zero bytes are removed because the file can be in UTF-16.
     if ILLUSTRATOR.search(data[:COMMENT_RANGE].replace(b"\0", b"")):
@@ -170,7 +170,7 @@ def _page_extent(root: Element, key: str) -> float | None:
 
 
 def _to_world(height: float, unit: float) -> Affine:
-    """The map from the page [user units, y down] to metres with y up from the lower edge."""
+    """Return the map from the page [user units, y down] to metres with y up from the lower edge."""
     return affine(unit, 0.0, 0.0, -unit, 0.0, height * unit)
 
 
@@ -185,7 +185,7 @@ class _SvgInherited(Inherited):
 
 
 class SvgWalk(Walk):
-    """Traversal of the elements of an SVG drawing, with notes on omitted elements."""
+    """Traversal of an SVG drawing, with notes on omitted elements."""
 
     separates_parts = True
 
@@ -230,7 +230,7 @@ class SvgWalk(Walk):
                 yield self._outlines(element, inner, name)
 
     def _outlines(self, element: Element, inherited: _SvgInherited, name: str) -> EntityOutlines:
-        """The outlines of a shape on the page [m]."""
+        """Return the outlines of a shape on the page [m]."""
 
         def count_segments(segments: int) -> None:
             self._segments += segments
@@ -319,7 +319,7 @@ class SvgWalk(Walk):
             )
 
     def _clipped(self, element: Element, inherited: _SvgInherited, reference: str) -> _SvgInherited:
-        """The properties of an element with the clip to which its clip-path refers."""
+        """Return the properties of an element with the clip to which its clip-path refers."""
         name = _URL.fullmatch(reference)
         target = self._ids.get(name[1]) if name else None
         outline = None if target is None else self._clip_outline(target, inherited)
@@ -329,7 +329,7 @@ class SvgWalk(Walk):
         return dataclasses.replace(inherited, clips=(*inherited.clips, outline))
 
     def _clip_outline(self, target: Element, inherited: _SvgInherited) -> Outline | None:
-        """The only outline of a clipPath on the page [m]; None if it has several or none."""
+        """Return the only outline of a clipPath on the page [m]; None if it has several or none."""
         drawn = [x for x in target.children if x.tag not in UNDRAWN]
         units = target.get("clipPathUnits") or "userSpaceOnUse"
         if target.tag != "clipPath" or units != "userSpaceOnUse" or len(drawn) != 1:
@@ -352,7 +352,7 @@ class SvgWalk(Walk):
     def _content(
         self, element: Element, inherited: _SvgInherited
     ) -> list[tuple[Element, _SvgInherited]]:
-        """The elements that a container draws, each with its inherited properties."""
+        """Return the elements that a container draws, each with its inherited properties."""
         if element.tag == "use":
             used = self._resolve_use(element, inherited)
             return [] if used is None else [used]
@@ -365,7 +365,7 @@ class SvgWalk(Walk):
     def _resolve_use(
         self, element: Element, inherited: _SvgInherited
     ) -> tuple[Element, _SvgInherited] | None:
-        """The element to which a use element refers, with its inherited properties.
+        """Return the element to which a use element refers, with its inherited properties.
 
         None if the file has no such element, so that the use element draws nothing.
         """
@@ -430,7 +430,7 @@ class SvgWalk(Walk):
 
 
 def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:
-    """Width or height of a viewport [user units]; None if it is unknown."""
+    """Return the width or height of a viewport [user units]; None if it is unknown."""
     # The use element has priority over the element; the default is the extent of the outer
     # viewport.
     for source in (user, element):
@@ -451,7 +451,7 @@ def _layer(element: Element, around: _SvgInherited) -> _SvgInherited:
 
 
 def _all_elements(root: Element) -> list[Element]:
-    """All elements of a tree in the order of the file."""
+    """Return all elements of a tree in the order of the file."""
     elements = []
     todo = [root]
     while todo:

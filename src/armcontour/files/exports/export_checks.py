@@ -70,7 +70,7 @@ def check_export(job: Job, kind: str, *, stem: str = REFERENCE, cycle: float | N
 
 
 def _trial_table(job: Job, run: Run, cycle: float) -> SetPointTable:
-    """Table of a robot at rest that has all events and levels of a job."""
+    """Return the table of a robot at rest that has all events and levels of a job."""
     levels = dict(_levels(job.process))
     count = max([TRIAL_POINTS, *(len(x) + 1 for x in levels.values())])
     rest = np.zeros((count, job.arm.dof))
@@ -91,7 +91,7 @@ def _trial_table(job: Job, run: Run, cycle: float) -> SetPointTable:
 
 
 def _levels(process: Process) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the name and the levels of each analog output of a process."""
+    """Yield each analog output of a process: its name and its levels."""
     for name in process.analog_names:
         levels = set[float]()
         for variant in process.variants:

@@ -94,7 +94,7 @@ class ExportFormat(Checked):
 
     @checked
     def describe(self, table: SetPointTable) -> list[str]:
-        """Warnings about a file: outputs that are missing, rounding, and too many points.
+        """Return warnings about a file: outputs that are missing, rounding, and too many points.
 
         Args:
             table: The table of the file.
@@ -180,7 +180,7 @@ class RosYamlFormat(ExportFormat):
 
     @checked
     def select(self, table: SetPointTable) -> SetPointTable:
-        """Table of the points that are written.
+        """Return the table of the points that are written.
 
         Args:
             table: The table of all points.
@@ -305,7 +305,7 @@ def _options_of(kind: type[ExportFormat | Exports]) -> set[str]:
 
 
 def format_of(file: FilePath) -> str:
-    """Name of the format with the extension of a file."""
+    """Return the name of the format with the extension of a file."""
     for name, ending in ENDINGS.items():
         if file.suffix.lower() == ending:
             return name
@@ -361,7 +361,7 @@ def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
 
 
 def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
-    """Outputs of events by their names; empty for formats without outputs."""
+    """Return the outputs of events by their names; empty for formats without outputs."""
     return getattr(format, "outputs", None) or {}
 
 
@@ -423,14 +423,24 @@ def export(
 
 
 def names_of(table: SetPointTable) -> set[str]:
-    """Names of the events and analog outputs of a table."""
+    """Return the names of the events and analog outputs of a table."""
     return {*(x.name for x in table.events), *table.analog}
 
 
 def check_outputs(
     outputs: Iterable[str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
-    """Check that outputs belong to existing events or analog outputs."""
+    """Check that outputs belong to existing events or analog outputs.
+
+    Args:
+        outputs: Names of the events and analog outputs that have an output.
+        events: Names of the existing events and analog outputs.
+        option: Option or key that has the outputs, for messages.
+        owner: What has the events, such as "the run fast", for messages.
+
+    Raises:
+        InvalidInput: An output belongs to no event and no analog output.
+    """
     names = sorted(set(events))
     for name in outputs:
         if name not in names:

@@ -59,7 +59,7 @@ class GoalTolerances(Checked):
 
 
 def predict_tolerances(execution: Execution, factor: float = 2.0) -> GoalTolerances:
-    """Tolerances of a goal, computed from the predicted joint errors of its set-points.
+    """Return the tolerances of a goal, computed from the predicted joint errors of its set-points.
 
     Args:
         execution: The predicted motion.
@@ -89,7 +89,16 @@ def write_ros_yaml(
     *,
     tolerances: GoalTolerances | None = None,
 ) -> None:
-    """Write a JointTrajectory message as YAML; with tolerances, a FollowJointTrajectory goal."""
+    """Write a JointTrajectory message as YAML; with tolerances, a FollowJointTrajectory goal.
+
+    Args:
+        table: Points.
+        file: File to write.
+        tolerances: Tolerances of the goal; None for a message.
+
+    Raises:
+        InvalidInput: The tolerances have another number of joints.
+    """
     # `ros2 topic pub` accepts the text, which has the form of `ros2 topic echo`. The message has no
     # field for events; each is a comment in JSON at the top, `# event: {...}`.
     fields = {
@@ -224,7 +233,7 @@ def _deviation(
 
 
 def _nanoseconds(table: SetPointTable) -> IntArray:
-    """Times of the points in whole nanoseconds, (n,)."""
+    """Return the times of the points in whole nanoseconds, (n,)."""
     if table.duration > MAX_DURATION:
         raise InvalidInput(
             f"The motion of {table.name!r} takes {table.duration:g} s, but a duration in ROS is at "

@@ -82,14 +82,25 @@ class _Refused(Exception):
     """Error with the reason for which a template rejects a table."""
 
 
-def template_of(
+def render_template(
     table: SetPointTable,
     template: str | FilePath,
     outputs: Mapping[str, int | str],
     *,
     file: str,
 ) -> str:
-    """Text of the program that a template generates from a table."""
+    """Render a template with the points of a table, and return the text of the program.
+
+    Args:
+        table: Points, events and analog values.
+        template: Name of a built-in format, or path of a template.
+        outputs: Outputs of events and analog outputs, by their names.
+        file: Name of the program's file, without its extension.
+
+    Raises:
+        InvalidInput: The template does not exist, has wrong syntax or raises an error; or it
+            rejects the table.
+    """
     source, text = _read_template(template)
     variables = _variables(table, outputs, file)
     try:
@@ -103,7 +114,13 @@ def template_of(
 def describe_program(
     table: SetPointTable, program: RobotProgram, outputs: Mapping[str, int | str]
 ) -> list[str]:
-    """Warnings about a program: outputs that are not set, and too many points."""
+    """Return warnings about a program: outputs that are not set, and too many points.
+
+    Args:
+        table: Points, events and analog values.
+        program: What the controller's programs support, and examples for messages.
+        outputs: Outputs of events and analog outputs, by their names.
+    """
     sentences = []
     if len(table.t) > MAX_POINTS:
         sentences.append(
@@ -164,8 +181,18 @@ def write_template(
     template: str | FilePath,
     outputs: Mapping[str, int | str],
 ) -> None:
-    """Write the program that a template generates from a table to a file."""
-    text = template_of(table, template, outputs, file=file.stem)
+    """Write the program that a template generates from a table.
+
+    Args:
+        table: As in `render_template`.
+        file: File to write.
+        template: As in `render_template`.
+        outputs: As in `render_template`.
+
+    Raises:
+        InvalidInput: As in `render_template`.
+    """
+    text = render_template(table, template, outputs, file=file.stem)
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
@@ -183,7 +210,7 @@ def check_template(template: str | FilePath) -> None:
 
 
 def _read_template(template: str | FilePath) -> tuple[str, str]:
-    """File name and text of a template, from its name or path."""
+    """Return the file name and text of a template, from its name or path."""
     if isinstance(template, str) and template in BUILT_IN:
         # Templates of the package may be read where only some folders of the user may be.
         file = FilePath(__file__).parent / "templates" / BUILT_IN[template]
@@ -198,7 +225,7 @@ def _read_template(template: str | FilePath) -> tuple[str, str]:
 
 
 def _environment() -> Any:
-    """Sandbox of jinja2, in which templates can read the table but no files."""
+    """Return the sandbox of jinja2, in which templates can read the table but no files."""
     from jinja2 import StrictUndefined
     from jinja2.sandbox import ImmutableSandboxedEnvironment
 
@@ -219,7 +246,7 @@ def _environment() -> Any:
 
 
 def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
-    """Variables of a template by name."""
+    """Return the variables of a template by name."""
     points = _template_points(table)
     return {
         "name": table.name,
@@ -241,7 +268,7 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
 
 
 def _template_points(table: SetPointTable) -> tuple[Point, ...]:
-    """Points of a table, each with its events."""
+    """Return the points of a table, each with its events."""
     events: dict[int, list[TimedEvent]] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
         events.setdefault(i, []).append(event)
@@ -281,13 +308,13 @@ def _refuse(reason: str) -> NoReturn:
 
 
 def _error_text(error: Exception) -> str:
-    """Message of an error on one line, without the full stop at the end."""
+    """Return the message of an error on one line, without the full stop at the end."""
     message = " ".join(str(error).split()).rstrip(".")
     return message or type(error).__name__
 
 
 def _error_line(error: Exception, source: str) -> str:
-    """Name of the template and number of the line in which an error occurred."""
+    """Return the name of the template and number of the line in which an error occurred."""
     from jinja2 import TemplateSyntaxError
 
     if isinstance(error, TemplateSyntaxError):

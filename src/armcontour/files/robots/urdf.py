@@ -67,7 +67,33 @@ ASSUMED_NOTE = (
 
 
 def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
-    """Read a serial arm from a robot description."""
+    """Read a serial arm from a robot description.
+
+    The arm has the joints between two links of the description, `options.base` and `options.tip`.
+    Other joints stay at 0, or at the end of their range that is nearest to 0; joints that mimic a
+    joint follow it.
+
+    Args:
+        file: The description (URDF).
+        options: Options of the arm:
+
+            - `tip`: Link at the end of the arm; by default `tool0`, or `flange` without a `tool0`.
+            - `base`: Link at the start of the arm; by default the root of the description.
+            - `part`: Link that carries the part. The joints between it and the base are the axes of
+              a positioner. By default the part does not move.
+            - `tilt`: Largest angle between the tool axis and gravity [rad], for a positioner; by
+              default any angle.
+            - `joint_limits`: A joint_limits.yaml of MoveIt, whose limits replace those of the
+              description.
+
+            `load_arm` applies the options `calibration` and `srdf`.
+
+    Raises:
+        InvalidInput: The file cannot be read or is not a valid description; a link does not exist;
+            the tip is not specified and the description has neither `tool0` nor `flange`; a joint
+            between base and tip is neither revolute nor prismatic, or mimics another joint; a joint
+            that moves the part is prismatic or also moves the tip; or a limit is missing or wrong.
+    """
     from armcontour.files.robots.collision_shapes import missing_meshes
     from armcontour.files.robots.urdf_chain import Description
 
@@ -136,7 +162,7 @@ def _default_tip(tree: Tree, base: str) -> str:
 
 
 def _part_joints(tree: Tree, base: str, part: str, arm: list[Joint]) -> list[Joint]:
-    """Joints of a positioner, from the part to the base; checks that they are a branch."""
+    """Return joints of a positioner, from the part to the base; checks that they are a branch."""
     joints = [x for x in tree.between(base, part, "part") if x.kind != "fixed"][::-1]
     shared = next((x.name for x in joints if x in arm), None)
     if shared is not None:
@@ -216,7 +242,7 @@ def assume_accelerations(limits: Limits, joints: Sequence[str]) -> tuple[Limits,
 
 
 def _table(tree: Tree, moving: list[Joint]) -> Table:
-    """Table of the limits in a description; limits of at most 0 count as missing."""
+    """Return the table of the limits in a description; limits of at most 0 count as missing."""
     table: Table = {name: [] for name in (*DESCRIBED_LIMITS, *JOINT_RANGE)}
     for joint in moving:
         for name, keys in DESCRIBED_LIMITS.items():

@@ -1,4 +1,4 @@
-"""Creation of the chain of moving joints of a robot description; other joints do not move."""
+"""Creation of a chain from the moving joints of a robot description; other joints do not move."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armcontour.robot.chain import Chain, joint_rows
 from armcontour.robot.external_axes import Positioner, PositionerAxis
 from armcontour.robot.limits import Limits
 
-# Maximum length of a sequence of joints in which each mimics the next; grippers have about 3.
+# Maximum number of joints in a row that mimic the next; grippers have about 3.
 MAX_MIMICS = 50
 # Maximum number of joints outside the arm that a note lists.
 MAX_HELD = 8
@@ -304,7 +304,7 @@ class Description:
         return any(x is not None and plain_number(x.get("value")) != 0 for x in masses)
 
     def _body(self, link: str) -> tuple[float, Frame, FloatArray] | None:
-        """Mass [kg], frame of the centre of mass, and inertia in that frame [kg m²], or None."""
+        """Read mass [kg], frame at the centre of mass, and inertia [kg m²]; None if missing."""
         inertial = self.tree.links[link].find("inertial")
         where = f"The link {link} of {self.tree.file}"
         if inertial is None:
@@ -338,12 +338,12 @@ class Description:
 
 
 def _unit(joint: Joint) -> str:
-    """Unit of the position of a joint."""
+    """Return the unit of a joint's position."""
     return "m" if joint.kind == "prismatic" else "rad"
 
 
 def origin_of(element: ET.Element, where: str) -> Frame:
-    """Frame of the origin of an element."""
+    """Return the frame that an element's origin describes."""
     origin = element.find("origin")
     words = {} if origin is None else origin.attrib
     position = read_numbers(where, "xyz", words.get("xyz", "0 0 0"))
