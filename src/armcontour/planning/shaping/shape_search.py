@@ -91,7 +91,7 @@ def solve_in_chunks(
     """Solve the quadratic programs of all chunks independently; returns the unknowns, (n, k)."""
     # The unknowns of other chunks are zero in each program.
     if not len(cuts):
-        return solve_program(cost, rows, bounds, weight)[0]
+        return solve_program(cost, rows, bounds, weight).x
     n, k = cost.shape
     begins = np.append(0, cuts + 1)
     ends = np.append(cuts + 1, n)
@@ -108,7 +108,7 @@ def solve_in_chunks(
             chunk_cost[-1] = 0.0
             chunk_rows[-1, :, k:] = 0.0
             chunk_rows[-2, :, 2 * k :] = 0.0
-        x, _ = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part])
+        x = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part]).x
         # A chunk without a solution does not change.
         return x if np.isfinite(x).all() else np.zeros_like(x)
 
