@@ -25,7 +25,7 @@ from armcontour.motion.kernels import (
 from armcontour.robot import Arm
 
 # Bisection steps for the time in an interval at an arc length; exact to the last digit.
-HALVINGS = 50
+TIME_BISECTIONS = 50
 
 
 class Law(Frozen, ABC):
@@ -228,7 +228,7 @@ class LineLaw(LapLaw, LawAlongPath):
         """Times at which intervals `i` reach arc lengths inside them, by bisection [s], (n,)."""
         low = self.breaks[i]
         high = self.breaks[i + 1]
-        for _ in range(HALVINGS):
+        for _ in range(TIME_BISECTIONS):
             middle = (low + high) / 2
             short = self._along(self.on_interval(i, middle, 0)) < s
             low = np.where(short, middle, low)

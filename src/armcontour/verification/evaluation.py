@@ -34,7 +34,7 @@ from armcontour.verification.error_profile import Coverage, ErrorProfile, error_
 from armcontour.verification.limit_verdict import measure_limit_ratios
 
 # Fraction of a limit from which a joint counts as at the limit.
-NEAR = 0.99
+AT_LIMIT = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -431,7 +431,7 @@ def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float
 
 
 def _time_at_limit(executed: Execution, limits: Limits) -> float:
-    """Fraction of the planned time in which a joint uses at least the share NEAR of a limit."""
+    """Fraction of the planned time in which a joint uses at least the share AT_LIMIT of a limit."""
     moved = _planned_times(executed)
     values = {"joint_acceleration": executed.ddq, "joint_velocity": executed.dq}
     if executed.torque is not None:
@@ -439,7 +439,7 @@ def _time_at_limit(executed: Execution, limits: Limits) -> float:
     elif limits.joint_torque is not None and executed.arm.has_bodies:
         values["joint_torque"] = executed.arm.torque(executed.q, executed.dq, executed.ddq)
     ratios = [use_of(name, limits, x[moved]).ratio for name, x in values.items()]
-    return float((np.max(ratios, axis=0) >= NEAR).any(axis=1).mean())
+    return float((np.max(ratios, axis=0) >= AT_LIMIT).any(axis=1).mean())
 
 
 def executed_jerk(executed: Execution) -> FloatArray:

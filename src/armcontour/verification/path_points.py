@@ -22,7 +22,7 @@ MAX_SUBINTERVALS = 64
 # Search of a path part for the point farthest from the tool: accuracy of the distance [m].
 DISTANCE_ACCURACY = 1e-10
 # Approximate number of point-segment pairs per batch, to bound the memory.
-PAIRS = 50_000
+PAIRS_AT_ONCE = 50_000
 
 
 class FollowedTool(NamedTuple):
@@ -221,7 +221,9 @@ def find_path_points(
     within = reach + EQUAL
     indices = [np.empty(0, np.intp)]
     arc_lengths = [np.empty(0)]
-    for part in np.array_split(np.arange(len(points)), 1 + len(points) * len(rows) // PAIRS):
+    for part in np.array_split(
+        np.arange(len(points)), 1 + len(points) * len(rows) // PAIRS_AT_ONCE
+    ):
         p = points[part, None]
         limit = within[part, None]
         offset = p - rows[:, :3]

@@ -27,11 +27,11 @@ from armcontour.planning.topp.limit_forms import (
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 # Highest degree of a joint path.
-HIGHEST = 5
+HIGHEST_DEGREE = 5
 # Cell of each part, and `control_points` of the cells
 _Cells = tuple[IntArray, FloatArray, FloatArray]
 # Smallest value at an end of the tangent that bounds ds², as a fraction of its value in the middle
-LEAST_SHARE = 0.25
+LEAST_TANGENT_SHARE = 0.25
 
 
 class Basis(NamedTuple):
@@ -93,8 +93,8 @@ def motion_rows(
     - `first_rows`: first rows of acceleration and of jerk of each joint, -1 if it has none.
     - `rows`: output, (n, rows, 3) each.
     """
-    derivatives = np.zeros((3, HIGHEST + 1))
-    powers = np.empty((2, HIGHEST + 2, 3))
+    derivatives = np.zeros((3, HIGHEST_DEGREE + 1))
+    powers = np.empty((2, HIGHEST_DEGREE + 2, 3))
     for i in range(len(grid.piece)):
         for j in range(grid.dof):
             if first_rows[0][j] < 0 and first_rows[1][j] < 0:
@@ -148,11 +148,11 @@ def _write_products(basis: Basis, i: int, derivatives: FloatArray, powers: Float
     """Write acceleration, and jerk divided by ds, for each control point of the cell.
 
     - `derivatives`: from `_write_derivatives`.
-    - `powers`: output, in powers of the fraction of part i, (2, HIGHEST + 2, 3 control points).
+    - `powers`: output, in powers of the part's fraction, (2, HIGHEST_DEGREE + 2, 3 control points).
     """
     powers[:] = 0.0
     for b in range(3):
-        for r in range(HIGHEST):
+        for r in range(HIGHEST_DEGREE):
             # q'' a and q''' a
             for n in range(3):
                 powers[0, r + n, b] += derivatives[1, r] * basis.square[i, b, n]
@@ -441,7 +441,7 @@ class MeshRows:
         change = (last - first) / middle
         level = 1 / np.maximum(first, last) ** 2
         tangent = 1 / middle**2
-        steep = np.abs(change) > 1 - LEAST_SHARE
+        steep = np.abs(change) > 1 - LEAST_TANGENT_SHARE
         points = [
             np.where(steep, level, tangent * (1 + change)),
             np.where(steep, level, tangent),

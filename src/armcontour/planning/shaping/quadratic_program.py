@@ -18,11 +18,11 @@ from armcontour.core.kernel_cache import FUSED, compiled
 
 # Average product of slack and multiplier below which the iterations converge, as a fraction of the
 # largest cost; rows and unknowns are scaled to the order of 1.
-GAP = 1e-8
+CONVERGED_GAP = 1e-8
 # Largest violation of a row below which the iterations converge.
 VIOLATION = 1e-8
 # Largest number of iterations.
-MAX_ITERATIONS = 60
+MAX_PROGRAM_ITERATIONS = 60
 # Largest step, as a fraction of the step to the boundary.
 STEP_SHARE = 0.995
 # Smallest initial slack.
@@ -94,9 +94,9 @@ def solve_program(
     step = _Iterate(np.empty(n * k), np.empty(count), np.empty(count))
     residuals = _Residuals(np.empty(count), np.empty(count))
     matrix = np.empty((n * k, 3 * k))
-    for iteration in range(MAX_ITERATIONS):
+    for iteration in range(MAX_PROGRAM_ITERATIONS):
         gap, worst = _write_residuals(packed, point, residuals)
-        if gap < GAP * largest and worst < VIOLATION:
+        if gap < CONVERGED_GAP * largest and worst < VIOLATION:
             return ProgramSolution(point.x.reshape(n, k), iteration)
         _normal_matrix(packed, point, w, matrix)
         if not _factor(matrix):
@@ -111,7 +111,7 @@ def solve_program(
         _write_step(packed, point, residuals, matrix, c, w, step)
         length = _longest_step(point, step)
         _take_step(point, step, min(1.0, STEP_SHARE * length))
-    return ProgramSolution(point.x.reshape(n, k), -MAX_ITERATIONS)
+    return ProgramSolution(point.x.reshape(n, k), -MAX_PROGRAM_ITERATIONS)
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)

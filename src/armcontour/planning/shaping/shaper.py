@@ -21,7 +21,7 @@ from armcontour.geometry import Path, ShapedPath, ShapingOutcome, Tube
 from armcontour.geometry.shaped_path import ARCS, SHAPED, STOPS, describe_unfinished
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.planning.program_timing import Timing, check_jerk_support, time_program
-from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
+from armcontour.planning.program_tracing import SAME_JOINT_POSITION, Tracing, ends_of, trace_program
 from armcontour.planning.shaping.shape_search import explain_unshaped, make_searches
 from armcontour.planning.shaping.shape_starts import Candidate, Timer, make_starts
 from armcontour.planning.timing_options import Optimal, Shaped
@@ -215,7 +215,7 @@ class Shaping:
         except ArmContourError:
             return arcs, arcs
         first, other = (ends_of(x.joint_paths[0])[0] for x in (arcs, sharp))
-        if np.abs(first - other).max() <= SAME_POSITION:
+        if np.abs(first - other).max() <= SAME_JOINT_POSITION:
             return arcs, arcs
 
         def least_duration(traced: Tracing) -> float:
@@ -251,7 +251,7 @@ class Shaping:
         limits = reduce_limits(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
             return Timer(self.arm, limits, self.arm.configuration_of(start), None, intervals)
-        if seed is not None and np.abs(seed - start).max() <= SAME_POSITION:
+        if seed is not None and np.abs(seed - start).max() <= SAME_JOINT_POSITION:
             start = seed
         return Timer(self.arm, limits, None, start, intervals)
 

@@ -37,7 +37,7 @@ from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant, simulate
 from armcontour.studies.certification.box_errors import bound_box
-from armcontour.studies.certification.case import RESOLUTION, Case
+from armcontour.studies.certification.case import PROOF_RESOLUTION, Case
 from armcontour.studies.certification.certificate import (
     Budget,
     Certificate,
@@ -49,10 +49,10 @@ from armcontour.studies.certification.derating_search import Verdict, attempts, 
 from armcontour.verification.contour_errors import ContourExecution, pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
-# A nearly continuous command has a cycle that is CONTINUOUS times shorter, but at least SHORTEST
-# [s].
+# A nearly continuous command has a cycle that is CONTINUOUS times shorter, but at least
+# SHORTEST_CYCLE [s].
 CONTINUOUS = 20
-SHORTEST = 1e-4
+SHORTEST_CYCLE = 1e-4
 # Shares of the tolerance for the servo if the goal has no servo budget. They are tried in order
 # until a plan is certified.
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
@@ -61,7 +61,7 @@ SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
 SERVO_MARGIN = 1.5
 # The search for a servo budget ends if the budget changes by at most this fraction of the
 # tolerance.
-LEAST_GAIN = 1e-3
+LEAST_BUDGET_CHANGE = 1e-3
 
 
 @checked
@@ -290,7 +290,7 @@ def _split_tolerance(base: Case, run: Run, tolerance: float) -> Verdict:
         # The servo gets more than its error, because another budget changes the plan.
         needed = SERVO_MARGIN * verdict.largest_error + verdict.case.model_error
         needed = min(needed, largest)
-        budgets = [needed] if abs(needed - budget) > LEAST_GAIN * tolerance else []
+        budgets = [needed] if abs(needed - budget) > LEAST_BUDGET_CHANGE * tolerance else []
     assert found is not None
     return found
 
@@ -429,11 +429,11 @@ def _larger_error(piece: ContourExecution) -> float:
 def _execute_continuously(verdict: Verdict) -> Sequence[ContourExecution]:
     """Execute nearly continuous set-points, whose error is that of the servo without a cycle."""
     case = verdict.case
-    cycle = max(case.run.cycle / CONTINUOUS, min(SHORTEST, case.run.cycle))
+    cycle = max(case.run.cycle / CONTINUOUS, min(SHORTEST_CYCLE, case.run.cycle))
     smooth = simulate(
         case.compute_set_points(verdict.attempt.trajectory, cycle),
         case.plant(ideal=True),
-        resolution=max(cycle, RESOLUTION),
+        resolution=max(cycle, PROOF_RESOLUTION),
     )
     return pieces_of(smooth, case.program, None, None)
 
@@ -442,7 +442,7 @@ def _execute_uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan without derating."""
     fastest = case.planned.trajectory
     set_points = case.compute_set_points(fastest)
-    resolution = max(min(1e-3, case.run.cycle), RESOLUTION)
+    resolution = max(min(1e-3, case.run.cycle), PROOF_RESOLUTION)
     executed = simulate(set_points, case.plant(), resolution=resolution)
     pieces = pieces_of(executed, case.program, None, None)
     error = ErrorProfile.join([x.contour_error for x in pieces])
