@@ -370,6 +370,12 @@ class Fit:
         return JointServo(*(float(x) if x > ROUNDING else 0.0 for x in values))
 
     @property
+    def rms(self) -> float:
+        """RMS error at the fitted samples [rad]."""
+        samples = sum(len(k) for k in self.problem.used)
+        return math.sqrt(2 * self.cost / samples) / MRAD
+
+    @property
     def noise(self) -> float:
         """Standard deviation of the white noise of the residuals [rad]."""
         return float(white_noise(self.problem.residuals(self.x))) / MRAD

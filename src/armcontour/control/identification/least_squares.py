@@ -210,7 +210,8 @@ class Estimate(Result):
         value: The value; nan if the model does not have the parameter.
         sd: Standard deviation; nan for a parameter at the bound of its range, or with its nominal
             value.
-        low, high: Ends of the 95 % interval.
+        low, high: Ends of the 95 % interval; nan without one, as for `sd`, and for a parameter that
+            compensates for an effect that dominates the residuals.
         determined: True if the logs determine the parameter: `sd` is at most 10 % of the value, at
             most 0.5 ms for a dead time, or at most 0.05 for feed-forward.
     """
@@ -264,6 +265,10 @@ class Estimate(Result):
             high=max(self.high, high),
             determined=self.determined and within,
         )
+
+    def without_interval(self) -> Estimate:
+        """The estimate without its interval, because an effect that is not modelled biases it."""
+        return replace(self, low=math.nan, high=math.nan)
 
     @property
     def label(self) -> str:

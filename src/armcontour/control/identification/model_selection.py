@@ -135,6 +135,8 @@ SATURATED_ERROR = 2.0
 # Two solutions with exchanged K_p and k_i are different if their K_p differs by more than this
 # factor.
 TWIN_FACTOR = 1.1
+# Shortest drive cycle with which a model with acceleration feed-forward is also fitted [s].
+SHORT_CYCLE = 0.5e-3
 # Smallest damping ratio of a fitted loop; no drive is tuned with less damping.
 LEAST_DAMPING = 0.2
 # Largest number of evaluations of a cross-validation fit, which starts from the fit of all parts.
@@ -465,6 +467,8 @@ class Selected:
     rivals: Sequence[JointServo] = ()  # Servos of other models with nearly the same error
     # The solution with exchanged K_p and k_i if its error is nearly the same.
     twin: JointServo | None = None
+    # The solution if the drive differentiates the command continuously, see `find_continuous`.
+    continuous: JointServo | None = None
 
     @property
     def servo(self) -> JointServo:
@@ -528,10 +532,37 @@ def select_model(
     trials.drop_open_dead_time()
     best = replace(trials.best, twin=trials.find_twin())
     rivals = [x.fit.servo for x in trials.tried if x.rms * GAIN < best.rms and x is not trials.best]
-    if some is segments:
-        return replace(best, rivals=rivals)
-    whole = Problem(best.fit.problem.model, segments, search)
-    return replace(best, rivals=rivals, fit=fit(whole, [best.fit.x], REFIT_EVALUATIONS))
+    if some is not segments:
+        whole = Problem(best.fit.problem.model, segments, search)
+        best = replace(best, fit=fit(whole, [best.fit.x], REFIT_EVALUATIONS))
+    return replace(best, rivals=rivals, continuous=find_continuous(best.fit))
+
+
+def find_continuous(result: Fit) -> JointServo | None:
+    """Servo that fits the logs if the drive differentiates the command continuously.
+
+    Models without a drive cycle compute the command's acceleration from differences over the
+    interval between set-points, which delays it by half of this interval. Drives with a shorter
+    cycle differentiate with less delay. Fits with the cycles h and 2 h differ from continuous loops
+    by about h and 2 h times a constant, so the result is `2 x(h) - x(2 h)` with the parameters x
+    (Richardson's extrapolation), with h = SHORT_CYCLE.
+
+    Returns:
+        The servo; None if the model has no acceleration feed-forward, the drive cycle is known, or
+        the logs contradict continuous differentiation because the error is larger (see GAIN).
+    """
+    problem = result.problem
+    if ACCELERATION not in problem.model.free or problem.search.drive_cycle:
+        return None
+    fits = []
+    for cycle in (SHORT_CYCLE, 2 * SHORT_CYCLE):
+        search = problem.search._replace(drive_cycle=cycle)
+        held = Problem(problem.model, problem.segments, search)
+        fits.append(fit(held, [result.x]))
+    if fits[0].cost * GAIN**2 > result.cost:
+        return None
+    unknowns = np.clip(2 * fits[0].x - fits[1].x, problem.low, problem.high)
+    return replace(result, x=unknowns).servo
 
 
 class _Trials:

@@ -27,6 +27,7 @@ from armcontour.control.identification.joint_fit import (
     split_logs,
 )
 from armcontour.control.identification.least_squares import (
+    FEWEST_LINES,
     encoder_resolution,
     fastest_motion,
     is_white,
@@ -80,9 +81,8 @@ NEWTON_STEPS = 3
 DELAY_MARGIN = 0.1
 # A model or delay is rejected if its error exceeds this fraction of the tracking error.
 MAX_WEAK = 0.8
-# Smallest fraction of a mean square that counts as signal, because the noise of a finite number of
-# samples correlates.
-LEAST_SIGNAL = 0.01
+# Smallest number of samples of contour errors whose whiteness can be tested.
+FEWEST_TESTED = 4 * FEWEST_LINES
 # If all models are good, a joint is weak if compensation leaves more than the fraction TRUSTED of
 # its deviation from the contour in a log, and this deviation is more than MAIN_SHARE of the contour
 # error that remains in this log.
@@ -126,12 +126,18 @@ class _LogSamples:
     rest: dict[str, FloatArray]
 
     def deviate(
-        self, choice: Sequence[str], longest: float, weight: FloatArray, arm: Arm | None
+        self,
+        choice: Sequence[str],
+        longest: float,
+        weight: FloatArray,
+        arm: Arm | None,
+        least_signal: float,
     ) -> tuple[float, FloatArray]:
         """RMS contour error (see `Judgement.errors`), and RMS deviations of the joints [rad].
 
         - `choice`: key of `rest` for each joint.
         - `longest`: longest delay of a joint [s].
+        - `least_signal`: see `_remove_noise`.
         """
         residual = np.stack([self.rest[c][:, j] for j, c in enumerate(choice)], axis=1)
         moved = self.command + residual
@@ -149,13 +155,37 @@ class _LogSamples:
         deviations = moved - interpolate(times, self.t, self.command)
         errors = deviations * weight if arm is None else tool - interpolate(positions, rows, path)
         each = np.sqrt(np.mean(deviations[self.use] ** 2, axis=0))
-        square = float(np.mean(np.sum(errors[self.use] ** 2, axis=1)))
-        if set(choice) != {"none"}:
-            # The small errors that remain are separated from the white noise of the encoders, which
-            # does not correlate in neighbouring samples.
-            pairs = np.sum(errors[1:] * errors[:-1], axis=1)[self.use[1:] & self.use[:-1]]
-            square = max(float(np.mean(pairs)), LEAST_SIGNAL * square)
+        if set(choice) == {"none"}:
+            square = float(np.mean(np.sum(errors[self.use] ** 2, axis=1)))
+        else:
+            square = _remove_noise(errors, self.use, least_signal)
         return math.sqrt(square), each
+
+
+def _remove_noise(errors: FloatArray, use: BoolArray, least_signal: float) -> float:
+    """Mean square of contour errors, (n, k), at the samples in `use`, without the encoders' noise.
+
+    The noise is white, so it does not correlate in neighbouring samples, and the mean product of
+    neighbours is the mean square of the other errors. If the errors are white, the log contains no
+    motion that the models do not explain. The errors of the models are then those of their
+    parameters, because p parameters were fitted to n samples with noise. Their mean square is the
+    fraction p / n of the noise's (L. Ljung, System Identification, 2nd ed., section 16.4).
+
+    `least_signal` is p / n.
+    """
+    used = errors[use]
+    least = least_signal * float(np.mean(np.sum(used**2, axis=1)))
+    moving = [x for x in used.T if np.ptp(x) > 0]
+    if len(used) >= FEWEST_TESTED and all(is_white(x, step=0.0) for x in moving):
+        return least
+    pairs = np.sum(errors[1:] * errors[:-1], axis=1)[use[1:] & use[:-1]]
+    return max(float(np.mean(pairs)), least)
+
+
+def _parameters_per_sample(joints: Sequence[JointIdentification], logs: Sequence[Log]) -> float:
+    """Return the largest number of parameters of a joint, divided by the number of samples."""
+    samples = sum(len(x.t) for x in logs)
+    return max(len(x.parameters) for x in joints) / samples
 
 
 def choose_and_judge(
@@ -180,8 +210,10 @@ def choose_and_judge(
     delayed = _residual_rms(motions, "delay")
     weight = 1 / np.maximum(lags, max(LEAST_WEIGHT * float(lags.max()), TINY))
 
+    least_signal = _parameters_per_sample(joints, logs)
+
     def deviations(choice: Sequence[str]) -> list[tuple[float, FloatArray]]:
-        return [x.deviate(choice, float(delays.max()), weight, arm) for x in motions]
+        return [x.deviate(choice, float(delays.max()), weight, arm, least_signal) for x in motions]
 
     none = deviations(["none"] * len(joints))
 
@@ -209,7 +241,7 @@ def choose_and_judge(
     program_ratio = float(ratio[slow].max())
     if program is not None:
         names = ["program" if x == "model" else x for x in choice]
-        left = motions[program].deviate(names, float(delays.max()), weight, arm)[0]
+        left = motions[program].deviate(names, float(delays.max()), weight, arm, least_signal)[0]
         program_ratio = left / max(float(before[program]), TINY)
     judgement = Judgement(
         programs=count_programs(logs),
@@ -546,6 +578,11 @@ def identify_joint(
     if selected.twin is not None:
         twin = _describe_twin(name, selected.servo, selected.twin)
         estimates = {x: y.including(getattr(selected.twin, x)) for x, y in estimates.items()}
+    if selected.continuous is not None:
+        other = selected.continuous
+        estimates = {x: y.including(getattr(other, x)) for x, y in estimates.items()}
+    if effective and selected.fit.rms > NOISE_MULTIPLE * noise:
+        estimates = {x: y.without_interval() for x, y in estimates.items()}
     if slides:
         estimates = {x: replace(y, unit=linear_unit(y.unit)) for x, y in estimates.items()}
     joint = replace(
