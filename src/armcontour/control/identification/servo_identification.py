@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import chain
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
 from armcontour.control.identification.candidate_models import Search
 from armcontour.control.identification.command_rates import fastest_motion
 from armcontour.control.identification.contour_judgement import choose_and_judge
-from armcontour.control.identification.identification_result import (
-    Identification,
-)
+from armcontour.control.identification.identification_result import Identification
 from armcontour.control.identification.joint_identification import identify_joint
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
@@ -63,7 +61,7 @@ class ServoFit(Options):
 
 
 def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
-    """Interpolation of set-points: as required, otherwise as the logs state, otherwise linear."""
+    """Return the required interpolation of set-points, otherwise that of the logs, or "linear"."""
     for log in logs:
         checks.raise_if(
             required is not None and log.interpolation not in (None, required),
@@ -109,44 +107,27 @@ def identify(
         InvalidInput: The sample interval of a log is outside 0.05 to 100 ms, the logs or the arm
             differ in their joints, or command and measurement of a log do not belong together.
     """
-    single = (logs,) if isinstance(logs, Log) else logs
-    originals = checks.check_sequence("logs", single, Log, "Logs")
+    originals = checks.check_sequence("logs", _as_sequence(logs), Log, "Logs")
     checks.raise_if(
         not originals, "The identification requires at least one log, but logs is empty."
     )
-    for log in originals:
-        check_interval(log.source, log.t)
     arm = options.kinematics
-    if arm is not None:
-        originals = tuple(_with_joints_of(x, arm) for x in originals)
-    timed = [regularize_times(x) for x in originals]
-    pairs = [renew_positions(x) for x, _ in timed]
-    every = tuple(x for x, _ in pairs)
-    first = every[0]
-    for log in every[1:]:
-        if log.joint_names != first.joint_names:
-            raise InvalidInput(
-                f"All logs must have the same joints, but joint_names is "
-                f"{show(str(first.joint_names))} in {first.source} and "
-                f"{show(str(log.joint_names))} in {log.source}."
-            )
+    prepared = _prepare(originals, arm)
+    every = prepared.logs
+    _check_same_joints(every)
     interpolation = choose_interpolation(every, options.interpolation)
     for log in every:
-        if arm is not None:
-            both = {"set-point": log.command, "measured position": log.measured}
-            check_range_of_log(log.source, log.t, both, log.joint_names, arm)
-        check_speeds(log.source, log.t, log.measured, log.joint_names, log.prismatic)
+        _check_positions(log, arm)
+    search = Search(
+        _longest_dead_time(every, options.longest_dead_time),
+        options.drive_cycle or 0.0,
+        MODELS[options.model],
+    )
+    program = _find_sole_program(every)
     report = subprogress(progress)
     joints = []
-    # The dead time must be short compared with the logs.
-    shortest = min(float(x.t[-1] - x.t[0]) for x in every)
-    longest = min(options.longest_dead_time, shortest / 4)
-    orders = MODELS[options.model]
-    slow = np.flatnonzero(fastest_motion(every).slow_logs)
-    program = int(slow[0]) if len(slow) == 1 < len(every) else None
-    search = Search(longest, options.drive_cycle or 0.0, orders)
-    for j, name in enumerate(first.joint_names):
-        report(Step((name,), j / first.dof))
+    for j, name in enumerate(every[0].joint_names):
+        report(Step((name,), j / every[0].dof))
         joints.append(identify_joint(every, j, interpolation, search, program))
     judged, judgement = choose_and_judge(every, joints, interpolation, search.longest, arm, program)
     return Identification(
@@ -155,12 +136,70 @@ def identify(
         joints=judged,
         drive_cycle=search.drive_cycle,
         judgement=judgement,
-        repeats=tuple(chain.from_iterable(x for _, x in (*timed, *pairs))),
+        repeats=prepared.remarks,
     )
 
 
+class _Prepared(NamedTuple):
+    """Logs with regular times and without repeated positions, and sentences about the changes."""
+
+    logs: tuple[Log, ...]
+    remarks: tuple[str, ...]
+
+
+def _as_sequence(logs: Log | Sequence[Log]) -> Sequence[Log]:
+    """Return the logs as a sequence, also if there is only one."""
+    return (logs,) if isinstance(logs, Log) else logs
+
+
+def _prepare(originals: Sequence[Log], arm: Arm | None) -> _Prepared:
+    """Check the sample intervals of logs, and repair jittering times and repeated positions."""
+    for log in originals:
+        check_interval(log.source, log.t)
+    if arm is not None:
+        originals = [_with_joints_of(x, arm) for x in originals]
+    timed = [regularize_times(x) for x in originals]
+    renewed = [renew_positions(log) for log, _ in timed]
+    remarks = [sentences for _, sentences in (*timed, *renewed)]
+    return _Prepared(
+        logs=tuple(log for log, _ in renewed), remarks=tuple(chain.from_iterable(remarks))
+    )
+
+
+def _check_same_joints(logs: Sequence[Log]) -> None:
+    """Check that all logs have the same joint names."""
+    first = logs[0]
+    for log in logs[1:]:
+        if log.joint_names != first.joint_names:
+            raise InvalidInput(
+                f"All logs must have the same joints, but joint_names is "
+                f"{show(str(first.joint_names))} in {first.source} and "
+                f"{show(str(log.joint_names))} in {log.source}."
+            )
+
+
+def _check_positions(log: Log, arm: Arm | None) -> None:
+    """Check that positions are within the ranges of an arm, and that speeds are plausible."""
+    if arm is not None:
+        both = {"set-point": log.command, "measured position": log.measured}
+        check_range_of_log(log.source, log.t, both, log.joint_names, arm)
+    check_speeds(log.source, log.t, log.measured, log.joint_names, log.prismatic)
+
+
+def _longest_dead_time(logs: Sequence[Log], required: float) -> float:
+    """Return the longest dead time of the search [s], which is short compared with the logs."""
+    shortest = min(float(x.t[-1] - x.t[0]) for x in logs)
+    return min(required, shortest / 4)
+
+
+def _find_sole_program(logs: Sequence[Log]) -> int | None:
+    """Return the index of the only program if the other logs are multisines; otherwise None."""
+    slow = np.flatnonzero(fastest_motion(logs).slow_logs)
+    return int(slow[0]) if len(slow) == 1 < len(logs) else None
+
+
 def _with_joints_of(log: Log, arm: Arm) -> Log:
-    """The log with the joints of an arm in their order, and with their units."""
+    """Return the log with the joints of an arm in their order, and with their units."""
     if log.dof < arm.dof:
         raise InvalidInput(
             f"{log.source} has {log.dof} joints, but the arm {arm.name} has {arm.dof}. Specify the "
