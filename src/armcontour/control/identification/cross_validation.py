@@ -32,7 +32,7 @@ class Selected:
 
     fit: Fit  # The fit to all samples
     segments: Sequence[LogSegment]  # The segments that are predicted
-    # unseen: predicted positions of each segment [rad]; each part by a fit of the other parts.
+    # Predicted positions of each segment [rad]; each part is predicted by a fit of the other parts.
     unseen: list[FloatArray]
     errors: FloatArray  # Mean squared errors of the parts, weighted by motion [rad²], (parts,)
     motions: FloatArray  # Weights of the parts (sums of the sample weights), (parts,)
@@ -41,8 +41,6 @@ class Selected:
     rivals: Sequence[JointServo] = ()  # Servos of other models with nearly the same error
     # The solution with exchanged K_p and k_i if its error is nearly the same.
     twin: JointServo | None = None
-    # The solution if the drive differentiates the command continuously, see `find_continuous`.
-    continuous: JointServo | None = None
 
     @property
     def servo(self) -> JointServo:
@@ -68,12 +66,12 @@ class Selected:
 
 
 def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
-    """The servo with the acceleration limit; unchanged if the limit is None."""
+    """Return the servo with the acceleration limit; unchanged if the limit is None."""
     return servo if limit is None else servo._replace(acceleration_limit=limit.value)
 
 
 def predict_program(selected: Selected, log: int) -> list[FloatArray]:
-    """Predict the parts of one log by fits of the other parts of this log and of the other logs.
+    """Predict the parts of one log by fits of its other parts and of the other logs.
 
     Returns:
         Predicted positions of each of the predicted segments [rad].
@@ -93,32 +91,32 @@ def predict_parts(
 ) -> Selected:
     """Predict each moving part by a fit of the other parts (cross-validation).
 
-    `judged` are the segments that are predicted, by default those of the fit. Part -1 is always
-    fitted.
+    Parts without motion are predicted by the fit of all parts.
+
+    - `judged`: segments that are predicted, by default those of the fit. Part -1 is always fitted.
+    - `limit`: acceleration limit that is estimated separately from the fit.
     """
-    p = result.problem
-    segments = judged or result.problem.segments
+    problem = result.problem
+    segments = judged or problem.segments
 
     def predict_by(servo: JointServo, s: LogSegment) -> FloatArray:
-        return predict(s, limited_servo(servo, limit), p.model.order, p.search.drive_cycle)
+        limited = limited_servo(servo, limit)
+        return predict(s, limited, problem.model.order, problem.search.drive_cycle)
 
-    # Parts without motion are predicted by the fit of all parts.
     unseen = [predict_by(result.servo, s) for s in segments]
     errors = []
     motions = []
     without = []
-    for k in moving_parts(segments):
-        others = [replace(s, use=s.use & (s.part != k)) for s in p.segments]
-        indices = [i for i, s in enumerate(others) if s.use.any()]
-        other = Problem(p.model, [others[i] for i in indices], p.search)
-        servo = fit(other, [p.select(result.x, indices)], REFIT_EVALUATIONS).servo
+    for part in moving_parts(segments):
+        servo = _fit_without(result, part)
         without.append(servo)
-        squares = motion = 0.0
-        for i, s in enumerate(segments):
-            mask = s.part == k
+        squares = 0.0
+        motion = 0.0
+        for s, positions in zip(segments, unseen, strict=True):
+            mask = s.part == part
             if mask.any():
                 q = predict_by(servo, s)
-                unseen[i][mask] = q[mask]
+                positions[mask] = q[mask]
                 weight = s.weight[mask] * s.use[mask]
                 squares += float(np.sum(weight * (q - s.y)[mask] ** 2))
                 motion += float(np.sum(weight))
@@ -133,3 +131,12 @@ def predict_parts(
         limit=limit,
         without=without,
     )
+
+
+def _fit_without(result: Fit, part: int) -> JointServo:
+    """Return the servo that fits all samples except for those of one part."""
+    problem = result.problem
+    others = [replace(s, use=s.use & (s.part != part)) for s in problem.segments]
+    indices = [i for i, s in enumerate(others) if s.use.any()]
+    other = Problem(problem.model, [others[i] for i in indices], problem.search)
+    return fit(other, [problem.select(result.x, indices)], REFIT_EVALUATIONS).servo

@@ -26,7 +26,7 @@ from armcontour.control.identification.joint_motion import (
     tracking_errors,
 )
 from armcontour.control.identification.log_segments import LogSegment
-from armcontour.control.identification.model_selection import select_model
+from armcontour.control.identification.model_selection import find_continuous, select_model
 from armcontour.control.identification.parameter_estimates import estimate_parameters
 from armcontour.control.identification.residual_tests import encoder_resolution, is_white
 from armcontour.control.identification.saturated_selection import find_supported_saturation
@@ -225,7 +225,7 @@ class FittedJoint:
         found = estimate_parameters(selected.fit, selected.without, unknown_cycle, rivals)
         if selected.limit is not None:
             found[selected.limit.name] = selected.limit
-        for other in filter(None, (selected.twin, selected.continuous)):
+        for other in filter(None, (selected.twin, find_continuous(selected.fit))):
             found = {name: x.including(getattr(other, name)) for name, x in found.items()}
         if effective and selected.fit.rms > NOISE_MULTIPLE * selected.fit.noise:
             found = {name: x.without_interval() for name, x in found.items()}

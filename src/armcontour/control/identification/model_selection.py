@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from armcontour.control.identification.cross_validation import (
     Selected,
     predict_parts,
 )
+from armcontour.control.identification.initial_parameters import initial_parameters
 from armcontour.control.identification.joint_fit import Fit, Problem, fit
 from armcontour.control.identification.log_segments import (
     LogSegment,
@@ -55,58 +55,43 @@ TWIN_FACTOR = 1.1
 SHORT_CYCLE = 0.5e-3
 # Smallest damping ratio of a fitted loop; no drive is tuned with less damping.
 LEAST_DAMPING = 0.2
-# Upper bound of the initial dead time in the fit of a saturating joint [s].
-USUAL_DELAY = 0.01
-# Times over which accelerations are measured [s]: a short time for fast motion, and a long time for
-# small motion in noise.
-ACCELERATION_TIMES = (8e-3, 40e-3)
-# This percentile of the magnitudes of the accelerations counts as the largest acceleration.
-ACCELERATION_PERCENTILE = 99
-# Initial values of loops: a, b, K_v [1/s], k_i [1/s], velocity feed-forward, and dead time divided
-# by the lag. The initial K_p is a + b / lag. Feed-forward matters only in loops that saturate.
-STARTS = (
-    (10.0, 0.0, 20.0, 5.0, 1.0, 0.8), (1.0, 0.0, 100.0, 5.0, 1.0, 1.0),
-    (40.0, 0.0, 150.0, 5.0, 0.6, 0.5), (30.0, 0.0, 100.0, 5.0, 0.0, 0.3),
-    (150.0, 0.0, 60.0, 5.0, 0.6, 0.9), (0.0, 0.8, 60.0, 5.0, 0.0, 0.1),
-    (0.0, 1.5, 150.0, 12.0, 0.0, 0.3), (0.0, 4.0, 100.0, 5.0, 0.0, 0.7),
-)  # fmt: skip
+# Largest number of evaluations of a fit, and that of a cascade.
+EVALUATIONS = 60
+CASCADE_EVALUATIONS = 30
 
 
 def select_model(
     segments: Sequence[LogSegment], search: Search, *, limited: bool = True
 ) -> Selected | None:
-    """Select the model of a joint; None if less than two parts move or all fits are implausible."""
+    """Select the model of a joint.
+
+    The candidates are fitted from simple to rich. A richer model is selected if it is significantly
+    better on parts to which it was not fitted. Then parameters that do not improve it are removed.
+
+    - `limited`: whether models with an acceleration limit are allowed.
+
+    Returns:
+        The selected model; None if less than two parts move or all fits are implausible.
+    """
     some = thin_segments(segments)
     # Cross-validation requires at least two parts.
     if len(moving_parts(some)) < 2:
         return None
     trials = _Trials(some, search)
-    for model in CANDIDATES:
-        bent = ACCELERATION in model.free and not some[0].command.linear
-        excluded = bent or (LIMIT in model.free and not limited) or model.order not in search.orders
-        if excluded or (KI in model.free and not trials.may_be_cascade(model)):
-            continue
-        trials.add(model)
-        if trials.best and trials.best.explains_all:
-            break
+    trials.add_candidates(limited=limited)
     if trials.best is None:
         return None
-    order, free = trials.best.fit.problem.model
-    if KI in free:
-        trials.prune()
-    elif order != "delay" and not trials.best.explains_all:
-        trials.add(Model(order, (*free, FRICTION)))
-    trials.drop_open_dead_time()
-    best = replace(trials.best, twin=trials.find_twin())
-    rivals = [x.fit.servo for x in trials.tried if x.rms * GAIN < best.rms and x is not trials.best]
-    if some is not segments:
-        whole = Problem(best.fit.problem.model, segments, search)
-        best = replace(best, fit=fit(whole, [best.fit.x], REFIT_EVALUATIONS))
-    return replace(best, rivals=rivals, continuous=find_continuous(best.fit))
+    trials.refine()
+    best = trials.best
+    better = replace(best, twin=trials.find_twin(), rivals=trials.find_rivals())
+    if some is segments:
+        return better
+    whole = Problem(best.fit.problem.model, segments, search)
+    return replace(better, fit=fit(whole, [best.fit.x], REFIT_EVALUATIONS))
 
 
 def find_continuous(result: Fit) -> JointServo | None:
-    """Servo that fits the logs if the drive differentiates the command continuously.
+    """Find the servo that fits the logs if the drive differentiates the command continuously.
 
     Models without a drive cycle compute the command's acceleration from differences over the
     interval between set-points, which delays it by half of this interval. Drives with a shorter
@@ -143,19 +128,25 @@ class _Trials:
         self.tried: list[Selected] = []
         self.best: Selected | None = None
 
+    def add_candidates(self, *, limited: bool) -> None:
+        """Fit the candidate models until the best one explains all but the noise.
+
+        - `limited`: whether models with an acceleration limit are allowed.
+        """
+        for model in CANDIDATES:
+            if not self._is_allowed(model, limited=limited):
+                continue
+            self.add(model)
+            if self.best is not None and self.best.explains_all:
+                return
+
     def add(self, model: Model) -> None:
         """Fit a model; it becomes the best model if it is significantly better."""
-        problem = Problem(model, self.segments, self.search)
         best = self.best
-        starts = [problem.guess(x, self.lag) for x in self._starts(model)]
-        result = fit(problem, starts, 30 if KI in model.free else 60)
-        hopeless = best and result.cost > RICHER_SHARE**2 * best.fit.cost
+        result = self._fit(model)
+        hopeless = best is not None and result.cost > RICHER_SHARE**2 * best.fit.cost
         if KI in model.free and not hopeless:
-            # Loops with exchanged K_p and k_i have the same poles.
-            servo = result.servo
-            other = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
-            exchanged = fit(problem, [problem.guess(other, servo.dead_time)], 30)
-            result = min(result, exchanged, key=lambda x: x.cost)
+            result = min(result, self._fit_exchanged(result), key=lambda x: x.cost)
         self.fits[model] = result
         if hopeless or is_implausible(result):
             return
@@ -163,7 +154,68 @@ class _Trials:
         if best is None or self.tried[-1].is_better(best):
             self.best = self.tried[-1]
 
-    def may_be_cascade(self, model: Model) -> bool:
+    def refine(self) -> None:
+        """Remove parameters that do not improve the best model, or add friction that does."""
+        assert self.best is not None
+        order, free = self.best.fit.problem.model
+        if KI in free:
+            self._prune()
+        elif order != "delay" and not self.best.explains_all:
+            self.add(Model(order, (*free, FRICTION)))
+        self._drop_open_dead_time()
+
+    def find_rivals(self) -> list[JointServo]:
+        """Return servos of the other models with nearly the same error as the best model."""
+        best = self.best
+        assert best is not None
+        others = [x for x in self.tried if x is not best]
+        return [x.fit.servo for x in others if x.rms * GAIN < best.rms]
+
+    def find_twin(self) -> JointServo | None:
+        """Find a servo with exchanged K_p and k_i that fits nearly as well as the best one.
+
+        The poles of both servos are the same. Feed-forward of about 1 also makes their zeros equal.
+
+        Returns:
+            The servo; None if there is none.
+        """
+        assert self.best is not None
+        best = self.best.fit
+        if KI not in best.problem.model.free:
+            return None
+        twin = self._fit_exchanged(best)
+        factor = twin.servo.kp / best.servo.kp
+        differs = max(factor, 1 / factor) > TWIN_FACTOR
+        if is_implausible(twin) or twin.cost * GAIN**2 > best.cost or not differs:
+            return None
+        return twin.servo
+
+    def _is_allowed(self, model: Model, *, limited: bool) -> bool:
+        """Return whether a candidate model can be fitted to the segments."""
+        if model.order not in self.search.orders:
+            return False
+        if LIMIT in model.free and not limited:
+            return False
+        if ACCELERATION in model.free and not self.segments[0].command.linear:
+            return False
+        return KI not in model.free or self._may_be_cascade(model)
+
+    def _fit(self, model: Model) -> Fit:
+        """Fit a model from several starts."""
+        problem = Problem(model, self.segments, self.search)
+        values = initial_parameters(model, self.lag, self.fits, self.segments)
+        starts = [problem.guess(x, self.lag) for x in values]
+        return fit(problem, starts, CASCADE_EVALUATIONS if KI in model.free else EVALUATIONS)
+
+    def _fit_exchanged(self, result: Fit) -> Fit:
+        """Fit a cascade from the start with exchanged K_p and k_i, which has the same poles."""
+        servo = result.servo
+        exchanged = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
+        problem = Problem(result.problem.model, self.segments, self.search)
+        start = problem.guess(exchanged, servo.dead_time)
+        return fit(problem, [start], CASCADE_EVALUATIONS)
+
+    def _may_be_cascade(self, model: Model) -> bool:
         """Return whether the best model explains enough of the tracking error to try a cascade."""
         if self.best is None:
             return False
@@ -172,7 +224,7 @@ class _Trials:
         explains = self.best.rms < CASCADE_SHARE * np.std(lag)
         return bool(explains and (ACCELERATION not in model.free or supported))
 
-    def prune(self) -> None:
+    def _prune(self) -> None:
         """Remove OPTIONAL parameters without which the best model is not significantly worse."""
         for name in OPTIONAL:
             assert self.best is not None
@@ -181,38 +233,19 @@ class _Trials:
             if name in free and not (name == FEED and ACCELERATION in free):
                 self._drop(name)
 
-    def drop_open_dead_time(self) -> None:
+    def _drop_open_dead_time(self) -> None:
         """Remove an undetermined dead time if the best model is not significantly worse."""
         assert self.best is not None
         loop = self.best.fit.problem.model.order != "delay"
         if loop and not estimate_parameters(self.best.fit, self.best.without)[DELAY].determined:
             self._drop(DELAY)
 
-    def find_twin(self) -> JointServo | None:
-        """Servo with exchanged K_p and k_i that fits nearly as well as the best; None if none.
-
-        The poles of both servos are the same. Feed-forward of about 1 also makes their zeros equal.
-        """
-        assert self.best is not None
-        best = self.best.fit
-        model = best.problem.model
-        if KI not in model.free:
-            return None
-        servo = best.servo._replace(kp=best.servo.ki, ki=best.servo.kp)
-        problem = Problem(model, self.segments, self.search)
-        result = fit(problem, [problem.guess(servo._asdict(), servo.dead_time)], 30)
-        factor = result.servo.kp / best.servo.kp
-        differs = max(factor, 1 / factor) > TWIN_FACTOR
-        if is_implausible(result) or result.cost * GAIN**2 > best.cost or not differs:
-            return None
-        return result.servo
-
     def _drop(self, name: str) -> None:
         """Remove a parameter unless the best model is significantly worse without it."""
         assert self.best is not None
         best = self.best.fit
         order, free = best.problem.model
-        model = Model(order, tuple(y for y in free if y != name))
+        model = Model(order, tuple(x for x in free if x != name))
         problem = Problem(model, self.segments, self.search)
         start = best.servo._replace(**{name: 0.0})
         result = fit(problem, [problem.guess(start._asdict(), best.servo.dead_time)])
@@ -222,46 +255,18 @@ class _Trials:
         if not self.best.is_better(simpler):
             self.best = simpler
 
-    def _starts(self, model: Model) -> list[dict[str, float]]:
-        """Initial parameters of a fit: generic loops (STARTS), or the fit of a simpler model."""
-        order, free = model
-        lag = self.lag
-        if order == "delay":
-            return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
-        gain = max(1 / (lag + 1e-4), 0.5)
-        loops: list[dict[str, float]] = [
-            {KP: a + b * gain, KV: kv, KI: ki, FEED: f, DELAY: d * lag}
-            for a, b, kv, ki, f, d in STARTS
-        ]
-        new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
-        if KI in free or not new:
-            return loops
-        simpler = self.fits[Model(order, tuple(x for x in free if x not in new))]
-        initial = simpler.servo._asdict()
-        if LIMIT not in new:
-            return [initial]
-        # If a joint often saturates, the fit without a limit is a useless start. Therefore generic
-        # loops are also tried.
-        tops = [max(_largest_acceleration(s, x) for s in self.segments) for x in ACCELERATION_TIMES]
-        loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
-        limits = (*tops, 3 * max(tops))
-        return [{**x, LIMIT: limit} for x, limit in product((initial, *loops), limits)]
-
 
 def is_implausible(result: Fit) -> bool:
-    """Return whether a fitted loop has parameters at their bounds, or too little damping."""
-    low, high = result.at_bounds()
+    """Return whether a fitted loop has parameters at their bounds, or too little damping.
+
+    The damping ratio of `s² + kv s + kv kp` is `sqrt(kv / kp) / 2`.
+    """
     servo = result.servo
-    ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < LEAST_DAMPING
-    lead = {FEED} if ACCELERATION in result.problem.model.free else set()
-    bounded = high & {KP, KV, KI, FEED, ACCELERATION, LIMIT} or low & ({KP, KV, KI, LIMIT} | lead)
-    return bool(ringing or bounded)
-
-
-def _largest_acceleration(s: LogSegment, time: float) -> float:
-    """Largest acceleration from positions `time` apart [rad/s²], see ACCELERATION_PERCENTILE."""
-    t = s.command.t
-    interval = float(np.median(np.diff(t)))
-    k = min(max(int(round(time / interval)), 1), (len(t) - 1) // 2)
-    second = s.y[2 * k :] - 2 * s.y[k:-k] + s.y[: -2 * k]
-    return float(np.percentile(np.abs(second), ACCELERATION_PERCENTILE)) / (k * interval) ** 2
+    if np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < LEAST_DAMPING:
+        return True
+    low, high = result.at_bounds()
+    # Acceleration feed-forward requires velocity feed-forward.
+    required = {FEED} if ACCELERATION in result.problem.model.free else set()
+    at_low = low & ({KP, KV, KI, LIMIT} | required)
+    at_high = high & {KP, KV, KI, FEED, ACCELERATION, LIMIT}
+    return bool(at_low or at_high)
