@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.control.identification.joint_fit import (
-    LogSegment,
-    fit_initial_state,
-    predict,
-    split_logs,
-)
-from armcontour.control.identification.least_squares import UNITS, Estimate, fastest_motion
+from armcontour.control.identification.command_rates import fastest_motion
+from armcontour.control.identification.estimate import UNITS, Estimate
+from armcontour.control.identification.initial_state import fit_initial_state, predict
+from armcontour.control.identification.log_segments import LogSegment, split_logs
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import ArmMismatch, InvalidInput
