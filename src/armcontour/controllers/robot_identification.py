@@ -15,12 +15,13 @@ from armcontour.controllers.player import (
     UNKNOWN_LAG,
     Played,
     Player,
+    lost_motion,
     plan_played,
     prepare_motion,
     uncompensated_motion,
 )
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ControllerRefused
+from armcontour.core.errors import ControllerLost, ControllerRefused
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Reserve
@@ -68,13 +69,15 @@ class RobotIdentification(Result):
     Args:
         played: The motions by their names, `run` and `excitation`: the run without compensation,
             and a motion that excites all joints.
-        stopped: True if a motion was stopped or did not start.
+        stopped: True if a motion was stopped, was interrupted by a failure or did not start.
+        lost: The failure of the controller during the last motion; None without one.
         fit: The identified servos; None in a dry run, or if a motion was stopped.
         prediction: The run as the identified servos predict it.
     """
 
     played: dict[str, Played]
     stopped: bool = False
+    lost: ControllerLost | None = None
     fit: Identification | None = None
     prediction: Prediction | None = None
 
@@ -135,7 +138,10 @@ def identify_on(
     """
     motions = prepare_identification(job, controller, run_name, reserve, progress)
     player = Player(controller, execute, stop_requested, progress)
-    return play_identification(motions, player, options or ServoFit(kinematics=job.arm))
+    result = play_identification(motions, player, options or ServoFit(kinematics=job.arm))
+    if result.lost is not None:
+        raise result.lost
+    return result
 
 
 def prepare_identification(
@@ -159,10 +165,17 @@ def prepare_identification(
 def play_identification(
     motions: dict[str, Played], player: Player, options: ServoFit
 ) -> RobotIdentification:
-    """Play the motions of an identification until one is stopped, and identify the servos."""
+    """Play the motions of an identification until one is stopped, and identify the servos.
+
+    If the controller is lost, the result has the error and the motions until then.
+    """
     played = {}
     for name, ready in motions.items():
-        played[name] = player.play(ready, _is_complete)
+        try:
+            played[name] = player.play(ready, _is_complete)
+        except ControllerLost as lost:
+            played[name] = lost_motion(ready, lost)
+            return RobotIdentification(played=played, stopped=True, lost=lost)
         record = played[name].record
         if player.execute and (record is None or record.stopped is not None):
             return RobotIdentification(played=played, stopped=True)

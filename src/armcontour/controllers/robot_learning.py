@@ -15,11 +15,12 @@ from armcontour.controllers.player import (
     Played,
     Player,
     commands_at,
+    lost_motion,
     plan_played,
     prepare_motion,
 )
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ControllerRefused, InvalidInput
+from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.quantities import AngularDistance, Reserve
@@ -47,6 +48,7 @@ LEAST_LINEAR = 1e-3
 # Tolerance between the commands of a log and the set-points of its run [rad].
 SAME = 1e-6
 STOPPED = "stopped on request"
+LOST = "the controller was lost"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,6 +62,7 @@ class RobotLearning(Result):
         logs: Logs of the runs, in order.
         lesson: Result of learning, with the set-points of the next run; None before the first run.
         ended: Why no further run follows; empty if one may follow.
+        lost: The failure of the controller during the last motion; None without one.
     """
 
     job: Job
@@ -68,6 +71,7 @@ class RobotLearning(Result):
     logs: tuple[Log, ...] = ()
     lesson: LearningResult | None = None
     ended: str = ""
+    lost: ControllerLost | None = None
 
     @property
     def set_points(self) -> SetPoints:
@@ -91,6 +95,14 @@ class RobotLearning(Result):
         """Data of the report; None before the first run."""
         best = self.best
         return None if best is None else LearningStudy(job=self.job, plan=self.plan, lesson=best)
+
+    @property
+    def lost_log(self) -> Log | None:
+        """Log of the last motion until the controller was lost; None without one."""
+        played = self.played
+        if self.lost is None or played is None or played.record is None:
+            return None
+        return played.log
 
     @property
     def stopped(self) -> bool:
@@ -133,7 +145,10 @@ def start_learning(
 
 
 def learn_next(result: RobotLearning, player: Player, band: float | None = None) -> RobotLearning:
-    """Play the next run, and learn from it; `band`: see `learn_on`."""
+    """Play the next run, and learn from it; `band`: see `learn_on`.
+
+    If the controller is lost, the result has the error and the motion until then.
+    """
     if player.stop_requested():
         return replace(result, ended=STOPPED)
     lesson = result.lesson
@@ -145,7 +160,10 @@ def learn_next(result: RobotLearning, player: Player, band: float | None = None)
     ready = prepare_motion(
         result.job, result.plan, player.controller, set_points=lesson, band=allowed
     )
-    played = player.play(ready, lambda x: (x.stopped is None and x.faithful) or x.deviated)
+    try:
+        played = player.play(ready, lambda x: (x.stopped is None and x.faithful) or x.deviated)
+    except ControllerLost as lost:
+        return replace(result, played=lost_motion(ready, lost), ended=LOST, lost=lost)
     result = replace(result, played=played)
     record = played.record
     if not player.execute:
@@ -246,4 +264,6 @@ def learn_on(
     result = start_learning(job, player, run_name, reserve, logs)
     while result.continues(runs):
         result = learn_next(result, player, band)
+    if result.lost is not None:
+        raise result.lost
     return result
