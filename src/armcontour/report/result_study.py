@@ -25,12 +25,12 @@ from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation, evaluate
 
 Result = JobResult | RunResult | Evaluation | Execution | Trajectory
-# Number of points of the tool path of a plan in joint space.
+# Number of tool-path points drawn for a plan in joint space.
 PLACES = 2000
 
 
 def study_of(result: Result) -> JobResult:
-    """Study with a result as its only run.
+    """Make the study whose only run is a result.
 
     Raises InvalidInput if the result does not contain its arm, or an evaluation its execution.
     """
@@ -86,7 +86,7 @@ KINDS: dict[str, Callable[[JobResult], Picture]] = {
 
 
 def _study(result: RunResult) -> JobResult:
-    """Study of one run."""
+    """Make the study of one run."""
     # A servo of order "unknown" without dead time follows its set-points exactly.
     servo = ServoModel(order="unknown") if result.servo is None else result.servo
     job = Job(
@@ -106,7 +106,7 @@ def _planned(
     program: Program | None = None,
     limits: Limits | None = None,
 ) -> RunResult:
-    """Planned run of a trajectory; arm, program and limits default to those of the trajectory."""
+    """Make the planned run of a trajectory; its own arm, program and limits are the defaults."""
     arm = arm_of(plan, arm)
     program = _program_of(plan, arm) if program is None else program
     limits = resolve_limits("write_report", arm, limits, plan.limits)
@@ -134,7 +134,7 @@ def _run(name: str, plan: Trajectory, method: str, limits: Limits, cycle: float)
 
 
 def _program_of(plan: Trajectory, arm: Arm) -> Program:
-    """Program of a plan; for a plan in joint space, its tool path as a polyline."""
+    """Make the program of a plan; for a plan in joint space, its tool path as a polyline."""
     if plan.spans:
         return Program(tuple(_move_of(x) for x in plan.spans if x.move is not None))
     if plan.path is not None:
@@ -144,7 +144,7 @@ def _program_of(plan: Trajectory, arm: Arm) -> Program:
 
 
 def _move_of(span: Span) -> Move:
-    """Move of the program that corresponds to a span of a plan."""
+    """Make the program's move that corresponds to a span of a plan."""
     if span.kind == "dwell":
         return Dwell(span.t[1] - span.t[0])
     motion = span.trajectory
