@@ -97,8 +97,8 @@ class JointPath(Checked):
         if not is_break.all():
             stop = self.stops[np.argmin(is_break)]
             raise InvalidInput(
-                f"The stops must be inner breaks of the joint path, but s = {stop:g} is no inner "
-                "break."
+                f"The stops must be inner breaks of the joint path, but s = {stop:g} is not one of "
+                "them."
             )
         return np.union1d(self.stops, inner[kinks]) if kinks.any() else self.stops
 

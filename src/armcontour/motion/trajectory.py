@@ -343,7 +343,7 @@ class Trajectory(Checked):
             t: Times [s], (n,).
 
         Raises:
-            InvalidInput: The times are no numbers.
+            InvalidInput: The times are not numbers.
         """
         t = np.atleast_1d(checks.check_numbers("t", t, "s"))
         if not self.spans:
@@ -427,9 +427,10 @@ class Trajectory(Checked):
                 whole[indices] = part
         if not outputs:
             outputs = tuple(np.empty((0, self.dof)) for _ in orders)
-        # The results are no views of other arrays where possible, so `frozen_array` makes no
-        # copies.
-        return outputs if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
+        # Where possible, the results own their data, so that `frozen_array` does not copy them.
+        if t.ndim == 1:
+            return outputs
+        return tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
         """Return joint positions or a derivative, (n, dof), at rest before and after the motion.

@@ -222,11 +222,13 @@ class ServoModel(Checked):
         same = len(set(orders)) == 1
         second = np.array([x == "second" for x in orders])
         lagged = second | np.array([x == "first" for x in orders])
-        if (self.kv is None) == bool(second.any()):
+        if self.kv is None and second.any():
             raise InvalidInput(
                 "A servo of order second requires the velocity loop gain kv [1/s] and kp."
-                if self.kv is None
-                else f"A servo of order {orders[0]} has no velocity loop, so remove its gain kv."
+            )
+        if self.kv is not None and not second.any():
+            raise InvalidInput(
+                f"A servo of order {orders[0]} has no velocity loop, so remove its gain kv."
             )
         if self.inertia is not None and not second.all():
             lagging = orders[int(np.argmin(second))]
@@ -237,7 +239,7 @@ class ServoModel(Checked):
         _check_integrator(self.ki, second, self.interpolation, feed)
         if feed.any() and self.interpolation == "step":
             raise InvalidInput(
-                "A servo with held set-points has no acceleration of the command. Remove "
+                "A servo with held set-points has no command acceleration. Remove "
                 "acceleration_feedforward."
             )
         if ((feed > 0) & (self.velocity_feedforward == 0)).any():
@@ -262,7 +264,7 @@ class ServoModel(Checked):
             prismatic: Whether each joint is prismatic; None or empty if no joint is.
 
         Raises:
-            InvalidInput: `prismatic` is no sequence of truth values.
+            InvalidInput: `prismatic` is not a sequence of truth values.
         """
         slides = () if prismatic is None else prismatic
         parts = [] if self.order == "second" else [f"order {_join_texts(self.order)}"]
