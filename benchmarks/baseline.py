@@ -93,11 +93,12 @@ def read(file: Path) -> list[Session]:
         return []
     sessions = json.loads(file.read_text(encoding="utf-8"))["sessions"]
     return [
-        Session(**{**x, "lines": {k: _line(y) for k, y in x["lines"].items()}}) for x in sessions
+        Session(**{**x, "lines": {k: _read_line(y) for k, y in x["lines"].items()}})
+        for x in sessions
     ]
 
 
-def _line(fields: Mapping[str, Any]) -> Known:
+def _read_line(fields: Mapping[str, Any]) -> Known:
     return Known(**{**fields, "notes": tuple(fields.get("notes", ()))})
 
 

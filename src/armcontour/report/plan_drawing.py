@@ -149,11 +149,11 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
     prefix = slug(job.name)
     extremes = list(_extremes(result, prefix))
     kinds: dict[str, tuple[str, str, list[Mark]]] = {
-        "start": ("▶", "start of a contour", _starts(result)),
-        "stop": ("■", "stop inside a contour", _stops(result)),
-        "pierce": ("⊙", "pierce", _pierces(result, job.process)),
-        "on": ("◆", "output on or changed", _events(result, tabs, on=True)),
-        "off": ("◇", "output off", _events(result, tabs, on=False)),
+        "start": ("▶", "start of a contour", _start_marks(result)),
+        "stop": ("■", "stop inside a contour", _stop_marks(result)),
+        "pierce": ("⊙", "pierce", _pierce_marks(result, job.process)),
+        "on": ("◆", "output on or changed", _output_marks(result, tabs, on=True)),
+        "off": ("◇", "output off", _output_marks(result, tabs, on=False)),
         **{name: (symbol, mark.words, [mark]) for name, symbol, mark in extremes},
     }
     keys = [Key("┄", f"tab ({len(tabs)})")] if tabs else []
@@ -391,7 +391,7 @@ def _leads(result: RunResult, sheet: Sheet) -> Iterator[Line]:
         yield sheet.line(curves, f'class="lead" stroke="{LINES["leads"]}"', "lead")
 
 
-def _starts(result: RunResult) -> list[Mark]:
+def _start_marks(result: RunResult) -> list[Mark]:
     """Mark the starts of contours, with their directions."""
     spans = result.trajectory.contour_spans
     marks = []
@@ -417,7 +417,7 @@ def _numbers(result: RunResult, sheet: Sheet) -> Iterator[tuple[int, FloatArray]
             yield contour.number or k + 1, taken[-1]
 
 
-def _stops(result: RunResult) -> list[Mark]:
+def _stop_marks(result: RunResult) -> list[Mark]:
     """Mark the points inside contours at which the tool stops."""
     marks = []
     for contour, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
@@ -431,7 +431,7 @@ def _stops(result: RunResult) -> list[Mark]:
     return marks
 
 
-def _events(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[Mark]:
+def _output_marks(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[Mark]:
     """Mark the points at which outputs are switched, without those of tabs."""
     words = {True: "on", False: "off"}
     ends = list[float]()
@@ -460,7 +460,7 @@ def _tabs(result: RunResult, process: Process) -> list[Tab]:
     return tabs
 
 
-def _pierces(result: RunResult, process: Process) -> list[Mark]:
+def _pierce_marks(result: RunResult, process: Process) -> list[Mark]:
     """Mark the starts of contours at which the tool pierces."""
     return [
         Mark(x.path(0.0), f"pierce {number(pierce.time, 's')}")

@@ -18,7 +18,7 @@ from armcontour.planning import explain
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
 from armcontour.report.figure import Figure, Picture
 from armcontour.report.sections.joints import draw_joints
-from armcontour.report.sections.motion import draw_over_time, error, speed
+from armcontour.report.sections.motion import draw_over_time, plot_error, plot_speed
 from armcontour.report.sections.path_section import draw_tool, tools_of
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
@@ -74,13 +74,13 @@ def draw_result(result: Result, kind: str) -> Picture:
 def _draw_error(study: JobResult) -> Figure:
     if not study.simulated:
         raise InvalidInput("A plan has no contour error. Execute and evaluate the plan first.")
-    return draw_over_time(study, error, title="Contour error")
+    return draw_over_time(study, plot_error, title="Contour error")
 
 
 KINDS: dict[str, Callable[[JobResult], Picture]] = {
     "path": lambda study: draw_tool(tools_of(study)[0], study.job.name),
     "joints": lambda study: draw_joints(*next(iter(study.runs.items()))),
-    "speed": lambda study: draw_over_time(study, speed, title="Tool speed"),
+    "speed": lambda study: draw_over_time(study, plot_speed, title="Tool speed"),
     "error": _draw_error,
 }
 

@@ -16,7 +16,7 @@ from armcontour.control.identification.identification_result import (
     JointIdentification,
     Judgement,
     round_digits,
-    write_servo,
+    with_servo,
 )
 from armcontour.control.identification.joint_fit import (
     MRAD,
@@ -239,7 +239,7 @@ def choose_and_judge(
         if c != "model":
             delay = round_digits(delays[j] * (c == "delay"))
             servo = JointServo(np.inf, dead_time=delay)
-            joint = write_servo(joint, split_logs(logs, j, interpolation, delay), servo)
+            joint = with_servo(joint, split_logs(logs, j, interpolation, delay), servo)
         written.append(replace(joint, contour_ratio=float(shares[i][j])))
     return tuple(written), judgement
 
@@ -583,7 +583,7 @@ def identify_joint(
     )
     joint = replace(joint, note=note, tracking_rms=_rms(_lags(segments), segments)[0])
     used = np.concatenate([x[s.use] for x, s in zip(unseen, selected.segments, strict=True)])
-    return write_servo(joint, segments, servo, order, search.drive_cycle, float(np.abs(used).max()))
+    return with_servo(joint, segments, servo, order, search.drive_cycle, float(np.abs(used).max()))
 
 
 def _at_samples(
@@ -624,7 +624,7 @@ def _mark_unknown(
     joint: JointIdentification, segments: Sequence[LogSegment], note: str
 ) -> JointIdentification:
     """The joint with order "unknown"; its error is the RMS tracking error about the mean."""
-    written = write_servo(joint, segments, JointServo(math.inf))
+    written = with_servo(joint, segments, JointServo(math.inf))
     return replace(written, note=note, tracking_rms=written.rms)
 
 

@@ -51,7 +51,7 @@ def over_time(study: JobResult) -> Section:
         title="Over time",
         summary="tool speed and active limits" + ", contour error" * study.simulated,
         text=text,
-        parts=(draw_over_time(study, speed, limits, error), *tables),
+        parts=(draw_over_time(study, plot_speed, plot_limits, plot_error), *tables),
     )
 
 
@@ -63,7 +63,7 @@ def draw_over_time(
     return Figure(title=title, plots=plots)
 
 
-def speed(study: JobResult) -> Plot:
+def plot_speed(study: JobResult) -> Plot:
     """Plot every run's executed or planned tool speed, and the assigned velocity."""
     colours = run_colours(study.runs)
     widths = run_widths(study.runs)
@@ -76,7 +76,7 @@ def speed(study: JobResult) -> Plot:
     return Plot(label="speed [mm/s]", curves=(*curves, *_assigned(study)), limits=visible)
 
 
-def limits(study: JobResult) -> Plot | None:
+def plot_limits(study: JobResult) -> Plot | None:
     """Plot every plan's active limits as bars; None if no plan has an explanation."""
     plans = _plans(study)
     bars = list[Bar]()
@@ -111,7 +111,7 @@ def list_bars(bindings: Sequence[Binding], row: int) -> list[Bar]:
     return bars
 
 
-def error(study: JobResult) -> Plot | None:
+def plot_error(study: JobResult) -> Plot | None:
     """Plot every run's contour error; None without a simulation.
 
     The errors are shares of the allowed error if it is the same for all runs.
