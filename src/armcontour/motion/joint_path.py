@@ -148,6 +148,9 @@ class JointPath(Checked):
     ) -> JointPath:
         """Interpolate joint positions by a cubic spline.
 
+        >>> ac.JointPath.spline([(0.0, 0.0), (0.3, 0.4)]).length
+        0.5
+
         Args:
             points: At least two joint positions [rad], (n, dof).
             s: Increasing parameters of the points, (n,); by default the chord length in joint
@@ -193,6 +196,9 @@ class JointPath(Checked):
 
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Return joint positions or their derivatives with respect to s, `s.shape + (dof,)`.
+
+        >>> ac.JointPath.spline([(0.0, 0.0), (0.3, 0.4)])(0.25, order=1)
+        array([0.6, 0.8])
 
         Args:
             s: Arc lengths [m], any shape.

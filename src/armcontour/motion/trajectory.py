@@ -489,6 +489,9 @@ class Trajectory(Checked):
     def time_at(self, s: npt.ArrayLike, *, side: str = "left") -> FloatArray:
         """Return the times at which the motion reaches or leaves arc lengths [s], shaped like `s`.
 
+        >>> bool(planned.time_at(planned.path.length) == planned.duration)
+        True
+
         Args:
             s: Arc lengths [m], counted as by `Trajectory.s`, any shape.
             side: "left" for the time at which the motion reaches s; "right" for the time at which
@@ -505,6 +508,9 @@ class Trajectory(Checked):
 
     def speed_at(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
         """Return path speeds at arc lengths [m/s], shaped like `s`.
+
+        >>> planned.speed_at([0.0, 0.01]).round(4)
+        array([0.    , 0.0636])
 
         Args:
             s: Arc lengths [m], counted as by `Trajectory.s`, any shape.
@@ -524,6 +530,9 @@ class Trajectory(Checked):
     @checked
     def sample(self, cycle: Interval) -> Samples:
         """Sample the trajectory every `cycle` [s], and at its end.
+
+        >>> planned.sample(0.01).t[:3]
+        array([0.  , 0.01, 0.02])
 
         Args:
             cycle: Time between two samples [s]; the last interval may be shorter.

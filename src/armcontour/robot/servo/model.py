@@ -498,6 +498,9 @@ class ServoModel(Checked):
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None) -> FloatArray:
         """Return the command with which the servo follows q [rad], (n, dof).
 
+        >>> servo.command(q=[[0.1, 1.0]], dq=[[0.5, 0.0]], ddq=[[0.0, 0.0]])
+        array([[0.12, 1.  ]])
+
         The servo is unsaturated and has no dead time.
 
         Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`. Dry
@@ -538,6 +541,9 @@ class ServoModel(Checked):
         `G(s) = exp(-s tau) (g s² + f K_v s + K_p K_v) / (s² + K_v s + K_p K_v)`, with f = g = 0
         (5), or for order "first" `exp(-s tau) (f s + K_p) / (s + K_p)`; in a P-PI cascade with
         `K_v (1 + k_i / s)` for K_v. The interpolation of set-points is not included.
+
+        >>> abs(servo.response([1j * 10.0])).round(3)
+        array([[0.95]])
 
         Args:
             s: Complex frequencies [rad/s], (n,).
