@@ -46,7 +46,8 @@ class JointPath(Checked):
         breaks: Arc lengths at the interval ends [m], (n + 1,); without a tool path, values of any
             parameter s.
         coefficients: Coefficients of the quintics [rad], (n, 6, dof).
-        stops: Breaks at which the motion must stop [m]; breaks at which dq_ds jumps are added.
+        stops: Breaks at which the motion must stop [m], by default none; breaks at which dq_ds
+            jumps are added.
         tool_path: The tool path that was traced, or None.
 
     Raises:
@@ -118,7 +119,7 @@ class JointPath(Checked):
             breaks: Arc lengths at the interval ends [m], (n + 1,).
             begin: q, dq_ds and d2q_ds2 at the start of every interval, (n, dof) each.
             end: q, dq_ds and d2q_ds2 at the end of every interval, (n, dof) each.
-            stops: Arc lengths at which the motion must stop [m], (m,).
+            stops: Arc lengths at which the motion must stop [m], (m,); by default none.
             tool_path: The tool path that was traced, or None.
 
         Raises:

@@ -85,7 +85,7 @@ class Span:
         name: Name of the contour; may be empty.
         t: Times of start and end [s].
         s: Arc lengths of start and end, over all contours of the program [m].
-        work: For a contour, times at which the process is switched on and off [s].
+        work: For a contour, times at which the process is switched on and off [s]; otherwise None.
         trajectory: Trajectory of the move, from time 0; None if the tool is at rest.
     """
 
@@ -161,11 +161,12 @@ class Trajectory(Checked):
     Args:
         laws: The time laws in order.
         method: Name of the planning method; a `Method` if it is one of these.
-        path: The tool path that the trajectory follows, if there is one.
-        stretches: Parts of the trajectory by the rule that planned them, in order.
+        path: The tool path that the trajectory follows; None without one.
+        stretches: Parts of the trajectory by the rule that planned them, in order; empty for
+            methods without such rules.
         spans: Parts of the trajectory by the moves of the program, in order; empty for a single
             path.
-        events: Outputs that are switched during the motion, by time.
+        events: Outputs that are switched during the motion, by time; empty by default.
         limits: Limits with which the trajectory was planned, without the reserve; None if it was
             not planned with limits.
         reserve: Fraction of the joint acceleration and torque limits reserved for the servo.

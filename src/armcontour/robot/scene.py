@@ -298,7 +298,7 @@ class Obstacle(Checked):
     Args:
         name: Name of the obstacle, for messages.
         shape: Shape of the obstacle.
-        place: Frame of the shape in the frame of `fixed_to`.
+        place: Frame of the shape in the frame of `fixed_to`; by default the same frame.
         fixed_to: "base", or "part" for an obstacle that moves with the part.
         margin: Smallest allowed distance of links and tool [m]; None is the margin of the scene.
         allow: Names of links, and of obstacles that move with the part, that may touch the

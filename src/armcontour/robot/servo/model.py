@@ -511,7 +511,7 @@ class ServoModel(Checked):
         Args:
             q: Joint positions [rad], (n, dof).
             dq: Joint velocities [rad/s], (n, dof).
-            ddq: Joint accelerations [rad/s²], (n, dof); needed for second order only.
+            ddq: Joint accelerations [rad/s²], (n, dof); None only without order "second".
 
         Raises:
             InvalidInput: The accelerations are missing.
