@@ -52,7 +52,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
         yield result.resumption.warning
     yield from _capped(result.objective, run)
     yield compare_limits(run.limits, result.arm)
-    yield _stops(result.jerk_stops)
+    yield _warn_of_jerk_stops(result.jerk_stops)
     # With a duration or a speed factor, contours are slower than assigned on purpose.
     if run.duration is None and trajectory.speed_factor == 1.0:
         yield _slow(result)
@@ -235,7 +235,7 @@ def _slow(result: RunRecord) -> str:
     return f"{min(slow)[1]}{others}." if slow else ""
 
 
-def _stops(stops: tuple[JerkStop, ...]) -> str:
+def _warn_of_jerk_stops(stops: tuple[JerkStop, ...]) -> str:
     """Warn of all full stops that jerk limits require."""
     if not stops:
         return ""

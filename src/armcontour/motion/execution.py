@@ -259,7 +259,7 @@ class LimitCost(Frozen):
         deviation: Largest change of the set-points of each joint [rad], (dof,).
         contour_rms: RMS contour error that the changes cause according to the servo model, if the
             set-points without limits cause none [m]; None if the plan has no arm or no path.
-        contour_max: Largest such contour error [m].
+        contour_max: Largest such contour error [m], or None.
         arm: The arm, for units; None if unknown.
     """
 

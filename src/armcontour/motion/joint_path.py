@@ -46,7 +46,8 @@ class JointPath(Checked):
         breaks: Arc lengths at the interval ends [m], (n + 1,); without a tool path, values of any
             parameter s.
         coefficients: Coefficients of the quintics [rad], (n, 6, dof).
-        stops: Breaks at which the motion must stop [m]; breaks at which dq_ds jumps are added.
+        stops: Breaks at which the motion must stop [m], by default none; breaks at which dq_ds
+            jumps are added.
         tool_path: The tool path that was traced, or None.
 
     Raises:
@@ -97,8 +98,8 @@ class JointPath(Checked):
         if not is_break.all():
             stop = self.stops[np.argmin(is_break)]
             raise InvalidInput(
-                f"The stops must be inner breaks of the joint path, but s = {stop:g} is no inner "
-                "break."
+                f"The stops must be inner breaks of the joint path, but s = {stop:g} is not one of "
+                "them."
             )
         return np.union1d(self.stops, inner[kinks]) if kinks.any() else self.stops
 
@@ -118,7 +119,7 @@ class JointPath(Checked):
             breaks: Arc lengths at the interval ends [m], (n + 1,).
             begin: q, dq_ds and d2q_ds2 at the start of every interval, (n, dof) each.
             end: q, dq_ds and d2q_ds2 at the end of every interval, (n, dof) each.
-            stops: Arc lengths at which the motion must stop [m], (m,).
+            stops: Arc lengths at which the motion must stop [m], (m,); by default none.
             tool_path: The tool path that was traced, or None.
 
         Raises:
@@ -147,6 +148,9 @@ class JointPath(Checked):
         ends: Annotated[str, Choice(("natural", "clamped"))] = "natural",
     ) -> JointPath:
         """Interpolate joint positions by a cubic spline.
+
+        >>> ac.JointPath.spline([(0.0, 0.0), (0.3, 0.4)]).length
+        0.5
 
         Args:
             points: At least two joint positions [rad], (n, dof).
@@ -193,6 +197,9 @@ class JointPath(Checked):
 
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Return joint positions or their derivatives with respect to s, `s.shape + (dof,)`.
+
+        >>> ac.JointPath.spline([(0.0, 0.0), (0.3, 0.4)])(0.25, order=1)
+        array([0.6, 0.8])
 
         Args:
             s: Arc lengths [m], any shape.

@@ -135,8 +135,8 @@ class Log(Checked):
         """Return the part of the log from `start` to `end` [s].
 
         Args:
-            start: First time to keep [s].
-            end: Last time to keep [s].
+            start: First time to keep [s]; by default from the first sample.
+            end: Last time to keep [s]; by default until the last sample.
         """
         mask = _time_mask(self.t, start, end, self.source)
         return replace(

@@ -22,7 +22,7 @@ from armcontour.control.identification.identification_result import (
     JointIdentification,
     Judgement,
     round_digits,
-    write_servo,
+    with_servo,
 )
 from armcontour.control.identification.joint_identification import MAX_WEAK, NOISE_MULTIPLE, RECORD
 from armcontour.control.identification.log_segments import split_logs
@@ -68,7 +68,7 @@ def choose_and_judge(
         if choice[j] != MODEL:
             delay = round_digits(comparison.delays[j] * (choice[j] == DELAY_ONLY))
             segments = split_logs(logs, j, interpolation, delay)
-            joint = write_servo(joint, segments, JointServo(np.inf, dead_time=delay))
+            joint = with_servo(joint, segments, JointServo(np.inf, dead_time=delay))
         share = float(chosen.shares[chosen.worst_log(j), j])
         judged.append(replace(joint, contour_ratio=share))
     return tuple(judged), _judge(logs, joints, chosen, program)

@@ -348,7 +348,7 @@ class Identification(Result, Frozen):
         return Prediction(log=log, positions=positions, used=used)
 
 
-def write_servo(
+def with_servo(
     joint: JointIdentification,
     segments: Sequence[LogSegment],
     servo: JointServo,
@@ -356,7 +356,7 @@ def write_servo(
     drive_cycle: float = 0.0,
     unseen: float = 0.0,
 ) -> JointIdentification:
-    """The joint with its servo for the file, and with the errors of this servo on the logs.
+    """Return the joint with a servo, and with the errors of this servo on the logs.
 
     `unseen` is the largest error on parts that were not fitted [rad].
     """

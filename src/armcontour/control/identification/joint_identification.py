@@ -13,7 +13,7 @@ from armcontour.control.identification.estimate import Estimate
 from armcontour.control.identification.identification_result import (
     JointIdentification,
     round_digits,
-    write_servo,
+    with_servo,
 )
 from armcontour.control.identification.initial_state import predict
 from armcontour.control.identification.joint_fit import MRAD
@@ -75,7 +75,7 @@ def identify_joint(
     except NoModel as reason:
         if reason.saturates:
             joint = replace(joint, saturation="")
-        unknown = write_servo(joint, segments, JointServo(np.inf))
+        unknown = with_servo(joint, segments, JointServo(np.inf))
         # Without a model, the error is the tracking error.
         return replace(unknown, note=str(reason), tracking_rms=unknown.rms)
 
@@ -200,9 +200,7 @@ class FittedJoint:
         pairs = zip(self.unseen_errors, self.selected.segments, strict=True)
         used = np.concatenate([x[s.use] for x, s in pairs])
         largest = float(np.abs(used).max())
-        return write_servo(
-            joint, segments, self.servo, self.order, self.search.drive_cycle, largest
-        )
+        return with_servo(joint, segments, self.servo, self.order, self.search.drive_cycle, largest)
 
     def _find_worst_error(self) -> LogError:
         """Return the larger error: that on parts that were not fitted, or that of the file."""

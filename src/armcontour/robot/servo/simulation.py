@@ -88,7 +88,7 @@ class ServoSimulation:
         """
         kind = HELD if self.servo.drive_cycle else COMPLETE
         if kind == HELD:
-            commands, starts = self._cycles(times[0], times[-1])
+            commands, starts = self._held_commands(times[0], times[-1])
         else:
             commands = self.commands
             starts = self.starts
@@ -125,7 +125,7 @@ class ServoSimulation:
                 )
         return velocities
 
-    def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
+    def _held_commands(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
         """Return the drives' held commands between two times, and the cycles' start times [s]."""
         drive_cycle = self.servo.drive_cycle
         pieces = self.commands

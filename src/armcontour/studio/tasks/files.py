@@ -1,6 +1,6 @@
 """Tasks that create a file, and tasks that read logs of the robot.
 
-Options of tasks with logs: `logs`, the names of the logs of successive runs, and `columns` as in
+Options of tasks with logs: `logs`, names of the logs in the order of the runs, and `columns` as in
 `read_log`.
 """
 
@@ -184,7 +184,7 @@ def identify(request: Request) -> MessageFrame:
 
 
 def _expected_errors(request: Request, servo: dict[str, Any]) -> list[Row]:
-    """Simulated contour errors of the run on the identified servo, now and if the job uses it."""
+    """Simulate the run on the identified servo: contour errors now, and if the job uses it."""
     plant = {name: x for name, x in servo.items() if name not in IDENTIFIED}
     job = {name: x for name, x in request.data.items() if name not in ("servo", "plant")}
     now = {**job, "servo": request.data["servo"], "plant": plant}
@@ -206,7 +206,7 @@ def _expected_errors(request: Request, servo: dict[str, Any]) -> list[Row]:
 
 
 def _gains(identification: Identification) -> Iterator[Row]:
-    """Rows of the gains, each with its range over the joints."""
+    """Return the rows of the gains, each with its range over the joints."""
     for name in ("kp", "kv"):
         found = [x.parameters[name] for x in identification.joints if name in x.parameters]
         if found:
@@ -263,7 +263,7 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
 
 
 def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
-    """Values, tables and notes of a result, the same as the terminal prints."""
+    """Return a result's values, tables and notes, the same as the terminal prints."""
     from armcontour.report.message_frame import without_options
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]
