@@ -1,6 +1,7 @@
 """Examples in docstrings of public names run and print what they state."""
 
 import doctest
+import importlib
 import inspect
 import shutil
 
@@ -17,6 +18,17 @@ needs_linuxcnc = pytest.mark.skipif(
 # Distances of bodies need the extra `dynamics`. A dry run looks at the drives of LinuxCNC.
 MARKS = {"check_clearance": needs_dynamics, "play": needs_linuxcnc}
 NAMES = [name for name in ac.__all__ if name != "__version__"]
+# Modules whose functions have examples although they are not public.
+EXPLAINED = (
+    "core.frames",
+    "core.quantities",
+    "core.render",
+    "core.result",
+    "core.sampled_data",
+    "core.text",
+    "jobs.certificate_goal",
+    "jobs.job",
+)
 FLAGS = doctest.ELLIPSIS
 FILES = {
     "job.yaml": """
@@ -71,3 +83,13 @@ def folder(tmp_path_factory, names):
 def test_the_docstring_example_of_a_public_name_runs(name, names, folder, monkeypatch):
     monkeypatch.chdir(folder)
     run(name, inspect.getdoc(PUBLIC[name]), names)
+
+
+@pytest.mark.parametrize("module", EXPLAINED)
+def test_docstring_examples_of_a_module_run(module):
+    explained = importlib.import_module(f"armcontour.{module}")
+    examples = doctest.DocTestFinder(exclude_empty=True).find(explained)
+    own = [x for x in examples if x.examples and x.name.rsplit(".", 1)[1] not in PUBLIC]
+    assert own
+    for example in own:
+        run(example.name, example.docstring, {**vars(explained), "ac": ac})

@@ -46,9 +46,9 @@ SAFEGUARDS = {
 }
 # Time after which a thread that moves a machine counts as dead [s]: later, it would catch up on the
 # missed cycles at once.
-SILENCE = 0.1
+MACHINE_TIMEOUT = 0.1
 # The same for simulated drives, whose time is that of the thread [s].
-SIMULATED_SILENCE = 1.0
+SIMULATED_TIMEOUT = 1.0
 # Capacity of the FIFO from the feeder to the servo thread [rows].
 STREAMER_DEPTH = 4000
 # Capacity of the FIFO from the servo thread to the feeder [rows].
@@ -121,7 +121,7 @@ class LinuxCNC(Controller):
         apart = _own_ipc() if self.hal_file is None else []
         words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.feeders.linuxcnc_feeder"]
         words += [*self._record_arguments(folder), str(file), str(self.ahead), str(arm.dof)]
-        words.append(repr(SIMULATED_SILENCE if self.simulates else SILENCE))
+        words.append(repr(SIMULATED_TIMEOUT if self.simulates else MACHINE_TIMEOUT))
         return words, environment
 
 

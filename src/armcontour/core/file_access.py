@@ -19,9 +19,9 @@ from armcontour.core.progress import registered
 
 MEGABYTE = 1_000_000
 # Size limit of jobs, arms and limits, which are written by hand or by small tools [bytes].
-SMALL = 64 * MEGABYTE
+MAX_HAND_WRITTEN = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
-LARGE = 1000 * MEGABYTE
+MAX_RECORDED = 1000 * MEGABYTE
 _BAG = "Write a CSV file with the script in docs/guides/controllers/ros2.md"
 # First bytes of unsupported files (placeholders, or formats to convert), each with the end of its
 # error message.
@@ -110,7 +110,7 @@ def refuse_ending(file: str | FilePath, noun: str) -> None:
         )
 
 
-def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> bytes:
+def read_bytes(file: str | FilePath, noun: str, *, maximum: int = MAX_HAND_WRITTEN) -> bytes:
     """Read the content of a regular file."""
     # Pipes and devices are refused before reading, because reading them might never end.
     path = FilePath(file)
@@ -150,7 +150,9 @@ def open_nonblocking(file: str, flags: int) -> int:
     return os.open(file, flags | getattr(os, "O_NONBLOCK", 0))
 
 
-def read_text(file: str | FilePath, noun: str, *, maximum: int = SMALL, latin: bool = False) -> str:
+def read_text(
+    file: str | FilePath, noun: str, *, maximum: int = MAX_HAND_WRITTEN, latin: bool = False
+) -> str:
     """Read a regular file as UTF-8 text, with or without a byte order mark."""
     content = read_bytes(file, noun, maximum=maximum)
     try:

@@ -243,6 +243,9 @@ def exp(vectors: npt.ArrayLike) -> FloatArray:
     """Return the rotation matrices of rotation vectors v [rad], (..., 3) to (..., 3, 3).
 
     Rodrigues' formula: R = I + (sin θ / θ) K + ((1 - cos θ) / θ²) K², with θ = |v| and K w = v × w.
+
+    >>> exp([0.0, 0.0, np.pi / 2]).round(3)[:, 0]
+    array([0., 1., 0.])
     """
     v = np.asarray(vectors, dtype=np.float64)
     angle = np.sqrt(np.sum(v * v, axis=-1))[..., None, None]
@@ -286,6 +289,9 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     """Return the rotation vectors [rad], (..., 3), of the shortest rotations between unit vectors.
 
     Opposite vectors have no unique shortest rotation; the axis is then one of those normal to them.
+
+    >>> shortest([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]).round(4)
+    array([0.    , 0.    , 1.5708])
     """
     a = np.asarray(first, dtype=np.float64)
     b = np.asarray(second, dtype=np.float64)

@@ -27,7 +27,7 @@ from armcontour.robot.limits import LIMITS
 from armcontour.verification import evaluate
 
 # Maximum number of listed changes.
-MAX_LISTED = 3
+MAX_CHANGES = 3
 # At most this number of groups of changes is tried.
 MAX_PLANNED = 6
 # A limit, or the travel speed of a weave, is multiplied by this factor.
@@ -46,10 +46,10 @@ LEAST_RESERVE = 0.02
 # A repair uses this fraction of the accuracy, so that rounding errors do not decide the verdict.
 ACCURACY_SHARE = 0.98
 # If all runs of a job have at most this number of segments, all changes are planned by default.
-SMALL = 50
+MAX_SEGMENTS_OF_SMALL_JOB = 50
 # Maximum number of segments in all planned changes of a larger job. Planning a change takes a third
 # of the time that the run takes.
-SEGMENTS = 200
+MAX_PLANNED_SEGMENTS = 200
 # Condition of a change that raises the limit of one joint, which protects its drive.
 IF_DRIVE = "the drive allows it"
 # Condition of a change that raises another limit, or the travel speed of a weave.
@@ -57,7 +57,7 @@ IF_PROCESS = "the process allows it"
 # Condition of a change that raises the corner tolerance.
 IF_PART = "the part allows it"
 # Name of the step in progress messages.
-STEP = "changes"
+ADVICE_STEP = "changes"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,12 +98,12 @@ def advise(
     smallest = -inf if repairs else MIN_SAVING * result.trajectory.duration
     for k, group in enumerate(planned := groups[:most]):
         for candidate in group:
-            report(Step((STEP,), done=k / len(planned)))
+            report(Step((ADVICE_STEP,), done=k / len(planned)))
             tried = _plan_change(candidate, result)
             if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
                 break
-    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MAX_LISTED]
+    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MAX_CHANGES]
     note = "" if suggestions else none
     if most < len(groups):
         note = (
@@ -134,7 +134,11 @@ def _count_affordable(job: Job) -> int:
     segments = sum(len(x.path) for x in job.program.contours) * len(job.runs)
     if any(x.is_shaped for x in job.runs):
         return 0
-    return MAX_PLANNED if segments <= SMALL else min(MAX_PLANNED, SEGMENTS // segments)
+    return (
+        MAX_PLANNED
+        if segments <= MAX_SEGMENTS_OF_SMALL_JOB
+        else min(MAX_PLANNED, MAX_PLANNED_SEGMENTS // segments)
+    )
 
 
 def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None:

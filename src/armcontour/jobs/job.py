@@ -96,6 +96,10 @@ def ending_of(format: str) -> str:
 class Exports(Checked):
     """Files for robot controllers that `run` writes.
 
+    >>> lasers = {"laser": {"kuka": 17, "abb": "doLaser"}}
+    >>> Exports(formats=("kuka",), outputs=lasers).outputs_for("kuka")
+    {'laser': 17}
+
     Args:
         formats: Formats: csv, ros-yaml, urscript, kuka, abb, or a template such as house.j2.
         outputs: Output of each event and analog output of the process, by name, such as `{laser: 0,
@@ -189,6 +193,9 @@ class Experiment(Checked):
 
     Plans, compensation and the controller of the robot use only the model of the arm: gravity
     feed-forward does not include this payload.
+
+    >>> Experiment(payload=Payload(mass=0.5)).unknown
+    'a payload of 0.5 kg'
 
     Args:
         step: Cycle time of the drives [s].

@@ -28,7 +28,9 @@ from armcontour.planning.path_grid import FEWEST_PER_PIECE, MAX_INTERVALS
 # Largest duration [s], about eleven days. Longer durations are mistakes, and times are rounded to a
 # nanosecond.
 LONGEST_MOTION = 1e6
-MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
+MotionTime = Annotated[
+    float, Quantity("s", "6.5 s", within=(checks.SMALLEST_NUMBER, LONGEST_MOTION))
+]
 Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MAX_INTERVALS)]
 # Marks a field that is a key of a job; the other fields have a key elsewhere, or no key.
 KEY = About()

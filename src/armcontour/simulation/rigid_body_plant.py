@@ -53,7 +53,7 @@ REST_NOISE = 4.0
 # The iteration to the equilibrium under gravity ends when positions change by at most this [rad],
 # and fails after the largest number of iterations.
 EQUILIBRIUM_TOLERANCE = 1e-13
-MAX_ITERATIONS = 200
+MAX_EQUILIBRIUM_ITERATIONS = 200
 # The default torque limits allow the acceleration limits in this number of random poses.
 RATED_POSES = 200
 # Duration of one block of the simulation [s].
@@ -61,7 +61,7 @@ BLOCK_DURATION = 1.0
 # Largest number of integration steps in one compiled call; a call takes up to 0.1 s.
 MAX_CALL_STEPS = 1000
 # Fields of a record with one row per step.
-LOGGED = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
+RECORD_FIELDS = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
 
 
 class RigidBodyPlant(LimitedPlant):
@@ -264,7 +264,7 @@ class RigidBodyPlant(LimitedPlant):
 
     def _execution(self, set_points: SetPoints, logs: list[_DriveRecord], span: float) -> Execution:
         """Join consecutive records, with `span` between results [s], to an execution."""
-        columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in LOGGED}
+        columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in RECORD_FIELDS}
         return Execution(
             arm=self.arm,
             set_points=set_points,
@@ -334,7 +334,7 @@ class _DriveRecord:
         return _DriveRecord(
             demand_range=self.demand_range,
             saturated=self.saturated,
-            **{name: getattr(self, name)[::every].copy() for name in LOGGED},
+            **{name: getattr(self, name)[::every].copy() for name in RECORD_FIELDS},
         )
 
 
@@ -422,7 +422,7 @@ class _Robot:
         q = first
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(MAX_EQUILIBRIUM_ITERATIONS):
             weight, fed = self._weight(q)
             before = q
             q = first - (weight - fed) / gain
