@@ -688,64 +688,111 @@ def _clear_line(job: Job, position: FloatArray, start: FloatArray) -> JointPath:
     return line
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Difference:
+    """Distance of a measured motion from its prediction.
+
+    - `arm`: the arm.
+    - `t`: times by the controller's clock [s], (n,).
+    - `joints`: distance of each joint [rad], (n, dof).
+    - `tool`: distance of the tool [m], (n,).
+    - `tolerance`: largest distance of each joint at the end [rad], (dof,).
+    """
+
+    arm: Arm
+    t: FloatArray
+    joints: FloatArray
+    tool: FloatArray
+    tolerance: FloatArray
+
+    @classmethod
+    def of_motion(
+        cls, played: Played, record: PlayedMotion, cycle: float, band: float | None
+    ) -> _Difference:
+        """Compare a recorded motion with its prediction, until a stop."""
+        arm = played.job.arm
+        motion = played.motion
+        assert motion.predicted is not None
+        k = np.rint(record.t / cycle).astype(int)
+        if record.stopped is not None:
+            k = k[k < max(record.stopped, 1)]
+        measured = record.measured[: len(k)]
+        predicted = motion.predicted[k.clip(0, len(motion.q) - 1)]
+        return cls(
+            arm=arm,
+            t=record.t,
+            joints=np.abs(measured - predicted),
+            tool=np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1),
+            tolerance=_rest_tolerance(arm, band),
+        )
+
+    @property
+    def _ratio(self) -> FloatArray:
+        """Distance of each joint as a multiple of its tolerance, (n, dof)."""
+        # Distances in rad and in m are only comparable by this ratio. A tolerance may be 0.
+        return self.joints / np.maximum(self.tolerance, LEAST_SCALE)
+
+    def rows(self) -> list[Row]:
+        """Return the largest distances of joints and tool."""
+        i, j = divmod(int(self._ratio.argmax()), self.arm.dof)
+        where = f"from the simulation, joint {j + 1} at {number(self.t[i], 's')}"
+        when = f"from the simulation, at {number(self.t[self.tool.argmax()], 's')}"
+        unit = unit_of(self.arm, "rad")
+        joints = self.joints.max(axis=0)
+        tool = float(self.tool.max())
+        return [
+            Row("difference.joints", joints, unit, "joint difference", where, FIRST),
+            Row("difference.tool", tool, "m", "tool difference", when, FIRST),
+        ]
+
+    def rest_fault(self) -> str:
+        """Say which joint rests too far from its simulated end; "" if none does."""
+        last = self.joints[-1]
+        j = int(self._ratio[-1].argmax())
+        if last[j] <= self.tolerance[j]:
+            return ""
+        rest = number(last[j], unit_of(self.arm, "rad", j))
+        return f"joint {j + 1} rests {rest} from its simulated end"
+
+
 def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
     """Add the verdict on a recorded motion, and its differences from the simulation."""
     record = played.record
-    motion = played.motion
-    planned = played.plan
-    arm = played.job.arm
     if record is None:
         return played
-    assert motion.predicted is not None and planned.judged is not None
-    k = np.rint(record.t / cycle).astype(int)
-    stopped_at = None
-    stopper = motion.next_stop
-    if record.stopped is not None and isinstance(stopper, Stopper):
-        t = planned.set_points.start_time + record.t
-        end = stopper.end_of(record.stopped)
-        stopped_at = find_stopped_place(played.job, planned, end, t, record.measured)
-    if record.stopped is not None:
-        k = k[k < max(record.stopped, 1)]
-    measured = record.measured[: len(k)]
-    predicted = motion.predicted[k.clip(0, len(motion.q) - 1)]
-    joints = np.abs(measured - predicted)
-    tool = np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1)
-    tolerance = _rest_tolerance(arm, band)
-    # Differences in rad and in m are compared by their ratio to the tolerance, which may be 0.
-    scale = np.maximum(tolerance, LEAST_SCALE)
-    i, j = divmod(int((joints / scale).argmax()), arm.dof)
-    where = f"from the simulation, joint {j + 1} at {number(record.t[i], 's')}"
-    when = f"from the simulation, at {number(record.t[tool.argmax()], 's')}"
+    planned = played.plan
+    assert planned.judged is not None
+    difference = _Difference.of_motion(played, record, cycle, band)
+    rows = difference.rows()
     kept = False
     reason = " ".join(record.notes) or "stopped on request"
-    rows = [
-        Row(
-            "difference.joints",
-            joints.max(axis=0),
-            unit_of(arm, "rad"),
-            "joint difference",
-            where,
-            FIRST,
-        ),
-        Row("difference.tool", float(tool.max()), "m", "tool difference", when, FIRST),
-    ]
     if record.stopped is None:
-        pieces = measured_pieces(
-            played.job, planned, planned.set_points.start_time + record.t, record.measured
-        )
-        errors = Errors.of_pieces(pieces)
+        t = planned.set_points.start_time + record.t
+        errors = Errors.of_pieces(measured_pieces(played.job, planned, t, record.measured))
         largest = max(errors.contour)
         note = f"simulated {number(planned.judged.contour_error.max, 'm')}"
         rows.append(Row("contour_error.max", largest, "m", "contour error", note, FIRST))
         verdict = planned.judge({"measured": errors})
-        kept = verdict.kept is not False
-        reason = reason_of(planned.run, verdict)
-        j = int((joints[-1] / scale).argmax())
-        if joints[-1, j] > tolerance[j]:
-            kept = False
-            rest = number(joints[-1, j], unit_of(arm, "rad", j))
-            reason = f"joint {j + 1} rests {rest} from its simulated end"
-    return replace(played, kept=kept, reason=reason, differences=tuple(rows), stopped_at=stopped_at)
+        fault = difference.rest_fault()
+        kept = verdict.kept is not False and not fault
+        reason = fault or reason_of(planned.run, verdict)
+    return replace(
+        played,
+        kept=kept,
+        reason=reason,
+        differences=tuple(rows),
+        stopped_at=_place_of_stop(played, record),
+    )
+
+
+def _place_of_stop(played: Played, record: PlayedMotion) -> StoppedPlace | None:
+    """Find where to resume the job after a stop; None if the motion was not stopped."""
+    stopper = played.motion.next_stop
+    if record.stopped is None or not isinstance(stopper, Stopper):
+        return None
+    t = played.plan.set_points.start_time + record.t
+    end = stopper.end_of(record.stopped)
+    return find_stopped_place(played.job, played.plan, end, t, record.measured)
 
 
 def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:

@@ -122,8 +122,8 @@ def identify_on(
         job: The job.
         controller: The controller, not connected.
         run_name: The run; by default the only one.
-        reserve: Smallest reserve of its plan.
-        execute: Whether the robot moves; otherwise the motions are planned and compared only.
+        reserve: Smallest reserve of its plan, by default 20 %.
+        execute: Whether the robot moves; by default the motions are only planned and compared.
         options: Options of the identification; by default with the arm of the job.
         stop_requested: Called often during a motion; True stops it on its path.
         progress: Called with the steps.

@@ -228,9 +228,10 @@ def learn_on(
         job: The job.
         controller: The controller, not connected.
         run_name: The run; by default the only one.
-        runs: Number of runs, with those of `logs`.
-        reserve: Smallest reserve of the plan: corrections need acceleration.
-        execute: Whether the robot moves; otherwise the first run is compared only.
+        runs: Number of runs, including those of `logs`; by default 4.
+        reserve: Smallest reserve of the plan, because corrections need acceleration; by default
+            20 %.
+        execute: Whether the robot moves; by default the first run is only compared.
         logs: Logs of earlier runs, with which learning goes on.
         band: Largest deviation of a revolute joint from the plan before a motion is stopped, also
             in the first run [rad]; in the first run by default as in `play`.
@@ -238,7 +239,7 @@ def learn_on(
         progress: Called with the steps.
 
     Raises:
-        InvalidInput: A log is one of other set-points.
+        InvalidInput: A log belongs to other set-points.
         ControllerRefused: The controller differs from the plan.
         ControllerLost: The controller failed during a motion.
     """

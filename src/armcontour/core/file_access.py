@@ -77,8 +77,8 @@ class _Allowed:
         real = file.resolve()
         if real not in self.files and not any(real.is_relative_to(x) for x in self.folders):
             raise InvalidInput(
-                f"The {kind} {file} is not in {self.folders[0]} or below, where files may be read "
-                "here. Copy it there, or name it in the job file before the start."
+                f"The {kind} {file} is outside of {self.folders[0]}, and only files inside may be "
+                "read. Copy it there, or name it in the job file before the start."
             )
 
 

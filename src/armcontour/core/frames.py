@@ -38,10 +38,10 @@ class Frame:
     array([0.4, 0. , 0.1])
 
     Args:
-        position: Origin of the frame [m], (3,); or the whole frame as a homogeneous transform,
-            (4, 4), or a pinocchio.SE3.
-        rotation: Rotation matrix with the axes of the frame as columns, (3, 3), or another form
-            that `rotations` accepts.
+        position: Origin of the frame [m], (3,), by default 0; or the whole frame as a homogeneous
+            transform, (4, 4), or a pinocchio.SE3.
+        rotation: Rotation matrix with the axes of the frame as columns, (3, 3), by default the
+            identity; or a quaternion (x, y, z, w) or a rotation of scipy.
 
     Raises:
         InvalidInput: The position does not have 3 coordinates, or the rotation is invalid.
@@ -76,7 +76,7 @@ class Frame:
             pose: A Frame, a homogeneous transform, (4, 4), a pinocchio.SE3 or a position [m], (3,).
 
         Raises:
-            InvalidInput: Not a pose.
+            InvalidInput: The value is none of these.
         """
         return pose if isinstance(pose, Frame) else cls(pose)  # type: ignore[arg-type]
 

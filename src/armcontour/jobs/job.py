@@ -180,8 +180,8 @@ def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
             ending_of(format)
         if format in WITHOUT_OUTPUTS or PurePath(format).name != format:
             raise InvalidInput(
-                f"{key} has no effect, because outputs are of urscript, kuka, abb, and templates, "
-                f"which are named without a folder, such as house{TEMPLATE}."
+                f"{key} has no effect, because only urscript, kuka, abb and templates switch "
+                f"outputs. Name a template without its folder, such as house{TEMPLATE}."
             )
         if isinstance(output, bool) or not isinstance(output, int | str):
             raise InvalidInput(f"{key} must be a number or a text, but is {show(output)}.")
@@ -257,9 +257,9 @@ class Rounding(Checked):
         shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
             path whose points are all within the tolerance of the objective, at corners and along
             lines, and requires `tolerance` and the timing optimal.
-        tolerance: Largest corner error [m] (case II).
+        tolerance: Largest corner error [m].
         iterations: For the shape free, how many iterations the search may take.
-        speed: Lowest corner speed [m/s] (case I).
+        speed: Lowest corner speed [m/s].
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
         angular_tolerance: Largest angle between the tool and its required orientation [rad].
@@ -355,12 +355,12 @@ class Run(Checked):
         cycle: Cycle [s].
         end_time: End of the time over which errors are evaluated [s]; None: when all joints are at
             rest.
-        experiment: Options of a simulation with rigid bodies; None for no such simulation.
-        accuracy: Largest allowed distance of the tool from the drawing [m]. By default, corners may
-            have errors up to their tolerances, and the contour error may be a tenth of the smallest
+        experiment: Options for simulating rigid bodies; None if they are not simulated.
+        accuracy: Largest distance of the tool from the drawing that is allowed [m]. By default,
+            corner errors may reach their tolerances, and the contour error a tenth of the smallest
             tolerance.
-        default_compensation: Whether the job file specifies no compensation. Then a certificate
-            for servos has the inverse of the servo also for a run with an experiment.
+        default_compensation: Whether the job file specifies no compensation. If so, certificates
+            for servos use the inverse of the servo, even if the run has an experiment.
         speed_factor: Fraction of the planned speed, as of `Trajectory.stretched`; None means 1, but
             0.1 for `play`.
 

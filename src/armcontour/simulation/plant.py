@@ -118,7 +118,8 @@ def simulate(
         set_points: The set-points.
         plant: The plant, or the servos of the planned arm; it should differ from the model for
             which compensation was computed.
-        resolution: Largest time between two results [s]; it does not change the motion.
+        resolution: Largest time between two results [s], by default 1 ms; it does not change the
+            motion.
 
     Raises:
         InvalidInput: The set-points and the plant have different numbers of joints, the gains are

@@ -86,12 +86,13 @@ class RigidBodyPlant(LimitedPlant):
         limits: Limits with the joint torques at which drives saturate. By default, the limits of
             the plan count; if the plan has none, those of the arm. Without torque limits, the
             drives are strong enough for all joints' acceleration limits together in the worst pose.
-        step: Cycle time of the drives [s]; it is shortened to an integer fraction of the cycle.
-        gravity_feedforward: True if the controller adds the gravity torque, including that of the
-            payload in its model.
-        noise: Standard deviation of measured joint positions [rad], independent in every step.
-            Measured velocities are exact, because the filters in drives are unknown.
-        seed: Seed of the noise, which is the same in every run.
+        step: Cycle time of the drives [s], by default 0.25 ms; it is shortened to an integer
+            fraction of the set-points' cycle.
+        gravity_feedforward: Whether the controller adds the gravity torque (default), including
+            that of the payload in its model.
+        noise: Standard deviation of measured joint positions [rad], independent in every step; by
+            default 0. Measured velocities are exact, because the filters in drives are unknown.
+        seed: Seed of the noise, by default 0; with one seed, the noise is the same in every run.
         controller: The controller's model of the arm, for example without a payload that the
             controller does not know; by default the arm itself. It determines J, the gravity
             torque, and torque limits that follow from acceleration limits.

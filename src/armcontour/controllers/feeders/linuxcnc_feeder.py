@@ -365,7 +365,7 @@ class LinuxCNCDevice:
             self.put(-1, tuple(float(hal.get_value(x)) for x in names))
 
     def wait(self) -> None:
-        """Pause: the FIFO contains rows for many cycles."""
+        """Wait without watching HAL: the FIFO contains rows for many cycles."""
         time.sleep(LOOP_PAUSE)
 
     def close(self) -> None:
