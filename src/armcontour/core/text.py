@@ -26,7 +26,7 @@ LONGEST_SENTENCE = 2000
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 4 * MAX_SHOWN
 # Longest text of a number [characters]; no program prints more digits.
-MAX_NUMBER_LENGTH = 100
+LONGEST_NUMBER = 100
 # Smallest similarity of a misspelled name.
 SIMILARITY = 0.65
 # Names that users write for the names of arguments.
@@ -134,7 +134,7 @@ def describe_fields(cls: type) -> dict[str, str]:
 def parse_number(text: str) -> float:
     """Parse a finite decimal number; blanks around the number are ignored."""
     # `float` also accepts `1_0`, digits of other scripts, `nan` and `inf`; these are refused.
-    if len(text) > MAX_NUMBER_LENGTH or not text.isascii() or "_" in text:
+    if len(text) > LONGEST_NUMBER or not text.isascii() or "_" in text:
         raise ValueError(f"{text[:40]!r} is not a number")
     value = float(text)
     if not math.isfinite(value):

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import MAX_NUMBER_LENGTH, parse_number, show
+from armcontour.core.text import LONGEST_NUMBER, parse_number, show
 
 # Longest text [characters]; libyaml reads one million per second. Tables have long paths.
 MAX_YAML_LENGTH = 16_000_000
@@ -71,7 +71,7 @@ def _construct_number(loader: Loader, node: yaml.Node) -> float:
     try:
         value = parse_number(text)
     except ValueError:
-        words = f"{show(text)} is not a finite number of at most {MAX_NUMBER_LENGTH} characters"
+        words = f"{show(text)} is not a finite number of at most {LONGEST_NUMBER} characters"
         raise _node_error(node, words) from None
     return int(text) if INT.match(text) else value
 

@@ -29,7 +29,7 @@ from armcontour.verification import evaluate
 # Maximum number of listed changes.
 MAX_CHANGES = 3
 # At most this number of groups of changes is tried.
-MAX_PLANNED = 6
+MAX_PLANNED_CHANGES = 6
 # A limit, or the travel speed of a weave, is multiplied by this factor.
 LIMIT_FACTOR = 1.2
 # Factor by which a corner tolerance is increased.
@@ -73,7 +73,11 @@ class _Candidate:
 
 
 def advise(
-    job: Job, result: RunResult, progress: Progress | None = None, *, most: int = MAX_PLANNED
+    job: Job,
+    result: RunResult,
+    progress: Progress | None = None,
+    *,
+    most: int = MAX_PLANNED_CHANGES,
 ) -> Advice:
     """Find the changes of a run that save most time, or that repair a run with a negative verdict.
 
@@ -90,7 +94,7 @@ def advise(
         )
     else:
         likely = sorted(_savings(job, result), key=lambda x: -x[0].expected_saving)
-        groups = likely[:MAX_PLANNED]
+        groups = likely[:MAX_PLANNED_CHANGES]
         none = (
             "No single change of a limit, of the corners or of the contour order makes the motion "
             "faster."
@@ -117,7 +121,7 @@ def with_advice(
     study: JobResult, progress: Progress | None = None, *, complete: bool = False
 ) -> JobResult:
     """Study with the advice on each of its runs; for a large job only if `complete`."""
-    most = MAX_PLANNED if complete else _count_affordable(study.job)
+    most = MAX_PLANNED_CHANGES if complete else _count_affordable(study.job)
     if not most:
         return study
     runs = dict(study.runs)
@@ -135,9 +139,9 @@ def _count_affordable(job: Job) -> int:
     if any(x.is_shaped for x in job.runs):
         return 0
     return (
-        MAX_PLANNED
+        MAX_PLANNED_CHANGES
         if segments <= MAX_SEGMENTS_OF_SMALL_JOB
-        else min(MAX_PLANNED, MAX_PLANNED_SEGMENTS // segments)
+        else min(MAX_PLANNED_CHANGES, MAX_PLANNED_SEGMENTS // segments)
     )
 
 

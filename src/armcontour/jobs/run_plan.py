@@ -60,7 +60,7 @@ SHORTEST_LEAD = 1e-3
 # arm may accelerate less in other positions.
 LEAD_FACTOR = 1.25
 # The speed along a contour is known at this number of points.
-SPEED_SAMPLES = 401
+LEAD_SPEED_SAMPLES = 401
 # Keys of the process that are ignored while automatic leads are determined.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 # Name of a run's first step, in which corners are rounded.
@@ -216,7 +216,7 @@ def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory |
     contour = dataclasses.replace(contour, work=None)
     path = contour.path
     length_of_motion = float(motion.s(motion.duration))
-    distances = np.linspace(0.0, length_of_motion, SPEED_SAMPLES)[1:]
+    distances = np.linspace(0.0, length_of_motion, LEAD_SPEED_SAMPLES)[1:]
     for key, name, s, side in (
         ("lead_in", "before", 0.0, "right"),
         ("lead_out", "after", path.length, "left"),

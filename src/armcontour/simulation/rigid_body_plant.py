@@ -43,13 +43,14 @@ STEP_RANGE = (1e-6, 0.1)
 LARGEST_NOISE = 0.1
 DriveCycle = Annotated[float, Quantity("s", "4 ms", within=STEP_RANGE)]
 PositionNoise = Annotated[float, Quantity("rad", "2 deg", within=(0.0, LARGEST_NOISE))]
-# After the last set-point, a joint is at rest if it stays within a range of REST_RANGE [rad] (1 µm
-# at 1 m) for REST_TIME [s] and for the slowest time constant of a position loop. The test does not
-# use the rest position, because it depends on friction and gravity.
-REST_TIME = 0.25
-REST_RANGE = 1e-6
+# After the last set-point, a joint is at rest if it stays within a range for this time [s] and for
+# the slowest time constant of a position loop. The test does not use the rest position, because it
+# depends on friction and gravity.
+RIGID_REST_TIME = 0.25
+# This range [rad] (1 µm at 1 m).
+RIGID_REST_RANGE = 1e-6
 # Noise of the measured position widens this range by so many standard deviations.
-REST_NOISE = 4.0
+RIGID_REST_DEVIATIONS = 4.0
 # The iteration to the equilibrium under gravity ends when positions change by at most this [rad],
 # and fails after the largest number of iterations.
 EQUILIBRIUM_TOLERANCE = 1e-13
@@ -223,7 +224,7 @@ class RigidBodyPlant(LimitedPlant):
             log = robot.advance(commands, commands)
             logs.append(log.thinned(every))
             moved = log.moved(robot.step)
-            if (moved <= REST_RANGE + REST_NOISE * self.noise).all():
+            if (moved <= RIGID_REST_RANGE + RIGID_REST_DEVIATIONS * self.noise).all():
                 self._check_strength(log, set_points.q[-1], robot.now)
                 return logs
         j = int(np.argmax(moved))
@@ -476,10 +477,10 @@ def can_simulate() -> bool:
 
 
 def rest_window(servo: ServoModel) -> float:
-    """Return the time for which joints must stay within `REST_RANGE` to be at rest [s]."""
+    """Return the time for which joints must stay within `RIGID_REST_RANGE` to be at rest [s]."""
     # With an integrator, the slowest time constant of a position loop is at most `1 / kp + 1 / ki`.
     slowest = 1 / servo.kp + np.where(servo.ki > 0, 1 / np.where(servo.ki > 0, servo.ki, 1.0), 0.0)
-    return min(max(REST_TIME, float(slowest.max())), LONGEST_SETTLING)
+    return min(max(RIGID_REST_TIME, float(slowest.max())), LONGEST_SETTLING)
 
 
 def _require_chain(arm: Arm) -> Chain:
