@@ -70,6 +70,9 @@ class LinuxCNC(Controller):
             velocity loops with the model's gains and integrators; two integrators turn its output
             into positions. The model, else the arm, limits the accelerations. If the model has a
             dead time of one cycle, `pid` uses `error-previous-target`, LinuxCNC's default.
+
+    Raises:
+        InvalidInput: Neither a HAL file nor drives are given, or both.
     """
 
     name = "linuxcnc"
@@ -208,7 +211,11 @@ def _accelerations(servo: ServoModel, arm: Arm) -> FloatArray:
 
 
 def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: float) -> Iterator[str]:
-    """Write a HAL file with a servo and a double integrator per joint."""
+    """Write a HAL file with a servo and a double integrator per joint.
+
+    Raises:
+        InvalidInput: The servo has other parameters than kp, kv, ki and a dead time of one cycle.
+    """
     dof = arm.dof
     limits = _accelerations(servo, arm)
     servo = servo.for_joints(dof)

@@ -1,4 +1,4 @@
-"""Checks of type, shape, finiteness and range of values. Each error is one sentence."""
+"""Checks of type, shape, finiteness and range; wrong values raise InvalidInput in one sentence."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ class Immutable:
 
 
 def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """Return `values` as a new float array, all finite and at most LARGEST."""
+    """Return `values` as a new float array, all finite and at most `LARGEST_NUMBER`."""
     array = np.array(floats(name, values, unit))
     # The sum of squares is a fast sufficient test. NaN fails the comparison.
     row = array.ravel("K")
@@ -301,7 +301,7 @@ def check_count(work: str, values: float, fix: str) -> None:
 
 
 def positive(name: str, value: Any, unit: str = "") -> float:
-    """Return `value` as a finite float above zero, at least SMALLEST."""
+    """Return `value` as a finite float above zero, at least `SMALLEST_NUMBER`."""
     return check_range(name, value, SMALLEST_NUMBER, LARGEST_NUMBER, unit)
 
 
@@ -324,7 +324,7 @@ def check_range(name: str, value: Any, low: float, high: float, unit: str = "") 
 
 
 def check_int(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
-    """Return `value` as an int from `low` to `high`; None is no bound."""
+    """Return `value` as an int from `low` to `high`; None means unbounded."""
     minimum = -LARGEST_NUMBER if low is None else low
     maximum = MAX_WHOLE if high is None else high
     if type(value) is int and minimum <= value <= maximum:

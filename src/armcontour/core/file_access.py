@@ -111,7 +111,12 @@ def refuse_ending(file: str | FilePath, noun: str) -> None:
 
 
 def read_bytes(file: str | FilePath, noun: str, *, maximum: int = MAX_HAND_WRITTEN) -> bytes:
-    """Read the content of a regular file."""
+    """Read the content of a regular file.
+
+    Raises:
+        InvalidInput: The file cannot be read, is not a regular file, or has more than `maximum`
+            bytes.
+    """
     # Pipes and devices are refused before reading, because reading them might never end.
     path = FilePath(file)
     try:

@@ -183,6 +183,10 @@ def rotations(name: str, values: Any) -> FloatArray:
     """Return rotation matrices, (3, 3) or (n, 3, 3).
 
     `values` are rotation matrices, quaternions (x, y, z, w), or a rotation of scipy.
+
+    Raises:
+        InvalidInput: A matrix is not a rotation within `ROTATION_TOLERANCE`, or a quaternion does
+            not have the length 1 within `QUATERNION_TOLERANCE`.
     """
     if hasattr(values, "as_matrix"):
         values = values.as_matrix()

@@ -92,7 +92,11 @@ Loader.add_constructor("!degrees", lambda x, node: math.radians(_construct_numbe
 
 
 def load(content: str | bytes, source: str) -> Any:
-    """Load the YAML document in a text, or in bytes of UTF-8; `!degrees` converts to radians."""
+    """Load the YAML document in a text, or in bytes of UTF-8; `!degrees` converts to radians.
+
+    Raises:
+        InvalidInput: The text is too long, is not valid YAML, or repeats keys.
+    """
     if len(content) > MAX_YAML_LENGTH:
         raise InvalidInput(
             f"{source} has {len(content) / 1e6:.0f} million characters, more than the "

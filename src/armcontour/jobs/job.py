@@ -81,7 +81,11 @@ TRANSITION_TOLERANCE = 1e-5
 
 
 def ending_of(format: str) -> str:
-    """Return the file extension of a format or template, such as ".src" for "house.src.j2"."""
+    """Return the file extension of a format or template, such as ".src" for "house.src.j2".
+
+    Raises:
+        InvalidInput: The format is unknown.
+    """
     if format in ENDINGS:
         return ENDINGS[format]
     if not format.endswith(TEMPLATE):
@@ -554,7 +558,11 @@ class Job(Checked):
 
 
 def find_run(job: Job, name: str) -> Run:
-    """Find the run of a job by its name."""
+    """Find the run of a job by its name.
+
+    Raises:
+        InvalidInput: The job has no run with this name.
+    """
     for run in job.runs:
         if run.name == name:
             return run
@@ -563,7 +571,14 @@ def find_run(job: Job, name: str) -> Run:
 
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
-    """Find the run with this name, or the only run; `done`: participle for the message."""
+    """Find the run with this name, or the only run.
+
+    `done`: participle for the message, such as "certified"; `among`: the runs from which the only
+    one is taken, by default all.
+
+    Raises:
+        InvalidInput: The name is unknown, or several runs are possible.
+    """
     if name is not None:
         return find_run(job, name)
     able = among or job.runs

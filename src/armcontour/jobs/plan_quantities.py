@@ -91,7 +91,7 @@ class Weaving:
 
     @property
     def differs(self) -> bool:
-        """True if the planned weave differs from the requested weave by more than ALLOWED."""
+        """True if the planned and the requested weave differ by more than `WEAVE_TOLERANCE`."""
         width, frequency = self.requested
         narrow = max(abs(x - width) for x in self.width) > WEAVE_TOLERANCE * width
         return narrow or self.frequency[0] < (1 - WEAVE_TOLERANCE) * frequency or self.left_out > 0
