@@ -14,7 +14,7 @@ from armcontour.cli import play_command
 from armcontour.control.learning import LearningResult
 from armcontour.controllers import identify_on, learn_on, play
 from armcontour.controllers.player import plan_played
-from armcontour.controllers.robot_identification import SHARE, excite
+from armcontour.controllers.robot_identification import LIMIT_SHARE, excite
 from armcontour.core.errors import ControllerLost, ControllerRefused
 from armcontour.files import parse_job
 from armcontour.jobs.run_learning import learn_logs
@@ -77,7 +77,7 @@ def test_excitation_is_within_limits_from_rest_to_rest(job):
     begin = plan.trajectory(0.0)
     np.testing.assert_allclose(motion.q[[0, -1]], [begin, begin], atol=1e-12)
     accelerations = np.diff(motion.q, 2, axis=0) / 1e-6
-    assert (np.abs(accelerations).max(axis=0) < 0.72 * SHARE).all()
+    assert (np.abs(accelerations).max(axis=0) < 0.72 * LIMIT_SHARE).all()
     assert (np.abs(accelerations[[0, -1]]) < 1e-3).all()
     # Joints do not move alike.
     assert abs(np.corrcoef(motion.q[:12000].T)[0, 1]) < 0.5

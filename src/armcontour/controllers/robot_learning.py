@@ -34,19 +34,19 @@ from armcontour.robot import Arm
 
 # Default reserve: learned corrections need additional acceleration, and learning assumes that
 # drives do not saturate.
-CORRECTIONS = 0.2
+DEFAULT_RESERVE = 0.2
 # Default number of runs.
-RUNS = 4
-# A run is stopped if a joint deviates from the plan by more than LEAST and by more than this
-# multiple of the largest deviation in the best earlier run.
-RUNAWAY = 3.0
+DEFAULT_RUNS = 4
+# A run is stopped if a joint deviates from the plan by more than RUNAWAY_LEAST and by more than
+# this multiple of the largest deviation in the best earlier run.
+RUNAWAY_FACTOR = 3.0
 # A run goes on while a revolute joint deviates from the plan by at most this [rad], unless the
 # specified band is narrower.
-LEAST = 1e-3
+RUNAWAY_LEAST = 1e-3
 # The same for a linear axis [m], whose band is not specified.
-LEAST_LINEAR = 1e-3
+RUNAWAY_LEAST_LINEAR = 1e-3
 # Tolerance between the commands of a log and the set-points of its run [rad].
-SAME = 1e-6
+LOGGED_COMMAND_TOLERANCE = 1e-6
 STOPPED = "stopped on request"
 LOST = "the controller was lost"
 
@@ -194,8 +194,8 @@ def _runaway_band(arm: Arm, largest: FloatArray, band: float | None) -> FloatArr
     linear = float(largest[slides].max(initial=0.0))
     return per_joint(
         arm,
-        min(np.inf if band is None else band, max(RUNAWAY * angular, LEAST)),
-        max(RUNAWAY * linear, LEAST_LINEAR),
+        min(np.inf if band is None else band, max(RUNAWAY_FACTOR * angular, RUNAWAY_LEAST)),
+        max(RUNAWAY_FACTOR * linear, RUNAWAY_LEAST_LINEAR),
         arm.dof,
     )
 
@@ -213,8 +213,8 @@ def _check_commands(result: RobotLearning, log: Log, cycle: float) -> None:
     """Refuse a log whose commands differ from the set-points of the next run."""
     q = commands_at(result.set_points, cycle, result.job.servo.interpolation)
     n = min(len(q), len(log.command))
-    same = log.dof == q.shape[1] and abs(log.interval - cycle) < SAME * cycle
-    if not same or np.abs(log.command[:n] - q[:n]).max() > SAME:
+    same = log.dof == q.shape[1] and abs(log.interval - cycle) < LOGGED_COMMAND_TOLERANCE * cycle
+    if not same or np.abs(log.command[:n] - q[:n]).max() > LOGGED_COMMAND_TOLERANCE:
         raise InvalidInput(
             f"The commands of {log.source} differ from the set-points of run "
             f"{len(result.logs) + 1}, because the job has changed since. Start again in "
@@ -228,8 +228,8 @@ def learn_on(
     controller: Controller,
     *,
     run_name: str | None = None,
-    runs: int = RUNS,
-    reserve: Reserve = CORRECTIONS,
+    runs: int = DEFAULT_RUNS,
+    reserve: Reserve = DEFAULT_RESERVE,
     execute: bool = False,
     logs: Sequence[Log] = (),
     band: AngularDistance | None = None,
@@ -246,9 +246,10 @@ def learn_on(
         job: The job.
         controller: The controller, not connected.
         run_name: The run; by default the only one.
-        runs: Number of runs, with those of `logs`.
-        reserve: Smallest reserve of the plan: corrections need acceleration.
-        execute: Whether the robot moves; otherwise the first run is compared only.
+        runs: Number of runs, including those of `logs`; by default 4.
+        reserve: Smallest reserve of the plan, because corrections need acceleration; by default
+            20 %.
+        execute: Whether the robot moves; by default the first run is only compared.
         logs: Logs of earlier runs, with which learning goes on.
         band: Largest deviation of a revolute joint from the plan before a motion is stopped, also
             in the first run [rad]; in the first run by default as in `play`.
@@ -256,7 +257,7 @@ def learn_on(
         progress: Called with the steps.
 
     Raises:
-        InvalidInput: A log is one of other set-points.
+        InvalidInput: A log belongs to other set-points.
         ControllerRefused: The controller differs from the plan.
         ControllerLost: The controller failed during a motion.
     """

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, Frozen, IntArray
-from armcontour.core.file_access import LARGE, read_text, refuse_ending
+from armcontour.core.file_access import MAX_RECORDED, read_text, refuse_ending
 from armcontour.core.text import show
 from armcontour.files.csv_table import CsvTable, Digits, Title, last_digit, title_pattern
 from armcontour.motion import LapLaw, Trajectory
@@ -177,7 +177,7 @@ class TableSamples:
 def read_csv_text(file: str | FilePath, kind: str) -> str:
     """Read the text of a CSV file; `kind` is for messages."""
     refuse_ending(file, kind)
-    return read_text(file, kind, maximum=LARGE, latin=True)
+    return read_text(file, kind, maximum=MAX_RECORDED, latin=True)
 
 
 def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:

@@ -70,6 +70,10 @@ TRANSITION_TOLERANCE = 1e-5
 class Exports(Checked):
     """Files for robot controllers that `run` writes.
 
+    >>> lasers = {"laser": {"kuka": 17, "abb": "doLaser"}}
+    >>> Exports(formats=("kuka",), outputs=lasers).outputs_for("kuka")
+    {'laser': 17}
+
     Args:
         formats: Formats by name, such as csv, or a template such as house.j2.
         outputs: Output of each event and analog output of the process, by name, such as `{laser: 0,
@@ -128,6 +132,9 @@ class Experiment(Checked):
 
     Plans, compensation and the controller of the robot use only the model of the arm: gravity
     feed-forward does not include this payload.
+
+    >>> Experiment(payload=Payload(mass=0.5)).unknown
+    'a payload of 0.5 kg'
 
     Args:
         step: Cycle time of the drives [s].
@@ -189,9 +196,9 @@ class Rounding(Checked):
         shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
             path whose points are all within the tolerance of the objective, at corners and along
             lines, and requires `tolerance` and the timing optimal.
-        tolerance: Largest corner error [m] (case II).
+        tolerance: Largest corner error [m].
         iterations: For the shape free, how many iterations the search may take.
-        speed: Lowest corner speed [m/s] (case I).
+        speed: Lowest corner speed [m/s].
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
         angular_tolerance: Largest angle between the tool and its required orientation [rad].
@@ -287,12 +294,12 @@ class Run(Checked):
         cycle: Cycle [s].
         end_time: End of the time over which errors are evaluated [s]; None: when all joints are at
             rest.
-        experiment: Options of a simulation with rigid bodies; None for no such simulation.
-        accuracy: Largest allowed distance of the tool from the drawing [m]. By default, corners may
-            have errors up to their tolerances, and the contour error may be a tenth of the smallest
+        experiment: Options for simulating rigid bodies; None if they are not simulated.
+        accuracy: Largest distance of the tool from the drawing that is allowed [m]. By default,
+            corner errors may reach their tolerances, and the contour error a tenth of the smallest
             tolerance.
-        default_compensation: Whether the job file specifies no compensation. Then a certificate
-            for servos has the inverse of the servo also for a run with an experiment.
+        default_compensation: Whether the job file specifies no compensation. If so, certificates
+            for servos use the inverse of the servo, even if the run has an experiment.
         speed_factor: Fraction of the planned speed, as of `Trajectory.stretched`; None means 1, but
             0.1 for `play`.
 
@@ -506,7 +513,11 @@ class Job(Checked):
 
 
 def find_run(job: Job, name: str) -> Run:
-    """Find the run of a job by its name."""
+    """Find the run of a job by its name.
+
+    Raises:
+        InvalidInput: The job has no run with this name.
+    """
     for run in job.runs:
         if run.name == name:
             return run
@@ -515,7 +526,14 @@ def find_run(job: Job, name: str) -> Run:
 
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
-    """Find the run with this name, or the only run; `done`: participle for the message."""
+    """Find the run with this name, or the only run.
+
+    `done`: participle for the message, such as "certified"; `among`: the runs from which the only
+    one is taken, by default all.
+
+    Raises:
+        InvalidInput: The name is unknown, or several runs are possible.
+    """
     if name is not None:
         return find_run(job, name)
     able = among or job.runs

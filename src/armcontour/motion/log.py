@@ -206,7 +206,7 @@ def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArra
     """Return the mask of the samples from `start` to `end`, (n,); InvalidInput if none."""
     for name, value in (("first", start), ("last", end)):
         # NaN fails the comparison; NumPy cannot compare larger integers.
-        largest = checks.LARGEST if isinstance(value, int) else math.inf
+        largest = checks.LARGEST_NUMBER if isinstance(value, int) else math.inf
         if not (isinstance(value, int | float | np.number) and abs(value) <= largest):
             raise InvalidInput(
                 f"The {name} time of {source} must be a number in s, not {show(value)}."
