@@ -401,6 +401,8 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     yield Row("full_stops.reasons", stops)
     if job is not None and job.process.off:
         yield Row("process_off", True, "", "process off", "no output is switched")
+        if job.process.lift:
+            yield Row("lift", job.process.lift, "m", "above the part", "along its z axis")
     elif job is not None and job.process.analog_names:
         yield Row("analog", job.process.analog_names)
     if job is not None and job.export.outputs:
