@@ -89,7 +89,9 @@ SINGLE_PATH_OPTIONS = ("start_speed", "end_speed")
 MAX_TOTAL_INTERVALS = 40_000
 # Smallest default number of grid intervals per contour of such a program.
 FEWEST_INTERVALS = 500
-MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
+MotionTime = Annotated[
+    float, Quantity("s", "6.5 s", within=(checks.SMALLEST_NUMBER, LONGEST_MOTION))
+]
 PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
 
 

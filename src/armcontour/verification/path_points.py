@@ -75,7 +75,7 @@ class FollowedPoints(NamedTuple):
 
     distance: FloatArray  # Distance of each path point [m], (n,)
     s: FloatArray  # Arc length of each path point [m], (n,)
-    count: int  # Number of tool points that were followed
+    followed: int  # Number of tool points that were followed
     held: bool  # True if any path point was restricted because arc length must not decrease
 
 
