@@ -1,4 +1,4 @@
-"""Alignment of a recording with the plan: clock and noise, with checks."""
+"""Alignment of a recording with the plan in time, its noise, and checks."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from armcontour.core.sampled_data import interpolate, white_noise
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import check_completeness
 
-# Largest relative difference of the rates of two clocks. A larger difference means that the log is
-# of another job or has another unit of time.
+# Rates of two clocks differ by at most this fraction. A larger difference means that the log is of
+# another job or has another unit of time.
 MAX_RATE_DIFFERENCE = 0.03
 # Number of cycles over which differences of set-points are averaged.
 AVERAGED_CYCLES = 10
@@ -38,12 +38,12 @@ INTERVAL_TOLERANCE = 0.01
 # Logged set-points are those of the run if their RMS difference from its set-points is at most this
 # [rad].
 SET_POINT_TOLERANCE = 1e-4
-# This RMS difference may also be at most this fraction of the RMS error of the run.
+# The RMS difference may also be at most this fraction of the run's RMS error.
 ERROR_SHARE = 0.05
-# This RMS difference may also be at most this multiple of the noise of the run.
+# The RMS difference may also be at most this multiple of the run's noise.
 NOISE_MULTIPLE = 10.0
-# A log belongs to an earlier run if the misfit of its set-points is below this fraction of the
-# misfit of the current set-points.
+# A log belongs to an earlier run if that run's set-points fit it with less than this fraction of
+# the misfit that the current ones have.
 NEARER = 0.5
 # A joint rests if it has moved by at most this multiple of the noise.
 REST_SIGMAS = 6.0
@@ -143,7 +143,7 @@ def align(
 
 
 def find_rest(recording: Recording, lifted: Lifted, set_points: SetPoints) -> float:
-    """Plan time at which the arm has rested for REST_TIME after its set-points [s]; 0 if never."""
+    """Return the plan time at which the arm has rested for REST_TIME [s]; 0 if it never does."""
     aligned = align(recording, lifted, set_points)
     t = aligned.offset + aligned.rate * recording.t
     moved = np.abs(recording.q - interpolate(t - REST_TIME, t, recording.q))
@@ -218,7 +218,10 @@ class Decay(NamedTuple):
 
 
 def fit_decay(t: FloatArray, q: FloatArray, gain: float) -> Decay:
-    """Fit a decay to positions q [rad] at times t [s], (n,); `gain` of the position loop [1/s]."""
+    """Fit a decay to positions q [rad] at times t [s], (n,).
+
+    - `gain`: gain of the position loop [1/s].
+    """
     best: Decay | None = None
     for rate in np.geomspace(SLOWEST_RATE, FASTEST_RATE * gain, RATE_COUNT):
         shape = np.exp(-rate * t)
@@ -272,7 +275,7 @@ def require_same_set_points(recording: Recording, run: LearningRun, set_points: 
 
 
 def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoints) -> float:
-    """RMS difference of recorded and executed set-points [rad]; 0 if none are recorded."""
+    """Return the RMS difference of recorded and executed set-points [rad]; 0 without any."""
     # Controllers record held or interpolated set-points, with small time offsets. The resulting
     # differences alternate within a cycle, so differences are averaged over AVERAGED_CYCLES cycles.
     if command is None:
@@ -287,10 +290,10 @@ def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoi
 def fit_clock(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> tuple[float, float]:
-    """Offset and rate of plan times `offset + rate t` at which values match a reference.
+    """Fit offset and rate so that values match a reference at plan times `offset + rate t`.
 
-    values (m, dof) at t (m,) [s] of the clock; reference (n, dof) at uniform times (n,) [s] of the
-    plan.
+    - `values`: (m, dof), at the clock's times t [s], (m,).
+    - `reference`: (n, dof), at uniform times of the plan [s], (n,).
     """
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
@@ -320,7 +323,7 @@ def fit_clock(
 def approximate_offset(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> float:
-    """Approximate offset of the clock [s] by cross-correlation; arguments as in `fit_clock`."""
+    """Approximate the clock's offset [s] by cross-correlation; arguments as in `fit_clock`."""
     from scipy.signal import fftconvolve
 
     step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))
