@@ -79,46 +79,73 @@ def align(
 
     If the expected motion is used, dead time that the servo model lacks becomes part of the offset.
 
-    `expected` are joint positions at the model's times that follow from an earlier run [rad], (n,
-    dof), by default those of the model.
+    - `expected`: joint positions at the model's times that follow from an earlier run [rad], (n,
+      dof), by default those of the model.
     """
-    source = recording.source
-    duration = lifted.plan.duration
-    servo = lifted.nominal.servo
-    loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
-    allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES_PER_PERIOD
-    # A sample interval of one cycle is always sufficient, because set-points cannot correct faster
-    # disturbances.
-    allowed = max(allowed, set_points.cycle)
-    if recording.interval > allowed * (1 + INTERVAL_TOLERANCE):
-        raise InvalidInput(
-            f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joint loops "
-            f"require one every {1e3 * allowed:.3g} ms or faster. Record at a higher rate.",
-            limit="interval",
-            needed=recording.interval,
-            allowed=allowed,
-        )
+    _check_interval(recording, lifted, set_points)
     expected = lifted.expected(set_points.q) if expected is None else expected
     offset = 0.0
     rate = 1.0
     if not recording.in_plan_time:
-        lasts = float(np.ptp(recording.t))
-        if lasts * (1 + MAX_RATE_DIFFERENCE) < duration:
-            raise InvalidInput(
-                f"{source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s. Record the "
-                "whole run, from before its first set-point until the arm rests."
-            )
-        values = recording.q
-        times = lifted.t
-        reference = expected
-        if recording.command is not None:
-            values = recording.command
-            times = set_points.t
-            reference = set_points.q
-        offset, rate = fit_clock(recording.t, values, times, reference)
+        offset, rate = _fit_clock_of(recording, lifted, set_points, expected)
     t = offset + rate * recording.t
-    moved = rms(expected - expected.mean(axis=0))
     apart = recording.q - lifted.interpolate_at(t, expected)
+    _check_difference(recording, apart, expected)
+    if abs(rate - 1) > MAX_RATE_DIFFERENCE:
+        raise InvalidInput(
+            f"The clock of {recording.source} may differ from the time of the plan by at most "
+            f"{100 * MAX_RATE_DIFFERENCE:g} %, but differs by {100 * abs(rate - 1):.3g} %. Specify "
+            "the unit of the times, or a log of this job at the same speed."
+        )
+    check_completeness(recording.source, t, lifted.plan.duration, 2 * recording.interval)
+    noise = white_noise(apart, order=4)
+    measured = expected + lifted.fill_gaps(t, apart, noise)
+    return AlignedRecording(offset, rate, measured, noise)
+
+
+def _check_interval(recording: Recording, lifted: Lifted, set_points: SetPoints) -> None:
+    """Check that the samples of a recording are close enough for the joint loops.
+
+    A sample interval of one cycle is always sufficient, because set-points cannot correct faster
+    disturbances.
+    """
+    servo = lifted.nominal.servo
+    loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
+    fastest = float(np.sqrt(servo.kp * loops).max())
+    allowed = max(2 * math.pi / fastest / SAMPLES_PER_PERIOD, set_points.cycle)
+    if recording.interval > allowed * (1 + INTERVAL_TOLERANCE):
+        raise InvalidInput(
+            f"{recording.source} has a sample every {1e3 * recording.interval:.4g} ms, but the "
+            f"joint loops require one every {1e3 * allowed:.3g} ms or faster. Record at a higher "
+            "rate.",
+            limit="interval",
+            needed=recording.interval,
+            allowed=allowed,
+        )
+
+
+def _fit_clock_of(
+    recording: Recording, lifted: Lifted, set_points: SetPoints, expected: FloatArray
+) -> tuple[float, float]:
+    """Fit the offset and the rate of a recording's clock; arguments as in `align`."""
+    lasts = float(np.ptp(recording.t))
+    duration = lifted.plan.duration
+    if lasts * (1 + MAX_RATE_DIFFERENCE) < duration:
+        raise InvalidInput(
+            f"{recording.source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s. "
+            "Record the whole run, from before its first set-point until the arm rests."
+        )
+    if recording.command is None:
+        return fit_clock(recording.t, recording.q, lifted.t, expected)
+    return fit_clock(recording.t, recording.command, set_points.t, set_points.q)
+
+
+def _check_difference(recording: Recording, apart: FloatArray, expected: FloatArray) -> None:
+    """Check that a recording is near the motion that the set-points cause.
+
+    - `apart`: recorded less expected positions [rad], (m, dof).
+    """
+    moved = rms(expected - expected.mean(axis=0))
     deviation = rms(apart)
     if deviation > MAX_DIFFERENCE * moved:
         reason = " ".join(recording.notes) or (
@@ -126,20 +153,9 @@ def align(
             "have another unit, sign or order."
         )
         raise InvalidInput(
-            f"{source} differs by {deviation:.3g} rad RMS from the motion that the set-points "
-            f"cause, although the whole motion is only {moved:.3g} rad RMS: {reason}"
+            f"{recording.source} differs by {deviation:.3g} rad RMS from the motion that the "
+            f"set-points cause, although the whole motion is only {moved:.3g} rad RMS: {reason}"
         )
-    if abs(rate - 1) > MAX_RATE_DIFFERENCE:
-        raise InvalidInput(
-            f"The clock of {source} may differ from the time of the plan by at most "
-            f"{100 * MAX_RATE_DIFFERENCE:g} %, but differs by {100 * abs(rate - 1):.3g} %. Specify "
-            "the unit of the times, or a log of this job at the same speed."
-        )
-    check_completeness(source, t, duration, 2 * recording.interval)
-    apart = recording.q - lifted.interpolate_at(t, expected)
-    noise = white_noise(apart, order=4)
-    measured = expected + lifted.fill_gaps(t, apart, noise)
-    return AlignedRecording(offset, rate, measured, noise)
 
 
 def find_rest(recording: Recording, lifted: Lifted, set_points: SetPoints) -> float:
