@@ -27,18 +27,18 @@ MAX_GAIN = 1000.0
 
 
 class Model(NamedTuple):
-    """A model of a servo: its order, and the parameters of `JointServo` that it has."""
+    """The order of a servo, and the names of its parameters in `JointServo`."""
 
     order: str
     free: tuple[str, ...]
 
 
 class Search(NamedTuple):
-    """Search range: longest dead time [s], drive cycle [s] (0: continuous loop), allowed orders."""
+    """The range of models that are searched."""
 
-    longest: float
-    drive_cycle: float
-    orders: tuple[str, ...] = ()
+    longest: float  # Longest dead time [s]
+    drive_cycle: float  # Cycle of the drives [s]; 0 for continuous loops
+    orders: tuple[str, ...] = ()  # Allowed orders
 
     @property
     def fastest(self) -> float:
@@ -46,7 +46,7 @@ class Search(NamedTuple):
         return min(MAX_GAIN, 2 / self.drive_cycle) if self.drive_cycle else MAX_GAIN
 
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of a model's parameters, (m,) each; logarithms for LOGARITHMIC."""
+        """Return bounds of a model's parameters, (m,) each, as logarithms for LOGARITHMIC."""
         fastest = self.fastest
         lead = 3.0 if model.order == "second" else 0.3
         ranges = JointServo(

@@ -1,4 +1,4 @@
-"""Largest rates of the commands of logs."""
+"""Largest velocities and accelerations that logs command."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from armcontour.robot.servo.model import MOVING_SHARE
 
 # Spacing of the samples from which velocities and accelerations are computed [s].
 SAMPLE_SPACING = 8e-3
-# Logs whose frequency is at most this multiple of that of the slowest log are slow, as programs are
-# compared with multisines.
+# A log is slow, like programs in contrast to multisines, if its frequency is at most this multiple
+# of the lowest frequency among the logs.
 SLOW_RATIO = 3.0
 # Lower bound of a velocity that is used as a divisor [rad/s].
 LEAST_VELOCITY = 1e-9
 
 
 class FastestMotion(NamedTuple):
-    """Largest rates of the commands of logs, (dof,) each."""
+    """Largest rates that logs command, (dof,) each."""
 
     velocity: FloatArray  # Largest velocity of all logs [rad/s]
     acceleration: FloatArray  # Largest acceleration of all logs [rad/s²]
-    # Smallest ratio of the largest acceleration to the largest velocity of a log [1/s]. A joint
+    # Lowest frequency of the logs: largest acceleration divided by largest velocity [1/s]. A joint
     # that hardly moves in a log does not count there.
     frequency: FloatArray
     of_logs: FloatArray  # Smallest of these ratios in each log [1/s], (logs,)
@@ -37,7 +37,7 @@ class FastestMotion(NamedTuple):
 
 
 def fastest_motion(logs: Sequence[Log]) -> FastestMotion:
-    """Largest velocities, accelerations and smallest frequencies of the commands of logs."""
+    """Return the largest velocities and accelerations of commands, and smallest frequencies."""
     velocities = []
     accelerations = []
     for log in logs:

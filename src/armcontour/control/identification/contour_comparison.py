@@ -27,7 +27,7 @@ NEWTON_STEPS = 3
 # The delay of the contour is searched from minus this value to the longest delay of a joint plus
 # this value [s].
 DELAY_MARGIN = 0.1
-# Smallest number of samples of contour errors whose whiteness can be tested.
+# Fewer contour errors than this cannot be tested for whiteness.
 FEWEST_TESTED = 4 * FEWEST_LINES
 # Lower bound of divisors.
 TINY = 1e-30
@@ -104,7 +104,7 @@ class LogSamples:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContourComparison:
-    """Contour errors of all logs, for any choice of what is written of each joint."""
+    """Contour errors in all logs, for any choice of the models that are written."""
 
     samples: list[LogSamples]
     arm: Arm | None
@@ -215,7 +215,7 @@ def _remove_noise(errors: FloatArray, use: BoolArray, least_signal: float) -> fl
 
 
 def _parameters_per_sample(joints: Sequence[JointIdentification], logs: Sequence[Log]) -> float:
-    """Return the largest number of parameters of a joint, divided by the number of samples."""
+    """Return the largest number of a joint's parameters, divided by the number of samples."""
     samples = sum(len(x.t) for x in logs)
     return max(len(x.parameters) for x in joints) / samples
 

@@ -55,7 +55,7 @@ def choose_and_judge(
     whichever has the smallest contour error. Without an arm, the contour is a curve in joint space.
 
     - `longest`: longest dead time of the search [s].
-    - `program`: index of the only log of a program if the other logs are multisines.
+    - `program`: index of the only program if the other logs are multisines.
     """
     comparison = ContourComparison.of(logs, joints, longest, arm)
     choice = _choose(comparison, joints)

@@ -1,4 +1,4 @@
-"""Predictions of the parts of logs by fits of the other parts."""
+"""Cross-validation: each part of the logs is predicted by a fit of the others."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GAIN = 0.9
 LIMIT_GAIN = 0.5
 # A richer model is selected only if its error is smaller on at least this fraction of the parts.
 MIN_BETTER_PARTS = 0.6
-# Largest number of evaluations of a cross-validation fit, which starts from the fit of all parts.
+# Largest number of evaluations in cross-validation, where fits start from the fit of all parts.
 REFIT_EVALUATIONS = 10
 
 
@@ -71,10 +71,10 @@ def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
 
 
 def predict_program(selected: Selected, log: int) -> list[FloatArray]:
-    """Predict the parts of one log by fits of its other parts and of the other logs.
+    """Predict each part of one log by a fit of its other parts and all other logs.
 
     Returns:
-        Predicted positions of each of the predicted segments [rad].
+        Predicted positions of each segment [rad].
     """
     result = selected.fit
     problem = result.problem

@@ -20,14 +20,17 @@ PARAMETERS = (
     *("dead_time", "friction", "acceleration_limit"),
 )
 UNITS = {name: quantities(ServoModel)[name].words for name in PARAMETERS}
-# Lower and upper end of an interval, each as its difference from the value.
+# Lower and upper end of an interval, each less the value.
 Ends = tuple[float, float]
 # Parameters that are fitted as logarithms.
 LOGARITHMIC = ("kp", "kv", "ki", "acceleration_limit")
 
 
 def allowed_deviation(value: Any, also: Any = 0.0) -> Any:
-    """Largest standard deviation of a determined parameter: share of its value, at least `also`."""
+    """Return the largest standard deviation with which a parameter counts as determined.
+
+    - `also`: standard deviation that is sufficient, however small the value is.
+    """
     return np.maximum(RELATIVE_SD * np.abs(value), also)
 
 
@@ -59,10 +62,11 @@ class Estimate(Result):
     def from_interval(
         cls, name: str, value: float, sd: float, ends: Ends, also: float = 0.0, **others: Any
     ) -> Estimate:
-        """Estimate with the interval `ends` relative to the value (logarithms for LOGARITHMIC).
+        """Make an estimate from its interval.
 
-        A parameter with a standard deviation of at most `also` is determined, however small its
-        value.
+        - `sd`: standard deviation, of the logarithm for LOGARITHMIC.
+        - `ends`: lower and upper end less the value, in the logarithm for LOGARITHMIC.
+        - `also`: see `allowed_deviation`.
         """
         if name in LOGARITHMIC:
             low, high = (value * math.exp(x) for x in np.clip(ends, -700.0, 700.0))
@@ -76,10 +80,10 @@ class Estimate(Result):
         return cls(name=name, value=value, sd=sd, low=low, high=high, **fields)
 
     def including(self, other: float) -> Estimate:
-        """The estimate with an interval that also contains the interval of another solution.
+        """Return the estimate with an interval that also contains another solution's interval.
 
-        The interval about the value `other` is as wide as that about this value, relative to it for
-        LOGARITHMIC.
+        The interval about the value `other` is as wide as that about this value. For LOGARITHMIC,
+        it has the same ratios to its value.
         """
         if not (math.isfinite(self.low) and math.isfinite(other)):
             return self
@@ -98,7 +102,7 @@ class Estimate(Result):
         )
 
     def without_interval(self) -> Estimate:
-        """The estimate without its interval, because an effect that is not modelled biases it."""
+        """Return the estimate without its interval, because an unmodelled effect biases it."""
         return replace(self, low=math.nan, high=math.nan)
 
     @property
@@ -107,7 +111,7 @@ class Estimate(Result):
         return self.name.replace("_", " ")
 
     def to_data(self) -> Data:
-        """Data of the value, the standard deviation and the interval."""
+        """Return the value, the standard deviation and the interval as data."""
         ends = (("value", "value"), ("sd", "sd"), ("low", "from"), ("high", "to"))
         return Data(
             f"Estimate of {self.label}",

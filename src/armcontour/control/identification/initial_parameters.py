@@ -1,4 +1,4 @@
-"""Initial parameters of the fits of candidate models."""
+"""Initial parameters with which candidate models are fitted."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LEAST_GAIN = 0.5
 # Times over which accelerations are measured [s]: a short time for fast motion, and a long time for
 # small motion in noise.
 ACCELERATION_TIMES = (8e-3, 40e-3)
-# This percentile of the magnitudes of the accelerations counts as the largest acceleration.
+# This percentile of accelerations, without their signs, counts as the largest acceleration.
 ACCELERATION_PERCENTILE = 99
 # The acceleration limit is also searched from this multiple of the largest acceleration.
 LIMIT_MULTIPLE = 3

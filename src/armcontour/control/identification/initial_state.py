@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from armcontour.control.identification.joint_fit import (
@@ -21,34 +23,49 @@ STEP_FRACTIONS = (1.0, 0.3, 0.1, 0.01)
 NULL_RATIO = 1e-14
 
 
+class SegmentPrediction(NamedTuple):
+    """Predicted motion of a servo in a log segment."""
+
+    positions: FloatArray  # Measured positions that the servo predicts [rad], (n,)
+    offset: float  # Fitted offset of the encoder [rad]
+
+
 def predict(segment: LogSegment, servo: JointServo, order: str, drive_cycle: float) -> FloatArray:
-    """Predicted positions in a log segment [rad], (n,); offset and initial state are fitted."""
-    return fit_initial_state(segment, servo, order, drive_cycle)[0]
+    """Return predicted positions in a log segment [rad], (n,), see `fit_initial_state`."""
+    return fit_initial_state(segment, servo, order, drive_cycle).positions
 
 
 def fit_initial_state(
     segment: LogSegment, servo: JointServo, order: str, drive_cycle: float
-) -> tuple[FloatArray, float]:
-    """Fit the initial state of a log segment; positions [rad], (n,), and encoder offset [rad]."""
+) -> SegmentPrediction:
+    """Predict a log segment with the offset and the initial state that fit it best.
+
+    The Gauss-Newton method minimizes the squared errors of the used samples. Without saturation the
+    motion is linear in its initial state, so one step is sufficient.
+
+    - `order`: order of the model, which determines how many initial values are fitted.
+    - `drive_cycle`: cycle of the drives [s]; 0 for continuous loops.
+    """
     count = INITIAL_VALUES[order] + int(servo.ki > 0)
-    free = np.isinf(servo.acceleration_limit)
+    unsaturated = np.isinf(servo.acceleration_limit)
     scale = INITIAL_SCALES[:count]
     used = segment.use
     y = segment.y
-    steps = np.diag(INITIAL_SCALES)[:count] * (1.0 if free else DERIVATIVE_STEP)
+    # Row k is a step of initial value k; that of the offset needs no simulation.
+    steps = np.diag(INITIAL_SCALES)[:count] * (1.0 if unsaturated else DERIVATIVE_STEP)
     steps[0] = 0.0
 
-    def simulate(begins: FloatArray) -> FloatArray:
-        offset, q0, dq0, ddq0 = begins.T
+    def simulate(initial: FloatArray) -> FloatArray:
+        offset, q0, dq0, ddq0 = initial.T
         q = follow(segment.command, servo, q0, dq0, drive_cycle, ddq0)
         return np.asarray(q + offset[:, None])
 
     x = np.array([0.0, y[0], segment.velocity, 0.0])
     q = simulate(x + steps)
-    # Without saturation the motion is linear in its initial state, so one iteration is sufficient.
-    for _ in range(1 if free else MAX_STATE_STEPS):
+    for _ in range(1 if unsaturated else MAX_STATE_STEPS):
         slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
         slopes[0] = 1.0
+        # Normal equations of the step, and the squared error.
         rows = np.concatenate([slopes[:, used] * scale[:, None], (y - q[0])[None, used]])
         gram = np.einsum("ik,jk->ij", rows, rows)
         inverse = np.linalg.pinv(gram[:count, :count], NULL_RATIO, hermitian=True)
@@ -62,4 +79,4 @@ def fit_initial_state(
                 break
         else:
             break
-    return np.asarray(q[0]), float(x[0])
+    return SegmentPrediction(positions=np.asarray(q[0]), offset=float(x[0]))

@@ -30,8 +30,8 @@ from armcontour.robot.servo.simulation import JointServo, follow
 SCALES = JointServo(0.5, 0.5, 0.2, 0.05, 3e-3, 0.5, 1e-3, 0.5)
 # Parameters in which the simulated motion is linear unless an acceleration limit is fitted.
 LINEAR = (FEED, ACCELERATION, FRICTION)
-# Typical changes of the initial values of a log: measurement offset [rad], position [rad],
-# velocity [rad/s], acceleration [rad/s²] (only with an integrator).
+# Typical changes of a segment's initial values: measurement offset [rad], position [rad], velocity
+# [rad/s], acceleration [rad/s²] (only with an integrator).
 INITIAL_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
 # Step of numerical derivatives, as a fraction of these typical changes.
 DERIVATIVE_STEP = 1e-5
@@ -54,7 +54,7 @@ SOLVED_STARTS = 2
 LIMITED_STARTS = 4
 # Largest number of evaluations from each of several starts.
 FEW_EVALUATIONS = 12
-# Status of a solution of scipy that ended because all evaluations were used.
+# Status in scipy: the solver ended because it used all evaluations.
 EVALUATIONS_USED = 0
 
 
@@ -77,7 +77,7 @@ class Problem:
         self.segments = segments
         self.search = search
         self.parameter_count = len(model.free)
-        # Number of initial values of a segment.
+        # Number of initial values per segment.
         self.initial_count = INITIAL_VALUES[model.order] + (KI in model.free)
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
         scales = [getattr(SCALES, x) for x in model.free]
@@ -186,16 +186,16 @@ class Problem:
         return Projection(best, residuals, slopes[:, within])
 
     def cost(self, unknowns: FloatArray) -> float:
-        """Return half of the sum of squared residuals with the best linear unknowns [mrad²]."""
+        """Return half of the squared residuals' sum with the best linear unknowns [mrad²]."""
         projection = self.project(np.clip(unknowns, self.low, self.high))
         return float(np.sum(projection.residuals**2)) / 2
 
     def solve(self, start: FloatArray, evaluations: int) -> Any:
         """Solve from a start with at most `evaluations` evaluations; returns scipy's solution.
 
-        The derivatives of the projected residuals are those of the residuals by the nonlinear
-        unknowns, less their components in the space of the derivatives by the linear ones. This is
-        Kaufman's approximation of the derivatives of variable projection.
+        With the residuals' derivatives J by the nonlinear unknowns and L by the linear ones, those
+        of the projected residuals are `J - L (LᵀL)⁻¹ Lᵀ J` (L. Kaufman, A variable projection
+        method for solving separable nonlinear least squares problems, BIT 15, 1975).
         """
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
@@ -268,7 +268,7 @@ def _solve_bounded(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """A solved problem, its unknowns, and half of the sum of squared residuals [mrad²]."""
+    """A solved problem, its unknowns x, and half of the squared residuals' sum [mrad²]."""
 
     problem: Problem
     x: FloatArray
@@ -288,7 +288,7 @@ class Fit:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of the white noise of the residuals [rad]."""
+        """Standard deviation of the residuals' white noise [rad]."""
         return float(white_noise(self.problem.residuals(self.x))) / MRAD
 
     def at_bounds(self) -> tuple[set[str], set[str]]:
@@ -309,7 +309,7 @@ def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -
     solutions is refined.
 
     - `starts`: unknowns of the problem.
-    - `evaluations`: largest number of evaluations of a solution.
+    - `evaluations`: largest number of evaluations for a solution.
     """
     few = evaluations
     if len(starts) > 1:

@@ -1,4 +1,4 @@
-"""Identification of the servo of one joint."""
+"""Identification of one joint's servo."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def identify_joint(
 ) -> JointIdentification:
     """Identify the servo of joint `index` (from 0); order "unknown" if no model is accepted.
 
-    `program` is the index of the only log of a program if the other logs are multisines.
+    - `program`: index of the only program if the other logs are multisines.
     """
     motion = JointMotion.read(logs, index, interpolation, search.longest)
     joint = motion.joint

@@ -16,7 +16,8 @@ from armcontour.core.sampled_data import interpolate, white_noise
 from armcontour.motion.log import FEWEST, Log
 
 # A joint is at rest if the standard deviation of its measured positions is at most this multiple of
-# that of the noise. Its velocity is uniform if the same holds for deviations from a line.
+# the noise's standard deviation. Its velocity is uniform if the same holds for deviations from a
+# line.
 REST_SIGMAS = 1.5
 # A joint is also at rest if the range of its measured positions is at most this [rad]; a 32-bit
 # encoder has a resolution of 1.5e-9 rad.

@@ -28,11 +28,13 @@ REST_SHARE = 0.02
 TYPICAL_PERCENTILE = 95
 # Number of contiguous parts with equal motion into which a single log is divided.
 PARTS = 5
+# Spacing of the delays among which the lag is searched [s].
+LAG_STEP = 1e-3
 # Selection uses samples with this spacing [s] if linear interpolation of their set-points
 # reproduces the command.
 COARSE_SPACING = 4e-3
-# Coarse samples reproduce the command if the RMS error of the interpolated command is at most this
-# fraction of the noise of the positions.
+# Coarse samples reproduce the command if interpolation changes it by at most this fraction of the
+# noise in the positions (RMS).
 THINNING_ERROR = 0.3
 
 
@@ -49,7 +51,7 @@ class LogSegment:
     part: IntArray  # Index of the cross-validation part of each sample
 
     def after(self, lag: float) -> LogSegment:
-        """The segment with its start excluded from `use`: SKIPPED_TIME, or `lag` if longer [s]."""
+        """Return the segment without its start in `use`: SKIPPED_TIME, or a longer `lag` [s]."""
         t = self.command.t
         return replace(self, use=t >= min(max(SKIPPED_TIME, lag, t[5]), t[-1] / 4))
 
@@ -60,7 +62,10 @@ class LogSegment:
         return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
 
     def cut(self, a: int, b: int, every: int = 1) -> LogSegment:
-        """Every `every`-th sample from index a to b (exclusive), and the set-points before b."""
+        """Return every `every`-th sample from index a to b (exclusive).
+
+        The segment keeps all set-points before b, because they reach the joint after dead time.
+        """
         c = self.command
         before = len(self.command.knots) - len(self.command.t)
         a += -(before + a) % every
@@ -78,31 +83,23 @@ class LogSegment:
 def split_logs(
     logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0
 ) -> list[LogSegment]:
-    """Segments of joint j between long gaps of the logs, weighted by motion, with parts."""
-    # `use` excludes the start of each segment, see `LogSegment.after`.
+    """Split the motion of joint j into segments between the long gaps of the logs.
+
+    Several logs are one part each, and a single log is divided into PARTS parts of equal motion.
+
+    - `interpolation`: interpolation of set-points, "linear" or "step".
+    - `lag`: see `LogSegment.after` [s].
+    """
     spans = []
     for i, log in enumerate(logs):
-        t = log.t
-        ends = log.gaps[np.diff(t)[log.gaps] > SHORT_GAP * log.interval] + 1
-        spans += [(i, a, b) for a, b in pairwise([0, *ends, len(t)]) if b - a >= FEWEST]
-    speeds = []
-    for i, a, b in spans:
-        t = logs[i].t[a:b]
-        u = logs[i].command[a:b, j]
-        travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(u)))])
-        speeds.append((travel - np.interp(t - SPEED_WINDOW, t, travel)) / SPEED_WINDOW)
-    every = np.concatenate(speeds) if speeds else np.zeros(1)
-    usual = float(np.percentile(every[every > 0], TYPICAL_PERCENTILE)) if every.any() else 1.0
-    weights = [np.where(x > REST_SHARE * usual, np.minimum(x, usual), 0.0) for x in speeds]
-    total = max(sum(float(x.sum()) for x in weights), 1e-300)
-    done = 0.0
+        spans += [(i, a, b) for a, b in _spans_between_gaps(log)]
+    speeds = [_command_speed(logs[i].t[a:b], logs[i].command[a:b, j]) for i, a, b in spans]
+    weights = _motion_weights(speeds)
     moving = {i for (i, _, _), x in zip(spans, weights, strict=True) if x.any()}
+    parts = _equal_parts(weights)
     segments = []
-    for (i, a, b), weight in zip(spans, weights, strict=True):
+    for (i, a, b), weight, part in zip(spans, weights, parts, strict=True):
         t = logs[i].t[a:b] - logs[i].t[a]
-        share = (done + np.cumsum(weight)) / total
-        done += float(weight.sum())
-        part = np.minimum((share * PARTS).astype(np.intp), PARTS - 1)
         segments.append(
             LogSegment(
                 log=i,
@@ -117,35 +114,67 @@ def split_logs(
     return segments
 
 
+def _spans_between_gaps(log: Log) -> list[tuple[int, int]]:
+    """Return the first and last index (exclusive) of each span between long gaps of a log."""
+    long = np.diff(log.t)[log.gaps] > SHORT_GAP * log.interval
+    ends = log.gaps[long] + 1
+    return [(a, b) for a, b in pairwise([0, *ends, len(log.t)]) if b - a >= FEWEST]
+
+
+def _command_speed(t: FloatArray, u: FloatArray) -> FloatArray:
+    """Return the mean speed of a command u over the last SPEED_WINDOW [rad/s], (n,)."""
+    travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(u)))])
+    return np.asarray((travel - np.interp(t - SPEED_WINDOW, t, travel)) / SPEED_WINDOW)
+
+
+def _motion_weights(speeds: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return weights of samples: speeds up to the typical speed, 0 at rest [rad/s]."""
+    every = np.concatenate(speeds) if speeds else np.zeros(1)
+    usual = float(np.percentile(every[every > 0], TYPICAL_PERCENTILE)) if every.any() else 1.0
+    return [np.where(x > REST_SHARE * usual, np.minimum(x, usual), 0.0) for x in speeds]
+
+
+def _equal_parts(weights: Sequence[FloatArray]) -> list[IntArray]:
+    """Divide samples into PARTS parts with equal sums of weights; returns indices of the parts."""
+    total = max(sum(float(x.sum()) for x in weights), 1e-300)
+    done = 0.0
+    parts = []
+    for weight in weights:
+        share = (done + np.cumsum(weight)) / total
+        done += float(weight.sum())
+        parts.append(np.minimum((share * PARTS).astype(np.intp), PARTS - 1))
+    return parts
+
+
 def divide_log(segments: Sequence[LogSegment], log: int) -> list[LogSegment]:
     """Divide one of several logs into PARTS parts of equal motion; other logs become part -1."""
-    total = sum(float(s.weight.sum()) for s in segments if s.log == log)
+    parts = iter(_equal_parts([s.weight for s in segments if s.log == log]))
     divided = []
-    done = 0.0
     for s in segments:
-        part = np.full(len(s.y), -1)
-        if s.log == log:
-            share = (done + np.cumsum(s.weight)) / max(total, 1e-300)
-            part = np.minimum((share * PARTS).astype(np.intp), PARTS - 1)
-            done += float(s.weight.sum())
+        part = next(parts) if s.log == log else np.full(len(s.y), -1)
         divided.append(replace(s, part=part))
     return divided
 
 
 def find_lag(segments: Sequence[LogSegment], longest: float) -> float:
-    """Delay of the command with the smallest tracking error [s], on a grid of about 1 ms."""
+    """Return the delay of the command with the smallest tracking error [s].
+
+    - `longest`: largest delay [s]. Delays are multiples of about 1 ms.
+    """
 
     def remaining_error(lag: float) -> float:
-        errors = [s.y - s.command.evaluate(s.command.t - lag) for s in segments]
-        return sum(
-            float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(errors, segments, strict=True)
-        )
+        total = 0.0
+        for s in segments:
+            error = s.y - s.command.evaluate(s.command.t - lag)
+            total += float(np.var(error[s.use]) * s.use.sum())
+        return total
 
-    return float(min(np.linspace(0.0, longest, int(longest / 1e-3) + 2), key=remaining_error))
+    delays = np.linspace(0.0, longest, int(longest / LAG_STEP) + 2)
+    return float(min(delays, key=remaining_error))
 
 
 def thin_segments(segments: Sequence[LogSegment]) -> Sequence[LogSegment]:
-    """Segments with samples at COARSE_SPACING; unchanged if this would change the command."""
+    """Return segments with samples at COARSE_SPACING; unchanged if this changes the command."""
     interval = float(np.median(np.diff(segments[0].command.t)))
     every = int(COARSE_SPACING / interval * (1 + 1e-6))
     if every < 2 or not segments[0].command.linear:
@@ -153,13 +182,14 @@ def thin_segments(segments: Sequence[LogSegment]) -> Sequence[LogSegment]:
     thinned = [x.cut(0, len(x.y), every) for x in segments]
     for one, full in zip(thinned, segments, strict=True):
         difference = one.command.evaluate(full.command.t) - full.command.u
-        rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
-        if np.sqrt(np.mean(difference**2)) > THINNING_ERROR * rough or len(one.y) < FEWEST:
+        # The variance of third differences is 20 times that of white noise.
+        noise = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
+        if np.sqrt(np.mean(difference**2)) > THINNING_ERROR * noise or len(one.y) < FEWEST:
             return segments
     return thinned
 
 
 def moving_parts(segments: Sequence[LogSegment]) -> IntArray:
-    """Indices of the parts in which the command of some used samples moves."""
+    """Return the indices of the parts in which the command of some used samples moves."""
     every = [s.part[s.use & (s.weight > 0) & (s.part >= 0)] for s in segments]
     return np.unique(np.concatenate(every))

@@ -1,4 +1,4 @@
-"""Derivatives of the measured motion of a joint, and the acceleration that its loop commands."""
+"""Derivatives of a joint's measured motion, and the acceleration that its loop commands."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ LONGEST_WINDOW = 0.04
 DELAY_COUNT = 26
 # Longest dead time that is tried for the commanded acceleration [s].
 LONGEST_DELAY = 0.1
-# Smallest number of samples outside of plateaus to which the commanded acceleration is fitted.
+# Smallest number of samples outside plateaus to which the commanded acceleration is fitted.
 FEWEST_FREE = 50
-# This percentile of the magnitudes of a derivative counts as the largest derivative, and is the
-# first guess of a limit.
+# This percentile of a derivative, without signs, counts as the largest value, and is the first
+# guess of a limit.
 TOP_PERCENTILE = 99.0
 # Singular values below this fraction of the largest one count as zero.
 SINGULAR = 1e-10
@@ -121,7 +121,7 @@ class MeasuredMotion:
         return Demand(values, error)
 
     def at_samples(self, mask: BoolArray, k: int) -> tuple[BoolArray, ...]:
-        """Convert a mask of derivatives to a mask of the samples of each segment."""
+        """Convert a mask of derivatives to masks of each segment's samples."""
         masks = []
         done = 0
         for t, s in zip(self.times, self.segments, strict=True):

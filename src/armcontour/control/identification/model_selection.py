@@ -40,8 +40,8 @@ from armcontour.robot.servo.simulation import JointServo
 # Parameters that are removed from a P-PI cascade (model with k_i) if it is not significantly worse
 # without them.
 OPTIONAL = (ACCELERATION, FEED, FRICTION)
-# A richer model is discarded if its error on the fitted data exceeds this fraction of the error of
-# the best model.
+# A richer model is discarded if its error on the fitted data exceeds this fraction of the best
+# model's error.
 RICHER_SHARE = 0.97
 # A simpler model is discarded if its cost on the fitted data exceeds this multiple of the best.
 POORER_RATIO = 2.0
@@ -55,7 +55,7 @@ TWIN_FACTOR = 1.1
 SHORT_CYCLE = 0.5e-3
 # Smallest damping ratio of a fitted loop; no drive is tuned with less damping.
 LEAST_DAMPING = 0.2
-# Largest number of evaluations of a fit, and that of a cascade.
+# Largest number of evaluations in the fit of a model, and of a cascade.
 EVALUATIONS = 60
 CASCADE_EVALUATIONS = 30
 

@@ -1,4 +1,4 @@
-"""Estimates of the parameters of a fit, with intervals."""
+"""Parameters of a fit, with intervals."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SUFFICIENT_SD = {
 }
 # Lower bound of a gain in logarithms [1/s].
 LEAST_GAIN = 1e-9
-# Largest ratio of the effect of a drive cycle to its first-order approximation.
+# A drive cycle has at most this multiple of the effect that a first-order approximation has.
 CYCLE_EFFECT = 1.2
 
 

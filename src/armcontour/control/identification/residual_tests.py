@@ -11,12 +11,12 @@ from armcontour.core.sampled_data import white_noise
 LEAST_CORRELATION = 0.05
 # Significance level of the whiteness test.
 SIGNIFICANCE = 0.01
-# Smallest number of spectral lines of the low band of the whiteness test.
+# The whiteness test begins with a low band of so many spectral lines.
 FEWEST_LINES = 8
-# Differences of positions up to this fraction of the range of the positions are rounding errors.
+# Differences between positions up to this fraction of their range are rounding errors.
 POSITION_ROUNDING = 1e-9
-# Largest relative deviation of a difference of positions from a multiple of the encoder's
-# resolution.
+# Differences between positions deviate from multiples of the encoder's resolution by at most this
+# fraction.
 STEP_ROUNDING = 0.01
 # Residuals are quantized white noise if their variance in excess of the white noise exceeds the
 # variance of quantization by at most this fraction.
@@ -24,11 +24,14 @@ VARIANCE_SLACK = 0.2
 
 
 def is_white(residuals: FloatArray, step: float) -> bool:
-    """Return whether residuals [rad], (n,), are white up to quantization by `step` [rad]."""
-    # F-tests compare the mean power of the lowest 8, 16, ... spectral lines with that of the rest.
+    """Return whether residuals [rad], (n,), are white up to quantization by `step` [rad].
+
+    F-tests compare the mean power of the lowest 8, 16, ... spectral lines with that of the others.
+    The significance level is divided by the number of tests (Bonferroni). Residuals are also white
+    if quantization explains the variance that exceeds the white noise.
+    """
     from scipy.stats import f
 
-    # True if quantization explains the variance in excess of the white noise.
     if np.var(residuals) - white_noise(residuals) ** 2 <= (1 + VARIANCE_SLACK) * step**2 / 12:
         return True
     power = np.abs(np.fft.rfft(residuals - np.mean(residuals))[1:]) ** 2
@@ -41,7 +44,7 @@ def is_white(residuals: FloatArray, step: float) -> bool:
 
 
 def encoder_resolution(y: FloatArray) -> float:
-    """Resolution of an encoder [rad]: common divisor of all position differences, 0 if none."""
+    """Return the common divisor of all position differences [rad]; 0 if there is none."""
     steps = np.diff(np.unique(y))
     steps = steps[steps > POSITION_ROUNDING * max(float(np.ptp(y)), 1e-12)]
     if len(steps) < 2:
@@ -52,7 +55,10 @@ def encoder_resolution(y: FloatArray) -> float:
 
 
 def correlation_length(residuals: FloatArray) -> float:
-    """Correlation length of residuals [samples], at least 1 (white noise)."""
+    """Return the correlation length of residuals [samples], at least 1 (white noise).
+
+    It is 1 plus twice the sum of the autocorrelations before the first one below LEAST_CORRELATION.
+    """
     n = len(residuals)
     power = np.abs(np.fft.rfft(residuals, 2 * n)) ** 2
     correlations = np.fft.irfft(power)[: max(n // 5, 1)]

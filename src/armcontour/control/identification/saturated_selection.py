@@ -1,4 +1,4 @@
-"""Selection of the model of a joint that saturates in parts of its logs."""
+"""Selection of a model for a joint that saturates in parts of its logs."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ FEWEST_UNSATURATED = 20
 MAX_SEGMENTS = 40
 # Number of segments between samples at a velocity limit that are fitted: the longest ones.
 LONGEST_SEGMENTS = 10
-# Saturation is reported only if the error of the best linear model at the saturated samples exceeds
-# this multiple of the error of the model of the other samples.
+# Saturation is reported only if the best linear model's error at the saturated samples exceeds this
+# multiple of the error with which a model predicts the other samples.
 SATURATED_ERROR = 2.0
 
 

@@ -17,10 +17,10 @@ from armcontour.core.quantities import shared_unit
 PLATEAU_RANGE = 0.1
 # A value is at a limit if it differs from the limit by at most this fraction of the limit.
 PLATEAU_SHARE = 0.01
-# A value is also at a limit if it differs from the limit by at most this number of standard
-# deviations of the noise.
+# A value is also at a limit if it differs from the limit by at most so many standard deviations of
+# noise.
 PLATEAU_SIGMAS = 4.0
-# Smallest number of successive samples of a plateau.
+# Smallest number of successive samples in a plateau.
 FEWEST_SAMPLES = 4
 # Shortest duration of a plateau [s].
 SHORTEST_PLATEAU = 5e-3
@@ -29,7 +29,7 @@ SHORTEST_PLATEAU = 5e-3
 # limit are saturated too.
 EXCESS = 0.05
 # On a saturated plateau, the commanded acceleration also exceeds the measured acceleration by more
-# than this multiple of the RMS error of the commanded acceleration at the unsaturated samples.
+# than this multiple of the RMS difference between them at the unsaturated samples.
 EXCESS_ERRORS = 4.0
 # Smallest fraction of saturated samples that counts as saturation.
 LEAST_SHARE = 2e-3
@@ -84,7 +84,7 @@ class Saturation:
 
 
 class _PlateauSearch(NamedTuple):
-    """A search for plateaus of a derivative of the positions."""
+    """A search for plateaus in a derivative of the positions."""
 
     order: int  # Order of the derivative
     kind: str  # "acceleration" or "velocity"
@@ -200,11 +200,11 @@ def _find_plateaus(
 
 
 def find_spans(mask: BoolArray) -> list[tuple[int, int]]:
-    """Return start and end index (exclusive) of each run of true values."""
+    """Return start and end index (exclusive) of each sequence of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.intp)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _widen(mask: BoolArray, by: int) -> BoolArray:
-    """Return the mask with each run of true values extended by `by` samples on both sides."""
+    """Return the mask with its sequences of true values extended by `by` samples on both sides."""
     return np.asarray(np.convolve(mask, np.ones(2 * by + 1))[by : len(mask) + by] > 0.5)

@@ -86,8 +86,8 @@ def identify(
 ) -> Identification:
     """Identify the servo of every joint from logs.
 
-    The candidate models of a joint are a dead time, a servo of first order and a servo of second
-    order, as in `ServoModel`. The simplest model that predicts parts of the logs to which it was
+    The candidate models of a joint are a dead time and servos of first and second order, as in
+    `ServoModel`. The simplest model that predicts parts of the logs to which it was
     not fitted is selected. The model is simulated exactly from the set-points. With several logs,
     each log is predicted from the others. A model is good if its error is at most 30 % of the
     tracking error, or at most 3 times the noise of the encoder. A model with an error of at most
