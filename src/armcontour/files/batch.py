@@ -173,14 +173,20 @@ def batch(
             named = {".".join(map(str, x)): value for x, value in patch.items()}
             add({"job": k, "values": named, **line})
             counts[line["status"]] += 1
-            words = [f"{counts.total()} of {len(tasks)} jobs"]
-            words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
-            report(Step((", ".join(words),), counts.total() / len(tasks)))
+            report(_completed(counts, len(tasks)))
         rows = _collect_rows(keys, tasks, lines)
         result = Batch(title=f"{file.name}: {count_noun(len(tasks), 'job')}", rows=rows)
         if out is not None:
             _write_table(FilePath(out) / TABLE, result.table())
         return result
+
+
+def _completed(counts: Counter[str], total: int) -> Step:
+    """Return the progress of a batch from the numbers of completed jobs by status."""
+    done = counts.total()
+    words = [f"{done} of {total} jobs"]
+    words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
+    return Step((", ".join(words),), done / total)
 
 
 @dataclass(frozen=True, slots=True)
