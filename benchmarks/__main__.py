@@ -112,7 +112,7 @@ def _write_pages(lines: Sequence[Line], file: Path) -> None:
 
 
 def all_lines() -> list[Line]:
-    """The lines of all modules."""
+    """Return the lines of all modules."""
     return [x for name in MODULES for x in import_module(f"benchmarks.{name}").lines()]
 
 
@@ -124,7 +124,7 @@ def _is_chosen(line: Line, only: Sequence[str], full: bool) -> bool:
 
 
 def chosen(lines: Iterable[Line], only: Sequence[str] | None, full: bool) -> list[Line]:
-    """The lines whose names begin with one of those given; the longest only if wanted by name."""
+    """Return the lines whose names begin with a given one; the longest only if named."""
     if not only:
         return [x for x in lines if full or not x.full]
     selection = [x for x in lines if _is_chosen(x, only, full)]
@@ -159,7 +159,7 @@ def measure_all(
     times: int,
     keep: Callable[[Found], None] | None = None,
 ) -> tuple[Found, list[str]]:
-    """All measurements by name, and sentences on lines without any.
+    """Return all measurements by name, and sentences on lines without any.
 
     Args:
         lines: What is measured.
@@ -202,7 +202,7 @@ def measure_all(
 
 
 def _judged(repetitions: Sequence[Measured]) -> Measured:
-    """The measurement with the lowest ratio."""
+    """Return the measurement with the lowest ratio."""
     return min(repetitions, key=lambda x: x.ratio)
 
 
@@ -233,7 +233,7 @@ def _print_table(rows: Iterable[Measured], baselines: Mapping[str, Known]) -> No
 
 
 def _busy() -> list[str]:
-    """A sentence, if other programs kept the machine busy in the last minute."""
+    """Return a sentence if other programs kept the machine busy in the last minute."""
     cores = os.cpu_count() or 1
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
     if load < BUSY * cores:
@@ -245,7 +245,7 @@ def _busy() -> list[str]:
 
 
 def _commit() -> str:
-    """The commit, and whether something is changed but what a measurement itself writes."""
+    """Return the commit, and whether files differ from it that a measurement does not write."""
     written = (f":(exclude){x.relative_to(ROOT)}" for x in (baseline.FILE, *page.FILES))
     try:
         commit = _git("rev-parse", "--short", "HEAD")
@@ -261,7 +261,7 @@ def _git(*words: str) -> str:
 
 
 def _machine() -> str:
-    """Processor, cores, and versions of what the times depend on."""
+    """Return processor, cores, and the versions on which the times depend."""
     cpus = Path("/proc/cpuinfo")
     names = cpus.read_text().splitlines() if cpus.exists() else []
     name = next((x.split(":")[1].strip() for x in names if x.startswith("model name")), None)

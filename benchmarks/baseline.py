@@ -44,7 +44,7 @@ class Known:
 
     @classmethod
     def of(cls, repetitions: Sequence[Measured]) -> Known:
-        """What some measurements of a line come to."""
+        """Summarize some measurements of a line."""
         ordered = sorted(repetitions, key=lambda x: x.ratio)
         middle = ordered[(len(repetitions) - 1) // 2]
         ours, theirs = (_rounded(x) for x in middle.least)
@@ -62,7 +62,7 @@ class Known:
 
 
 def _rounded(value: float) -> float:
-    """Four digits of a measured value."""
+    """Round a measured value to four digits."""
     return float(f"{value:.4g}")
 
 
@@ -73,7 +73,7 @@ class Session:
     Args:
         date: The day, as 2026-01-31.
         commit: The commit of this project.
-        machine: Processor, cores, versions of Python and of the libraries, in words.
+        machine: Processor, cores, and versions of Python and libraries, in words.
         lines: Lines by name.
     """
 
@@ -83,26 +83,27 @@ class Session:
     lines: dict[str, Known]
 
     def is_like(self, other: Session) -> bool:
-        """Whether it was measured on the same day, of the same commit, on the same machine."""
+        """Return whether a session has the same day, commit and machine."""
         return replace(self, lines={}) == replace(other, lines={})
 
 
 def read(file: Path) -> list[Session]:
-    """The sessions of a baseline; none if there is no file."""
+    """Read the sessions of a baseline; none if the file does not exist."""
     if not file.exists():
         return []
     sessions = json.loads(file.read_text(encoding="utf-8"))["sessions"]
     return [
-        Session(**{**x, "lines": {k: _line(y) for k, y in x["lines"].items()}}) for x in sessions
+        Session(**{**x, "lines": {k: _read_line(y) for k, y in x["lines"].items()}})
+        for x in sessions
     ]
 
 
-def _line(fields: Mapping[str, Any]) -> Known:
+def _read_line(fields: Mapping[str, Any]) -> Known:
     return Known(**{**fields, "notes": tuple(fields.get("notes", ()))})
 
 
 def write(file: Path, sessions: Iterable[Session]) -> None:
-    """Write a baseline, a line of text for each of its lines, whole or not at all."""
+    """Write a baseline with one text line per benchmark line, completely or not at all."""
     texts = []
     for x in sessions:
         head = {key: value for key, value in asdict(x).items() if key != "lines"}
@@ -119,12 +120,12 @@ def write(file: Path, sessions: Iterable[Session]) -> None:
 
 
 def baselines_by_name(sessions: Iterable[Session]) -> dict[str, Known]:
-    """All lines of a baseline by name."""
+    """Return all lines of a baseline by name."""
     return {name: line for x in sessions for name, line in x.lines.items()}
 
 
 def updated(sessions: Iterable[Session], new: Session) -> list[Session]:
-    """A baseline with lines measured anew, which leave the session that they were of."""
+    """Return a baseline with newly measured lines, which leave their earlier session."""
     unchanged = []
     lines = dict(new.lines)
     for x in sessions:
@@ -137,13 +138,13 @@ def updated(sessions: Iterable[Session], new: Session) -> list[Session]:
 
 
 def done(sessions: Iterable[Session], new: Session) -> set[str]:
-    """Names of the lines that were measured of the same commit on the same machine."""
+    """Name the lines that were measured for the same commit on the same machine."""
     same = [x for x in sessions if (x.commit, x.machine) == (new.commit, new.machine)]
     return {name for x in same for name in x.lines}
 
 
 def change(measurement: Measured, lines: Mapping[str, Known]) -> float | None:
-    """How much slower than in the baseline, as a share; None for a new line."""
+    """Return how much slower a line is than in the baseline, as a share; None if it is new."""
     before = lines.get(measurement.line.name)
     if before is None or before.peer != measurement.line.peer:
         return None
@@ -151,13 +152,13 @@ def change(measurement: Measured, lines: Mapping[str, Known]) -> float | None:
 
 
 def is_slower(measurement: Measured, lines: Mapping[str, Known]) -> bool:
-    """Whether a line has become slower than the baseline has it."""
+    """Return whether a line has become slower than in the baseline."""
     more = change(measurement, lines)
     return more is not None and more > SLOWER
 
 
 def sentences(measurements: Sequence[Measured], lines: Mapping[str, Known]) -> list[str]:
-    """What to say of the lines: slower ones first, then missed bars, then new lines."""
+    """Return sentences on the lines: slower ones first, then missed bars, then new lines."""
     messages = []
     slow = [x for x in measurements if is_slower(x, lines)]
     for x in sorted(slow, key=lambda x: -(change(x, lines) or 0.0)):

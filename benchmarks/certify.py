@@ -17,7 +17,7 @@ MOST_ROUNDS = 30
 
 
 def lines() -> list[Line]:
-    """The job's run "optimal", compensated by the inverse every 4 ms."""
+    """Return the line for the job's run "optimal", compensated by the inverse every 4 ms."""
     return [Line("certify", "certify, the paper's job", reference.NAME, _prepare)]
 
 

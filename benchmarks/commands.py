@@ -19,7 +19,7 @@ from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, Taken, spawned, timed
 
 GASKET = Path(__file__).parents[1] / "examples" / "drawings" / "gasket.dxf"
-# Mean length of a line of G-code [mm].
+# Mean length of a G-code line [mm].
 STEP = 0.5
 # Standard deviation of the noise on each coordinate of a line's end [mm].
 NOISE = 0.01
@@ -43,7 +43,7 @@ class Drawn:
 
 
 def gcode(lines: int) -> str:
-    """Lines of a wavy spiral, run in and out within 120 x 120 mm."""
+    """Return the lines of a wavy spiral, run in and out within 120 x 120 mm."""
     rng = np.random.default_rng(1)
     radius = 35 + 24 * np.sin(np.linspace(0, lines / 2500, lines))
     angle = np.cumsum(STEP * rng.uniform(0.5, 1.5, lines) / radius)
@@ -55,7 +55,7 @@ def gcode(lines: int) -> str:
 
 
 def circles(count: int, scale: float = 1.0) -> str:
-    """An SVG drawing of circles in rows, none quite where a grid has it."""
+    """Draw circles in rows as SVG, none exactly on a grid."""
     rng = np.random.default_rng(2)
     columns = int(np.ceil(np.sqrt(1.2 * count)))
     size = APART * (columns + 2)
@@ -78,7 +78,7 @@ SMALL = Drawn("svg", partial(circles, scale=0.5), "small circles", 30, ("--no-si
 
 
 def lines() -> list[Line]:
-    """Long programs, of which the longest only if asked for; then shorter commands."""
+    """Return the lines for long programs (the longest only if named), then shorter commands."""
     # Processor time, as programs may be planned on several cores; the bars are by the clock.
     return [
         _long("gcode/pmk3s", GCODE, 150_000, "pmk3s", _by_clock(15, 2e9)),
@@ -145,7 +145,7 @@ def _demo() -> Pair:
 
 
 def _run(folder: tempfile.TemporaryDirectory[str], file: Path, *options: str) -> list[str]:
-    """The command that runs a file, with its results in a folder that it replaces."""
+    """Return the command that runs a file, with its results in a folder that it replaces."""
     out = str(Path(folder.name) / "out")
     return [sys.executable, "-m", "armcontour", "run", str(file), *options, "--out", out, "--force"]
 

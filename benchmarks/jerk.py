@@ -20,12 +20,12 @@ CELLS = 1000
 # Cells of the two plans whose costs are compared: few, and four times as many.
 FEW = 8_000
 MANY = 32_000
-# Waypoints of the spline of both.
+# Waypoints of both splines.
 WAYPOINTS = 640
 
 
 def lines() -> list[Line]:
-    """One plan, and the cost of many cells."""
+    """Return the line for one plan, and for the cost of many cells."""
     title = f"plan with limits of jerk, {CELLS} cells"
     more = f"plan with limits of jerk, {MANY:,} cells"
     return [
@@ -61,7 +61,7 @@ def _many() -> Pair:
 
 
 def _long(cells: int) -> ac.Trajectory:
-    """The plan of a spline through many waypoints."""
+    """Plan a spline through many waypoints."""
     way = np.random.default_rng(0).uniform(-1.5, 1.5, (WAYPOINTS, len(judge.VELOCITY)))
     path = ac.JointPath.spline(way, np.arange(WAYPOINTS))
     return ac.plan(path, limits=judge.limits_of(10.0), options=ac.Optimal(intervals=cells))

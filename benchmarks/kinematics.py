@@ -34,9 +34,9 @@ TURN = 0.3  # rad, between corners of the second path
 ANGULAR_TOLERANCE = 0.02  # rad
 # Tolerance of the tool's position [m].
 TOOL = 1e-10
-# Tolerance of the elements of the tool's rotation matrix, which for small angles are in rad.
+# Tolerance of the tool's rotation matrix per element, which for small angles is in rad.
 TURNED = 1e-10
-# Tolerance of the derivatives of the tool's pose over arc length, as a share of the largest plus 1.
+# Tolerance of the tool pose's derivatives over arc length, as a share of the largest plus 1.
 DERIVATIVES = 1e-8
 
 
@@ -51,7 +51,7 @@ class Task:
 
 
 def lines() -> list[Line]:
-    """Both paths from all guesses, and the part of it that the path has."""
+    """Return the lines for both paths from all guesses, and for the path's part of it."""
     peer = f"{PLACES:,} forward kinematics, pinocchio"
     entries = []
     for key, name in PATHS.items():
@@ -89,7 +89,7 @@ def _pair(key: str, start: str | None) -> Pair:
 
 
 def path_of(key: str) -> ac.Path:
-    """The square with its tool held in one way, or in a way at every corner."""
+    """Make the square with its tool held in one way, or in a way at every corner."""
     error = ur5e.CORNER_ERROR
     if key == "held":
         return ac.round_corners(ur5e.square(), tolerance=error)
@@ -103,7 +103,7 @@ def path_of(key: str) -> ac.Path:
 
 
 def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
-    """Places even in arc length, and guesses for them."""
+    """Return places at even arc lengths, and guesses for them."""
     assert path.orientation is not None
     s = path.length * (np.arange(PLACES) + 0.5) / PLACES
     segment = path.locate(s)
@@ -125,7 +125,7 @@ def prepared(arm: ac.SerialArm, path: ac.Path) -> Task:
 def verified(
     arm: ac.SerialArm, model: object, task: Task, guess: FloatArray
 ) -> tuple[float, FloatArray]:
-    """How far the tool is from the path by pinocchio [m], and how far every guess was off [rad].
+    """Return the tool's distance from the path by pinocchio [m], and the guesses' errors [rad].
 
     Raises:
         AssertionError: Something is not right.

@@ -12,7 +12,7 @@ POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
 
 
 def lines() -> list[Line]:
-    """The first call for the UR5e's square, and for the paper's job."""
+    """Return the lines for the first call on the UR5e's square, and on the paper's job."""
     peer = reference.NAME
     return [
         Line("learn/square", "learn, the UR5e's square", peer, _square, Bar(seconds=3)),

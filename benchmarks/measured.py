@@ -22,11 +22,11 @@ from benchmarks import reference
 
 # A side of a round takes about this long [s], if it is one of many short calls.
 SLICE = 0.03
-# Maximum number of calls per side of a round.
+# Maximum number of calls per side and round.
 MOST_CALLS = 60
 # The rounds of a line together take about this long [s]; long work is measured once.
 BUDGET = 1.5
-# Maximum number of rounds of a line.
+# Maximum number of rounds per line.
 MOST_ROUNDS = 20
 
 # Runs a process and prints what it took. A small process does so, as one begins with the peak
@@ -56,7 +56,7 @@ class Taken:
     memory: float | None = None
 
     def of(self, parts: int) -> Taken:
-        """What one of equal parts took."""
+        """Return the time per part, for equal parts."""
         return Taken(self.processor / parts, self.wall / parts, self.memory)
 
 
@@ -91,7 +91,7 @@ class Bar:
         return ", ".join(parts) or "-"
 
     def missed(self, ratio: float, ours: Taken) -> bool:
-        """Whether a ratio, or what a run took, is over the bar."""
+        """Return whether a ratio, or a run's time, is above the bar."""
         seconds = ours.wall if self.clock else ours.processor
         pairs = ((ratio, self.ratio), (seconds, self.seconds), (ours.memory, self.memory))
         return any(
@@ -108,7 +108,7 @@ class Pair:
         peer: Times the peer's.
         notes: Sentences on what was computed, such as durations.
         warm: Whether both warm themselves, so that the first run counts.
-        parts: Equal parts that a run of ours and of the peer consists of; times are of one.
+        parts: Number of equal parts in a run of ours and in a run of the peer; times are per part.
     """
 
     ours: Timer
@@ -194,7 +194,7 @@ class Measured:
 
     @property
     def missed(self) -> bool:
-        """Whether it misses its bar."""
+        """Return whether the measurement misses its bar."""
         return self.line.bar.missed(self.usual_ratio, self.converted)
 
     @property
@@ -238,7 +238,7 @@ def _measure(pair: Pair) -> tuple[list[Taken], list[Taken]]:
 
 
 def timed(call: Callable[[], object]) -> Timer:
-    """A timer of a call in this process."""
+    """Make a timer of a call in this process."""
 
     def run(times: int) -> list[Taken]:
         taken = []
@@ -257,7 +257,7 @@ def timed(call: Callable[[], object]) -> Timer:
 def spawned(
     command: Callable[[], Sequence[str]], environment: Callable[[], Mapping[str, str]] = dict
 ) -> Timer:
-    """A timer of a process from its start to its end, with the processes that it waits for.
+    """Make a timer of a process from start to end, with the processes that it waits for.
 
     Args:
         command: Says what to run.
@@ -280,7 +280,7 @@ def spawned(
 
 
 def in_words(seconds: float) -> str:
-    """A time with its unit."""
+    """Format a time with its unit."""
     if seconds < 1e-3:
         return f"{seconds * 1e6:.3g} µs"
     return f"{seconds * 1e3:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from benchmarks.measured import Bar, Line, Missing, Pair, Taken, Timer, timed
 JOINTS = 6
 # Waypoints of the spline.
 WAYPOINTS = 5
-# Numbers of grid points of the plans that are compared with those of the peers.
+# Numbers of grid points in plans that are compared with the peers' plans.
 POINTS = (50, 200, 1000, 10_000)
 SOURCE = Path(__file__).with_name("toppra_peer.cpp")
 # The same waypoints and limits for every grid, drawn in this order; the limits bind on every joint
@@ -61,7 +62,7 @@ PLACES = 20
 
 
 def lines() -> list[Line]:
-    """Both peers on every grid, and a large grid against a small one."""
+    """Return the lines for both peers on every grid, and for a large against a small grid."""
     rows: list[tuple[str, str, Callable[[int], Pair], dict[int, float]]] = [
         ("toppra", "toppra (Seidel)", _against_python, PYTHON_BARS),
         ("cpp", "TOPP-RA C++ (Seidel)", _against_cpp, CPP_BARS),
@@ -79,7 +80,7 @@ def lines() -> list[Line]:
 
 
 def plan(points: int) -> ac.Trajectory:
-    """Our plan with a number of grid points, spline included."""
+    """Plan on a number of grid points; the spline is included in the time."""
     path = ac.JointPath.spline(WAY.copy(), AT.copy())
     limits = ac.Limits(joint_velocity=VELOCITY.copy(), joint_acceleration=ACCELERATION.copy())
     return ac.plan(path, limits=limits, options=ac.Optimal(intervals=points - 1))
@@ -93,7 +94,7 @@ def _against_python(points: int) -> Pair:
         law = _python(points)
         t = np.linspace(0, law.duration, PLACES * points)
         used = max((abs(law(t, 1)) / VELOCITY).max(), (abs(law(t, 2)) / ACCELERATION).max())
-        return [_answer("armcontour", *_ours(points)), _said("toppra", law.duration, used)]
+        return [_answer("armcontour", _ours(points)), _said("toppra", law.duration, used)]
 
     return Pair(timed(lambda: plan(points)), timed(lambda: _python(points)), notes)
 
@@ -124,7 +125,7 @@ def _python(points: int):  # noqa: ANN202  # toppra has no types
 
 @cache
 def _program() -> tuple[Path, tempfile.TemporaryDirectory[str]]:
-    """The C++ program, and its folder, which lasts as long as this process."""
+    """Compile the C++ program; return it and its folder, which lasts as long as this process."""
     compiler = shutil.which("g++")
     prefix = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix"
     eigens = [prefix / "include" / "eigen3", Path("/usr/include/eigen3")]
@@ -168,15 +169,15 @@ def _against_cpp(points: int) -> Pair:
         _, duration, squares = _run(program, points, 1)
         grid = np.linspace(0, 1, points)
         return [
-            _answer("armcontour", *_ours(points)),
-            _answer("TOPP-RA C++", duration, grid, squares, None),
+            _answer("armcontour", _ours(points)),
+            _answer("TOPP-RA C++", Solution(duration, grid, squares, np.zeros(points - 1))),
         ]
 
     return Pair(timed(lambda: plan(points)), _timer(program, points), notes)
 
 
 def _timer(program: Path, points: int) -> Timer:
-    """Runs are timed inside of the program's process."""
+    """Make a timer; runs are timed inside the program's process."""
 
     def run(times: int) -> list[Taken]:
         return [Taken(x, x) for x in _run(program, points, times)[0]]
@@ -185,7 +186,7 @@ def _timer(program: Path, points: int) -> Timer:
 
 
 def _run(program: Path, points: int, times: int) -> tuple[list[float], float, np.ndarray]:
-    """Times of so many runs [s], the duration [s], and ds² on the grid."""
+    """Return the times of some runs [s], the duration [s], and ds² on the grid."""
     grid = np.linspace(0, 1, points)
     numbers = np.concatenate([np.ravel(x) for x in (AT, WAY, VELOCITY, ACCELERATION, grid)])
     rows = "\n".join(repr(float(x)) for x in numbers)
@@ -196,24 +197,33 @@ def _run(program: Path, points: int, times: int) -> tuple[list[float], float, np
     return taken, duration, np.array([float(x) for x in rest])
 
 
-def _ours(points: int) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+class Solution(NamedTuple):
+    """A timing whose path acceleration is linear in s between grid points.
+
+    Args:
+        duration: Duration [s].
+        grid: Path parameters s, (n,).
+        squares: ds² at these, (n,).
+        slope: Slopes of dds over s in the intervals, (n - 1,); 0 for constant accelerations.
+    """
+
+    duration: float
+    grid: np.ndarray
+    squares: np.ndarray
+    slope: np.ndarray
+
+
+def _ours(points: int) -> Solution:
     planned = plan(points)
     law = planned.laws[0]
-    # The slopes between grid points only the law knows.
-    return planned.duration, law.s, law.speeds**2, law.rates.slope
+    return Solution(planned.duration, law.s, law.speeds**2, law.rates.slope)
 
 
-def _answer(
-    who: str,
-    duration: float,
-    grid: np.ndarray,
-    squares: np.ndarray,
-    skew: np.ndarray | None,
-) -> str:
-    """Judge ds² on a grid, with a path acceleration linear in s between its points."""
+def _answer(who: str, solution: Solution) -> str:
+    """State the duration and the largest violation of a solution."""
+    duration, grid, squares, slope = solution
     path = ac.JointPath.spline(WAY, AT)
     width = np.diff(grid)
-    slope = np.zeros(len(grid) - 1) if skew is None else skew
     share = np.linspace(0, 1, PLACES)
     s = grid[:-1, None] + share * width[:, None]
     u = np.diff(squares) / (2 * width) - slope * width / 2
@@ -240,7 +250,7 @@ def _scaling() -> Pair:
 
 
 def memory() -> list[str]:
-    """Growth of the peak memory per grid point, each in a process of its own."""
+    """Return the growth of peak memory per grid point, each in its own process."""
     peaks = []
     for points in GRIDS:
         code = MEMORY.format(points=points)

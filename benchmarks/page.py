@@ -39,7 +39,7 @@ def write(lines: Sequence[Line], sessions: Sequence[Session]) -> list[str]:
 
 
 def filled(text: str, lines: Sequence[Line], sessions: Sequence[Session]) -> str:
-    """A page with what its marks ask for.
+    """Fill the marks of a page.
 
     Raises:
         KeyError: A mark names a line that does not exist.
@@ -69,7 +69,7 @@ def filled(text: str, lines: Sequence[Line], sessions: Sequence[Session]) -> str
 
 
 def named(text: str) -> list[str]:
-    """With what the names of lines begin that a page has tables of."""
+    """Return how the lines' names begin of which a page has tables."""
     names = []
     for mark in MARK.finditer(text):
         if mark[2] == "lines":
@@ -84,7 +84,7 @@ def _table(lines: Iterable[Line], baselines: Mapping[str, Known]) -> str:
 
 
 def _answers(begins: Sequence[str], baselines: Mapping[str, Known]) -> str:
-    """Table of the notes of lines, one row for each."""
+    """Tabulate the notes of lines, one row for each."""
     rows = [("line", "what was computed"), ("---", "---")]
     for name, line in sorted(baselines.items()):
         if name.startswith(tuple(begins)):
@@ -93,7 +93,7 @@ def _answers(begins: Sequence[str], baselines: Mapping[str, Known]) -> str:
 
 
 def _times(line: Known) -> str:
-    """Times of both sides of a line, such as "0.5 ms against 21 ms"."""
+    """Return a line's times of both sides, such as "0.5 ms against 21 ms"."""
     ours, theirs = (NOT_YET if x is None else in_words(x) for x in (line.ours, line.theirs))
     return f"{ours} against {theirs}"
 
@@ -116,14 +116,14 @@ def _cells(line: Line, baseline: Known | None) -> tuple[str, ...]:
 
 
 def faster(ratio: float) -> str:
-    """A ratio of times as a speed, such as "38 times faster"."""
+    """Write a ratio of times as a speed, such as "38 times faster"."""
     if 0.95 <= ratio <= 1.05:
         return "equal"
     return f"{max(ratio, 1 / ratio):.2g} times {'faster' if ratio < 1 else 'slower'}"
 
 
 def _plain(text: str) -> str:
-    """Text that is no mark of a table or of HTML."""
+    """Escape characters that have a meaning in a table or in HTML."""
     return text.replace("|", "\\|").replace("<", "&lt;")
 
 

@@ -14,13 +14,13 @@ from benchmarks.measured import Bar, Line, Pair, timed
 CYCLE = 4e-3
 POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
 TOLERANCE = 5e-3  # m, corner error
-ACCELERATION = 0.09  # m/s², centripetal, of the limits and of the rounded corners
+ACCELERATION = 0.09  # m/s², centripetal, for limits and rounded corners
 SPEED = 0.15  # m/s, limit of the tool
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 
 def lines() -> list[Line]:
-    """Errors alone, with the use of limits, and the loop from corners to errors."""
+    """Return the lines for errors alone, with limits, and for the loop from corners to errors."""
     peer = reference.NAME
     evaluate = "evaluate, the paper's job at 4 ms"
     loop = "round, plan, explain, compensate, execute, errors"

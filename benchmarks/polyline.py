@@ -32,7 +32,7 @@ BARS = {("zigzag", "joints"): 1.1, ("zigzag", "tool"): 0.6}
 
 
 def lines() -> list[Line]:
-    """Both shapes, with limits of the joints and with those of the tool too."""
+    """Return the lines for both shapes, with joint limits, and with tool limits too."""
     peer = "toppra, solver alone"
     entries = []
     for shape in ("zigzag", "wavy"):
@@ -63,7 +63,7 @@ def _pair(shape: str, tool: bool) -> Pair:
 
 
 def zigzag() -> FloatArray:
-    """Points [m] to the left and to the right of a Lissajous curve."""
+    """Return points [m] to the left and to the right of a Lissajous curve."""
     u = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
     line = np.column_stack([0.4 + 0.1 * np.sin(9 * u), 0.1 + 0.15 * np.sin(8 * u + 0.3)])
     along = np.gradient(line, axis=0)
@@ -74,20 +74,20 @@ def zigzag() -> FloatArray:
 
 
 def wavy() -> FloatArray:
-    """Points [m] on three rounds of a circle whose radius goes up and down 60 times."""
+    """Return points [m] on three rounds of a circle whose radius oscillates 60 times."""
     u = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
     radius = 0.06 + 0.004 * np.sin(60 * u)
     return np.column_stack([0.38 + radius * np.cos(3 * u), 0.1 + radius * np.sin(3 * u)])
 
 
 def plan(points: FloatArray, arm: ac.Arm, limits: ac.Limits) -> ac.Trajectory:
-    """Everything, from the points to the law."""
+    """Plan everything, from the points to the law."""
     rounded = ac.round_corners(ac.Path.polyline(points), tolerance=TOLERANCE)
     return ac.plan(rounded, arm, limits, ac.Optimal())
 
 
 def toppra_solver(points: FloatArray, arm: ac.Arm, limits: ac.Limits) -> Callable[[], float]:
-    """A call that runs toppra's solver and answers the duration [s], nan where it found none."""
+    """Return a call that runs toppra's solver and returns the duration [s], or nan."""
     import toppra
     from toppra.algorithm import TOPPRA
     from toppra.constraint import (

@@ -15,7 +15,7 @@ QUERIES = 100_000
 
 
 def lines() -> list[Line]:
-    """Three paths: a spiral, a random walk, and chords thrown across the whole square."""
+    """Return the lines for three paths: a spiral, a random walk, and chords across a square."""
     peer = "one segment, numpy"
     # Boxes of chords overlap everywhere, so that they exclude fewer segments.
     bars = {"spiral": 40, "random walk": 40, "random chords": 55}

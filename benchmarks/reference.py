@@ -14,11 +14,11 @@ COMPILED = "numba compiling the reference function"
 SECONDS = {NAME: 12e-3, COMPILED: 2.5}
 # Rounds of the plain loop.
 LOOPS = 60_000
-# Rounds of calls of numpy on small arrays.
+# Rounds of numpy calls on small arrays.
 CALLS = 2_500
 # Numbers in a large array.
 LARGE = 20_000
-# Rounds of calls of numpy on large arrays.
+# Rounds of numpy calls on large arrays.
 LARGE_CALLS = 25
 
 
@@ -37,7 +37,7 @@ def work() -> float:
 
 
 def compile_function() -> None:
-    """Have numba compile a function of loops over arrays."""
+    """Let numba compile a function of loops over arrays."""
     from numba import njit
 
     def multiply(a, b, out):  # type: ignore[no-untyped-def]

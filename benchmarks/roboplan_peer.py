@@ -37,7 +37,7 @@ class Peer:
         self.planned = {}
 
     def prepare(self, name, poses, mode, options):
-        """A planner for poses (n, 4, 4), and its first plan; it is kept, so this is not timed."""
+        """Make a planner for poses (n, 4, 4), and plan once, without timing."""
         frames = [np.asfortranarray(x, dtype=float) for x in poses]
         options = CartesianPlannerOptions(
             group_name="arm", speed_mode=getattr(CartesianSpeedMode, mode), **options
@@ -47,7 +47,7 @@ class Peer:
         return self.time(name, 0)
 
     def time(self, name, runs):
-        """Seconds of the processor that plans take, after one that is not timed."""
+        """Return the processor time of plans [s], after one that is not timed."""
         planner, path = self.prepared[name]
         taken = []
         for _ in range(runs + 1):
@@ -57,7 +57,7 @@ class Peer:
         return taken[1:]
 
     def answer(self, name):
-        """What was planned last: times, positions, velocities, accelerations."""
+        """Return the last plan: times, positions, velocities, accelerations."""
         trajectory = self.planned[name]
         values = (
             trajectory.times,
@@ -69,7 +69,7 @@ class Peer:
 
 
 def main():
-    """Obey until there are no more lines."""
+    """Execute requests until the input ends."""
     peer = None
     for line in sys.stdin:
         method, arguments = json.loads(line)

@@ -32,7 +32,7 @@ BARS = (
     (2, 0.1, (15.25, 15.1954), (14.75, None)),
 )
 LONGEST = {1: 2.0, 2: 6.0}
-# Numbers of corners of the two long paths whose times are compared.
+# Numbers of corners on the two long paths whose times are compared.
 LONG = 1000
 SHORT = 100
 # Tolerance of both [m].
@@ -45,7 +45,7 @@ FAR = 0.42
 
 
 def lines() -> list[Line]:
-    """Both jobs with their tolerances, the UR5e's square, and long paths."""
+    """Return the lines for both jobs, the UR5e's square, and long paths."""
     entries = []
     for job, tolerance, *bars in BARS:
         name = f"{job}/{tolerance:g}mm"
@@ -74,7 +74,7 @@ def _line(
     oracle: float | None,
     longest: float,
 ) -> Line:
-    """One of the jobs on the PMK-3s, with the duration that it shall have and an oracle's."""
+    """Return a line for a job on the PMK-3s, with its expected duration and an oracle's."""
     if cap is not None:
         name = f"{name}/centripetal"
         title = f"{title}, centripetal limit"
@@ -114,7 +114,7 @@ def _pair(
 
 
 def _long() -> Pair:
-    """How much longer ten times the corners take."""
+    """Compare the times for ten times as many corners."""
     arm = ac.load_arm("pmk3s")
     limits = arm.limits.replace(speed=SPEED, centripetal_acceleration=CENTRIPETAL)
 
@@ -128,7 +128,7 @@ def _long() -> Pair:
 
 
 def wander(corners: int) -> FloatArray:
-    """Points of a random walk within the reach of the PMK-3s [m], (corners + 2, 2)."""
+    """Draw a random walk within the reach of the PMK-3s [m], (corners + 2, 2)."""
     rng = np.random.default_rng(1)
     points = [np.array([0.30, 0.20])]
     while len(points) < corners + 2:

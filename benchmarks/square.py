@@ -32,7 +32,7 @@ from contextlib import ExitStack
 from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -81,7 +81,7 @@ OFF = 1e-6
 
 
 def lines() -> list[Line]:
-    """Ours against roboplan's settings, and with the arm's torque limits against toppra."""
+    """Return the lines against roboplan, and with torque limits against toppra."""
     pairs = [
         # Rounding, inverse kinematics and the plan on 4,000 intervals take about a third each.
         ("start", "roboplan, TimeOptimal", Bar(ratio=0.9)),
@@ -145,7 +145,7 @@ def _pair(ours: str, peer: str) -> Pair:
 
 
 def _torque(fixed_start: bool) -> Pair:
-    """The arm's own limits and the tool's speed; toppra is given the joint path that we plan on."""
+    """Compare with toppra on our joint path, with the arm's own limits and the tool's speed."""
     arm = ur5e.load()
     path = ur5e.square()
     limits = arm.limits.replace(speed=SPEED)
@@ -169,22 +169,22 @@ def plan(
     limits: ac.Limits,
     start: FloatArray | None = None,
 ) -> ac.Trajectory:
-    """Our plan, rounding included."""
+    """Plan the square; rounding is included."""
     rounded = ac.round_corners(path, tolerance=ur5e.CORNER_ERROR)
     return ac.plan(rounded, arm, limits, ac.Optimal(seed=start))
 
 
 @cache
 def _settings() -> dict[str, tuple[str, dict[str, float]]]:
-    """Modes and options by name."""
+    """Return roboplan's modes and options by name."""
     ask = _roboplan()
     arm = ur5e.load()
     low, high = 0.05, 0.5
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         _prepare(ask, "trial", "TimeOptimal", {**TIGHT, "velocity_scale": middle})
-        _, q, dq, _ = _through(*_samples(ask, "trial"))
-        fast = np.linalg.norm(arm.tool_velocity(q, dq), axis=1).max() > SLACK * SPEED
+        curve = _interpolate(_samples(ask, "trial"))
+        fast = np.linalg.norm(arm.tool_velocity(curve.q, curve.dq), axis=1).max() > SLACK * SPEED
         low, high = (low, middle) if fast else (middle, high)
     return {
         "roboplan, TimeOptimal": ("TimeOptimal", {**TIGHT, "velocity_scale": low}),
@@ -211,12 +211,14 @@ def _theirs(
     ask: Ask, arm: ac.SerialArm, path: ac.Path, who: str, mode: str, options: dict[str, float]
 ) -> str:
     _prepare(ask, "fine", mode, {**options, "dt": FINE})
-    _, _, dq, ddq = _samples(ask, "fine")
+    law = _samples(ask, "fine")
     _prepare(ask, who, mode, options)
     samples = _samples(ask, who)
-    _, q, rates, seconds = _through(*samples)
-    duration = float(samples[0][-1])
-    return _judged(who, arm, path, duration, q, rates, _used(dq, ddq), _used(rates, seconds))
+    curve = _interpolate(samples)
+    duration = float(samples.t[-1])
+    used = _used(law.dq, law.ddq)
+    executed = _used(curve.dq, curve.ddq)
+    return _judged(who, arm, path, duration, curve.q, curve.dq, used, executed)
 
 
 def _judged(
@@ -229,7 +231,7 @@ def _judged(
     law: float,
     executed: float,
 ) -> str:
-    """A plan in words, with the largest shares of the joints' limits.
+    """Describe a plan in words, with the largest shares of the joints' limits.
 
     `law` is that of the law itself, `executed` that of the cubics through its samples; ours is
     executed as it is.
@@ -255,15 +257,22 @@ def _places(t: FloatArray) -> FloatArray:
     return np.asarray((t[:-1, None] + share * np.diff(t)[:, None]).ravel())
 
 
-def _through(
-    t: FloatArray, q: FloatArray, dq: FloatArray, _: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Cubics through samples and their velocities, and two derivatives of theirs."""
+class Samples(NamedTuple):
+    """Times [s], (n,), joint positions, velocities and accelerations, (n, dof) each."""
+
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+
+
+def _interpolate(samples: Samples) -> Samples:
+    """Sample the cubics through positions and velocities densely, with two derivatives."""
     from scipy.interpolate import CubicHermiteSpline
 
-    spline = CubicHermiteSpline(t, q, dq)
-    parameters = _places(t)
-    return parameters, spline(parameters), spline(parameters, 1), spline(parameters, 2)
+    spline = CubicHermiteSpline(samples.t, samples.q, samples.dq)
+    t = _places(samples.t)
+    return Samples(t, spline(t), spline(t, 1), spline(t, 2))
 
 
 def _prepare(ask: Ask, name: str, mode: str, options: dict[str, float]) -> None:
@@ -274,16 +283,16 @@ def _prepare(ask: Ask, name: str, mode: str, options: dict[str, float]) -> None:
     ask("prepare", name=name, poses=poses.tolist(), mode=mode, options=options)
 
 
-def _samples(ask: Ask, name: str) -> list[FloatArray]:
-    """Times, positions, velocities and accelerations, without repeated times."""
+def _samples(ask: Ask, name: str) -> Samples:
+    """Ask for a plan's samples; repeated times are removed."""
     columns = [np.array(x) for x in ask("answer", name=name)]
     fresh = np.append(True, np.diff(columns[0]) > 1e-9)
-    return [x[fresh] for x in columns]
+    return Samples(*(x[fresh] for x in columns))
 
 
 @cache
 def _roboplan() -> Ask:
-    """A call that has roboplan's process do something; it ends with this one."""
+    """Return a call that sends requests to roboplan's process, which ends with this one."""
     python = os.environ.get(PYTHON)
     if python is None and find_spec("roboplan") is not None:
         python = sys.executable

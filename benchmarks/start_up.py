@@ -8,7 +8,7 @@ from benchmarks.measured import Bar, Line, Pair, spawned
 
 
 def lines() -> list[Line]:
-    """Whole processes, with their files in the system's cache."""
+    """Return the lines for whole processes, with their files in the system's cache."""
     return [
         Line("help", "armcontour --help", "import numba, scipy", _prepare, Bar(ratio=0.25)),
     ]

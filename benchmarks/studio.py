@@ -28,7 +28,7 @@ Data = Mapping[str, Any]
 
 
 def lines() -> list[Line]:
-    """Pictures of plans, with executions, and of an arm in space; and a slider."""
+    """Return the lines for pictures of plans, executions and an arm in space, and a slider."""
     peer = reference.NAME
     drag = "drag a waypoint, to bytes for the page"
     paper = files("armcontour.jobs.library").joinpath("paper.yaml").read_text
@@ -92,12 +92,12 @@ def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool =
 
 
 def _move(data: Data, number: int) -> Data:
-    """The job with a waypoint elsewhere."""
+    """Return the job with a waypoint elsewhere."""
     points = [list(x) for x in data["path"]["points"]]
     points[1][0] += STEP * number
     return {**data, "path": {**data["path"], "points": points}}
 
 
 def _slide(data: Data, number: int) -> Data:
-    """The job with another gain."""
+    """Return the job with another gain."""
     return {**data, "servo": {"kp": 20.0 + 5e-3 * number, "kv": 150.0}}

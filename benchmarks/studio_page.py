@@ -76,7 +76,7 @@ Measure: TypeAlias = "Callable[[Browser, FilePath], Iterator[Found]]"
 
 
 def paper(browser: Browser, folder: FilePath) -> Iterator[Found]:
-    """A waypoint of the paper's job is dragged, then sliders."""
+    """Drag a waypoint of the paper's job, then sliders."""
     job = write_job(
         folder / "job.yaml", "optimal", changes=[("interval: 4 ms", "interval: 0.2 ms")]
     )
@@ -92,7 +92,7 @@ def paper(browser: Browser, folder: FilePath) -> Iterator[Found]:
 
 
 def square(browser: Browser, folder: FilePath) -> Iterator[Found]:
-    """A corner of the UR5e's square is dragged, with the arm's torque limits."""
+    """Drag a corner of the UR5e's square, with the arm's torque limits."""
     job = folder / "square.yaml"
     job.write_text(SQUARE)
     with _studio(browser, job) as studio, _measuring(studio) as drawn:
@@ -101,7 +101,7 @@ def square(browser: Browser, folder: FilePath) -> Iterator[Found]:
 
 
 def segments(browser: Browser, folder: FilePath) -> Iterator[Found]:
-    """A drawing of 10,000 segments is panned and zoomed."""
+    """Pan and zoom a drawing of 10,000 segments."""
     file = folder / "part.ngc"
     file.write_text(gcode(SEGMENTS))
     with _studio(browser, file, "--cell", "pmk3s") as studio:
@@ -122,7 +122,7 @@ def segments(browser: Browser, folder: FilePath) -> Iterator[Found]:
 
 
 def corner(browser: Browser, folder: FilePath) -> Iterator[Found]:
-    """A corner of a motion of 54 s is dragged, while its exact figures are computed."""
+    """Drag a corner of a 54 s motion while its exact figures are computed."""
     strokes = 24
     points = [[0.1 * ((k + 1) // 2 % 2), 4e-3 * (k // 2), 0.0] for k in range(2 * strokes)]
     job = folder / "long.yaml"
@@ -136,7 +136,7 @@ def corner(browser: Browser, folder: FilePath) -> Iterator[Found]:
 
 
 def contours(browser: Browser, folder: FilePath) -> Iterator[Found]:
-    """2,000 contours are opened and planned, and moved on the screen."""
+    """Open and plan 2,000 contours, and move them on the screen."""
     file = write_shapes(folder / "shapes.dxf", CONTOURS, 50, 8.0, 2.5)
     with serving(file, "--cell", "ur5e", folder=folder) as server:
         begin = time.perf_counter()
@@ -155,7 +155,7 @@ def contours(browser: Browser, folder: FilePath) -> Iterator[Found]:
 
 
 def _panning(studio: Studio) -> tuple[Mouse, Callable[[float], None]]:
-    """The mouse in the middle of the drawing, and how it moves around it."""
+    """Return the mouse in the middle of the drawing, and a function that moves it around."""
     x, y = studio.middle(studio.find("#view2d"))
     mouse = studio.page.mouse
     mouse.move(x, y)
@@ -163,7 +163,7 @@ def _panning(studio: Studio) -> tuple[Mouse, Callable[[float], None]]:
 
 
 def _moved(studio: Studio, title: str, wheel: float) -> Iterator[Found]:
-    """Frames of the screen while the drawing is panned and zoomed, and the pointer moves on it."""
+    """Measure screen frames while the drawing is panned and zoomed, and the pointer moves."""
     mouse, move = _panning(studio)
     mouse.wheel(0, wheel)
     for name, act, bar in (
@@ -181,7 +181,7 @@ def _moved(studio: Studio, title: str, wheel: float) -> Iterator[Found]:
 
 
 def program(browser: Browser, folder: FilePath) -> Iterator[Found]:
-    """G-code of 150,000 lines is opened."""
+    """Open G-code of 150,000 lines."""
     job = write_job(folder / "job.yaml", "optimal")
     file = folder / "long.ngc"
     file.write_text(gcode(LINES))
@@ -200,7 +200,7 @@ def program(browser: Browser, folder: FilePath) -> Iterator[Found]:
 
 
 def start(browser: Browser, folder: FilePath) -> Iterator[Found]:
-    """From the command to a page that can be used, and to the first plan."""
+    """Measure the time from the command to a usable page, and to the first plan."""
     # As a package that was installed; a source tree may be kept from being compiled.
     compileall.compile_dir(FilePath(armcontour.__file__).parent, quiet=2)
     usable = []
@@ -237,7 +237,7 @@ MEASURES: dict[str, Measure] = {
 
 @contextmanager
 def _studio(browser: Browser, *arguments: str | FilePath) -> Iterator[Studio]:
-    """A page that shows a job, at rest; whatever goes wrong in it is an error."""
+    """Open a page that shows a job, at rest; anything that goes wrong in it is an error."""
     with serving(*arguments) as server:
         studio = Studio(browser, server)
         studio.begin()
@@ -259,7 +259,7 @@ class Drawn:
 
 @contextmanager
 def _measuring(studio: Studio) -> Iterator[Drawn]:
-    """Collects what is drawn during the block."""
+    """Collect what is drawn during the block."""
     studio.page.evaluate("() => performance.clearMeasures()")
     frames = Drawn({}, {})
     begin = time.perf_counter()
@@ -276,7 +276,7 @@ def _measuring(studio: Studio) -> Iterator[Drawn]:
 def _latencies(
     title: str, drawn: Drawn, first: float, second: float, rate: float | None = 30.0
 ) -> Iterator[Found]:
-    """How long after the event the plan and the executed error are drawn, and how often."""
+    """Return how late after the event plan and executed error are drawn, and how often."""
     for kind, name, bar in (("picture", "plan", first), ("executed", "executed error", second)):
         after = drawn.after.get(f"drawn {kind}", [math.inf])
         order = drawn.messages.get(f"drawn {kind}", [])
@@ -291,12 +291,12 @@ def _latencies(
 
 
 def _share(values: Sequence[float], share: float) -> float:
-    """The value that such a share of them is not above."""
+    """Return the value that this share of the values does not exceed."""
     return float(np.quantile(np.asarray(values), share, method="inverted_cdf"))
 
 
 def _every_frame(act: Callable[[float], None]) -> None:
-    """Do something at 60 Hz for a while, with the time since its start."""
+    """Call a function with the time since its start, at 60 Hz for a while."""
     begin = time.perf_counter()
     for k in range(int(SECONDS * RATE)):
         time.sleep(max(0.0, begin + k / RATE - time.perf_counter()))
@@ -325,7 +325,7 @@ def _shake(studio: Studio, key: str) -> None:
 
 
 def _frames(studio: Studio, act: Callable[[float], None]) -> list[float]:
-    """Times between frames of the page while something is done [ms]."""
+    """Return the times between the page's frames while something is done [ms]."""
     studio.page.evaluate(
         """() => {
             const seen = [];
@@ -343,7 +343,7 @@ def _frames(studio: Studio, act: Callable[[float], None]) -> list[float]:
 
 
 def _process(browser: Browser) -> float:
-    """Memory of the largest process of a page [bytes]; Linux only."""
+    """Return the memory of a page's largest process [bytes]; Linux only."""
     session = browser.new_browser_cdp_session()
     processes = session.send("SystemInfo.getProcessInfo")["processInfo"]
     session.detach()

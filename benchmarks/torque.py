@@ -34,7 +34,7 @@ ACCELERATION = 40.0  # rad/s², limit of every joint
 
 
 def lines() -> list[Line]:
-    """One line."""
+    """Return the only line."""
     title = f"plan with torque limits, {POINTS} points"
     peer = "toppra and RNEA (Seidel)"
     return [Line("torque/spline", title, peer, _prepare, Bar(ratio=1 / 20))]
@@ -66,7 +66,7 @@ def _prepare() -> Pair:
 def toppra_planner(
     arm: ac.SerialArm, limits: ac.Limits, parameters: FloatArray, way: FloatArray
 ) -> Callable[[], float]:
-    """A call that plans with toppra through waypoints, and answers the duration [s].
+    """Return a call that plans with toppra through waypoints and returns the duration [s].
 
     Args:
         arm: The arm, with masses.
@@ -121,7 +121,7 @@ def _per_joint(arm: ac.SerialArm, value: Any) -> FloatArray:
 
 
 def _model(pin: Any, arm: ac.SerialArm) -> Any:
-    """The model of an arm with masses and without a payload."""
+    """Make the model of an arm with masses and without a payload."""
     chain = arm.chain
     model = pin.Model()
     model.gravity.linear = np.asarray(chain.gravity)

@@ -21,25 +21,25 @@ TOOL = "tool"
 
 
 def load() -> ac.SerialArm:
-    """The UR5e."""
+    """Load the UR5e."""
     arm = ac.load_arm("ur5e")
     assert isinstance(arm, ac.SerialArm)
     return arm
 
 
 def corners() -> FloatArray:
-    """The square's corners [m], the first once more at its end, (5, 3)."""
+    """Return the square's corners [m], with the first one again at the end, (5, 3)."""
     around = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0]])
     return np.asarray(CORNER + SIDE * around)
 
 
 def square(rotations: npt.ArrayLike = DOWN) -> ac.Path:
-    """The square with the tool held in one way, or in a way at every corner."""
+    """Make the square with the tool held in one way, or in a way at every corner."""
     return ac.Path.polyline(corners()).oriented(rotations)
 
 
 def urdf(arm: ac.SerialArm, velocity: float) -> str:
-    """The arm's kinematics with one joint velocity for all, with as few frames as can be."""
+    """Write the arm's kinematics with equal joint velocity limits and as few frames as possible."""
     chain = arm.chain
     ranges = np.column_stack(arm.limits.joint_range(arm.dof)).tolist()
     lines = [f'<robot name="{arm.name}">', f'<link name="{BASE}"/>', '<link name="link0"/>']

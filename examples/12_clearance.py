@@ -21,7 +21,7 @@ def scene_with_post(x: float) -> ac.Scene:
 for x in (0.35, 0.60):
     clearance = ac.check_clearance(planned, arm, scene_with_post(x))
     print(f"post at x = {x:.2f} m: {'clear' if clearance.satisfied else 'too near'}")
-    # `nearest` contains the nearest pair of each kind, also of two links of the arm.
+    # `nearest` contains the nearest pair of each kind, also of two arm links.
     for pair in clearance.nearest if clearance.satisfied else clearance.too_near[:1]:
         names = f"{pair.first} and {pair.second}"
         if pair.satisfied:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What came of the problem of a seed.
+    """The result of one seed's problem.
 
     Args:
         kind: Sort of the problem.

@@ -53,7 +53,7 @@ TOPICS = {
     "studio": ("soak.studio:run", 1),
     "calls": ("soak.calls:run", 60_000),
 }
-# Shares of intervals of 95 % that may hold the true value.
+# Allowed shares of 95 % intervals that contain the true value.
 COVERED = (0.90, 0.99)
 
 

@@ -28,12 +28,12 @@ STEP = 2e-3
 REST = 0.4
 # Number of points by which a contour is measured.
 SAMPLES = 30_001
-# Number of random corners, and of random robots inside of the box.
+# Numbers of random corners and random robots inside the box.
 DRAWN = 40
 
 
 def draw(seed: int) -> str:
-    """Job file of a random job with a box."""
+    """Draw a random job with a box, as text of a job file."""
     random = np.random.default_rng(seed)
     arm = [*CENTRES][seed % len(CENTRES)]
     points = CENTRES[arm] + np.cumsum(
@@ -61,7 +61,7 @@ runs: {{only: {{compensation: {{method: inverse}}}}}}
 
 
 def certify(seed: int) -> ac.Certificate:
-    """Certificate of the gasket (seed 0), or of a random job."""
+    """Certify the gasket (seed 0), or a random job."""
     if seed:
         return ac.certify(parse_job(draw(seed)))
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=8e-3)
@@ -72,7 +72,7 @@ def certify(seed: int) -> ac.Certificate:
 
 
 def attack(certificate: ac.Certificate, seed: int) -> dict[str, float]:
-    """Largest ratios of errors of robots of the box to what is guaranteed, by kind of attack."""
+    """Return the largest ratios of errors in the box to the guarantees, by kind of attack."""
     random = np.random.default_rng(seed)
     attacker = Attack(certificate)
     size = (DRAWN, 3 * attacker.dof)
@@ -84,7 +84,7 @@ def attack(certificate: ac.Certificate, seed: int) -> dict[str, float]:
         "climb": attacker.climb(corners[int(ratios.argmax())]),
     }
     if not attacker.shared:
-        # With a shared dead time, not all combinations of joint positions are robots of the box.
+        # With a shared dead time, not all combinations of joint positions are robots in the box.
         found["envelope"] = attacker.envelope(random)
     return found
 
@@ -104,7 +104,7 @@ def run(seed: int) -> Outcome:
 
 
 class Attack:
-    """Robots of the box of a certificate, simulated by Runge-Kutta steps of 1 ms."""
+    """Robots in a certificate's box, simulated by Runge-Kutta steps of 1 ms."""
 
     def __init__(self, certificate: ac.Certificate) -> None:
         self.arm = certificate.job.arm
@@ -121,7 +121,7 @@ class Attack:
             self.contours.append(_Contour(x.path, work, x.budget.executed))
 
     def ratios(self, tool: FloatArray) -> FloatArray:
-        """Largest ratio of the distance from a contour to what is guaranteed, over time, (m,).
+        """Return each robot's largest ratio of contour error to guarantee, (m,).
 
         `tool`: tool points of one motion, (m, dimension).
         """
@@ -134,7 +134,7 @@ class Attack:
         return ratio
 
     def positions(self, units: FloatArray) -> FloatArray:
-        """Joint positions of robots in units of the box, (n, 3, dof), over time, (m, n, dof)."""
+        """Return joint positions over time, (m, n, dof), of robots in box units, (n, 3, dof)."""
         units = units.copy()
         if self.shared:
             units[:, 2] = units[:, 2, :1]
@@ -171,14 +171,14 @@ class Attack:
         return np.array(results)
 
     def largest(self, units: FloatArray) -> FloatArray:
-        """Largest ratio of each robot, (n,); `units`: in units of the box, (n, 3 dof)."""
+        """Return the largest ratio of each robot, (n,); `units`: in box units, (n, 3 dof)."""
         q = self.positions(units.reshape(-1, 3, self.dof))
         return np.array(
             [self.ratios(self.arm.tool_position(q[:, k])).max() for k in range(q.shape[1])]
         )
 
     def climb(self, signs: FloatArray) -> float:
-        """Largest ratio from a corner, (3 dof,), by changing one sign at a time while it grows."""
+        """Return the largest ratio from a corner, (3 dof,), changing one sign at a time."""
         best = float(self.largest(signs[None])[0])
         while True:
             neighbours = np.where(np.eye(signs.size, dtype=bool), -signs, signs)
@@ -189,7 +189,7 @@ class Attack:
             signs = neighbours[int(found.argmax())]
 
     def envelope(self, random: np.random.Generator) -> float:
-        """Largest ratio over the products of joint ranges, also inside of them."""
+        """Return the largest ratio over the products of joint ranges, also inside of them."""
         units = np.array(list(product((-1.0, 0.0, 1.0), repeat=3)))
         q = self.positions(np.repeat(units[:, :, None], self.dof, axis=2))
         low, high = q.min(axis=1), q.max(axis=1)
@@ -208,7 +208,7 @@ class _Contour:
         self.tree = cKDTree(self.points)
 
     def distance(self, tool: FloatArray) -> FloatArray:
-        """Distance from tool points to the path, by short segments, (n,)."""
+        """Return the distances from tool points to the path, by short segments, (n,)."""
         _, nearest = self.tree.query(tool)
         best = np.full(len(tool), np.inf)
         for offset in (-1, 0):

@@ -88,7 +88,7 @@ class Nothing:
 
 @contextmanager
 def folder() -> Iterator[None]:
-    """A new current folder with the files."""
+    """Return a context with a new current folder that contains the files."""
     with tempfile.TemporaryDirectory() as place, chdir(place):
         for name, text in FILES.items():
             Path(name).write_text(text, encoding="utf-8")
@@ -97,7 +97,7 @@ def folder() -> Iterator[None]:
 
 @cache
 def right() -> dict[str, Any]:
-    """Right arguments by their names."""
+    """Return right arguments by name."""
     arm = ac.load_arm("pmk3s")
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
     limits = arm.limits.replace(speed=0.1, joint_acceleration=[0.7, 0.7])
@@ -121,7 +121,7 @@ def right() -> dict[str, Any]:
 
 
 def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
-    """The public functions with the arguments that have no default, and some others."""
+    """Return the public functions, with the arguments that have no default, and some others."""
     x = right()
     on = {"arm": x["arm"], "limits": x["limits"]}
     learned = {"set_points": x["set_points"], "executed": x["executed"], "arm": x["arm"]}
@@ -170,12 +170,12 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
 
 
 def nothing(s: Any, side: str) -> Any:
-    """The coefficients of a quantity that is zero."""
+    """Return the coefficients of a quantity that is zero."""
     return np.zeros((3, len(s), 1))
 
 
 def plan_with(coefficients: Any) -> ac.Trajectory:
-    """A plan with a constraint that has these coefficients."""
+    """Plan with a constraint that has these coefficients."""
     x = right()
     constraint = SecondOrder("own", coefficients, [-0.05], [0.05])
     return ac.plan(
@@ -186,7 +186,7 @@ def plan_with(coefficients: Any) -> ac.Trajectory:
 
 
 def instances() -> Iterator[Any]:
-    """One object of each public class that users make or get."""
+    """Yield one object of each public class that users make or get."""
     x = right()
     space = ac.load_arm("ur5e")
     line = ac.Path.polyline([[0.5, 0.0, 0.2], [0.53, 0.0, 0.2], [0.53, 0.03, 0.2]])
@@ -246,7 +246,7 @@ def instances() -> Iterator[Any]:
 
 @cache
 def calls() -> tuple[Call, ...]:
-    """All calls: functions, then the constructor and the own methods of each class."""
+    """Return all calls: functions, then the constructor and the own methods of each class."""
     cases = [Call(f.__name__, f, arguments) for f, arguments in functions()]
     kinds = set[object]()
     for x in instances():
@@ -269,13 +269,13 @@ def calls() -> tuple[Call, ...]:
 
 
 def parameters_of(function: Callable[..., Any]) -> list[inspect.Parameter]:
-    """The parameters of a function that have names."""
+    """Return the parameters of a function that have names."""
     parameters = inspect.signature(function).parameters.values()
     return [x for x in parameters if x.kind not in (x.VAR_POSITIONAL, x.VAR_KEYWORD)]
 
 
 def made_of(x: Any) -> dict[str, Any]:
-    """Arguments with which the constructor of its class makes an object."""
+    """Return the arguments with which a class makes an object."""
     if isinstance(x, ac.PlanarTwoLink):
         return {"name": "arm", "base": 0.1, "links": (0.25, 0.215), "limits": x.limits}
     if isinstance(x, Cell):
@@ -284,7 +284,7 @@ def made_of(x: Any) -> dict[str, Any]:
 
 
 def arguments_of(method: Callable[..., Any], x: Any) -> dict[str, Any]:
-    """Arguments of a method of an object that have no default."""
+    """Return the arguments without a default for a method of an object."""
     q = np.full(getattr(x, "dof", 2), 0.3)
     arguments = right() | {
         **dict.fromkeys(("q", "dq", "ddq", "dddq"), q),
@@ -327,7 +327,7 @@ def arguments_of(method: Callable[..., Any], x: Any) -> dict[str, Any]:
 
 
 def bad_values() -> list[Any]:
-    """Values that are wrong for most parameters."""
+    """Return values that are wrong for most parameters."""
     x = right()
     return [
         *(None, "", "a", b"a", True, -1, 0, 3, 0.5, -1e-3, np.nan, np.inf, -np.inf, 10**400, 2**63),
@@ -345,13 +345,13 @@ def bad_values() -> list[Any]:
 
 @cache
 def slots() -> tuple[tuple[Call, str], ...]:
-    """All arguments that are replaced, with their calls."""
+    """Return all arguments that are replaced, with their calls."""
     pairs = [(x, y.name) for x in calls() for y in parameters_of(x.function)]
     return tuple((x, name) for x, name in pairs if name not in NOT_VARIED)
 
 
 def judge(call: Call, bad: Mapping[str, Any]) -> tuple[str, str]:
-    """What a call with bad arguments does, and what is wrong with that; empty if nothing is."""
+    """Return what a call with bad arguments does, and what is wrong with that, or ""."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -1,4 +1,4 @@
-"""Certificates of sample drawings and of random jobs, executed and judged."""
+"""Certify sample drawings and random jobs, execute them, and judge the certificates."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEPT = 1e-9
 
 
 def outside(drawing: str, cell: str) -> list[str]:
-    """Sentences on what a certificate does not hold; none if it holds."""
+    """List the promises of a certificate that its execution breaks."""
     job = read_cell(cell, DRAWINGS / drawing)
     certificate = ac.certify(job, goal=ac.CertificateGoal(servo_error=SERVO))
     arm = job.arm
@@ -50,7 +50,7 @@ def outside(drawing: str, cell: str) -> list[str]:
 
 
 def random_job(seed: int) -> ac.Job:
-    """A polyline of 2 to 5 random segments on the PMK-3s, to be certified with a small budget."""
+    """Draw a job to certify: 2 to 5 random segments on the PMK-3s, with a small budget."""
     rng = np.random.default_rng(seed)
     points = [np.array([0.35, 0.2])]
     while len(points) < rng.integers(3, 7):
@@ -79,12 +79,12 @@ runs:
 
 
 def _shortest(points: list[FloatArray]) -> float:
-    """Length of the shortest segment of a polyline [m]."""
+    """Return the length of a polyline's shortest segment [m]."""
     return float(np.hypot(*np.diff(points, axis=0).T).min())
 
 
 def until_rest(seed: int) -> list[str] | None:
-    """Sentences on a random certificate that its execution exceeds; None if none is found."""
+    """List what an execution of a random certificate exceeds; None if none was certified."""
     job = random_job(seed)
     try:
         certificate = ac.certify(job)
@@ -109,7 +109,7 @@ def until_rest(seed: int) -> list[str] | None:
 def largest_acceleration(
     plan: ac.Trajectory, low: FloatArray, high: FloatArray
 ) -> tuple[float, float]:
-    """The largest share of a joint's acceleration limit found, and when [s].
+    """Return the largest share of an acceleration limit, and its time [s].
 
     At random times, and on both sides of all breaks.
     """

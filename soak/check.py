@@ -36,7 +36,7 @@ class Interval:
 
     @classmethod
     def around(cls, value, half):
-        """Numbers that are off by `half` at most."""
+        """Return the interval of numbers that differ by `half` at most."""
         return cls(value - half, value + half)
 
     def __sub__(self, other):
@@ -78,7 +78,7 @@ class Log:
 
 
 def proven_velocity(log):
-    """Per joint, the largest velocity that the samples prove [rad/s]."""
+    """Return each joint's largest velocity that the samples prove [rad/s]."""
     best = np.zeros(log.q.low.shape[1])
     if log.dq is not None:
         best = log.dq.least.max(axis=0)
@@ -86,7 +86,7 @@ def proven_velocity(log):
 
 
 def proven_acceleration(log):
-    """Per joint, the largest acceleration that the samples prove [rad/s²]."""
+    """Return each joint's largest acceleration that the samples prove [rad/s²]."""
     best = np.zeros(log.q.low.shape[1])
     if log.ddq is not None:
         best = log.ddq.least.max(axis=0)
@@ -110,12 +110,12 @@ def proven_acceleration(log):
 
 
 def proven_position(log):
-    """Per joint, the largest amount of a position that the samples prove [rad]."""
+    """Return each joint's largest absolute position that the samples prove [rad]."""
     return log.q.least.max(axis=0)
 
 
 def proven_speed(log, forward, reach):
-    """The smallest and the largest tool speed that the samples may prove [m/s].
+    """Return the smallest and the largest tool speed that the samples may prove [m/s].
 
     `forward` gives the tool's points (n, dimension), `reach` how far a joint may be from the tool.
     The first number is proven, as a joint that is off by an angle moves the tool by no more than
@@ -137,7 +137,7 @@ def proven_speed(log, forward, reach):
 
 
 def _sample_speeds(log, q, forward, reach):
-    """Tool speeds at the samples, and a bound on their errors [m/s], (n,)."""
+    """Return the tool speeds at the samples, and a bound on their errors [m/s], (n,)."""
     dq = (log.dq.low + log.dq.high) / 2
     # Steps of the same length in joint positions, whatever the velocities.
     step = SMALL / np.maximum(np.abs(dq).max(axis=1), 1e-12)[:, None]
@@ -157,7 +157,7 @@ def _chords(log, y):
 
 
 def pmk3s(q):
-    """The tool of the paper's arm, (1) [m]."""
+    """Return tool points of the paper's arm, (1) [m]."""
     first = q[:, 0]
     both = q[:, 0] + q[:, 1]
     x = 0.135 + 0.250 * np.sin(first) + 0.215 * np.sin(both)
@@ -165,7 +165,7 @@ def pmk3s(q):
 
 
 def ur5e(q):
-    """The flange of a UR5e, from the manufacturer's Denavit-Hartenberg parameters [m]."""
+    """Return flange points of a UR5e, from the manufacturer's Denavit-Hartenberg parameters [m]."""
     a = (0.0, -0.425, -0.3922, 0.0, 0.0, 0.0)
     d = (0.1625, 0.0, 0.0, 0.1333, 0.0997, 0.0996)
     alpha = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
@@ -207,21 +207,21 @@ class Motion:
     ddq: np.ndarray
 
     def __call__(self, t):
-        """Positions, velocities and accelerations at times t."""
+        """Return the positions, velocities and accelerations at times t."""
         i = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.ddq) - 1)
         u = (t - self.breaks[i])[:, None]
         dq = self.dq[i] + self.ddq[i] * u
         return self.q[i] + self.dq[i] * u + self.ddq[i] * u**2 / 2, dq, self.ddq[i]
 
     def extremes(self):
-        """Times at which a position, a velocity or an acceleration may be largest."""
+        """Return the times at which a position, a velocity or an acceleration may be largest."""
         with np.errstate(divide="ignore", invalid="ignore"):
             turn = self.breaks[:-1, None] - self.dq / self.ddq
         inside = (turn > self.breaks[:-1, None]) & (turn < self.breaks[1:, None])
         return np.concatenate([self.breaks, turn[inside]])
 
     def largest(self, limit, forward):
-        """The largest amount of what a limit bounds, per joint or of the tool."""
+        """Return the largest amount of what a limit bounds, per joint or of the tool."""
         q, dq, ddq = self(self.extremes())
         if limit == "speed":
             # Dense and a little more: the tool's speed has no closed form.
@@ -270,12 +270,12 @@ class Answer:
 
 @cache
 def load(name):
-    """A built-in arm."""
+    """Load a built-in arm."""
     return ac.load_arm(name)
 
 
 def draw(seed, violating):
-    """The case of a seed."""
+    """Draw the case of a seed."""
     rng = np.random.default_rng([seed, int(violating)])
     name = str(rng.choice(["pmk3s", "ur5e"]))
     limit = str(rng.choice(LIMITS))
@@ -341,7 +341,7 @@ def judge(case):
 
 
 def prove(case):
-    """Whether the samples prove a violation."""
+    """Return whether the samples prove a violation."""
     log = case.log
     allowed = case.allowed
     if case.limit == "speed":
@@ -382,7 +382,7 @@ def _motion(rng, dof):
 
 
 def _times(rng, end):
-    """Times, how they are printed, whether they are even, and half of their last digit."""
+    """Draw times: the values, their printed form, whether regular, and half of the last digit."""
     even = bool(rng.random() < 0.5)
     if even:
         step = float(rng.choice([x for x in (0.001, 0.004, 0.01, 0.05) if 3 * x < end]))
@@ -424,7 +424,7 @@ def _printed(values, form):
 
 
 def _intervals(values, names, form, shift):
-    """What printed numbers stand for; None if no clock or no joint goes there."""
+    """Return intervals of printed numbers; None if no clock or joint can be so."""
     t = values[:, :1]
     dof = (values.shape[1] - 1) // len(names)
     if not (np.diff(t[:, 0]) > 1e-9).all() or not (np.abs(t) < 1e10).all():

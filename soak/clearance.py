@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
@@ -60,7 +60,7 @@ class Tally:
 
 
 def random_motion(arm: ac.Arm, rng: np.random.Generator) -> Trajectory:
-    """Laps of random accelerations from a random posture."""
+    """Draw laps of random accelerations from a random posture."""
     limits = arm.limits.for_joints(arm.dof)
     assert limits.joint_velocity is not None
     low, high = (np.clip(x, -np.pi, np.pi) for x in (limits.joint_lower, limits.joint_upper))
@@ -76,7 +76,7 @@ def random_motion(arm: ac.Arm, rng: np.random.Generator) -> Trajectory:
 
 
 def random_scene(rng: np.random.Generator) -> Scene:
-    """Some bodies around an arm."""
+    """Draw some bodies around an arm."""
     obstacles = []
     for k in range(int(rng.integers(1, 5))):
         way = rng.normal(size=3)
@@ -89,7 +89,7 @@ def random_scene(rng: np.random.Generator) -> Scene:
 
 
 def random_shape(rng: np.random.Generator) -> Shape:
-    """A body of a random kind and size; thin plates, too."""
+    """Draw a body of a random kind and size, also thin plates."""
     a, b, c = rng.uniform(0.02, 0.2, 3)
     match int(rng.integers(6)):
         case 0:
@@ -121,7 +121,7 @@ class Judge:
         self._radii = np.array([radius for _, radius in balls])
 
     def touches(self, q: FloatArray) -> int:
-        """How many pairs touch at joint positions, (n, dof), all postures together.
+        """Count the pairs that touch at joint positions, (n, dof), over all postures.
 
         Bodies whose balls are apart do not touch; all others are looked at by their triangles.
         """
@@ -146,7 +146,7 @@ class Judge:
         return count
 
     def poses(self, q: FloatArray) -> list[FloatArray]:
-        """Places of all links at joint positions, (n, dof): (n, 4, 4) each."""
+        """Return the places of all links at joint positions, (n, dof): (n, 4, 4) each."""
         chain = self._chain
         poses = [np.broadcast_to(_matrix(chain.base.rotation, chain.base.position), (len(q), 4, 4))]
         for k, axis in enumerate(chain.axes):
@@ -160,7 +160,7 @@ class Judge:
 
 
 def _ball(shape: Any) -> tuple[FloatArray, float]:
-    """Centre and radius of a ball that holds a body of the library."""
+    """Return the centre and radius of a ball that holds a body of the library."""
     match shape:
         case coal.Sphere():
             radius = shape.radius
@@ -178,7 +178,7 @@ def _ball(shape: Any) -> tuple[FloatArray, float]:
 
 
 def _body(x: LinkShape) -> tuple[object, FloatArray]:
-    """A body of the library, of triangles where it is a mesh, and its place in its link."""
+    """Return a body of the library, of triangles where it is a mesh, and its place in its link."""
     shape = x.exact or x.shape
     place = x.place
     made: object
@@ -206,7 +206,7 @@ def _body(x: LinkShape) -> tuple[object, FloatArray]:
 
 
 def _matrix(rotation: FloatArray, position: FloatArray) -> FloatArray:
-    """A frame as a matrix, (4, 4)."""
+    """Return a frame as a matrix, (4, 4)."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation
     matrix[:3, 3] = position
@@ -236,7 +236,7 @@ def judge_motion(
 
 
 def mujoco_contacts(arm: ac.Arm) -> Callable[[FloatArray], set[frozenset[str]]]:
-    """MuJoCo's answer which links of an arm touch at joint positions."""
+    """Return a function that asks MuJoCo which links touch at joint positions."""
     import mujoco
 
     assert arm.chain is not None and arm.shapes is not None
@@ -277,19 +277,28 @@ def mujoco_contacts(arm: ac.Arm) -> Callable[[FloatArray], set[frozenset[str]]]:
 
 
 def _words(values: FloatArray) -> str:
-    """Numbers as the text of an attribute."""
+    """Write numbers as the text of an attribute."""
     return " ".join(repr(float(x)) for x in np.ravel(values))
 
 
-def compare_contacts(
-    arm: ac.Arm, rng: np.random.Generator, count: int
-) -> tuple[int, int, float, int]:
-    """Compare contacts at random postures.
+class ContactComparison(NamedTuple):
+    """Contacts of body pairs at random postures, by this program and by MuJoCo.
 
-    Returns:
-        How many pairs were looked at, how many touch, the largest distance or depth of those that
-        touch for one program only [m], and how many these are.
+    Args:
+        pairs: Number of compared pairs.
+        touching: Number of pairs that touch according to MuJoCo.
+        different: Number of pairs that touch for one program only.
+        worst: Largest distance or depth of these pairs [m].
     """
+
+    pairs: int
+    touching: int
+    different: int
+    worst: float
+
+
+def compare_contacts(arm: ac.Arm, rng: np.random.Generator, count: int) -> ContactComparison:
+    """Compare contacts at random postures."""
     contacts = mujoco_contacts(arm)
     pairs, _ = pairs_of(arm, Scene())
     assert arm.chain is not None
@@ -308,7 +317,7 @@ def compare_contacts(
             if touch != (distance <= 0):
                 different += 1
                 worst = max(worst, abs(distance))
-    return count * len(pairs), touching, worst, different
+    return ContactComparison(count * len(pairs), touching, different, worst)
 
 
 def run(seed: int) -> Outcome:
@@ -318,8 +327,9 @@ def run(seed: int) -> Outcome:
     tally = Tally()
     arm = ac.load_arm(name)
     judge_motion(arm, rng, tally)
-    _, _, worst, different = compare_contacts(arm, rng, POSTURES)
+    contacts = compare_contacts(arm, rng, POSTURES)
     notes = [f"{tally.touches} touches of a motion certified clear"] if tally.touches else []
-    if worst > EXCESS:
-        notes.append(f"MuJoCo differs at {different} pairs, by up to {worst * 1e6:.2f} um")
+    if contacts.worst > EXCESS:
+        distance = f"{contacts.worst * 1e6:.2f} um"
+        notes.append(f"MuJoCo differs at {contacts.different} pairs, by up to {distance}")
     return Outcome(kind=name, result="clear" if tally.clear else "not clear", notes=notes)

@@ -57,7 +57,7 @@ def run(seed: int) -> Outcome:
 
 
 def square() -> tuple[ac.Arm, ac.Path]:
-    """A square of 100 mm for a UR5e with a tool of 120 mm and drives of 0.1 kg m²."""
+    """Make a square of 100 mm for a UR5e with a tool of 120 mm and drives of 0.1 kg m²."""
     arm = ac.load_arm("ur5e", tool=ac.Frame(position=(0.0, 0.0, 0.12))).with_dynamics(armature=0.1)
     corners = [(0.38, -0.05, 0.1), (0.48, -0.05, 0.1), (0.48, 0.05, 0.1), (0.38, 0.05, 0.1)]
     path = ac.Path.polyline([*corners, corners[0]]).pointing((0.0, 0.0, -1.0))
@@ -65,7 +65,7 @@ def square() -> tuple[ac.Arm, ac.Path]:
 
 
 def rows(reserve: float) -> Iterator[str]:
-    """Rows of the table for one reserve of the plan."""
+    """Yield the rows of the table for one reserve of the plan."""
     arm, path = square()
     limits = arm.limits.replace(speed=0.1, centripetal_acceleration=1.0)
     plan = ac.plan(path, arm, limits, ac.Optimal(reserve=reserve))
@@ -100,13 +100,13 @@ def rows(reserve: float) -> Iterator[str]:
 
 
 def near(seed: int, dof: int) -> dict[str, np.ndarray]:
-    """Gains of a drawn robot."""
+    """Draw the gains of a robot near the model."""
     shares = np.random.default_rng(seed).uniform(1 - GAINS, 1 + GAINS, (2, dof))
     return {"kp": KP * shares[0], "kv": KV * shares[1]}
 
 
 def delayed(servo: ac.ServoModel, delay: float) -> ac.ServoModel:
-    """A servo whose velocity loop takes its command later [s], to first order."""
+    """Return a servo whose velocity loop takes its command later [s], to first order."""
     gain = 1 - servo.kp * delay
     return servo.replace(kp=servo.kp / gain, kv=servo.kv * gain)
 

@@ -29,7 +29,7 @@ class Piece:
     length: float
 
     def at(self, u):
-        """Points at distances u from the start."""
+        """Return the points at distances u from the start."""
         if self.bend == 0:
             return self.start + np.multiply.outer(u, self.tangent)
         angle = np.asarray(u) * self.bend
@@ -43,12 +43,12 @@ class Piece:
         )
 
     def direction(self, u):
-        """Tangent at a distance u from the start."""
+        """Return the tangent at a distance u from the start."""
         angle = u * self.bend
         return np.cos(angle) * self.tangent + np.sin(angle) * self.normal
 
     def distance(self, points):
-        """Distances of points to the piece: to its line or circle, or to its nearer end."""
+        """Return the distances of points to the piece: its line or circle, or the nearer end."""
         v = points - self.start
         x, y = v @ self.tangent, v @ self.normal
         vectors = v - np.multiply.outer(x, self.tangent) - np.multiply.outer(y, self.normal)
@@ -108,7 +108,7 @@ def _segment(piece):
 
 
 def draw(seed):
-    """A random corner of which at least one side is an arc."""
+    """Draw a random corner with an arc on at least one side."""
     rng = np.random.default_rng((13, seed))
     kind = str(rng.choice(["any", "nearly tangent", "nearly back"], p=[0.6, 0.25, 0.15]))
     turn = {
@@ -152,7 +152,7 @@ def _turned(piece, rotation):
 
 
 def judge(case):
-    """What is wrong with the rounded corner; "" if nothing is. And whether it is a full stop."""
+    """Return what is wrong with the rounded corner, or "", and whether it is a full stop."""
     path = case.path
     rounded = ac.round_corners(path, tolerance=case.tolerance)
     (stopped,) = rounded.corners.stopped

@@ -54,13 +54,13 @@ class Expectation:
 
     identification: ac.Identification
     expected: float | None  # as the run states
-    true: float  # of the true motion of the tool
+    true: float  # of the tool's true motion
     kept: bool  # as the run states
     allowed: float  # largest error that is allowed
 
 
 def multisine(period: float, rng: np.random.Generator) -> np.ndarray:
-    """The multisine of the guide [rad], (n,)."""
+    """Return the multisine of the guide [rad], (n,)."""
     t = np.arange(0.0, DURATION, period)
     f = np.fft.rfftfreq(len(t), period)
     band = (f >= BAND[0]) & (f <= BAND[1])
@@ -76,13 +76,13 @@ def multisine(period: float, rng: np.random.Generator) -> np.ndarray:
 
 @cache
 def lines() -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and set-points [rad] of the lines at full speed."""
+    """Return the times [s] and set-points [rad] of the lines at full speed."""
     set_points = ac.run(parse_job(LINES), simulate=False).runs["plain"].set_points
     return set_points.t, np.asarray(set_points.q)
 
 
 def logs(robot: Robot, seed: int) -> tuple[ac.Log, ac.Log]:
-    """Logs of the multisine about the start, and of the lines."""
+    """Record the logs of the multisine about the start, and of the lines."""
     t, q = lines()
     rng = np.random.default_rng([33, seed])
     waves = np.stack([multisine(robot.period, rng) for _ in robot.joints], axis=1)

@@ -40,9 +40,9 @@ limits: {speed: 0.15 m/s, centripetal_acceleration: 0.09 m/s²}
 servo: {kp: 25 1/s, kv: 150 1/s}
 runs: {only: {cycle: 1 ms, compensation: {method: none}}}
 """
-# Acceleration limit of the joints of this arm [rad/s²], which stops use at every speed factor.
+# Joint acceleration limit of this arm [rad/s²], which stops use at every speed factor.
 LIMIT = 0.72
-# Number of cycles of the motion without its rest.
+# Number of cycles in the motion without its rest.
 CYCLES = 5400
 MOMENTS = 12
 DURATIONS = (0.1, 0.2, 0.5, 1.0, 2.0)
@@ -51,7 +51,7 @@ TARGETS = ("guard", "child", "feeder", "player", "rtapi")
 CASES: list[tuple[str, float | None]] = [(x, d) for x in TARGETS for d in DURATIONS]
 CASES += [(x, None) for x in (*TARGETS, "feeder and player", "guard, then child")]
 CASES += [("disk", None), ("disk of the log", None), ("nothing", None)]
-# Number of attempts of a trial on a machine that is too busy.
+# Number of attempts per trial on a machine that is too busy.
 ATTEMPTS = 4
 # Longest time of a trial [s].
 PATIENCE = 90.0
@@ -60,7 +60,7 @@ MICRO = 1e6
 
 
 def own_hal_file(samples: FilePath) -> str:
-    """The HAL file of the documentation with a second sampler."""
+    """Return the HAL file of the documentation with a second sampler."""
     text = HAL_FILE.read_text(encoding="utf-8")
     text = text.replace("depth=8000 cfg=fffff", "depth=8000,120000 cfg=fffff,fffffb")
     names = [f"own-{x}" for x in range(4)]
@@ -82,7 +82,7 @@ class Samples:
     """Samples of the second sampler.
 
     Args:
-        number: Numbers of the cycles of the thread, (n,).
+        number: Cycle numbers of the thread, (n,).
         k: Cycles of the motion, (n,).
         command: Commands of the joints [rad], (n, 2).
         enabled: Whether the drives were enabled, (n,).
@@ -94,13 +94,13 @@ class Samples:
     enabled: np.ndarray
 
     def acceleration(self) -> float:
-        """Largest commanded acceleration while the drives were enabled [rad/s²]."""
+        """Return the largest commanded acceleration while the drives were enabled [rad/s²]."""
         whole = (np.diff(self.number, 2) == 0) & self.enabled[2:] & self.enabled[:-2]
         values = np.abs(np.diff(self.command, 2, axis=0)).max(axis=1) * 1e6
         return float(values[whole].max(initial=0.0))
 
     def speed(self) -> float:
-        """Largest commanded speed in the last enabled samples [rad/s]."""
+        """Return the largest commanded speed in the last enabled samples [rad/s]."""
         command = self.command[self.enabled][-20:]
         return float(np.abs(np.diff(command, axis=0)).max(initial=0.0)) * 1e3
 
@@ -122,7 +122,7 @@ def read_samples(file: FilePath) -> Samples:
 
 
 def process_table() -> list[tuple[int, int, str]]:
-    """Number, number of the parent, and command line of each process."""
+    """List the number, parent number and command line of each process."""
     found = []
     for entry in FilePath("/proc").glob("[0-9]*"):
         try:
@@ -213,7 +213,7 @@ class Trial:
                         os.kill(pid, signal.SIGCONT)
 
     def targets(self) -> list[int]:
-        """The processes of this case."""
+        """Return the processes of this case."""
         found = []
         if self.target in ("guard", "feeder", "feeder and player"):
             found += self.feeders()[:1]
@@ -224,7 +224,7 @@ class Trial:
         return found + (self.programs() if self.target == "rtapi" else [])
 
     def feeders(self) -> list[int]:
-        """The guard and its child; fewer if they have ended."""
+        """Return the guard and its child; fewer if they have ended."""
         found = []
         for pid, _, words in process_table():
             if "linuxcnc_feeder" in words and str(self.folder) in words:
@@ -232,7 +232,7 @@ class Trial:
         return sorted(found)
 
     def programs(self, name: str = "rtapi_app") -> list[int]:
-        """Processes of LinuxCNC of this trial."""
+        """Return the LinuxCNC processes of this trial."""
         found = []
         for pid, _, words in process_table():
             try:
@@ -244,7 +244,7 @@ class Trial:
         return found
 
     def judge(self, code: int) -> tuple[list[str], float]:
-        """What is wrong, and the ratio of the largest commanded acceleration to the limit."""
+        """Return what is wrong, and the largest commanded acceleration divided by the limit."""
         samples = read_samples(self.samples)
         notes = []
         lost = re.findall(r"Error: [^\r]*", self.text())
@@ -283,7 +283,7 @@ class Trial:
         return (0, 1, 11)
 
     def judge_log(self, samples: Samples) -> list[str]:
-        """What is wrong with the log."""
+        """List what is wrong with the log."""
         places = [self.out / "log.csv", self.out / "unfinished.csv"]
         places += [FilePath(x) for x in re.findall(r"/\S+/log\.csv", self.text())]
         logs = [x for x in places if x.exists()]
@@ -302,7 +302,7 @@ class Trial:
         return notes
 
     def text(self) -> str:
-        """What the command has printed, without the line breaks of the terminal."""
+        """Return what the command printed, without the line breaks of the terminal."""
         return self.printed.decode(errors="replace").replace("\r\n", " ")
 
     def close(self) -> None:
@@ -325,7 +325,7 @@ class Trial:
         return not read_samples(self.samples).enabled[-1]
 
     def _cycle(self) -> float:
-        """Cycle of the motion in the last sample; -1 without one."""
+        """Return the cycle of the motion in the last sample; -1 without one."""
         try:
             with open(self.samples, "rb") as file:
                 file.seek(max(self.samples.stat().st_size - 1000, 0))

@@ -21,7 +21,7 @@ ORACLES = Path(__file__).parents[1] / "tests" / "oracle"
 
 
 def load(name: str) -> ModuleType:
-    """A module of tests/oracle."""
+    """Load a module of tests/oracle."""
     spec = importlib.util.spec_from_file_location(name, ORACLES / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -30,7 +30,7 @@ def load(name: str) -> ModuleType:
 
 
 def judge(text: str, judges: ModuleType) -> str:
-    """What came of a random program: equal, or how it differs."""
+    """Compare a random program: return "equal", or how it differs."""
     try:
         program = judges.read(text)
     except InvalidInput as error:
@@ -39,7 +39,7 @@ def judge(text: str, judges: ModuleType) -> str:
 
 
 def compare(program: object, text: str, judges: ModuleType) -> str:
-    """Whether the second interpreter draws the same."""
+    """Compare with what the second interpreter draws."""
     try:
         judges.compare(program, judges.oracle.interpret(text))
     except (AssertionError, ArithmeticError, LookupError, ValueError) as error:
@@ -48,7 +48,7 @@ def compare(program: object, text: str, judges: ModuleType) -> str:
 
 
 def judge_file(file: Path, judges: ModuleType) -> str:
-    """What came of a file; a refusal is no fault, for files may be anything."""
+    """Read a file that may be anything; a refusal is not a fault."""
     try:
         program = read_path(file, ReadOptions(repair_vertices=0.0))
     except InvalidInput:

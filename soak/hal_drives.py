@@ -24,7 +24,7 @@ TOLERANCE = 5e-3
 
 
 def follow(command: np.ndarray) -> np.ndarray:
-    """Joint positions that two `pid` and two `integ` per joint make of commands [rad], (n, dof)."""
+    """Return joint positions [rad], (n, dof), of joints with two `pid` and two `integ` each."""
     q = command[0].copy()
     v = np.zeros(command.shape[1])
     found = []
@@ -36,7 +36,7 @@ def follow(command: np.ndarray) -> np.ndarray:
 
 
 def tool(q: np.ndarray) -> np.ndarray:
-    """Positions of the tool [m], (n, 2)."""
+    """Return the positions of the tool [m], (n, 2)."""
     a = q[:, 0]
     b = q[:, 0] + q[:, 1]
     x = BASE + FIRST * np.sin(a) + SECOND * np.sin(b)
@@ -44,7 +44,7 @@ def tool(q: np.ndarray) -> np.ndarray:
 
 
 def distances(points: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
-    """Distances from the path with a corner error [m]; 0 for sharp corners, (n,)."""
+    """Return distances from the path with a corner error [m], (n,); 0 for sharp corners."""
     best = np.full(len(points), np.inf)
     begin = POINTS[0]
     for a, b, c in zip(POINTS[:-2], POINTS[1:-1], POINTS[2:], strict=True):

@@ -15,7 +15,7 @@ import armcontour as ac
 from armcontour.motion import Log
 from soak import Outcome
 
-# Names of the parameters of `move` in results.
+# Names that the parameters of `move` have in results.
 NAMES = {
     "kp": "kp",
     "kv": "kv",
@@ -26,7 +26,7 @@ NAMES = {
 LIMIT = 20.0  # rad/s²
 # Standard deviation of the noise on measured positions of drawn logs [rad].
 NOISE = 1e-5
-# Time between samples of the kinds of logs [s].
+# Time between samples, for each kind of log [s].
 INTERVAL = 1e-3
 # Time between samples of drawn logs [s].
 SAMPLE = 2e-3
@@ -92,7 +92,7 @@ def move(
     friction=0.0,
     feed=0.0,
 ):
-    """Positions at t [rad] of a joint under the set-points u; `before` holds before the first.
+    """Return a joint's positions at t [rad] for set-points u; `before` holds before the first.
 
     Dry friction brakes with a constant acceleration [rad/s²]; steps are to be fine with it.
     Velocity feed-forward `feed` adds to the command, over kp, the rate of lines, or that up to held
@@ -104,7 +104,7 @@ def move(
 
 
 def multisine(t, highest, seed, lowest=0.5):
-    """Equal lines every 0.5 Hz, random phases, largest value about 1."""
+    """Return a multisine with equal lines every 0.5 Hz, random phases and amplitude about 1."""
     rng = np.random.default_rng(seed)
     lines = np.arange(lowest, highest + 0.25, 0.5)
     u = np.zeros_like(t)
@@ -114,7 +114,7 @@ def multisine(t, highest, seed, lowest=0.5):
 
 
 def commands(kind, kp, kv, delay, seed):
-    """Times and set-points of a kind of log."""
+    """Return times and set-points for a kind of log."""
     if kind == "multisine":
         t = np.arange(8000) * INTERVAL
         return t, 5e-3 * multisine(t, 25.0, seed)
@@ -127,7 +127,7 @@ def commands(kind, kp, kv, delay, seed):
 
 
 def draw(seed):
-    """A drawn joint, two logs of it with white noise, and its true parameters by name."""
+    """Draw a joint: two logs with white noise, and its true parameters by name."""
     rng = np.random.default_rng([21, seed])
     servo = {
         "kp": math.exp(rng.uniform(math.log(12), math.log(45))),

@@ -84,7 +84,7 @@ def call(
 
 
 def state(folder: FilePath) -> dict[str, str]:
-    """All files below a folder, and their checksums."""
+    """Return all files below a folder, with their checksums."""
     return {
         str(x.relative_to(folder)): hashlib.sha256(x.read_bytes()).hexdigest()
         for x in sorted(folder.rglob("*"))
@@ -93,7 +93,7 @@ def state(folder: FilePath) -> dict[str, str]:
 
 
 def result(files: dict[str, str]) -> dict[str, str]:
-    """The result among them, without what differs from run to run."""
+    """Return the files of the result, without those that differ from run to run."""
     return {x: y for x, y in files.items() if x.startswith("out/")}
 
 
@@ -129,7 +129,7 @@ class Bench:
             shutil.rmtree(self.folder / "out", ignore_errors=True)
 
     def _write_log(self) -> None:
-        """A log of the run: the set-points, and what a servo made of them."""
+        """Write a log of the run: its set-points, and a servo's response."""
         import numpy as np
 
         from armcontour.files import read_job
@@ -158,7 +158,7 @@ class Bench:
         return [*COMMANDS[name], "--force"]
 
     def wrong(self, name: str, earlier: bool) -> str:
-        """What is wrong with what is there; empty if it is the old result, the new one or none."""
+        """Return what is wrong with the result; empty if it is the old or new one, or missing."""
         contents = state(self.folder)
         others = {x: y for x, y in contents.items() if x not in result(contents)}
         if others != self.inputs:
@@ -174,7 +174,7 @@ class Bench:
 
 
 def try_signal(bench: Bench, draw: random.Random) -> list[str]:
-    """A signal at a random moment."""
+    """Send a signal at a random moment."""
     name = draw.choice(list(COMMANDS))
     number = draw.choice([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
     earlier = draw.random() < 0.5
@@ -193,7 +193,7 @@ def try_signal(bench: Bench, draw: random.Random) -> list[str]:
 
 
 def try_kill(bench: Bench, draw: random.Random) -> list[str]:
-    """`kill -9`, then the same command without and with --force."""
+    """Send `kill -9`, then run the same command without and with --force."""
     name = draw.choice([x for x in COMMANDS if bench.whole[x]])
     earlier = draw.random() < 0.5
     arguments = bench.prepare(name, earlier)
@@ -212,7 +212,7 @@ def try_kill(bench: Bench, draw: random.Random) -> list[str]:
 
 
 def try_race(bench: Bench, draw: random.Random) -> list[str]:
-    """Two runs at once into one folder."""
+    """Start two runs at once into one folder."""
     name = draw.choice(["run", "export", "demo"])
     earlier = draw.random() < 0.5
     arguments = bench.prepare(name, earlier=earlier)
@@ -230,14 +230,14 @@ def try_race(bench: Bench, draw: random.Random) -> list[str]:
 
 @cache
 def own_bench() -> Bench:
-    """The folder of this process."""
+    """Return the folder of this process."""
     root = tempfile.mkdtemp(prefix="interrupts-")
     atexit.register(shutil.rmtree, root, ignore_errors=True)
     return Bench(FilePath(root))
 
 
 def run(seed: int) -> Outcome:
-    """Six signals to a kill and a race."""
+    """Try six signals for each kill and race."""
     act = (try_kill, try_race, *[try_signal] * 6)[seed % 8]
     notes = act(own_bench(), random.Random(seed))
     return Outcome(kind=act.__name__, result="ended", notes=notes)

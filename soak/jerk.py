@@ -40,7 +40,7 @@ RATES = (1000.0, 8000.0)
 SLACK = 5e-3
 # Differences in which rounding errors may exceed this share of the limit are not judged.
 NOISE = 2e-3
-# Maximum number of samples of a plan; a longer plan is sampled at a lower rate.
+# Maximum number of samples per plan; a longer plan is sampled at a lower rate.
 MOST_SAMPLES = 40_000
 # One problem in so many is planned again with searches that end early.
 AGAIN = 10
@@ -62,7 +62,7 @@ class Problem:
 
 
 def draw(seed: int) -> Problem:
-    """The problem of a seed."""
+    """Draw the problem of a seed."""
     rng = np.random.default_rng((16, seed))
     kind = str(rng.choice(list(KINDS), p=SHARES))
     points = KINDS[kind](rng)
@@ -76,14 +76,14 @@ def draw(seed: int) -> Problem:
 
 
 def _points(rng: Random) -> np.ndarray:
-    """Waypoints of 1 to 7 joints."""
+    """Draw the waypoints of 1 to 7 joints."""
     count = int(rng.integers(4, 13))
     dof = int(rng.integers(1, 8))
     return rng.uniform(-1.5, 1.5, (count, dof))
 
 
 def _near(rng: Random) -> np.ndarray:
-    """Some waypoints nearly the same as those before them."""
+    """Draw waypoints, some of which nearly repeat the previous one."""
     points = _points(rng)
     indices = rng.choice(len(points) - 1, int(rng.integers(1, 3)), replace=False) + 1
     step = rng.normal(size=(len(indices), points.shape[1])) * 10 ** rng.uniform(-6, -2)
@@ -91,7 +91,7 @@ def _near(rng: Random) -> np.ndarray:
 
 
 def _frozen(rng: Random) -> np.ndarray:
-    """A joint that stands still."""
+    """Draw waypoints with a joint at rest."""
     points = _points(rng)
     points = np.column_stack([points, points[:, 0]]) if points.shape[1] == 1 else points
     points[:, rng.integers(points.shape[1])] = rng.uniform(-1.5, 1.5)
@@ -99,7 +99,7 @@ def _frozen(rng: Random) -> np.ndarray:
 
 
 def _limits(rng: Random, path: ac.JointPath) -> ac.Limits:
-    """Random limits: those of jerk are 2 to 300 times those of acceleration."""
+    """Draw limits: those of jerk are 2 to 300 times those of acceleration."""
     dof = path.dof
     acceleration = 10 ** (rng.uniform(0, 1) + rng.uniform(-0.4, 0.4, dof))
     options: dict[str, Any] = {"joint_acceleration": acceleration}
@@ -140,7 +140,7 @@ def _judge(planned: ac.Trajectory, problem: Problem, options: dict[str, Any]) ->
 
 
 def judge(planned: ac.Trajectory, limits: ac.Limits) -> tuple[list[str], float]:
-    """What is wrong with a plan of one law along a joint path, and its largest ratio to a limit."""
+    """Return the faults of a plan along a joint path, and its largest ratio to a limit."""
     (law,) = planned.laws
     sampled = Sampled(law)
     notes = sampled.joins(limits)
@@ -157,7 +157,7 @@ def judge(planned: ac.Trajectory, limits: ac.Limits) -> tuple[list[str], float]:
 
 @contextmanager
 def interrupted(iterations: int) -> Iterator[None]:
-    """Every search for the fastest motion ends after so many iterations."""
+    """Return a context in which every search ends after some iterations."""
     limit_jerk = limiter.limit_jerk
 
     def short(law, task):  # noqa: ANN001, ANN202
@@ -168,7 +168,7 @@ def interrupted(iterations: int) -> Iterator[None]:
 
 
 def early(seed: int) -> list[str]:
-    """What is wrong with the plans of a seed's problem when searches end early."""
+    """List the faults of plans whose searches end early, for a seed's problem."""
     problem = draw(seed)
     notes = []
     for iterations in EARLY:
@@ -209,7 +209,7 @@ class Sampled:
         self.piece = np.clip(self.piece, 0, len(self.path.breaks) - 2)
 
     def slopes(self) -> list[np.ndarray]:
-        """Q and its first three derivatives by s, (n, k, dof) each."""
+        """Return q and its first three derivatives by s, (n, k, dof) each."""
         start = self.law.s[:-1] - self.path.breaks[self.piece]
         wide = np.diff(self.path.breaks)[self.piece][:, None]
         share = (start[:, None] + self.x) / wide
@@ -224,13 +224,13 @@ class Sampled:
         return columns
 
     def joints(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Velocity, acceleration and jerk of the joints, (n, k, dof) each."""
+        """Return the velocity, acceleration and jerk of the joints, (n, k, dof) each."""
         _, q1, q2, q3 = self.slopes()
         ds, dds, ddds = (x[..., None] for x in self.motion)
         return q1 * ds, q2 * ds**2 + q1 * dds, q3 * ds**3 + 3 * q2 * ds * dds + q1 * ddds
 
     def joins(self, limits: ac.Limits) -> list[str]:
-        """What is wrong where intervals meet, and at both ends."""
+        """List the faults where intervals meet, and at both ends."""
         law = self.law
         notes = []
         if not np.isin(self.path.breaks, law.s).all():
@@ -258,7 +258,7 @@ class Sampled:
         return notes + self._bends(limits, joints[1])
 
     def _durations(self) -> list[str]:
-        """Intervals that take another time than the integral of 1 / ds, or miss their ends."""
+        """List intervals whose duration is not the integral of 1 / ds, or that miss their ends."""
         law = self.law
         ds, dds, slope, jerk = law.rates
         x = (GAUSS + 1) / 2 * self.width[:, None]
@@ -276,7 +276,7 @@ class Sampled:
         return notes
 
     def _bends(self, limits: ac.Limits, acceleration: np.ndarray) -> list[str]:
-        """Places at which the acceleration jumps: it has to stop where the path bends."""
+        """List acceleration jumps: the motion must stop where the path bends."""
         jump = np.abs(acceleration[1:, 0] - acceleration[:-1, -1])
         scale = np.abs(acceleration).max(axis=(0, 1))
         if limits.joint_acceleration is not None:
@@ -291,7 +291,7 @@ class Sampled:
 
 
 def ratios(sampled: Sampled, limits: ac.Limits) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Ratios to limits of the joints, (n, k), and the joints they are of."""
+    """Return the ratios to limits of the joints, (n, k), and the joints they are of."""
     peaks = {}
     for name, values in zip(ORDERS, sampled.joints(), strict=True):
         limit = getattr(limits, f"joint_{name}")
@@ -307,7 +307,7 @@ def ratios(sampled: Sampled, limits: ac.Limits) -> dict[str, tuple[np.ndarray, n
 
 
 def differences(planned: ac.Trajectory, limits: ac.Limits) -> list[str]:
-    """What third differences of sampled positions say of the jerk: their means over samples."""
+    """List jerk faults that third differences of sampled positions prove (means over samples)."""
     if limits.joint_jerk is None:
         return []
     notes = []
@@ -340,7 +340,7 @@ LEAST = 1e-6
 DOWN = np.diag([1.0, -1.0, -1.0])
 # Share of the seeds that have a tool that turns.
 TURNING = 0.2
-# Standard deviation of the components of the tool's rotation vector at a waypoint [rad].
+# Standard deviation of the tool's rotation vector at a waypoint, per component [rad].
 TURN = 0.2
 
 
@@ -350,7 +350,7 @@ def _arm(name: str) -> Any:
 
 
 def draw_tool(seed: int) -> Problem:
-    """A polyline with corners of continuous curvature, or with a tool that turns, of a seed."""
+    """Draw a polyline with curvature-continuous corners, or with a turning tool."""
     rng = np.random.default_rng((18, seed))
     if rng.random() < TURNING:
         kind = "turning"
@@ -366,7 +366,7 @@ def draw_tool(seed: int) -> Problem:
 
 
 def _corners(rng: Random, arm: Any) -> ac.Path:
-    """A polyline whose corners are rounded with continuous curvature."""
+    """Draw a polyline whose corners are rounded with continuous curvature."""
     count = int(rng.integers(3, 7))
     if arm.dimension == 2:
         points = rng.uniform((0.25, 0.1), (0.42, 0.32), (count, 2))
@@ -378,7 +378,7 @@ def _corners(rng: Random, arm: Any) -> ac.Path:
 
 
 def _turning(rng: Random, arm: Any) -> ac.Path:
-    """A polyline with arcs for corners, along which the tool turns, in reach of the arm."""
+    """Draw a polyline with arcs for corners, along which the tool turns, in reach of the arm."""
     while True:
         points = rng.uniform((0.4, -0.05, 0.15), (0.5, 0.05, 0.25), (int(rng.integers(3, 5)), 3))
         turns = Rotation.from_rotvec(TURN * rng.normal(size=points.shape)).as_matrix()
@@ -392,7 +392,7 @@ def _turning(rng: Random, arm: Any) -> ac.Path:
 
 
 def _tool_limits(rng: Random, arm: Any, path: ac.JointPath) -> ac.Limits:
-    """Limits of joints, and some of the tool of which each binds now and then."""
+    """Draw limits of joints and tool, each of which is active now and then."""
     dof = arm.dof
     acceleration = 10 ** (rng.uniform(0, 1) + rng.uniform(-0.3, 0.3, dof))
     factor = 10 ** rng.uniform(np.log10(3), np.log10(100))
@@ -418,7 +418,7 @@ def _tool_limits(rng: Random, arm: Any, path: ac.JointPath) -> ac.Limits:
 
 
 def series(arm: Any, *q: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Derivatives of the tool's position, (n, 3), and of its rotation matrix, (n, 3, 3)."""
+    """Return derivatives of the tool's position, (n, 3), and rotation matrix, (n, 3, 3)."""
     chain = arm.chain
     size = len(q[0])
     rotation, point = _fixed(chain.base, size, len(q))
@@ -433,7 +433,7 @@ def series(arm: Any, *q: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]
 
 
 def _fixed(frame: ac.Frame, size: int, orders: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """A frame that does not move."""
+    """Return the series of a frame that does not move."""
     rotation = [np.zeros((size, 3, 3)) for _ in range(orders)]
     point = [np.zeros((size, 3)) for _ in range(orders)]
     rotation[0][:] = frame.rotation
@@ -442,14 +442,14 @@ def _fixed(frame: ac.Frame, size: int, orders: int) -> tuple[list[np.ndarray], l
 
 
 def _product(first: list[np.ndarray], second: list[np.ndarray]) -> list[np.ndarray]:
-    """Derivatives of a product of matrices, by Leibniz' rule."""
+    """Differentiate a product of matrices, by Leibniz' rule."""
     return [
         sum(comb(n, k) * first[k] @ second[n - k] for k in range(n + 1)) for n in range(len(first))
     ]
 
 
 def _turn(axis: np.ndarray, angle: list[np.ndarray]) -> list[np.ndarray]:
-    """Derivatives of the rotation about an axis, by Rodrigues' formula."""
+    """Differentiate the rotation about an axis, by Rodrigues' formula."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     sine, cosine = [np.sin(angle[0])], [np.cos(angle[0])]
@@ -481,7 +481,7 @@ class Tool:
         self.ds, self.dds, _ = (x.reshape(-1, 1) for x in sampled.motion)
 
     def used(self, name: str) -> np.ndarray:
-        """What a limit of the tool bounds, (n, k)."""
+        """Return the values that a limit of the tool bounds, (n, k)."""
         ds, dds = self.ds, self.dds
         _, x1, x2, _ = self.point
         if name == "speed":
@@ -499,7 +499,7 @@ class Tool:
         return np.linalg.norm(derivative, axis=1).reshape(self.shape)
 
     def _turning(self) -> tuple[np.ndarray, np.ndarray]:
-        """The angular velocity at ds = 1, and its derivative by s, (m, 3) each."""
+        """Return the angular velocity at ds = 1, and its derivative by s, (m, 3) each."""
         back = [np.swapaxes(x, 1, 2) for x in self.rotation]
         first = self.rotation[1] @ back[0]
         second = self.rotation[2] @ back[0] + self.rotation[1] @ back[1]
@@ -507,7 +507,7 @@ class Tool:
         return first[:, places[0], places[1]], second[:, places[0], places[1]]
 
     def torque(self, *, still: bool = False) -> np.ndarray:
-        """Torques of the joints, (n, k, dof), or those at rest."""
+        """Return the torques of the joints, (n, k, dof), or those at rest."""
         velocity, acceleration, _ = self.sampled.joints()
         moving = 0.0 if still else 1.0
         states = (moving * x.reshape(-1, self.arm.dof) for x in (velocity, acceleration))
@@ -515,7 +515,7 @@ class Tool:
 
 
 def judge_tool(planned: ac.Trajectory, arm: Any, limits: ac.Limits) -> tuple[list[str], float]:
-    """What is wrong with a plan of one law, and its largest ratio to any limit."""
+    """Return the faults of a plan with one law, and its largest ratio to any limit."""
     notes, worst = judge(planned, limits)
     (law,) = planned.laws
     sampled = Sampled(law)
@@ -553,7 +553,7 @@ ROUNDING = 1e-9
 
 
 def draw_move(seed: int) -> tuple[np.ndarray, ac.Limits]:
-    """Both ends of a move, (2, dof), and the limits of its joints."""
+    """Draw both ends of a move, (2, dof), and the limits of its joints."""
     rng = np.random.default_rng((17, seed))
     dof = int(rng.integers(1, 8))
     ends = rng.uniform(-3, 3, (2, dof))
@@ -567,7 +567,7 @@ def draw_move(seed: int) -> tuple[np.ndarray, ac.Limits]:
 
 
 def ruckig_duration(ends: np.ndarray, limits: ac.Limits) -> float:
-    """Duration along the line, of which every joint scales the limits [s]."""
+    """Return Ruckig's duration along the line, of which every joint scales the limits [s]."""
     from ruckig import InputParameter, Result, Ruckig, Trajectory
 
     step = np.abs(ends[1] - ends[0])
@@ -584,7 +584,7 @@ def ruckig_duration(ends: np.ndarray, limits: ac.Limits) -> float:
 
 
 def gap(seed: int) -> float:
-    """Share of Ruckig's duration by which our plan is longer."""
+    """Return by which share of Ruckig's duration our plan is longer."""
     ends, limits = draw_move(seed)
     planned = ac.plan(ac.JointPath.spline(ends), limits=limits)
     return planned.duration / ruckig_duration(ends, limits) - 1

@@ -34,7 +34,7 @@ POINTS = 60
 
 
 def shape(rng: np.random.Generator, scale: float, centre: ArrayLike = (0.0, 0.0)) -> ac.Path:
-    """A random closed contour of lines and arcs, within a circle of radius scale."""
+    """Draw a random closed contour of lines and arcs, within a circle of radius scale."""
     n = int(rng.integers(3, 11))
     angles = (
         np.sort(rng.uniform(0, 2 * np.pi, n))
@@ -60,13 +60,13 @@ def shape(rng: np.random.Generator, scale: float, centre: ArrayLike = (0.0, 0.0)
 
 
 def distances(points: np.ndarray, path: ac.Path) -> np.ndarray:
-    """Distances of points to a path, segment by segment."""
+    """Return the distances of points to a path, segment by segment."""
     rows = zip(path.starts, path.tangents, path.normals, path.curvatures, path.lengths, strict=True)
     return np.min([Piece(*x).distance(points) for x in rows], axis=0)
 
 
 def samples(path: ac.Path) -> tuple[np.ndarray, np.ndarray]:
-    """Points along a path and the unit normals to its left there; around corners all of them."""
+    """Return points along a path and unit normals to its left; around corners all normals."""
     places = np.union1d(np.linspace(0, path.length, STEPS), path.breaks)
     points = []
     normals = []
@@ -92,7 +92,7 @@ def samples(path: ac.Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def windings(points: np.ndarray, path: ac.Path) -> np.ndarray:
-    """Winding numbers of a closed path around points, by a polygon of many sides."""
+    """Return the winding numbers of a closed path around points, by a polygon of many sides."""
     fine = path(np.union1d(np.linspace(0, path.length, 5 * STEPS), path.breaks))
     angles = np.arctan2(fine[:, 1] - points[:, 1:], fine[:, 0] - points[:, :1])
     steps = (np.diff(angles, axis=1) + np.pi) % (2 * np.pi) - np.pi
@@ -100,7 +100,7 @@ def windings(points: np.ndarray, path: ac.Path) -> np.ndarray:
 
 
 def comes_back(path: ac.Path) -> bool:
-    """Whether two samples are nearer than their places along a closed path let expect."""
+    """Return whether two samples are nearer to each other than along a closed path."""
     n = 3 * STEPS
     points = path(np.linspace(0, path.length, n, endpoint=False))
     apart = np.abs(np.arange(n)[:, None] - np.arange(n))
@@ -110,7 +110,7 @@ def comes_back(path: ac.Path) -> bool:
 
 
 def judge_offset(rng: np.random.Generator, source: ac.Path, side: str, kerf: float) -> str:
-    """What an offset is, "offset", "parts", "vanished" or "crossing"; raises AssertionError."""
+    """Classify an offset: "offset", "parts", "vanished", "crossing"; else AssertionError."""
     d = kerf / 2
     scale = float(np.abs(source.vertices).max())
     program = ac.Program(moves=(ac.Contour(path=source, name="c", keep_start=True),))
@@ -220,7 +220,7 @@ class Verdict:
 
 
 def inside(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
-    """Whether points are inside of a closed polyline, by crossings of a ray."""
+    """Return whether points are inside of a closed polyline, by crossings of a ray."""
     ax, ay = polygon[:-1].T
     bx, by = polygon[1:].T
     parity = np.zeros(len(points), dtype=bool)
@@ -240,7 +240,7 @@ class Distances:
         self.tree = cKDTree(np.concatenate([self.a, self.b]))
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        """Distance of each point from the nearest polyline."""
+        """Return the distance of each point from the nearest polyline."""
         n = len(self.a)
         nearest = np.full(len(points), np.inf)
         for near in self.tree.query(points, k=min(6, 2 * n))[1].T:
@@ -253,7 +253,7 @@ class Distances:
 
 
 def judge(part: Part, tools: list[np.ndarray], leads: list[np.ndarray], kerf: float) -> Verdict:
-    """Deviations of the part that tool paths cut out, from the drawing.
+    """Return how the cut part deviates from the drawing.
 
     Raises:
         AssertionError: The tool is on the wrong side of a contour.
@@ -296,7 +296,7 @@ Vertices = list[tuple[float, float, float]]
 
 
 def sampled(vertices: Vertices, closed: bool) -> np.ndarray:
-    """Dense points on a polyline with bulges, in its unit, given in mm."""
+    """Sample a polyline with bulges densely, in its unit, given in mm."""
     sagitta = 1e3 * SAGITTA
     spacing = 1e3 * SPACING
     ends = [*vertices[1:], vertices[0]] if closed else vertices[1:]
@@ -325,7 +325,7 @@ def sampled(vertices: Vertices, closed: bool) -> np.ndarray:
 
 
 def _blob(rng: np.random.Generator, radius: float, kerf: float) -> Vertices:
-    """A random closed shape around the origin within a radius [mm]."""
+    """Draw a random closed shape around the origin within a radius [mm]."""
     kind = rng.integers(4)
     if kind == 0 or radius < 2:
         r = radius * rng.uniform(0.6, 1)
@@ -344,14 +344,14 @@ def _blob(rng: np.random.Generator, radius: float, kerf: float) -> Vertices:
 
 
 def _turned(vertices: Vertices) -> Vertices:
-    """A closed shape in the other direction."""
+    """Return a closed shape in the other direction."""
     points = [x[:2] for x in vertices[::-1]]
     bulges = [-x[2] for x in vertices[-2::-1]] + [-vertices[-1][2]]
     return [(x, y, b) for (x, y), b in zip(points, bulges, strict=True)]
 
 
 def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
-    """A DXF file of a random plate with holes, islands, blocks and open contours; its part."""
+    """Draw a DXF file of a random plate (holes, islands, blocks, open contours) and its part."""
     import ezdxf
 
     document = ezdxf.new("R2010")
@@ -413,7 +413,7 @@ def plate(rng: np.random.Generator, kerf: float) -> tuple[bytes, Part]:
 
 
 def tool_path(program: ac.Program) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """The planned tool path along each contour, and its leads, from the joints of a plan."""
+    """Return the planned tool path along each contour, and its leads, from the joints of a plan."""
     limits = ac.Limits.only(joint_acceleration=20.0, speed=0.1, centripetal_acceleration=0.5)
     arm = ac.PlanarTwoLink(name="two links", base=0.0, links=LINKS, limits=limits)
     planned = ac.plan(program, arm, limits)
@@ -449,7 +449,7 @@ def check_part(verdict: Verdict) -> None:
 
 
 def points_on(path: ac.Path, begin: float, end: float) -> np.ndarray:
-    """Dense points on a path between two arc lengths [m]."""
+    """Sample a path densely between two arc lengths [m]."""
     steps = np.minimum(SPACING, np.sqrt(8 * SAGITTA / np.maximum(path.curvatures, 1e-9)))
     ends = zip(path.breaks, path.lengths / steps, np.roll(path.breaks, -1), strict=False)
     s = np.concatenate([np.linspace(a, b, int(n) + 2) for a, n, b in ends])

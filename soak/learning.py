@@ -45,7 +45,7 @@ OVER_NOISE = 2.0
 # The error of the last run may exceed LAST_TO_BEST times that of the best run by so many standard
 # deviations of noise.
 SURE = 3.0
-# Largest ratio of the error of the last run to that of the best run, beside noise.
+# Largest ratio of the last run's error to the best run's, beside noise.
 LAST_TO_BEST = 1.2
 # With another servo the error of the last run may exceed LAST_TO_BEST times that of the best run by
 # this instead [m]. Where all errors are above it, learning must not go on.
@@ -67,7 +67,7 @@ SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 
 def task(name):
-    """The paper's job on its arm, and a square on the others."""
+    """Return the paper's job on its arm, and a square on the other arms."""
     arm = ac.load_arm(name)
     if name == "pmk3s":
         path = ac.round_corners(
@@ -97,7 +97,7 @@ cached_task = cache(task)
 
 
 def draw(task, rng, seed):
-    """A robot: a function from the number of a run to its plant, and the noise of its encoders."""
+    """Draw a robot: a function from the run number to its plant, and its encoder noise."""
     chain = task.arm.chain
     dof = task.arm.dof
     inertia = nominal_inertia(task.arm)
@@ -134,13 +134,13 @@ def draw(task, rng, seed):
 
 
 def ur5e_arm():
-    """The UR5e with its drives."""
+    """Load the UR5e with its drives."""
     arm = ac.load_arm("ur5e")
     return arm._copy(chain=arm.chain.replace(armature=np.full(6, ARMATURE)))
 
 
 def record(executed, noise, clock, rng):
-    """The log of an execution, with a clock of its own."""
+    """Record the log of an execution, with its own clock."""
     begin = executed.t[0] - rng.uniform(0.02, 0.2)
     end = executed.t[-1]
     t = np.arange(begin, end, INTERVAL)
@@ -172,7 +172,7 @@ def repeat(task, plant, noise, clock, rng, runs):
 
 
 def teach(task, rng, seed, runs):
-    """True errors of all runs [m], and what noise alone leaves of the best run [m]."""
+    """Return the true errors of all runs [m], and what noise alone leaves of the best run [m]."""
     plant, noise = draw(task, rng, seed)
     clock = rng.uniform(1 - CLOCK, 1 + CLOCK)
     set_points, done, errors, _ = repeat(task, plant, noise, clock, rng, runs)
@@ -183,7 +183,7 @@ def teach(task, rng, seed, runs):
 
 
 def wrong_model(task, seed, runs=RUNS):
-    """True errors of the runs [m], and lessons, of a robot whose servo differs by much.
+    """Return true errors [m] and lessons of a robot whose servo differs much from the model.
 
     Gains by up to 40 %, feed-forward from 0 to 1 that the model lacks, dead time up to 12 ms; every
     second robot has joints that move independently, the others rigid bodies with friction.

@@ -35,19 +35,19 @@ LEAD = 0.3
 TAIL = 0.6
 # Duration over which the tool is judged after the last set-point [s].
 REST = 3.0
-# Standard deviation of the noise of the encoders [rad].
+# Standard deviation of encoder noise [rad].
 NOISE = 2e-6
 RUNS = 5
-# Lengths of the links of the arm pmk3s [m].
+# Link lengths of the arm pmk3s [m].
 LINKS = (0.25, 0.215)
 POINTS = ((0.30, 0.14), (0.36, 0.18), (0.34, 0.25), (0.27, 0.24), (0.30, 0.14))
 # Learning is expected to divide the error by this factor, or to leave SMALL.
 GAIN = 8.0
 # Largest error that is small [m].
 SMALL = 2e-6
-# Noise of the encoders of some robots [rad].
+# Encoder noise of some robots [rad].
 NOISY = 2e-5
-# Largest ratio of the error of the last run to that of the best run.
+# Largest ratio of the last run's error to the best run's.
 LAST_TO_BEST = 1.2
 
 
@@ -77,7 +77,7 @@ class Robot:
 
 
 def draw(seed: int, dof: int = 2) -> Robot:
-    """A random robot of the kind `seed % len(KINDS)`."""
+    """Draw a random robot of the kind `seed % len(KINDS)`."""
     rng = np.random.default_rng([31, seed])
     kind = KINDS[seed % len(KINDS)]
     period = float(rng.choice([2e-3, 4e-3, 8e-3]))
@@ -107,7 +107,7 @@ def draw(seed: int, dof: int = 2) -> Robot:
 
 @njit(cache=True)
 def _follow(u, period, steps, every, kp, kv, ki, pid, feed, bend, dead_time, coulomb, viscous):
-    """Positions of a joint after each STEP, from rest at the first set-point."""
+    """Return the positions of a joint after each STEP, from rest at the first set-point."""
     positions = np.empty(steps)
     cycle = every * STEP
     q = u[0]
@@ -158,7 +158,7 @@ def _follow(u, period, steps, every, kp, kv, ki, pid, feed, bend, dead_time, cou
 
 
 def execute(robot: Robot, q: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s], (n,), and joint positions [rad], (n, dof), with set-points q every `period`."""
+    """Return times [s], (n,), and joint positions [rad], (n, dof), for set-points q."""
     steps = round((len(q) - 1) * period / STEP) + 1
     every = round(robot.cycle / STEP)
     columns = [
@@ -174,7 +174,7 @@ def execute(robot: Robot, q: np.ndarray, period: float) -> tuple[np.ndarray, np.
 def record(
     robot: Robot, q: np.ndarray, period: float, noise: float, seed: int, tail: float = TAIL
 ) -> ac.Log:
-    """The log of a run, with a sample per set-point."""
+    """Record the log of a run, with a sample per set-point."""
     held = np.concatenate(
         [
             np.repeat(q[:1], round(LEAD / period), axis=0),
@@ -191,7 +191,7 @@ def record(
 
 
 def tool(q: np.ndarray) -> np.ndarray:
-    """Points of the tool of two links [m], (n, 2)."""
+    """Return tool points of a two-link arm [m], (n, 2)."""
     first = q[:, 0]
     both = q.sum(axis=1)
     x = LINKS[0] * np.cos(first) + LINKS[1] * np.cos(both)
@@ -200,7 +200,7 @@ def tool(q: np.ndarray) -> np.ndarray:
 
 
 def distances(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
-    """Distances of points, (n, 2), to a polyline with short edges, (m, 2) [m]."""
+    """Return the distances of points, (n, 2), to a polyline with short edges, (m, 2) [m]."""
     nearest, index = cKDTree(curve).query(points)
     for shift in (-2, -1, 0, 1):
         k = np.clip(index + shift, 0, len(curve) - 2)
@@ -214,7 +214,7 @@ def distances(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
 
 @cache
 def plan() -> ac.Trajectory:
-    """The plan of the job on the arm pmk3s."""
+    """Return the plan of the job on the arm pmk3s."""
     arm = ac.load_arm("pmk3s")
     path = ac.round_corners(ac.Path.polyline(POINTS), tolerance=1e-3)
     limits = arm.limits.replace(speed=0.1, centripetal_acceleration=0.3)
@@ -231,7 +231,7 @@ class Truth:
 
 
 def judge(robot: Robot, q: np.ndarray, period: float, start: float) -> Truth:
-    """True errors of a run with set-points q from plan time `start` [s], and of a rest."""
+    """Return the true errors of a run with set-points q from time `start` [s], with rest."""
     trajectory = plan()
     held = np.concatenate([q, np.repeat(q[-1:], round(REST / period), axis=0)])
     t, positions = execute(robot, held, period)
@@ -250,7 +250,7 @@ def judge(robot: Robot, q: np.ndarray, period: float, start: float) -> Truth:
 
 
 def servo_of(robot: Robot, seed: int) -> ac.ServoModel:
-    """The servo of the job: gains that err by up to GAIN_ERROR, no integrator, no friction.
+    """Return the servo of the job: gains that err by up to GAIN_ERROR, no integrator, no friction.
 
     The dead time of every second robot is known to a multiple of 4 ms.
     """
@@ -296,7 +296,7 @@ def teach(
 
 
 def exact_servo(robot: Robot) -> ac.ServoModel:
-    """The servo of the job with the gains of a robot of the kind P-P."""
+    """Return the servo of the job with the gains of a P-P robot."""
     return ac.ServoModel(
         kp=[x.kp for x in robot.joints],
         kv=[x.kv for x in robot.joints],
@@ -305,7 +305,7 @@ def exact_servo(robot: Robot) -> ac.ServoModel:
 
 
 def faults(robot: Robot, lesson: Lesson) -> list[str]:
-    """What is wrong with the results of learning, according to the true motion of the tool."""
+    """List the learning results that the tool's true motion contradicts."""
     notes = []
     errors = np.array([x.rms for x in lesson.truths])
     last = lesson.results[-1]
@@ -327,7 +327,7 @@ def faults(robot: Robot, lesson: Lesson) -> list[str]:
 
 
 def run(seed: int) -> Outcome:
-    """Learn on a robot of another kind of loops; every fifth has more noise."""
+    """Learn on a robot with other loops than the model; every fifth has more noise."""
     robot = draw(seed)
     noise = NOISY if seed % 5 == 4 else NOISE
     lesson = teach(robot, servo_of(robot, seed), seed, noise)

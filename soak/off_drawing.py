@@ -61,7 +61,7 @@ def run(seed: int) -> Outcome:
 
 
 def measure_tool(result: RunResult) -> float:
-    """Distance between tool and drawing while the process works, in both directions [m]."""
+    """Return the distance between tool and drawing in the process, in both directions [m]."""
     plant = ac.ServoPlant(result.arm, result.servo)
     executed = ac.simulate(result.set_points, plant, resolution=RESOLUTION)
     points = in_space(executed.tool)
@@ -82,7 +82,7 @@ def measure_tool(result: RunResult) -> float:
 
 
 def measure_paths(result: RunResult) -> list[float]:
-    """Distance between each contour of the path and the drawing, in both directions [m]."""
+    """Return each contour's distance between path and drawing, in both directions [m]."""
     distances = []
     pairs = zip(result.path.contours, result.objective.contours, strict=True)
     for contour, drawn in pairs:
@@ -93,7 +93,7 @@ def measure_paths(result: RunResult) -> list[float]:
 
 
 def sample(path: ac.Path, begin: float, end: float) -> np.ndarray:
-    """Points of a path between two arc lengths [m], with all its vertices, (n, 3)."""
+    """Sample a path between two arc lengths [m], with all its vertices, (n, 3)."""
     even = np.linspace(begin, end, max(3, int((end - begin) / STEP)))
     short = np.linspace(path.breaks[:-1], path.breaks[1:], SAMPLES).ravel()
     inside = short[(short > begin) & (short < end)]
@@ -101,12 +101,12 @@ def sample(path: ac.Path, begin: float, end: float) -> np.ndarray:
 
 
 def in_space(points: np.ndarray) -> np.ndarray:
-    """Points in the plane or in space as points in space, (n, 3)."""
+    """Return points in the plane or in space as points in space, (n, 3)."""
     return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
 
 
 def farthest(points: np.ndarray, line: np.ndarray) -> float:
-    """Largest distance of points from the chords of a line of points [m]."""
+    """Return the largest distance of points from the chords of a polyline [m]."""
     _, nearest = cKDTree(line).query(points, k=min(NEIGHBOURS, len(line)))
     best = np.full(len(points), np.inf)
     for column in nearest.T:
@@ -124,7 +124,7 @@ def farthest(points: np.ndarray, line: np.ndarray) -> float:
 
 
 def _job(rng: Random, arm: Any, path: dict[str, Any], **keys: Any) -> ac.Job:
-    """A job with a random tolerance and servo; `keys` replace keys of the job file."""
+    """Return a job with a random tolerance and servo; `keys` replace keys of the job file."""
     data = {
         "name": "random",
         "arm": arm,
@@ -141,19 +141,19 @@ def _job(rng: Random, arm: Any, path: dict[str, Any], **keys: Any) -> ac.Job:
 
 
 def _with_jerk(rng: Random) -> dict[str, float]:
-    """Limits with a speed and a jerk limit."""
+    """Return the limits with a speed and a jerk limit."""
     return {"speed": float(rng.uniform(0.05, 0.3)), "joint_jerk": float(rng.choice(JERKS))}
 
 
 def _corners_in_plane(rng: Random) -> ac.Job:
-    """Lines of a planar arm, rounded with continuous curvature."""
+    """Make a job with lines of a planar arm, rounded with continuous curvature."""
     count = int(rng.integers(3, 6))
     points = np.array([0.33, 0.2]) + rng.uniform(-0.05, 0.05, (count, 2))
     return _job(rng, "pmk3s", {"points": points.tolist()}, limits=_with_jerk(rng))
 
 
 def _tangent_arcs(rng: Random) -> dict[str, Any]:
-    """Lines and arcs that meet without a corner, and one corner."""
+    """Make lines and arcs that meet without a corner, and one corner."""
     a, r, b = rng.uniform(0.01, 0.06, 3).tolist()
     turn = float(rng.uniform(40, 170))
     end = np.radians(turn)
@@ -173,13 +173,13 @@ def _tangent_arcs(rng: Random) -> dict[str, Any]:
 
 
 def _in_work_frame(name: str, rng: Random) -> dict[str, Any]:
-    """An arm in space, with the work frame in front of it."""
+    """Place an arm in space, with the work frame in front of it."""
     place = [float(0.45 + rng.uniform(-0.03, 0.03)), float(rng.uniform(-0.1, 0.1)), 0.15]
     return {"name": name, "tool": {"position": [0, 0, "120 mm"]}, "work": {"position": place}}
 
 
 def _arcs_in_space(name: str) -> Any:
-    """Function that makes a job of lines and arcs for an arm in space."""
+    """Return a function that makes a job of lines and arcs for an arm in space."""
 
     def make(rng: Random) -> ac.Job:
         path = {**_tangent_arcs(rng), "orientation": {"axis": [0, 0, -1]}}
@@ -189,7 +189,7 @@ def _arcs_in_space(name: str) -> Any:
 
 
 def _follows_tangent(rng: Random) -> ac.Job:
-    """Lines and arcs whose orientation follows the tangent: smoothed before they are rounded."""
+    """Make lines and arcs whose orientation follows the tangent, smoothed, then rounded."""
     path = {**_tangent_arcs(rng), "orientation": {"follow_tangent": {"up": [0, 0, 1]}}}
     tolerance = float(10 ** rng.uniform(-4, -3))
     corners = {"tolerance": tolerance, "angular_tolerance": "3 deg"}
@@ -198,26 +198,26 @@ def _follows_tangent(rng: Random) -> ac.Job:
 
 
 def _arcs_alone(rng: Random) -> ac.Job:
-    """Corners rounded with arcs, without a jerk limit."""
+    """Make a job with corners rounded with arcs, without a jerk limit."""
     path = {**_tangent_arcs(rng), "orientation": {"axis": [0, 0, -1]}}
     return _job(rng, _in_work_frame("panda", rng), path)
 
 
 def _shaped(rng: Random) -> ac.Job:
-    """Corners of shape free."""
+    """Make a job with corners of shape free."""
     points = np.array([0.33, 0.2]) + rng.uniform(-0.05, 0.05, (3, 2))
     corners = {"shape": "free", "tolerance": float(10 ** rng.uniform(-4, -2.7))}
     return _job(rng, "pmk3s", {"points": points.tolist()}, corners=corners)
 
 
 def _sharp(rng: Random) -> ac.Job:
-    """Corners that stay as they are drawn."""
+    """Make a job with sharp corners."""
     points = np.array([0.33, 0.2]) + rng.uniform(-0.05, 0.05, (4, 2))
     return _job(rng, "pmk3s", {"points": points.tolist()}, corners="sharp")
 
 
 def _curve(rng: Random) -> ac.Job:
-    """A path in Python whose corners are parabolas, and whose curvature is smoothed then."""
+    """Make a path in Python with parabolas at corners and smoothed curvature."""
     points = np.array([0.33, 0.2]) + rng.uniform(-0.05, 0.05, (4, 2))
     line = ac.Path.polyline(points)
     path = ac.geometry.round_path(line, tolerance=1e-3, curve="parabola")
@@ -226,7 +226,7 @@ def _curve(rng: Random) -> ac.Job:
 
 
 def _drawing(rng: Random) -> ac.Job:
-    """A drawing with kerf and leads, cut by an arm in space under a jerk limit."""
+    """Make a job of a drawing with kerf and leads, cut by an arm under a jerk limit."""
     name, file = DRAWN[int(rng.integers(len(DRAWN)))]
     patch: dict[tuple[str, ...], Any] = {
         ("corners", "tolerance"): float(10 ** rng.uniform(-4, -3.3)),
@@ -238,7 +238,7 @@ def _drawing(rng: Random) -> ac.Job:
 
 
 def _woven(rng: Random) -> ac.Job:
-    """A woven seam: the drawing is the weave."""
+    """Make a job of a woven seam, whose drawing is the weave."""
     weave = {
         "width": float(rng.uniform(1e-3, 3e-3)),
         "pitch": float(rng.uniform(3e-3, 6e-3)),

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -63,7 +63,7 @@ class Shape:
         return float(2 * np.pi * np.linalg.norm(self.start - self.centre))
 
     def path(self) -> ac.Path:
-        """The path for armcontour."""
+        """Return the path for armcontour."""
         if self.centre is None:
             return ac.Path.polyline([self.start, self.end])
         spokes = [self.at(k * self.length / 2) for k in (0, 1)]
@@ -76,7 +76,7 @@ class Shape:
         )
 
     def at(self, s: float) -> np.ndarray:
-        """The point of a circle at an arc length."""
+        """Return the point of a circle at an arc length."""
         spoke = self.start - self.centre
         a = self.turn * s / np.linalg.norm(spoke)
         c = np.cos(a)
@@ -84,7 +84,7 @@ class Shape:
         return self.centre + np.array([c * spoke[0] - d * spoke[1], d * spoke[0] + c * spoke[1]])
 
     def places(self, tool: np.ndarray, end: float) -> tuple[np.ndarray, np.ndarray]:
-        """Arc lengths of tool points that come to `end` at last, and their distances [m]."""
+        """Return the last arc lengths of tool points before `end`, and their distances [m]."""
         if self.centre is None:
             along = (self.end - self.start) / self.length
             s = (tool - self.start) @ along
@@ -101,7 +101,7 @@ class Shape:
 
 
 def draw(rng: np.random.Generator, number: int, name: str, style: str) -> Shape:
-    """A line or a circle in a cell of its own, with gaps as the style has them."""
+    """Draw a line or a circle in a cell of its own, with gaps as the style has them."""
     corner = ORIGIN + CELL * np.array([number % 3, number // 3])
     middle = corner + CELL / 2
     if rng.random() < 0.5:
@@ -136,7 +136,7 @@ def draw(rng: np.random.Generator, number: int, name: str, style: str) -> Shape:
 
 
 def lead(rng: np.random.Generator, active: bool) -> Lead | None:
-    """A random lead, or none."""
+    """Draw a random lead, or none."""
     if rng.random() < 0.4:
         return None
     return Lead(
@@ -144,28 +144,57 @@ def lead(rng: np.random.Generator, active: bool) -> Lead | None:
     )
 
 
+class Visit(NamedTuple):
+    """One run of the tool along a shape, up to the arc length `end` [m]."""
+
+    shape: Shape
+    end: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnProgram:
+    """A random program with its process.
+
+    Args:
+        moves: Moves of the program before its preparation.
+        process: The process.
+        visits: What the tool runs along, in order, from the place of resumption on.
+        begun: Arc length of the first visit at which the work is resumed [m].
+        active: True if outputs may be on along leads.
+        early: Lead time of the analog output "power" [s].
+    """
+
+    moves: tuple[Any, ...]
+    process: ac.Process
+    visits: list[Visit]
+    begun: float
+    active: bool
+    early: float
+
+
 def judge_program(seed: int) -> int:
     """Judge one program; returns the number of samples, 0 if gaps are too short for its leads."""
-    rng = np.random.default_rng(seed)
+    drawn = _draw_program(np.random.default_rng(seed))
+    arm = ac.load_arm("pmk3s")
+    limits = arm.limits.replace(speed=ASSIGNED)
+    program = ac.prepare(ac.Program(moves=drawn.moves), drawn.process)
+    try:
+        plan = ac.plan(program, arm, limits)
+    except InvalidInput as error:
+        if "Reduce the advance" in str(error):
+            return 0
+        raise
+    t = np.arange(0, plan.duration + 0.05, STEP)
+    works, leads = _find_work(drawn, plan, arm.tool_position(plan(np.minimum(t, plan.duration))), t)
+    analog = analog_outputs(program, plan, drawn.process, limits)
+    _judge_outputs(f"seed {seed}", drawn, plan, t, works, leads, analog)
+    return len(t)
+
+
+def _draw_program(rng: np.random.Generator) -> DrawnProgram:
+    """Draw moves, a process, and where the program is resumed."""
     in_order = rng.random() < 0.4
-    drawn: list[Shape] = []
-    moves: list[object] = []
-    for k in range(rng.integers(1, 6)):
-        layer = str(rng.choice(["", "SEAL"]))
-        name = "glue" if layer else "laser"
-        style = str(rng.choice(["file", "late"] if in_order else ["none", "gaps", "late"]))
-        x = draw(rng, k, name, style)
-        if in_order and style == "late":
-            # What is on at the end of a contour stays on in a program with an order.
-            x.events = (*x.events, ac.Event(name=name, value=False, s=x.length))
-        x.layer = layer
-        drawn.append(x)
-        if in_order:
-            moves.append(ac.Rapid() if rng.random() < 0.7 else ac.Dwell(duration=0.05))
-            if rng.random() < 0.3:
-                moves.append(ac.Event(name=name))
-                moves.append(ac.Event(name=name, value=False))
-        moves.append(ac.Contour(path=x.path(), events=x.events, layer=layer, name=f"c{k}"))
+    shapes, moves = _draw_moves(rng, in_order)
     on_lead, off_lead = rng.uniform(0, 0.015, 2) * (rng.random(2) < 0.6)
     switches = {x: Switch(name=x, on_lead=on_lead, off_lead=off_lead) for x in ("laser", "glue")}
     tabs = Tabs(width=1e-3, count=int(rng.integers(1, 3))) if rng.random() < 0.4 else None
@@ -174,7 +203,7 @@ def judge_program(seed: int) -> int:
     # Along active leads the outputs may be on.
     active = bool(rng.random() < 0.3)
     early = float(rng.choice([0.0, 0.01, -0.01]))
-    layers = {x.layer for x in drawn}
+    layers = {x.layer for x in shapes}
     process = ac.Process(
         begin="drawn",
         switch=switches["laser"],
@@ -191,67 +220,106 @@ def judge_program(seed: int) -> int:
             Analog(name="flow", rest=1.0, full=1.0, follows="laser"),
         ),
     )
-    visits: list[tuple[Shape, float]] = []
-    for x in drawn:
-        closed = x.centre is not None
-        visits += [(x, passes * x.length + overlap if closed else x.length)] * (
-            1 if closed else passes
-        )
-        if closed and tabs is not None:
-            for k in range(tabs.count):
-                s = (k + 0.5) * x.length / tabs.count
-                x.off.append((s - tabs.width / 2, s + tabs.width / 2))
-    first = 0
+    visits = _list_visits(shapes, process)
     begun = 0.0
     if rng.random() < 0.6:
-        begun = resume_at = rng.uniform(0, sum(y for _, y in visits) - 1e-3)
-        while begun >= visits[first][1]:
-            begun -= visits[first][1]
-            first += 1
+        begun = resume_at = rng.uniform(0, sum(x.end for x in visits) - 1e-3)
+        while begun >= visits[0].end:
+            begun -= visits.pop(0).end
         process = dataclasses.replace(process, resume_at=resume_at)
-    arm = ac.load_arm("pmk3s")
-    limits = arm.limits.replace(speed=ASSIGNED)
-    program = ac.prepare(ac.Program(moves=tuple(moves)), process)
-    try:
-        plan = ac.plan(program, arm, limits)
-    except InvalidInput as error:
-        if "Reduce the advance" in str(error):
-            return 0
-        raise
-    analog = analog_outputs(program, plan, process, limits)
-    t = np.arange(0, plan.duration + 0.05, STEP)
-    tool = arm.tool_position(plan(np.minimum(t, plan.duration)))
+    return DrawnProgram(
+        moves=moves, process=process, visits=visits, begun=begun, active=active, early=early
+    )
+
+
+def _draw_moves(rng: np.random.Generator, in_order: bool) -> tuple[list[Shape], tuple[Any, ...]]:
+    """Draw shapes, and the moves of a program that runs along them, with others in between."""
+    shapes: list[Shape] = []
+    moves: list[object] = []
+    for k in range(rng.integers(1, 6)):
+        layer = str(rng.choice(["", "SEAL"]))
+        name = "glue" if layer else "laser"
+        style = str(rng.choice(["file", "late"] if in_order else ["none", "gaps", "late"]))
+        shape = draw(rng, k, name, style)
+        if in_order and style == "late":
+            # What is on at the end of a contour stays on in a program with an order.
+            shape.events = (*shape.events, ac.Event(name=name, value=False, s=shape.length))
+        shape.layer = layer
+        shapes.append(shape)
+        if in_order:
+            moves.append(ac.Rapid() if rng.random() < 0.7 else ac.Dwell(duration=0.05))
+            if rng.random() < 0.3:
+                moves.append(ac.Event(name=name))
+                moves.append(ac.Event(name=name, value=False))
+        contour = ac.Contour(path=shape.path(), events=shape.events, layer=layer, name=f"c{k}")
+        moves.append(contour)
+    return shapes, tuple(moves)
+
+
+def _list_visits(shapes: list[Shape], process: ac.Process) -> list[Visit]:
+    """List the visits of passes and overlap, and mark tabs as parts without work."""
+    visits: list[Visit] = []
+    for shape in shapes:
+        if shape.centre is None:
+            visits += [Visit(shape, shape.length)] * process.passes
+            continue
+        visits.append(Visit(shape, process.passes * shape.length + process.overlap))
+        if process.tabs is not None:
+            for k in range(process.tabs.count):
+                s = (k + 0.5) * shape.length / process.tabs.count
+                shape.off.append((s - process.tabs.width / 2, s + process.tabs.width / 2))
+    return visits
+
+
+def _find_work(
+    drawn: DrawnProgram, plan: ac.Trajectory, tool: np.ndarray, t: np.ndarray
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Return masks over `t`: where the tool works, by output, and where it is on active leads."""
     speed = np.linalg.norm(np.gradient(tool, STEP, axis=0), axis=1)
     works = {x: np.zeros(len(t), dtype=bool) for x in ("laser", "glue")}
     leads = np.zeros(len(t), dtype=bool)
     spans = [x for x in plan.spans if x.kind == "contour"]
-    assert len(spans) == len(visits) - first
-    for k, (span, (x, end)) in enumerate(zip(spans, visits[first:], strict=True)):
+    assert len(spans) == len(drawn.visits)
+    for k, (span, (shape, end)) in enumerate(zip(spans, drawn.visits, strict=True)):
         inside = (t >= span.t[0]) & (t <= span.t[1])
-        s, distance = x.places(tool[inside], end)
-        work = (distance < ON) & (s >= max(x.begin, begun if k == 0 else 0.0)) & (s <= end)
-        for a, b in x.off:
-            place = s if x.centre is None else s % x.length
+        s, distance = shape.places(tool[inside], end)
+        begin = max(shape.begin, drawn.begun if k == 0 else 0.0)
+        work = (distance < ON) & (s >= begin) & (s <= end)
+        for a, b in shape.off:
+            place = s if shape.centre is None else s % shape.length
             work &= (place < a) | (place > b)
-        if active:
+        if drawn.active:
             at_work = np.flatnonzero(inside)[work]
             leads |= inside & ((t < t[at_work[0]]) | (t > t[at_work[-1]]))
-        works["glue" if x.layer else "laser"][inside] |= work & (speed[inside] > 1e-6)
+        works["glue" if shape.layer else "laser"][inside] |= work & (speed[inside] > 1e-6)
+    return works, leads
+
+
+def _judge_outputs(
+    title: str,
+    drawn: DrawnProgram,
+    plan: ac.Trajectory,
+    t: np.ndarray,
+    works: dict[str, np.ndarray],
+    leads: np.ndarray,
+    analog: Any,
+) -> None:
+    """Judge all digital and analog outputs at the times `t`."""
+    switch = drawn.process.switch
     for name, work in works.items():
-        events = [y for y in plan.events if y.name == name]
         on = np.zeros(len(t), dtype=bool)
-        for y in events:
-            on[t >= y.t] = y.value is not False
-        _judge_output(f"seed {seed}, {name}", t, on, work, leads, on_lead, off_lead)
+        for event in plan.events:
+            if event.name == name:
+                on[t >= event.t] = event.value is not False
+        _judge_output(f"{title}, {name}", t, on, work, leads, switch.on_lead, switch.off_lead)
         if name == "laser":
             # It follows the laser, on the other layer too, where the laser is off.
-            _judge_output(f"seed {seed}, flow", t, analog["flow"](t) > 0, work, leads, 0.0, 0.0)
-    power = analog["power"](t) != process.analog[0].off
+            _judge_output(f"{title}, flow", t, analog["flow"](t) > 0, work, leads, 0.0, 0.0)
+    power = analog["power"](t) != drawn.process.analog[0].off
     work = works["laser"] | works["glue"]
-    ahead = np.interp(t + early, t, work.astype(float), right=0.0) > 0.5
-    leads = np.interp(t + early, t, leads.astype(float), right=0.0) > 0
-    _judge_output(f"seed {seed}, power", t, power, ahead, leads, 0.0, 0.0)
-    return len(t)
+    ahead = np.interp(t + drawn.early, t, work.astype(float), right=0.0) > 0.5
+    leads_ahead = np.interp(t + drawn.early, t, leads.astype(float), right=0.0) > 0
+    _judge_output(f"{title}, power", t, power, ahead, leads_ahead, 0.0, 0.0)
 
 
 def _judge_output(
@@ -324,7 +392,7 @@ class DrawnJob:
         self.passes = int(rng.integers(1, 4)) if self.closed else 1
 
     def text(self, other_units: bool) -> str:
-        """The job as YAML."""
+        """Return the job as YAML."""
 
         def write(value: float, unit: str) -> Any:
             if not other_units:
@@ -356,7 +424,7 @@ class DrawnJob:
 
 
 def tool(q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Tool points [m] and speeds [m/s] of the PMK-3s, angles clockwise from y."""
+    """Return tool points [m] and speeds [m/s] of the PMK-3s, angles clockwise from y."""
     arm = ac.load_arm("pmk3s")
     assert isinstance(arm, ac.PlanarTwoLink)
     first = q[:, 0]
@@ -370,7 +438,7 @@ def tool(q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def distances(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
-    """Distances of points from a polygon [m], (n,)."""
+    """Return the distances of points from a polygon [m], (n,)."""
     a = polygon[:-1]
     along = np.diff(polygon, axis=0)
     share = np.einsum("nkd,kd->nk", points[:, None] - a, along) / (along**2).sum(axis=1)
@@ -379,13 +447,13 @@ def distances(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
 
 
 def plan(text: str) -> tuple[ac.Job, RunResult]:
-    """The job of a text, and its run without simulation."""
+    """Read a job's text, and plan its run without simulation."""
     job = parse_job(text)
     return job, next(iter(ac.run(job, simulate=False).runs.values()))
 
 
 def judge_job(seed: int) -> list[str]:
-    """What is wrong with a job, in words."""
+    """List what is wrong with a job, in words."""
     drawn = DrawnJob(seed)
     try:
         job, run = plan(drawn.text(False))

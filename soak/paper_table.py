@@ -57,7 +57,7 @@ def commands(set_points: ac.SetPoints) -> np.ndarray:
 
 
 def play(command: np.ndarray) -> np.ndarray:
-    """Measured positions of a motion on LinuxCNC [rad], (n, dof)."""
+    """Play a motion on LinuxCNC; return the measured positions [rad], (n, dof)."""
     arm = ac.load_arm("pmk3s")
     for _ in range(ATTEMPTS):
         with LinuxCNC(drives=DRIVES) as on:
@@ -69,7 +69,7 @@ def play(command: np.ndarray) -> np.ndarray:
 
 
 def figures(executed: Callable[[np.ndarray], np.ndarray]) -> dict[str, Figures]:
-    """The figures of all runs with the drives that a function executes."""
+    """Return the figures of all runs on drives that a function executes."""
     found = {}
     for name, (set_points, corner, end) in runs().items():
         points = tool(executed(commands(set_points)))
@@ -84,7 +84,7 @@ def figures(executed: Callable[[np.ndarray], np.ndarray]) -> dict[str, Figures]:
 
 
 def printed() -> dict[str, list[str]]:
-    """The figures of the page, as texts."""
+    """Read the figures of the page, as texts."""
     (table,) = re.findall(
         r"controller: LinuxCNC.*\n((?:\|.*\n)+)", PAGE.read_text(encoding="utf-8")
     )
@@ -93,7 +93,7 @@ def printed() -> dict[str, list[str]]:
 
 
 def differences(found: dict[str, Figures]) -> list[str]:
-    """What differs from the page by more than a unit of its last digit."""
+    """List figures that differ from the page by more than a unit of its last digit."""
     wrong = []
     for name, texts in printed().items():
         for value, text in zip(found[name], texts, strict=True):

@@ -68,7 +68,7 @@ LATEST = 4.4
 
 @cache
 def paper_job() -> ac.Job:
-    """The job that is played."""
+    """Read the job that is played."""
     file = FilePath(tempfile.mkdtemp(prefix="playing-")) / "job.yaml"
     file.write_text(JOB, encoding="utf-8")
     job = ac.read_job(file)
@@ -77,12 +77,12 @@ def paper_job() -> ac.Job:
 
 
 def new_controller() -> LinuxCNC:
-    """LinuxCNC with simulated drives as in the job."""
+    """Start LinuxCNC with simulated drives as in the job."""
     return LinuxCNC(drives=ac.ServoModel(kp=KP, kv=KV, acceleration_limit=LIMIT))
 
 
 def judge(t: np.ndarray, command: np.ndarray, measured: np.ndarray) -> tuple[list[str], float]:
-    """What is wrong with a motion that was recorded, and its demand over the limit."""
+    """Return what is wrong with a recorded motion, and its demand over the limit."""
     if len(measured) < 3:
         return ["nothing was recorded"], 0.0
     # A process that is killed takes samples with it.
@@ -103,7 +103,7 @@ figures: list[tuple[float, float]] = []
 
 
 def processes(word: str) -> list[int]:
-    """Processes below this one whose command line has a word."""
+    """List the processes below this one whose command line has a word."""
     found = []
     parents = {os.getpid()}
     table = sorted(int(x) for x in os.listdir("/proc") if x.isdigit())
@@ -123,7 +123,7 @@ def processes(word: str) -> list[int]:
 
 
 def programs(folder: FilePath) -> list[int]:
-    """Processes of `rtapi_app` whose socket is below a folder."""
+    """List the processes of `rtapi_app` whose socket is below a folder."""
     found = []
     for entry in FilePath("/proc").glob("[0-9]*"):
         try:
@@ -160,12 +160,12 @@ class Trial:
         self.stop = False
 
     def tell(self, step: Step) -> None:
-        """Called with the steps, of which the last one is the motion."""
+        """Note the steps that `play` reports, the last of which is the motion."""
         if step.names[-1] == "playing":
             self.begun = time.monotonic()
 
     def stop_requested(self) -> bool:
-        """Called during the motion."""
+        """Return whether a stop is due; `play` calls this during the motion."""
         # Before the motion the player looks once.
         if not self.happened and time.monotonic() - self.begun > self.at:
             self.happened = True
@@ -221,7 +221,7 @@ def ask(trial: Trial) -> None:
 
 
 def feeders() -> list[int]:
-    """The guard and the feeder; on a machine that is too busy one may have replaced the other."""
+    """List guard and feeder; on a busy machine one may have replaced the other."""
     found = sorted(processes(FEEDER))
     if len(found) != 2:
         raise CameLate
@@ -229,7 +229,7 @@ def feeders() -> list[int]:
 
 
 def try_stop(draw: random.Random) -> Outcome:
-    """A stop at a random time, also near the ends."""
+    """Stop at a random time, also near the ends."""
     trial = Trial(draw.uniform(0.0, 5.2), ask)
     played = trial.play()
     record = played.record
@@ -243,7 +243,7 @@ def try_stop(draw: random.Random) -> Outcome:
 
 
 def try_killed_player(draw: random.Random) -> Outcome:
-    """`kill -9` of the process that plays."""
+    """Send `kill -9` to the process that plays."""
     trial = Trial()
     program = "from soak.playing import *; Trial().play()"
     environment = {**os.environ, "TMPDIR": str(trial.folder)}
@@ -266,7 +266,7 @@ def try_killed_player(draw: random.Random) -> Outcome:
 
 
 def try_closed_pipe(draw: random.Random) -> Outcome:
-    """The pipe to the feeder is closed, as if the connection had been pulled."""
+    """Close the pipe to the feeder, as if the connection had been pulled."""
 
     def close(trial: Trial) -> None:
         (guard, _) = feeders()
@@ -287,7 +287,7 @@ def try_closed_pipe(draw: random.Random) -> Outcome:
 
 
 def try_halt(draw: random.Random) -> Outcome:
-    """The feeder or its guard is halted for 0.3 s."""
+    """Halt the feeder or its guard for 0.3 s."""
     number = draw.choice([0, 1])
 
     def halt(trial: Trial) -> None:
@@ -312,7 +312,7 @@ def try_halt(draw: random.Random) -> Outcome:
 
 
 def try_killed_feeder(draw: random.Random) -> Outcome:
-    """`kill -9` of the feeder or its guard."""
+    """Send `kill -9` to the feeder or its guard."""
     number = draw.choice([0, 1])
     trial = Trial(draw.uniform(0.0, 4.5), lambda x: os.kill(feeders()[number], signal.SIGKILL))
     said, record = trial.lost()
@@ -324,7 +324,7 @@ def try_killed_feeder(draw: random.Random) -> Outcome:
 
 
 def try_lost_controller(draw: random.Random) -> Outcome:
-    """`kill -9` of LinuxCNC, or of both processes of the feeder: no stop, but a record."""
+    """Send `kill -9` to LinuxCNC, or to both feeder processes: no stop, but a record."""
     controller = draw.random() < 0.5
 
     def kill(trial: Trial) -> None:
@@ -341,7 +341,7 @@ def try_lost_controller(draw: random.Random) -> Outcome:
 
 
 def try_command_line(draw: random.Random) -> Outcome:
-    """Ctrl-C on a terminal at a random time; then its log is given to `learn`."""
+    """Press Ctrl-C on a terminal at a random time, then give the log to `learn`."""
     trial = Trial()
     (trial.folder / "job.yaml").write_text(JOB, encoding="utf-8")
     command = [sys.executable, "-m", "armcontour", "play", "job.yaml", "--on", "linuxcnc"]
@@ -381,7 +381,7 @@ def try_command_line(draw: random.Random) -> Outcome:
 
 
 def has_begun(file: FilePath) -> bool:
-    """Whether a record has rows of a motion."""
+    """Return whether a record has rows of a motion."""
     lines = file.read_text().splitlines()[:-1]
     # A record in a result folder begins with comments and titles.
     return bool(lines) and lines[-1].split(",")[-1].isdigit()

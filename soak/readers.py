@@ -61,7 +61,7 @@ class TooSlow(BaseException):
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
-    """The file with some of it changed, lost, doubled, moved, or replaced by what is nasty.
+    """Change, lose, double, move or replace a part of the file.
 
     Mostly a little, and by what could stand in a text, or every file would be refused at once.
     """
@@ -155,7 +155,7 @@ def read(kind: str, seed: int) -> Outcome:
 
 
 def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float, list[str]]:
-    """Length of what is read [m], and all names in it."""
+    """Read a file; return the length of its content [m], and all names in it."""
     if kind in BODIES:
         return _read_bodies(kind, name, data)
     if kind == "job":
@@ -176,7 +176,7 @@ def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float
 
 
 def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
-    """Largest size of what is read [m], and all names in it."""
+    """Read bodies; return their largest size [m], and all names in them."""
     from armcontour.files.mesh_file import read_mesh
     from armcontour.files.robots.collision_shapes import excluded_pairs_of, link_shapes
     from armcontour.files.robots.urdf_chain import Description

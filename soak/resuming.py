@@ -35,7 +35,7 @@ from soak import Outcome
 DRAWINGS = FilePath(__file__).parents[1] / "examples" / "drawings"
 # Largest difference of a joint, if the tool is at the same place [rad].
 SAME_JOINTS = 1e-6
-# Largest difference of a joint per distance of the tool [rad/m].
+# Largest joint difference per tool distance [rad/m].
 JOINTS_PER_DISTANCE = 30.0
 # Largest distance of the resumed tool from the place on the drawing [m].
 SAME_PLACE = 1e-9
@@ -111,12 +111,12 @@ runs: {only: {}}
 
 
 def read_drawing(name: str, cell: str) -> ac.Job:
-    """Job of a drawing of the examples in a built-in cell."""
+    """Read the job of an example drawing in a built-in cell."""
     return ac.read_job(DRAWINGS / name, cell=cell)
 
 
 def avoiding_job() -> ac.Job:
-    """Seam with a post where the elbow is in the fastest configuration."""
+    """Read the seam with a post where the fastest configuration has its elbow."""
     job = parse_job(SEAM)
     trajectory = plan_of(job).trajectory
     elbow = job.arm.links(trajectory(0.0))[3]
@@ -141,7 +141,7 @@ JOBS: dict[str, Callable[[], ac.Job]] = {
 
 
 def plan_of(job: ac.Job) -> RunResult:
-    """Plan of the first run of a job."""
+    """Plan a job's first run."""
     one = replace(job, runs=job.runs[:1])
     (plan,) = ac.run(one, simulate=False).runs.values()
     return plan
@@ -149,24 +149,24 @@ def plan_of(job: ac.Job) -> RunResult:
 
 @cache
 def whole_plan(name: str) -> tuple[ac.Job, RunResult]:
-    """A job and its plan."""
+    """Plan a job; return both."""
     job = JOBS[name]()
     return job, plan_of(job)
 
 
 def resume(job: ac.Job, resume_at: float) -> ac.Job:
-    """The job from an arc length on [m]."""
+    """Resume the job from an arc length [m]."""
     return replace(job, process=replace(job.process, resume_at=resume_at))
 
 
 def work_lengths(plan: RunResult) -> np.ndarray:
-    """Working length until each contour, and of all contours [m], (contours + 1,)."""
+    """Return the working length until each contour, and of all contours [m], (contours + 1,)."""
     works = [x.at_work for x in plan.objective.contours]
     return np.cumsum([0.0, *(end - start for start, end in works)])
 
 
 def start_of_work(plan: RunResult) -> np.ndarray:
-    """Joint positions at which the work of a plan begins [rad], (dof,)."""
+    """Return the joint positions at which the work of a plan begins [rad], (dof,)."""
     span = plan.trajectory.contour_spans[0]
     return plan.trajectory(span.t[0] if span.work is None else span.work[0])
 
@@ -208,7 +208,7 @@ def compare(whole: RunResult, rest: RunResult, resume_at: float) -> tuple[float,
 
 
 def judge(name: str, share: float) -> list[str]:
-    """What is wrong with a job that is resumed at a share of its length."""
+    """List what is wrong with a job that is resumed at a share of its length."""
     job, whole = whole_plan(name)
     resume_at = share * float(work_lengths(whole)[-1])
     rest = plan_of(resume(job, resume_at))

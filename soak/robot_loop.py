@@ -29,7 +29,7 @@ runs:
 """
 # Largest excess of the RMS contour error with the identified servo over the predicted one [m].
 BEYOND = 1e-7
-# Largest RMS contour error of the last run of learning [m].
+# Largest RMS contour error of the last learning run [m].
 LEARNED = 1e-7
 # The same for a robot that the model does not describe [m].
 UNKNOWN = 1e-5
@@ -37,19 +37,19 @@ ATTEMPTS = 5
 
 
 def robot(**parameters: float) -> LinuxCNC:
-    """Drives whose loops are one cycle late."""
+    """Make drives whose loops are one cycle late."""
     servo = ac.ServoModel(kp=KP, kv=KV, dead_time=CYCLE, acceleration_limit=LIMIT)
     return LinuxCNC(drives=servo.replace(**parameters))
 
 
 def error(measured: np.ndarray, duration: float) -> float:
-    """RMS contour error during a plan [m]."""
+    """Return the RMS contour error during a plan [m]."""
     points = tool(measured[: round(duration * 1e3)])
     return float(np.sqrt(np.mean(distances(points) ** 2)))
 
 
 def identify_and_play(job: ac.Job) -> tuple[float, float]:
-    """RMS contour error with the identified servo, and the predicted one [m]."""
+    """Return the RMS contour error with the identified servo, and the predicted one [m]."""
     fit = identify_on(job, robot(), execute=True).fit
     assert fit is not None
     servo = fit.servo_model()
@@ -65,7 +65,7 @@ def identify_and_play(job: ac.Job) -> tuple[float, float]:
 
 
 def learn_runs(job: ac.Job, on: LinuxCNC, reserve: float) -> tuple[list[float], str]:
-    """RMS contour error of each run [m], and why learning ended."""
+    """Return the RMS contour error of each run [m], and why learning ended."""
     # The first run without reserve leaves the default band.
     result = learn_on(job, on, execute=True, reserve=reserve, band=0.2)
     end = result.plan.trajectory.duration - result.plan.set_points.start_time

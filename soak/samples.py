@@ -142,7 +142,7 @@ BODIES = {
 
 @cache
 def samples(kind: str) -> tuple[bytes, ...]:
-    """The files of a kind: "gcode", "svg", "csv", "dxf", "job", or of bodies."""
+    """Return sample files of a kind: "gcode", "svg", "csv", "dxf", "job", or of bodies."""
     if kind == "dxf":
         return _dxf()
     if kind == "stl":

@@ -39,7 +39,7 @@ RANDOM = 4
 STEP = 0.25
 # Maximum number of these points.
 MOST_POINTS = 30_000
-# Steps of a motion for differences of positions.
+# Number of steps per motion for position differences.
 STEPS = 20_000
 # Share of the centripetal limit by which differences may be off, beside rounding errors.
 CURVED = 5e-3
@@ -80,14 +80,14 @@ class Problem:
 
 
 def hold_tool(path: ac.Path, hold: str) -> ac.Path:
-    """The path with the tool held in one way."""
+    """Return the path with the tool held in one way."""
     if hold == "pointing":
         return path.pointing(AXIS)
     return path.oriented(DOWN, axis_only=hold == "axis") if hold else path
 
 
 def pieces_of(problem: Problem) -> Pieces:
-    """The objective in pieces, each with its tolerance."""
+    """Cut the objective into pieces, each with its tolerance."""
     path = problem.objective
     tolerance = problem.options["tolerance"]
 
@@ -114,7 +114,7 @@ def _ur5e() -> ac.Arm:
 
 
 def draw(seed: int) -> Problem:
-    """The problem of a seed."""
+    """Draw the problem of a seed."""
     rng = np.random.default_rng((15, seed))
     kind = str(rng.choice(list(KINDS), p=SHARES))
     objective = KINDS[kind](rng)
@@ -132,7 +132,7 @@ def draw(seed: int) -> Problem:
 
 
 def _options(rng: Random, objective: ac.Path) -> dict[str, Any]:
-    """Tolerances that the objective bears."""
+    """Draw tolerances that the objective allows."""
     sharp = np.flatnonzero(objective.turns > SHARP) + 1
     stretches = np.diff(objective.breaks[np.concatenate([[0], sharp, [len(objective)]])])
     tolerance = float(min(10 ** rng.uniform(-4, -2.3), stretches.min() / 2))
@@ -143,7 +143,7 @@ def _options(rng: Random, objective: ac.Path) -> dict[str, Any]:
 
 
 def _limits(rng: Random) -> ac.Limits:
-    """Mostly the paper's, else others of their size."""
+    """Draw limits: mostly the paper's, else others of their size."""
     spread = 0.0 if rng.random() < 0.5 else float(rng.choice([0.3, 1.0]))
 
     def some(scale: float, count: int | tuple[int, int] | None = None) -> Any:
@@ -188,7 +188,7 @@ def _reached(points: np.ndarray) -> bool:
 
 
 def _walk(rng: Random, lengths: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """A polyline of these lines and turns, somewhere within reach."""
+    """Make a polyline of these lines and turns, somewhere within reach."""
     while True:
         headings = rng.uniform(0, 2 * np.pi) + np.append(0.0, np.cumsum(turns))
         legs = lengths[:, None] * np.column_stack([np.cos(headings), np.sin(headings)])
@@ -205,7 +205,7 @@ def _signs(rng: Random, count: int) -> np.ndarray:
 
 
 def _with_demands(rng: Random, points: np.ndarray) -> ac.Path:
-    """The polyline, now and then with speeds or tolerances of its own lines."""
+    """Give some lines of the polyline their own speeds or tolerances."""
     speeds = rng.random() < 0.1
     tolerances = rng.random() < 0.1
     if not (speeds or tolerances):
@@ -226,7 +226,7 @@ def _with_demands(rng: Random, points: np.ndarray) -> ac.Path:
 
 
 def _polyline(rng: Random) -> ac.Path:
-    """Corners of any turn, acute, there and back; micro-segments, and points given twice."""
+    """Draw corners of any turn (acute, there and back), micro-segments and repeated points."""
     count = int(rng.integers(1, 8))
     turns = _signs(rng, count) * rng.uniform(0.02, np.radians(150), count)
     lengths = rng.uniform(0.01, 0.07, count + 1)
@@ -249,7 +249,7 @@ def _polyline(rng: Random) -> ac.Path:
 
 
 def _crossing(rng: Random) -> ac.Path:
-    """A loop that crosses itself, or a line that comes back beside itself: a chance to hop."""
+    """Draw a loop that crosses itself, or a line that comes back beside itself."""
     if rng.random() < 0.5:
         turns = np.radians([rng.uniform(80, 130) * s for s in (1, 1, 1)]) * _signs(rng, 1)
         return ac.Path.polyline(_walk(rng, rng.uniform(0.02, 0.06, 4), turns))
@@ -261,7 +261,7 @@ def _crossing(rng: Random) -> ac.Path:
 
 
 def _contour(rng: Random) -> ac.Path:
-    """A closed contour of lines and arcs, with corners."""
+    """Draw a closed contour of lines and arcs, with corners."""
     while True:
         path = shape(rng, rng.uniform(0.01, 0.06), rng.uniform((-0.2, 0.1), (0.45, 0.38)))
         if _reached(path(np.linspace(0, path.length, 400))):
@@ -269,7 +269,7 @@ def _contour(rng: Random) -> ac.Path:
 
 
 def _space(rng: Random) -> ac.Path:
-    """A polyline in space, now and then in a horizontal plane."""
+    """Draw a polyline in space, now and then in a horizontal plane."""
     count = int(rng.integers(1, 5))
     points = rng.uniform(*BOX, (1, 3)) * 1.0
     while len(points) < count + 2:
@@ -311,7 +311,7 @@ def run(seed: int) -> Outcome:
 
 
 def time_rivals(planned: ac.Trajectory, problem: Problem) -> dict[str, float]:
-    """Durations of the fastest motions along shapes within the tolerance, by their names [s]."""
+    """Return the durations of fastest motions along other shapes in the tolerance [s]."""
     objective = problem.objective
     tolerance = problem.options["tolerance"]
     shapes = {
@@ -336,7 +336,7 @@ def _plan(problem: Problem) -> ac.Trajectory:
 
 
 def judge(planned: ac.Trajectory, problem: Problem) -> list[str]:
-    """What is wrong with a motion, in words."""
+    """List what is wrong with a motion, in words."""
     t = _times(planned, problem)
     states = [planned(t, order) for order in (0, 1, 2)]
     # Also what holds just before every break.
@@ -349,7 +349,7 @@ def judge(planned: ac.Trajectory, problem: Problem) -> list[str]:
 
 
 def _times(planned: ac.Trajectory, problem: Problem) -> np.ndarray:
-    """Times at which a motion is judged: dense in every interval, segment and length of path."""
+    """Return dense times at which a motion is judged, in every interval, segment and length."""
     rng = np.random.default_rng(problem.seed)
     breaks = planned.breaks
     path = planned.path
@@ -362,7 +362,7 @@ def _times(planned: ac.Trajectory, problem: Problem) -> np.ndarray:
 
 
 def _exceeded(problem: Problem, t: Any, states: Any) -> list[str]:
-    """Limits that are exceeded."""
+    """List the limits that are exceeded."""
     notes = []
     for name, ratio in limit_ratios(problem.limits, problem.arm, *states).items():
         k = int(np.argmax(np.where(np.isnan(ratio), np.inf, ratio)))
@@ -372,7 +372,7 @@ def _exceeded(problem: Problem, t: Any, states: Any) -> list[str]:
 
 
 def _differences(planned: ac.Trajectory, problem: Problem) -> list[str]:
-    """Limits that positions alone show to be exceeded; means over steps are never larger."""
+    """List limits that differences of positions exceed; means over steps are never larger."""
     limits = problem.limits
     t = np.linspace(0, planned.duration, STEPS + 1)
     h = t[1]
@@ -411,7 +411,7 @@ def _differences(planned: ac.Trajectory, problem: Problem) -> list[str]:
 
 
 def _keeping(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) -> list[str]:
-    """Points that are too far from their own part of the objective, and vertices from the path."""
+    """List points too far from their objective part, and vertices too far from the path."""
     pieces = pieces_of(problem)
     notes = _promised(planned, problem, pieces, t, points)
     matching = match(points, pieces)
@@ -444,7 +444,7 @@ def _keeping(planned: Any, problem: Problem, t: np.ndarray, points: np.ndarray) 
 
 
 def _promised(planned: Any, problem: Problem, pieces: Any, t: Any, points: Any) -> list[str]:
-    """Points that are too far from the places that the path itself gives for them."""
+    """List points too far from the places that the path itself gives for them."""
     path = planned.path
     objective = problem.objective
     on_path = np.clip(planned.s(t), 0, path.length)
@@ -459,7 +459,7 @@ def _promised(planned: Any, problem: Problem, pieces: Any, t: Any, points: Any) 
 
 
 def _ends(planned: ac.Trajectory, problem: Problem) -> list[str]:
-    """Whether the motion starts and ends at rest where the objective does."""
+    """List ends at which the motion does not rest although the objective's end requires it."""
     t = np.array([0.0, planned.duration])
     gap = problem.arm.tool_position(planned(t)) - problem.objective.vertices[[0, -1]]
     notes = []
@@ -471,7 +471,7 @@ def _ends(planned: ac.Trajectory, problem: Problem) -> list[str]:
 
 
 def _orientation(problem: Problem, q: np.ndarray) -> list[str]:
-    """Tools that are not held as the objective wants, which is in one way all along."""
+    """List tools that are not held as the objective requires, which is constant."""
     if not problem.hold:
         return []
     _, rotations = problem.arm.pose(q)
@@ -509,7 +509,7 @@ class Pieces:
 
 
 def cut(path, cuts, bands, joints):
-    """Pieces of a path, cut at vertices, at `cuts` [m], and where arcs are long."""
+    """Cut a path at vertices, at `cuts` [m], and where arcs are long."""
     bounds = [path.breaks, cuts[(cuts > 0) & (cuts < path.length)]]
     for i in np.flatnonzero(path.curvatures * path.lengths > QUARTER):
         count = math.ceil(path.curvatures[i] * path.lengths[i] / QUARTER)
@@ -588,7 +588,7 @@ def _reverse(pieces):
 
 
 def excess(points, pieces, matching):
-    """By how much the points are farther from their own pieces than these allow [m], (m,)."""
+    """Return how much farther points are from their own pieces than allowed [m], (m,)."""
     smallest = np.full(len(points), np.inf)
     rows = zip(*pieces.columns, strict=True)
     for k, (start, tangent, normal, bend, length, band) in enumerate(rows):
@@ -600,7 +600,7 @@ def excess(points, pieces, matching):
 
 @njit(cache=True)
 def _free(x, start, tangent, normal, bend, length, band):
-    """Stretch of a piece within `band` of x: distances from its start; empty if low > high."""
+    """Return the part of a piece within `band` of x, as distances; empty if low > high."""
     w = x - start
     along = np.dot(w, tangent)
     if bend == 0.0:
@@ -634,7 +634,7 @@ def _free(x, start, tangent, normal, bend, length, band):
 
 @njit(cache=True)
 def _run(points, slack, starts, tangents, normals, bends, lengths, bands, ends, joints):
-    """First and last piece that each point can be matched to after those before; or one lost."""
+    """Match points to pieces in order: return first and last piece of each; or one lost."""
     m = len(points)
     n = len(lengths)
     first = np.zeros(m, dtype=np.int64)

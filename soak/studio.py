@@ -19,7 +19,7 @@ from soak import Outcome
 
 # How often something is done [Hz].
 RATE = 60.0
-# How much the memory of the server and of the page may each grow [bytes].
+# How much the memory of server and page may grow, each [bytes].
 GROWTH = 50e6
 SECONDS = 300.0
 # The share of the time after which memory is measured first: by then all is loaded.
@@ -59,7 +59,7 @@ class Monkey:
         )
 
     def run(self, seconds: float) -> None:
-        """Go on for a time, at 60 Hz where the machine keeps up."""
+        """Run for a time, at 60 Hz if the machine is fast enough."""
         begin = time.perf_counter()
         steps = self._steps()
         while (now := time.perf_counter() - begin) < seconds:
@@ -81,7 +81,7 @@ class Monkey:
             self.studio.page.keyboard.press("Escape")
 
     def _one(self, selector: str) -> tuple[float, float] | None:
-        """The middle of one of the elements that are seen [px]."""
+        """Return the middle of one of the visible elements [px]."""
         # All at once: a handle may be gone in the next moment.
         centers = [
             (x + wide / 2, y + high / 2)
@@ -147,7 +147,7 @@ class Monkey:
         yield
 
     def _choose(self) -> Iterator[None]:
-        """Another run, or another value of a list."""
+        """Choose another run, or another value of a list."""
         page = self.studio.page
         lists = page.locator("#run, #panel select:visible, #playback select")
         if count := lists.count():
@@ -208,7 +208,7 @@ def let_loose(studio: Studio, seconds: float, seed: int) -> list[str]:
 
 
 def run(seed: int) -> Outcome:
-    """Let a monkey at the Studio for some minutes."""
+    """Let random actions of a user loose on the Studio for some minutes."""
     with tempfile.TemporaryDirectory() as name, browsing() as browser:
         folder = FilePath(name)
         job = write_job(folder / "job.yaml", "conventional", "proposed", "optimal")
@@ -218,7 +218,7 @@ def run(seed: int) -> Outcome:
 
 
 def begin(browser: object, server: Server) -> Studio:
-    """A page that shows the run `optimal`, at rest."""
+    """Open a page that shows the run `optimal`, at rest."""
     studio = Studio(browser, server)  # type: ignore[arg-type]
     studio.begin()
     studio.choose_run("optimal")

@@ -39,7 +39,7 @@ class Problem:
 
 
 def draw(seed: int) -> Problem:
-    """The problem of a seed."""
+    """Draw the problem of a seed."""
     rng = np.random.default_rng(seed)
     kind = str(rng.choice(list(KINDS), p=WEIGHTS))
     path = KINDS[kind](rng)
@@ -55,14 +55,14 @@ def draw(seed: int) -> Problem:
 
 
 def _intervals(rng: Random) -> int:
-    """Mostly coarse, for those are fast and have the largest margins between their points."""
+    """Draw the number of intervals: mostly coarse, because coarse grids have large margins."""
     if rng.random() < 0.03:
         return int(rng.integers(1000, 4001))
     return int(np.exp(rng.uniform(np.log(5), np.log(250))))
 
 
 def _speed(rng: Random, path: ac.Path | ac.JointPath, limits: ac.Limits) -> float:
-    """A speed at an end, now and then higher than can be had."""
+    """Draw a speed at an end, now and then higher than possible."""
     if isinstance(path, ac.JointPath):
         slope = np.abs(path(path.breaks[0], 1)).max() + 1e-300
         scale = np.sqrt(np.abs(limits.joint_acceleration).min() * path.length / slope)
@@ -72,7 +72,7 @@ def _speed(rng: Random, path: ac.Path | ac.JointPath, limits: ac.Limits) -> floa
 
 
 def _limits(rng: Random, dof: int, size: float, *, tool: bool) -> ac.Limits:
-    """Random limits; joint limits in proportion to the size of the path, give or take."""
+    """Draw limits; joint limits are roughly in proportion to the size of the path."""
     spread = float(rng.choice([0.5, 1.0, 3.0], p=[0.5, 0.35, 0.15]))
 
     def some(scale: float, count: int | None = None) -> Any:
@@ -116,7 +116,7 @@ def _spline(rng: Random) -> ac.JointPath:
 
 
 def _scaled_spline(rng: Random) -> ac.JointPath:
-    """Tiny and huge, in s and in the joints, some with uneven parameters."""
+    """Draw tiny and huge splines, in s and in the joints, some with uneven parameters."""
     points = _knots(rng) * 10 ** rng.uniform(-6, 3)
     width = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if rng.random() < 0.3:
@@ -126,7 +126,7 @@ def _scaled_spline(rng: Random) -> ac.JointPath:
 
 
 def _stopping_spline(rng: Random) -> ac.JointPath:
-    """Splines one after the other, with a full stop wherever the direction jumps."""
+    """Draw splines one after the other, with a full stop wherever the direction jumps."""
     points = _knots(rng)
     cuts = np.unique([0, *rng.integers(1, len(points) - 1, 2), len(points) - 1])
     parts = [
@@ -148,7 +148,7 @@ def _stopping_spline(rng: Random) -> ac.JointPath:
 
 
 def _within(points: np.ndarray, margin: float = 0.01) -> bool:
-    """Whether the lines through the points stay within the reach."""
+    """Return whether the lines through the points stay within the reach."""
     share = np.linspace(0, 1, 33)[:, None, None]
     places = (points[:-1] + share * np.diff(points, axis=0)).reshape(-1, 2)
     distance = np.hypot(places[:, 0] - PMK.base, places[:, 1])
@@ -158,7 +158,7 @@ def _within(points: np.ndarray, margin: float = 0.01) -> bool:
 
 
 def _walk(rng: Random, count: int, step: float) -> np.ndarray:
-    """Points a random walk visits within the reach."""
+    """Draw the points of a random walk within the reach."""
     turn = rng.uniform(-1, 2)
     distance = rng.uniform(0.12, 0.4)
     points = [np.array([PMK.base + distance * np.cos(turn), distance * np.sin(turn)])]
@@ -172,7 +172,7 @@ def _walk(rng: Random, count: int, step: float) -> np.ndarray:
 
 
 def _round(rng: Random, points: np.ndarray) -> ac.Path:
-    """The polyline, rounded in any way, or with a stop at every corner."""
+    """Round the polyline in any way, or stop at every corner."""
     if rng.random() < 0.25:
         speeds = 10 ** rng.uniform(-2, 0, len(points) - 1)
         path = ac.Path(
@@ -206,7 +206,7 @@ def _polyline(rng: Random) -> ac.Path:
 
 
 def _micro(rng: Random) -> ac.Path:
-    """Micro-segments, alone or among longer ones."""
+    """Draw micro-segments, alone or among longer ones."""
     points = _walk(rng, int(rng.integers(3, 9)), 0.1)
     steps = np.diff(points, axis=0)
     small = rng.random(len(steps)) < rng.choice([0.3, 0.6, 1.0])
@@ -219,7 +219,7 @@ def _micro(rng: Random) -> ac.Path:
 
 
 def _chords(rng: Random) -> ac.Path:
-    """Chords of a circle, rounded so that slivers stay between the arcs."""
+    """Draw chords of a circle, rounded so that slivers stay between the arcs."""
     count = int(rng.integers(3, 25))
     radius = 10 ** rng.uniform(-3, -1.2)
     turn = rng.uniform(0, 6) + np.linspace(0, rng.uniform(0.5, 6), count + 1)
@@ -233,7 +233,7 @@ def _chords(rng: Random) -> ac.Path:
 
 
 def _turning_line(rng: Random) -> ac.Path:
-    """A line on which at least one joint turns round."""
+    """Draw a line on which at least one joint turns round."""
     while True:
         ends = rng.uniform((-0.28, 0.02), (0.55, 0.42), size=(2, 2))
         points = ends[0] + np.linspace(0, 1, 60)[:, None] * (ends[1] - ends[0])
@@ -245,7 +245,7 @@ def _turning_line(rng: Random) -> ac.Path:
 
 
 def _near_singular(rng: Random) -> ac.Path:
-    """A line or two that come within 1e-6 to 1e-3 m of an edge of the reach."""
+    """Draw one or two lines that end 1e-6 to 1e-3 m inside the edge of the reach."""
     gap = 10 ** rng.uniform(-6, -3)
     turn = rng.uniform(0.2, 2.9)
     out = np.array([np.cos(turn), np.sin(turn)])
@@ -297,7 +297,7 @@ def run(seed: int) -> Outcome:
 
 
 def answer(problem: Any, judge: Callable[..., Any]) -> tuple[str, list[str], float]:
-    """What the planner does, what is wrong with it, and the largest ratio to a limit."""
+    """Return the planner's answer, what is wrong with it, and the largest ratio to a limit."""
     options = dict(problem.options)
     refused = ""
     # Each end's speed may be refused once, and what is then said to be allowed can be had.
@@ -323,7 +323,7 @@ def answer(problem: Any, judge: Callable[..., Any]) -> tuple[str, list[str], flo
 
 
 def _least_duration(problem: Problem) -> float:
-    """A time that the joints need for their ways along a joint path at full velocity [s]."""
+    """Return a lower bound of the duration: all joints at full velocity along the path [s]."""
     path = problem.path
     if not isinstance(path, ac.JointPath) or problem.limits.joint_velocity is None:
         return 0.0
@@ -344,7 +344,7 @@ def _leaves_reach(problem: Problem) -> bool:
 def judge(
     planned: ac.Trajectory, problem: Problem, options: dict[str, Any]
 ) -> tuple[list[str], float]:
-    """What is wrong with a plan, and its largest ratio to a limit."""
+    """Return what is wrong with a plan, and its largest ratio to a limit."""
     (law,) = planned.laws
     n = len(law.breaks) - 1
     share = np.random.default_rng(problem.seed).random((n, PLACES + 2))
@@ -369,7 +369,7 @@ def judge(
 
 
 def _steps(law: Any, q: np.ndarray, options: dict[str, Any]) -> list[str]:
-    """Jumps at breaks, ends that are not the path's, and ways back."""
+    """List jumps at breaks, ends that are not the path's, and motion backwards."""
     notes = []
     path = law.joint_path
     i = np.arange(len(q))
@@ -404,7 +404,7 @@ def _ratios(
     dq: np.ndarray,
     ddq: np.ndarray,
 ) -> dict[str, np.ndarray]:
-    """Ratios to the limits; the speed's limit may be that of a segment."""
+    """Return the ratios to the limits; the limit of speed may be that of a segment."""
     limits = problem.limits
     arm = problem.arm
     if planned.path is None:
@@ -422,7 +422,7 @@ def _ratios(
 def limit_ratios(
     limits: ac.Limits, arm: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Ratios to limits of joints, and of the tool of an arm, by their names, (n,) each."""
+    """Return the ratios to joint and tool limits by name, (n,) each."""
     ratios: dict[str, np.ndarray] = {}
     if limits.joint_velocity is not None:
         low, high = limits.velocity_bounds(q.shape[1])

@@ -1,8 +1,10 @@
 """Examples in docstrings of public names run and print what they state."""
 
 import doctest
+import importlib
 import inspect
 import shutil
+from itertools import chain
 
 import pytest
 from tests.dynamics_extra import needs_dynamics
@@ -17,6 +19,34 @@ needs_linuxcnc = pytest.mark.skipif(
 # Distances of bodies need the extra `dynamics`. A dry run looks at the drives of LinuxCNC.
 MARKS = {"check_clearance": needs_dynamics, "play": needs_linuxcnc}
 NAMES = [name for name in ac.__all__ if name != "__version__"]
+
+
+def examples_of_methods():
+    """Docstrings with an example, of the methods of public classes and their bases, by name."""
+    found = {}
+    owners = [x.__mro__ for x in PUBLIC.values() if inspect.isclass(x)]
+    for owner in set(chain.from_iterable(owners)):
+        if not owner.__module__.startswith("armcontour"):
+            continue
+        for name, member in vars(owner).items():
+            function = inspect.unwrap(getattr(member, "__func__", member))
+            if inspect.isfunction(function) and ">>>" in (function.__doc__ or ""):
+                found[f"{owner.__name__}.{name}"] = function.__doc__
+    return dict(sorted(found.items()))
+
+
+METHODS = examples_of_methods()
+# Modules whose functions have examples although they are not public.
+EXPLAINED = (
+    "core.frames",
+    "core.quantities",
+    "core.render",
+    "core.result",
+    "core.sampled_data",
+    "core.text",
+    "jobs.certificate_goal",
+    "jobs.job",
+)
 FLAGS = doctest.ELLIPSIS
 FILES = {
     "job.yaml": """
@@ -71,3 +101,19 @@ def folder(tmp_path_factory, names):
 def test_the_docstring_example_of_a_public_name_runs(name, names, folder, monkeypatch):
     monkeypatch.chdir(folder)
     run(name, inspect.getdoc(PUBLIC[name]), names)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_docstring_example_of_a_method_runs(name, names, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    run(name, METHODS[name], dict(names))
+
+
+@pytest.mark.parametrize("module", EXPLAINED)
+def test_docstring_examples_of_a_module_run(module):
+    explained = importlib.import_module(f"armcontour.{module}")
+    examples = doctest.DocTestFinder(exclude_empty=True).find(explained)
+    own = [x for x in examples if x.examples and x.name.rsplit(".", 1)[1] not in PUBLIC]
+    assert own
+    for example in own:
+        run(example.name, example.docstring, {**vars(explained), "ac": ac})

@@ -20,7 +20,7 @@ SOURCE = "https://raw.githubusercontent.com/{}/{}/{}"
 KUKA = "anjan211/kuka_controller_project", "6e23e6a"
 PANDA = "marcocognetti/FrankaEmikaPandaDynModel", "24d85ce"
 ABB = "rpiRobotics/ARM-21-02-F-19-Robot-Motion-Program", "00a7cb4"
-# Degrees of an axis per unit of the KR C4's trace.
+# Axis degrees per unit of the KR C4's trace.
 KUKA_UNITS = np.array(
     [-1.26582278e-08, 1.10229277e-08, 1.12044815e-08, -1.25e-08, -1.27867427e-08, 1.96078427e-08]
 )
@@ -78,14 +78,14 @@ def write(file: Path, table: Table, header: Sequence[str]) -> None:
 
 
 def joints(count: int, unit: str) -> list[str]:
-    """Names of the columns of commands and measured positions."""
+    """Name the columns of commands and measured positions."""
     return [
         f"{quantity} {j + 1} [{unit}]" for quantity in ("command", "measured") for j in range(count)
     ]
 
 
 def fetch(repository: tuple[str, str], file: str) -> str:
-    """Text of a file in a repository at a commit."""
+    """Fetch the text of a file in a repository at a commit."""
     with urlopen(SOURCE.format(*repository, quote(file)), timeout=60) as reply:
         return str(reply.read().decode("latin1"))
 

@@ -1,4 +1,4 @@
-"""Compare the results of this tree with those of an earlier commit: `python -m tools.freeze`.
+"""Compare this tree's results with an earlier commit's: `python -m tools.freeze`.
 
 Both trees run the same work on this machine with the same environment: all examples, about sixty
 commands, drawings of the tests and drawings with random changes, and `check` on random
@@ -48,7 +48,7 @@ METRES = 1e-10  # largest difference of contour errors [m]
 UNSTABLE = re.compile(r"armcontour|version|elapsed|seconds|progress|files|source|made_from")
 NAME = re.compile(r"(?:--)?\w(?:[\w-]*\w)?")  # of keys, options, files and their parts
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
-# Results of a command are inputs of later commands of the same group.
+# A command's results are inputs of later commands in the same group.
 OVER = "--x '-100 mm .. 100 mm, 3' --yaw '0 deg .. 90 deg, 2'"
 GROUPS = [
     [f"run {{drawings}}/{drawing} --cell {cell} {more} --out out"]
@@ -140,7 +140,7 @@ def corpus(folder: Path) -> list[tuple[str, str]]:
 
 
 def _specified(limits: Any) -> Iterator[tuple[str, Any]]:
-    """Names and values of the limits that are set."""
+    """Yield names and values of the limits that are set."""
     for name in ("speed", "joint_velocity", "joint_acceleration", "joint_lower", "joint_upper"):
         if getattr(limits, name) is not None:
             yield name, getattr(limits, name)
@@ -239,7 +239,7 @@ def _run_command(arguments: list[str]) -> dict[str, Any]:
 
 
 def read(file: Path) -> Any:
-    """Comparable content of a file: JSON unchanged, otherwise sums over columns or numbers."""
+    """Read a file in a comparable form: JSON unchanged, otherwise sums over columns or numbers."""
     if file.suffix == ".json":
         return json.loads(file.read_text())
     if file.suffix in (".html", ".npz", ".svg"):
@@ -253,7 +253,7 @@ def read(file: Path) -> Any:
 
 
 def _sums(texts: Any) -> Any:
-    """Number of values, largest and mean magnitude."""
+    """Return the number of values, and their largest and mean magnitude."""
     try:
         values = np.abs(np.array(texts, dtype=float))
     except ValueError:
@@ -262,7 +262,7 @@ def _sums(texts: Any) -> Any:
 
 
 def differences(old: Any, new: Any, key_path: str = "") -> Iterator[str]:
-    """Descriptions of the differences between two records."""
+    """Yield the differences between two records, in words."""
     if UNSTABLE.search(key_path.rpartition("/")[2]):
         return
     old, new = _by_name(old), _by_name(new)
@@ -285,7 +285,7 @@ def differences(old: Any, new: Any, key_path: str = "") -> Iterator[str]:
 
 
 def _by_name(value: Any) -> Any:
-    """Rows by their names, if they have different names, because their order does not matter."""
+    """Return rows by name, because their order does not matter, if all names differ."""
     if not isinstance(value, list) or not all(isinstance(x, dict) and "name" in x for x in value):
         return value
     rows = {x["name"]: x for x in value}
@@ -329,7 +329,7 @@ def record_of(
 
 
 def _stored_corpus() -> Path:
-    """Folder with the inputs of all records; files such as DXF contain times and random names."""
+    """Return the folder with the inputs of all records, because DXF files have random names."""
     stored = STORE / f"corpus-{_environment()}"
     if not stored.exists():
         begun = STORE / "corpus"
@@ -341,7 +341,7 @@ def _stored_corpus() -> Path:
 
 
 def compiled(tree: Path) -> Path:
-    """Folder of compiled functions of a tree; numba alone misses changes in called functions."""
+    """Return the folder of a tree's compiled functions; numba misses changes in called ones."""
     state = hashlib.sha256()
     for file in sorted((tree / "src").rglob("*.py")):
         text = file.read_bytes()
@@ -357,7 +357,7 @@ def compiled(tree: Path) -> Path:
 
 
 def _environment() -> str:
-    """Short digest of the processor, Python, the installed versions and this program."""
+    """Return a short digest of processor, Python, installed versions and this program."""
     versions = sorted(f"{x.name} {x.version}" for x in distributions() if x.name != "armcontour")
     text = "\n".join([platform.processor(), sys.version, *versions, Path(__file__).read_text()])
     return hashlib.sha256(text.encode()).hexdigest()[:12]

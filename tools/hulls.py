@@ -39,7 +39,7 @@ from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 EXCESS = 3e-4
 # Largest displacement of a corner by rounding to whole steps, and offset of the half-spaces [m].
 ROUNDING = HULL_UNIT
-# Tolerance of the frames of links between the description and the built-in arm [m].
+# Tolerance between link frames in the description and in the built-in arm [m].
 FRAME_TOLERANCE = 1e-8
 # Largest number of half-spaces added per iteration.
 MAX_ADDED = 12
@@ -59,7 +59,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def outer_hull(points: FloatArray, excess: float) -> FloatArray:
-    """Corners of a convex body that contains points and exceeds their hull by at most `excess`."""
+    """Return the corners of a convex body around points, at most `excess` outside their hull."""
     hull = points[ConvexHull(points).vertices]
     inside = hull.mean(axis=0)
     grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
@@ -94,7 +94,7 @@ class _Body:
         self._hull = model.convex
 
     def distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distances of points, (n,), and the nearest points of the hull, (n, 3)."""
+        """Return distances of points to the hull, (n,), and its nearest points, (n, 3)."""
         request = coal.DistanceRequest()
         ball = coal.Sphere(1e-9)
         still = coal.Transform3s()
@@ -109,12 +109,12 @@ class _Body:
 
 
 def _rounded(points: FloatArray) -> FloatArray:
-    """Unique points after rounding to whole steps."""
+    """Round points to whole steps, and return the unique ones."""
     return np.unique(np.round(points / HULL_UNIT), axis=0) * HULL_UNIT
 
 
 def hull_of(shape: LinkShape, excess: float) -> dict[str, Any]:
-    """Checked entry of a link in the file of hulls.
+    """Return a link's checked entry in the file of hulls.
 
     Raises:
         AssertionError: A corner of the mesh is outside the hull.

@@ -1,4 +1,4 @@
-"""Sizes of the packages of an environment, as a table in Markdown.
+"""Tabulate the sizes of an environment's packages, in Markdown.
 
 `python tools/install_size.py` measures the environment of that Python, from the files that its
 packages list, without bytecode that Python wrote later. Sizes are in MB of 1e6 bytes.
@@ -22,19 +22,19 @@ def plain(name: str) -> str:
 
 
 def size_of(package: Distribution) -> float:
-    """Size of the files of a package [MB], without the targets of links."""
+    """Return the size of a package's files [MB], without the targets of links."""
     paths = {Path(str(package.locate_file(x))) for x in package.files or ()}
     return sum(x.lstat().st_size for x in paths if x.is_symlink() or x.is_file()) / 1e6
 
 
 def needs(package: Distribution) -> list[str]:
-    """Names of the packages that a package requires without extras."""
+    """Name the packages that a package requires without extras."""
     requirements = (x for x in package.requires or () if "extra" not in x.partition(";")[2])
     return [plain(match[0]) for x in requirements if (match := re.match(r"[\w.-]+", x))]
 
 
 def brought_by(name: str, packages: dict[str, Distribution]) -> set[str]:
-    """A package and its installed dependencies."""
+    """Return a package and its installed dependencies."""
     names = set()
     todo = [name]
     while todo:
@@ -46,7 +46,7 @@ def brought_by(name: str, packages: dict[str, Distribution]) -> set[str]:
 
 
 def table(packages: dict[str, Distribution], root: str) -> list[str]:
-    """Rows of Markdown: package, version, size, and the direct dependency that requires it."""
+    """Return rows of Markdown: package, version, size, and the dependency that requires it."""
     sizes = {name: size_of(x) for name, x in packages.items()}
     direct = needs(packages[root]) if root in packages else []
     reach = {x: brought_by(x, packages) for x in direct}

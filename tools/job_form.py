@@ -1,4 +1,4 @@
-"""Data of the settings form of the Studio."""
+"""Write the data of the Studio's settings form."""
 
 from __future__ import annotations
 
@@ -12,16 +12,15 @@ from typing import Any, TypeAlias
 from tools.job_schema import schema_text
 
 from armcontour.files.drawings.path_reader import READERS, YAML
-from armcontour.files.exports.formats import format_named
+from armcontour.files.exports.formats import ENDINGS, format_named
 from armcontour.files.job_file import GEOMETRY_KEYS, cell_names
 from armcontour.files.job_model import RunModel, SharedModel
 from armcontour.files.job_patch import MERGED
 from armcontour.files.robots.arm_loading import arm_names
-from armcontour.jobs.job import ENDINGS
 from armcontour.robot.limits import TOOL_LIMITS
 from armcontour.studio.slider_ranges import SLIDER_RANGES
 
-# Keys of each group of the form. A key belongs to the group that lists the longest prefix of its
+# Keys in each group of the form. A key belongs to the group that lists the longest prefix of its
 # key path.
 GROUPS = {
     "Speed": (
@@ -67,7 +66,7 @@ Field: TypeAlias = dict[str, Any]
 
 
 def form_text() -> str:
-    """JSON text of the form, which the page of the Studio reads at its start."""
+    """Return the form as JSON text, which the Studio's page reads at its start."""
     formats = [[x, f"{x} ({ending})", format_named(x).joints] for x, ending in ENDINGS.items()]
     form = {
         "groups": [{"title": title, "fields": x} for title, x in _groups().items()],
@@ -83,7 +82,7 @@ def form_text() -> str:
 
 
 def _groups() -> dict[str, list[Field]]:
-    """Fields of each group, by title; the entry `at` of a field is its key path."""
+    """Return each group's fields, by title; the entry `at` of a field is its key path."""
     # If groups list only some keys of a mapping, the other keys are in the group that lists the
     # mapping.
     schema = json.loads(schema_text())
@@ -119,7 +118,7 @@ def _groups() -> dict[str, list[Field]]:
 
 
 def _depth(key: str) -> int:
-    """Number of mappings that contain a key."""
+    """Count the mappings that contain a key."""
     return key.count(".")
 
 
@@ -141,7 +140,7 @@ def _remove_field(tree: list[Field], keys: list[str]) -> Field:
 
 
 def _fields(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> list[Field]:
-    """Form fields of the keys of a mapping, from its schema."""
+    """Make the form fields of a mapping's keys, from its schema."""
     needed = schema.get("required", ())
     return [
         _field(name, x, defs) | ({"needed": True} if name in needed else {})
@@ -150,7 +149,7 @@ def _fields(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> list[Field]:
 
 
 def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Field:
-    """Form field of a key, from its schema: name, text, unit, example, default, and its kind."""
+    """Make a key's form field from its schema: name, text, unit, example, default, kind."""
     # Entries for the kind: `choices`; `fields` of a mapping; `each`, the field of the values of a
     # mapping by name; `items`, the fields of a list of mappings; `list`; `plain` for numbers
     # without units; `tick` for booleans; `open` if other values than the choices are allowed.
@@ -192,7 +191,7 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
 
 
 def _choices(alternatives: Iterable[Mapping[str, Any]]) -> list[Any]:
-    """Return the values that the schemas of the alternatives of a key list."""
+    """Return the values that a key's schema lists, over all alternatives."""
     values: list[Any] = []
     for schema in alternatives:
         values += schema.get("enum", ())
@@ -202,7 +201,7 @@ def _choices(alternatives: Iterable[Mapping[str, Any]]) -> list[Any]:
 
 
 def _form_default(default: Any) -> Any:
-    """Default for the form; None for a mapping, a list and infinity."""
+    """Return the default for the form; None for a mapping, a list and infinity."""
     finite = not isinstance(default, float) or math.isfinite(default)
     return default if finite and not isinstance(default, dict | list) else None
 
@@ -210,7 +209,7 @@ def _form_default(default: Any) -> Any:
 def _alternatives(
     schema: Mapping[str, Any], defs: Mapping[str, Any]
 ) -> Iterator[Mapping[str, Any]]:
-    """Yield the schemas of the alternatives of a schema, without null."""
+    """Yield a schema's alternatives, without null."""
     if "$ref" in schema:
         outer = {key: x for key, x in schema.items() if key != "$ref"}
         yield from _alternatives({**defs[schema["$ref"].rpartition("/")[2]], **outer}, defs)

@@ -63,13 +63,13 @@ class Schemas:
         self.defs: dict[str, Any] = {}
 
     def of_hint(self, hint: Any) -> dict[str, Any]:
-        """Schema of the values of an annotation."""
+        """Return the schema for values of an annotation."""
         every = [x for x in leaves(hint) if not _is_path(x)]
         parts = [y for x in every for y in self._of_leaf(x)]
         return parts[0] if len(parts) == 1 else {"anyOf": parts}
 
     def _of_leaf(self, leaf: Any) -> list[dict[str, Any]]:
-        """Schemas of the forms of an alternative."""
+        """Return the schemas for the forms of an alternative."""
         base, mark = get_args(leaf)[:2] if get_origin(leaf) is Annotated else (leaf, None)
         origin = get_origin(base) or base
         parts = get_args(base)
@@ -103,7 +103,7 @@ class Schemas:
         return [schema | _bounds_of(mark, schema["type"])]
 
     def _of_quantity(self, base: Any, marks: Sequence[Any]) -> list[dict[str, Any]]:
-        """Schemas of a quantity: a number, a list of numbers, a list of rows."""
+        """Return the schemas of a quantity: a number, a list of numbers, a list of rows."""
         number = _number(marks[0])
         axes = next((x.axes for x in marks if isinstance(x, Axes)), ())
         if base is float:
@@ -126,7 +126,7 @@ class Schemas:
         kind: Any,
         text: str | None = None,
     ) -> dict[str, Any]:
-        """Reference to the schema of a mapping."""
+        """Return the reference to the schema of a mapping."""
         if name not in self.defs:
             # The entry is made first, because a mapping may contain mappings of its own kind.
             self.defs[name] = {}
@@ -136,7 +136,7 @@ class Schemas:
     def of_keys(
         self, kind: Any, keys: Mapping[str, KeyField], text: str | None = None
     ) -> dict[str, Any]:
-        """Schema of a mapping with keys."""
+        """Return the schema of a mapping with keys."""
         required = [key for key, x in keys.items() if x.default is inspect.Parameter.empty]
         return {
             "additionalProperties": False,
@@ -147,7 +147,7 @@ class Schemas:
         }
 
     def _of_key(self, field: KeyField) -> dict[str, Any]:
-        """Schema of a key, with its default and its description."""
+        """Return the schema of a key, with its default and its description."""
         schema = dict(self.of_hint(field.hint))
         default = field.default
         if field.is_made and {"type": "null"} not in schema.get("anyOf", ()):
@@ -161,12 +161,12 @@ class Schemas:
 
 
 def _is_path(hint: Any) -> bool:
-    """True for the class of paths, which are text in a file."""
+    """Return whether a class is that of paths, which are text in a file."""
     return isinstance(hint, type) and issubclass(hint, Path)
 
 
 def _number(kind: Quantity) -> dict[str, Any]:
-    """Schema of a quantity: a plain number, or text with a unit."""
+    """Return the schema of a quantity: a plain number, or text with a unit."""
     text = f"A number in {kind.unit}, or text with a unit such as '{kind.example}'."
     if kind.unit == "1":
         text = f"A plain number, or text in percent such as '{kind.example}'."
@@ -178,7 +178,7 @@ def _number(kind: Quantity) -> dict[str, Any]:
 
 
 def _bounds_of(mark: Any, form: str) -> dict[str, Any]:
-    """Bounds of a mark as keywords of JSON Schema."""
+    """Return a mark's bounds as keywords of JSON Schema."""
     bounds: dict[str, Any] = {}
     if isinstance(mark, AtLeast):
         bounds = {"minimum": mark.least, "maximum": mark.most}
@@ -191,14 +191,14 @@ def _bounds_of(mark: Any, form: str) -> dict[str, Any]:
 
 
 def _given(mark: PartialFields) -> dict[str, KeyField]:
-    """Keys of a mapping with some fields of a dataclass."""
+    """Return the keys of a mapping that has some fields of a dataclass."""
     keys = key_fields(mark.of).items()
     given = {key: x._replace(default=None, is_made=mark.null or x.is_made) for key, x in keys}
     return {key: x for key, x in given.items() if key not in mark.omit}
 
 
 def _method_keys(mark: Methods) -> dict[str, KeyField]:
-    """Keys of all methods, with the methods of each key in its description."""
+    """Return the keys of all methods; each description names the methods with this key."""
     names = tuple(str(x.method) for x in mark.kinds)
     one_of: Any = Literal[names] if mark.has_default else Literal[names] | None
     default = names[0] if mark.has_default else None
@@ -212,7 +212,7 @@ def _method_keys(mark: Methods) -> dict[str, KeyField]:
 
 
 def schema_text() -> str:
-    """JSON text of the schema."""
+    """Return the schema as JSON text."""
     schemas = Schemas()
     schema = schemas.of_keys(JobModel, key_fields(JobModel))
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "JobModel"}

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ROOT / "src" / "armcontour"
-LONGEST = 1200  # timeout of the tests of a mutant, which then counts as killed [s]
+LONGEST = 1200  # timeout for a mutant's tests; the mutant then counts as killed [s]
 # Tests by package, the nearest first. Names are patterns.
 TESTS = {
     "planning": (
@@ -65,7 +65,7 @@ class Mutant(NamedTuple):
 
 
 def mutants_of(package: str, file: Path) -> list[Mutant]:
-    """All possible changes of a file."""
+    """Return all possible changes of a file."""
     source = file.read_text(encoding="utf-8")
     rows = source.splitlines()
     mutants = []
@@ -112,7 +112,7 @@ def _nodes_of_functions(source: str) -> Iterator[ast.AST]:
 
 
 def draw(count: int, seed: int) -> list[Mutant]:
-    """Random mutants, the same number for each package."""
+    """Draw random mutants, the same number for each package."""
     chance = random.Random(seed)
     drawn = []
     for package in TESTS:
@@ -123,7 +123,7 @@ def draw(count: int, seed: int) -> list[Mutant]:
 
 
 def importers(file: str) -> set[str]:
-    """Modules whose compiled functions may contain code of a file: the file and its importers."""
+    """Return the modules whose compiled functions may contain a file's code."""
     texts = {
         ".".join(["armcontour", *x.relative_to(SOURCES).with_suffix("").parts]): x.read_text(
             "utf-8"
@@ -158,7 +158,7 @@ class Slot:
         self._run([sys.executable, "-m", "armcontour", "compile"], ROOT, self.clean)
 
     def is_killed(self, mutant: Mutant, tests: Path) -> bool:
-        """True if a test fails with the mutant."""
+        """Return whether a test fails with the mutant."""
         shutil.rmtree(self.cache, ignore_errors=True)
         shutil.copytree(self.clean, self.cache)
         for module in importers(mutant.file):

@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("src", "tests", "soak", "tools", "benchmarks", "docs", "examples")
-# Longest pair of values of the same form [columns].
+# Longest pair of values with the same form [columns].
 LONGEST_PAIR = 60
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 # Names that belong together, in either order; also with digits behind them, as in `x1, y1`.
@@ -29,7 +29,7 @@ PAIR_NAMES = {frozenset(pair.split()) for pair in PAIRS.split(",")}
 
 
 def packed(text: str) -> Iterator[int]:
-    """Yield the line numbers of the assignments of a module that pack several statements."""
+    """Yield the line numbers of a module's assignments that pack several statements."""
     tree = ast.parse(text)
     local = {id(x) for f in ast.walk(tree) if isinstance(f, FUNCTIONS) for x in ast.walk(f)}
     for node in ast.walk(tree):
@@ -64,7 +64,7 @@ def _columns(node: ast.Assign) -> int:
 
 
 def _places(expressions: list[ast.expr], context: type[ast.expr_context]) -> set[str]:
-    """Names, attributes and elements that expressions store or load, as text."""
+    """Return the names, attributes and elements that expressions store or load, as text."""
     kinds = (ast.Name, ast.Attribute, ast.Subscript)
     return {
         ast.unparse(x)

@@ -28,14 +28,14 @@ VERSIONS = {
 
 
 def owner(root: Path = ROOT) -> str:
-    """Account at the code host, from the project's addresses."""
+    """Return the account at the code host, from the project's addresses."""
     with (root / "pyproject.toml").open("rb") as file:
         urls = tomllib.load(file)["project"]["urls"]
     return str(urls["Repository"].split("/")[3])
 
 
 def versions(root: Path = ROOT) -> dict[str, str]:
-    """Version that each file states."""
+    """Return the version that each file states."""
     stated = {}
     for name, pattern in VERSIONS.items():
         match = re.search(pattern, (root / name).read_text(encoding="utf-8"), re.MULTILINE)
@@ -44,7 +44,7 @@ def versions(root: Path = ROOT) -> dict[str, str]:
 
 
 def faults(tag: str = "", root: Path = ROOT) -> list[str]:
-    """Reasons why a release cannot be built, one sentence each."""
+    """List the reasons why a release cannot be built, one sentence each."""
     reasons = []
     project = (root / "pyproject.toml").read_text(encoding="utf-8")
     addresses = re.search(r"^\[project\.urls\]\n((?:.+\n)*)", project, re.MULTILINE)
@@ -68,7 +68,7 @@ def faults(tag: str = "", root: Path = ROOT) -> list[str]:
 
 
 def recipe(archive: Path, root: Path = ROOT) -> str:
-    """Conda recipe of a source archive: owner, version and hash replace the placeholders."""
+    """Return the conda recipe of a source archive, with its owner, version and hash."""
     values = {
         PLACEHOLDER: owner(root),
         "VERSION": archive.name.removesuffix(".tar.gz").rpartition("-")[2],

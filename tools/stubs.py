@@ -14,7 +14,7 @@ SOURCE = Path(armcontour.__file__).parent
 
 
 def stubs() -> dict[Path, str]:
-    """Stub of each package with lazy names, by file."""
+    """Return the stub of each package with lazy names, by file."""
     texts = {}
     for file in sorted(SOURCE.rglob("__init__.py")):
         name = ".".join(("armcontour", *file.parent.relative_to(SOURCE).parts))

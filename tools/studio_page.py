@@ -41,7 +41,7 @@ runs: {optimal: {}}
 
 
 def find_browser() -> str | None:
-    """Path of the browser for tests; None if there is none."""
+    """Find the browser for tests; return its path, or None."""
     named = os.environ.get("ARMCONTOUR_CHROMIUM")
     return named or next(filter(None, map(shutil.which, NAMES)), None)
 
@@ -87,7 +87,7 @@ class Server:
 
 @contextmanager
 def serving(*arguments: str | FilePath, folder: FilePath | None = None) -> Iterator[Server]:
-    """Context with a server, which must report no error.
+    """Return a context with a server, which must report no error.
 
     Raises:
         AssertionError: It wrote a traceback, or did not end within 20 s.
@@ -102,7 +102,7 @@ def serving(*arguments: str | FilePath, folder: FilePath | None = None) -> Itera
 
 @contextmanager
 def browsing() -> Iterator[Browser]:
-    """Context with a browser."""
+    """Return a context with a browser."""
     from playwright.sync_api import sync_playwright
 
     # Chromium has no sandbox for root.
@@ -168,11 +168,11 @@ class Studio:
     # Contents of the page.
 
     def find(self, selector: str) -> Locator:
-        """Element of a selector."""
+        """Find the element of a selector."""
         return self.page.locator(selector)
 
     def told(self, selector: str, name: str) -> str:
-        """Attribute `data-...` of an element."""
+        """Return an element's attribute `data-...`."""
         return self.find(selector).get_attribute(f"data-{name}") or ""
 
     def wait(self, selector: str, **facts: str) -> None:
@@ -219,20 +219,20 @@ class Studio:
 
     @contextmanager
     def renewing(self) -> Iterator[None]:
-        """Context that ends when its actions have changed the document."""
+        """Return a context that waits until the document has changed."""
         before = self.told("body", "rev")
         yield
         self.wait_for(f'body:not([data-rev="{before}"])')
 
     @contextmanager
     def changing(self) -> Iterator[None]:
-        """Context that ends when its actions have changed the document and results are exact."""
+        """Return a context that waits until the document has changed and its results are exact."""
         with self.renewing():
             yield
         self.rest()
 
     def figure(self, name: str) -> float:
-        """A figure in SI units, not rounded."""
+        """Return a figure in SI units, not rounded."""
         return float(self.told(f"[data-figure='{name}']", "value"))
 
     @property
@@ -247,7 +247,7 @@ class Studio:
 
     @property
     def memory(self) -> float:
-        """Memory of the objects of the page after garbage collection [bytes]."""
+        """Return the memory of the page's objects after garbage collection [bytes]."""
         session = self.page.context.new_cdp_session(self.page)
         session.send("HeapProfiler.collectGarbage")
         used = session.send("Runtime.getHeapUsage")
@@ -284,14 +284,14 @@ class Studio:
         return self.find(f"g.handle.{kind}[data-index='{index}']")
 
     def middle(self, element: Locator) -> tuple[float, float]:
-        """Centre of an element [px]."""
+        """Return the centre of an element [px]."""
         box = element.bounding_box()
         assert box is not None
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     @contextmanager
     def grabbing(self, element: Locator) -> Iterator[tuple[float, float]]:
-        """Context in which the mouse button is down on an element."""
+        """Return a context in which the mouse button is down on an element."""
         x, y = self.middle(element)
         mouse = self.page.mouse
         mouse.move(x, y)
@@ -307,7 +307,7 @@ class Studio:
             self.page.mouse.move(x + by[0], y + by[1], steps=steps)
 
     def slider(self, key: str) -> Locator:
-        """Row of a quantity in the settings."""
+        """Return the row of a quantity in the settings."""
         return self.find(f"#panel .setting[data-key='{key}']")
 
     def type(self, key: str, text: str) -> None:

@@ -160,7 +160,7 @@ def try_shipped(wheel: Path, folder: Path) -> None:
 
 
 def count(python: str, code: str, folder: Path, **variables: str) -> str:
-    """Names of the functions that numba compiles while code runs with an empty home folder."""
+    """Name the functions that numba compiles while code runs with an empty home folder."""
     home = tempfile.mkdtemp(dir=folder)
     empty = {"HOME": home, "XDG_CACHE_HOME": home, "NUMBA_CACHE_DIR": "", "PYTHONPATH": ""}
     printed = run(python, "-c", COUNTED.format(code=code), cwd=Path(home), **empty, **variables)
@@ -172,7 +172,7 @@ def try_install(wheel: Path, folder: Path) -> None:
     began = time.monotonic()
     venv.create(folder / "env", with_pip=True)
     bin_folder = folder / "env" / ("Scripts" if os.name == "nt" else "bin")
-    # Without bytecode, which takes half of the time of pip and is written at the first use.
+    # Without bytecode, which takes half of pip's time and is written at the first use.
     tested = "-c", str(ROOT / "constraints.txt")
     pip = (str(bin_folder / "python"), "-m", "pip", "install", "-q", "--no-compile")
     run(*pip, *tested, str(wheel))
@@ -195,7 +195,7 @@ def try_install(wheel: Path, folder: Path) -> None:
 
 
 def run(*command: str, cwd: Path | None = None, **variables: str) -> str:
-    """Output of a command; a failure ends the program with the command's messages."""
+    """Run a command and return its output; a failure ends the program with its messages."""
     # Without PYTHONPATH, so that the installed package is tested.
     env = {name: x for name, x in os.environ.items() if name != "PYTHONPATH"} | variables
     outcome = subprocess.run(command, cwd=cwd, env=env, text=True, capture_output=True)

@@ -13,12 +13,12 @@ from typing import Any
 
 # A quarter of a circle as the bulge of a DXF polyline, and of a full turn between two vertices.
 QUARTER = tan(pi / 8)
-# Where the control points of a quarter of a circle lie, in radii.
+# Where the control points of a quarter circle lie, in radii.
 ROUND = 4 / 3 * tan(pi / 8)
 
 
 def new_dxf() -> Any:
-    """An empty DXF document in mm with the layers CUT and MARK."""
+    """Make an empty DXF document in mm with the layers CUT and MARK."""
     import ezdxf
 
     # Else times and identifiers of the header would differ from day to day.
@@ -31,14 +31,14 @@ def new_dxf() -> Any:
 
 
 def text_of(document: Any) -> str:
-    """A DXF document as text."""
+    """Write a DXF document as text."""
     stream = io.StringIO()
     document.write(stream)
     return stream.getvalue()
 
 
 def plate() -> str:
-    """A small plate as DXF, for first steps: outline, a hole, a slot, and a mark."""
+    """Draw a small plate as DXF, for first steps: outline, a hole, a slot, and a mark."""
     document = new_dxf()
     space = document.modelspace()
     cut = {"layer": "CUT"}
@@ -54,7 +54,7 @@ def plate() -> str:
 
 
 def gasket() -> str:
-    """A flange gasket as DXF: outline with bulges, bore, ports, bolt holes, and a mark."""
+    """Draw a flange gasket as DXF: outline with bulges, bore, ports, bolt holes, and a mark."""
     document = new_dxf()
     space = document.modelspace()
     cut = {"layer": "CUT"}
@@ -99,7 +99,7 @@ C = "M 0.66 0.18 C 0.5 -0.06 0 -0.04 0 0.5 C 0 1.04 0.5 1.06 0.66 0.82"
 
 
 def lettering() -> str:
-    """The word "arc" in strokes, slanted, in a round frame, as SVG in layers with transforms."""
+    """Draw the word "arc" in slanted strokes and a round frame, as SVG with transforms."""
     frame = rounded_rectangle(4, 4, 132, 72, 12)
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <svg xmlns="http://www.w3.org/2000/svg"
@@ -125,7 +125,7 @@ def lettering() -> str:
 
 
 def rounded_rectangle(x: float, y: float, width: float, height: float, radius: float) -> str:
-    """Its outline from Bézier curves, as the data of an SVG path."""
+    """Draw a rounded rectangle from Bézier curves, as the data of an SVG path."""
     right = x + width
     bottom = y + height
     k = radius * (1 - ROUND)
@@ -140,7 +140,7 @@ def rounded_rectangle(x: float, y: float, width: float, height: float, radius: f
 
 
 def pocket() -> str:
-    """A pocket milled in two depths as G-code: zigzag with round turns, then round its wall."""
+    """Mill a pocket in two depths as G-code: zigzag with round turns, then along its wall."""
     lines = [
         "(A pocket of 80 x 50 mm in two depths)",
         "G21 G90 G17",
@@ -156,7 +156,7 @@ def pocket() -> str:
 
 
 def zigzag(x_min: float, right: float, bottom: float, top: float, step: float) -> list[str]:
-    """Rows back and forth, each joined to the next one by half a circle."""
+    """Return the rows back and forth, each joined to the next one by half a circle."""
     lines = []
     y = bottom
     forth = True
@@ -172,7 +172,7 @@ def zigzag(x_min: float, right: float, bottom: float, top: float, step: float) -
 def wall(
     depth: float, *, x_min: float, right: float, bottom: float, top: float, radius: float
 ) -> list[str]:
-    """Once round, onto the wall and off it by quarters of circles."""
+    """Return one lap along the wall, onto it and off it by quarter circles."""
     middle = (x_min + right) / 2
     on = 6.0
     slant = on * (1 - cos(pi / 4)), on * sin(pi / 4)
@@ -196,14 +196,14 @@ def wall(
 
 
 def pipe_saddle() -> str:
-    """The seam of a branch of 100 mm on a pipe of 200 mm, with the torch between the walls."""
+    """Return the seam of a 100 mm branch on a 200 mm pipe, with the torch between the walls."""
     lines = ["x [mm],y [mm],z [mm],ax,ay,az"]
     pipe = 100
     branch = 50
     for k in range(121):
         x, y = branch * cos(pi * k / 60), branch * sin(pi * k / 60)
         z = sqrt(pipe**2 - y**2)
-        # The torch points along the sum of the inward normals of the two walls.
+        # The torch points along the sum of the two walls' inward normals.
         normal = [-x / branch, -y / branch - y / pipe, -z / pipe]
         row = [x, y, z, *(v / hypot(*normal) for v in normal)]
         lines.append(",".join(f"{round(v, 6) + 0.0:.6f}" for v in row))

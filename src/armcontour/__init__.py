@@ -59,6 +59,7 @@ _HOME = {
     "_version": "__version__",
 }
 METHODS |= {
+    "check_formats": "armcontour.files.exports.formats",
     "draw_result": "armcontour.report.result_study",
     "explain": "armcontour.planning.explanation",
 }

@@ -146,7 +146,7 @@ def test_the_animated_arm_moves_as_planned_along_the_path(page, study):
 def test_errors_are_shown_in_percent_of_the_allowed_error(study):
     for name in ("optimal", "shaped"):
         alone = dataclasses.replace(study, runs={name: study.runs[name]})
-        plot = sections.motion.error(alone)
+        plot = sections.motion.plot_error(alone)
         e = study.runs[name].evaluation.contour_error
         allowed = study.runs[name].tolerance / 10
         largest = np.nanmax(plot.curves[0].y)

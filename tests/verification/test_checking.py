@@ -9,7 +9,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.files.exports import CsvFormat, RosYamlFormat
-from armcontour.jobs.job import ENDINGS
+from armcontour.files.exports.formats import ENDINGS
 from armcontour.motion import LapLaw, Samples
 from armcontour.robot.limit_use import Use
 from armcontour.verification.limit_verdict import LimitUseAccumulator

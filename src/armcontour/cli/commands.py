@@ -325,8 +325,8 @@ class Export:
         result: Folder of a result, of `run`, `certify` or `learn`.
         file: File to write; its extension determines the format.
         run_name: Run of the result.
-        format: Format of the file: csv, ros-yaml, urscript, kuka, abb, or a .j2 file; by default
-            determined by its extension.
+        format: Format of the file, as --export of run, or a .j2 file; by default determined by its
+            extension.
         force: Replace a file of that name.
     """
 

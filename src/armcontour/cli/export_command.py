@@ -24,7 +24,7 @@ from armcontour.files.exports.export_table import SetPointTable
 from armcontour.files.exports.template import BUILT_IN
 from armcontour.files.file_keys import read_keys
 from armcontour.jobs import Job, RunResult, analog_outputs
-from armcontour.jobs.job import Exports, ending_of
+from armcontour.jobs.job import Exports
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.robot.limit_use import use_of
@@ -70,7 +70,7 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
             # KUKA and ABB plan the motion between points, so that set-points are no use.
             motions.append((SET_POINTS, result.set_points))
         for what, motion in motions:
-            file = f"{name}/export/{what}{ending_of(kind)}"
+            file = f"{name}/export/{what}{formats.ending_of(kind)}"
             label = f"export {kind}, run {name}"
             try:
                 table, sentences = _write_export(folder, file, job, result, kind, what, motion)
@@ -98,9 +98,8 @@ def _write_export(
     format = formats.format_named(kind, options)
     cycle = None
     if what == REFERENCE:
-        # A URScript program needs the cycle of the run.
-        own = isinstance(format, formats.URScriptFormat)
-        cycle = result.run.cycle if own else options.cycle or result.run.cycle
+        requested = None if format.needs_cycle_of_run else options.cycle
+        cycle = requested or result.run.cycle
     table = make_table(
         motion,
         name=f"{job.name} {result.run.name} {what}",

@@ -122,6 +122,13 @@ FIRST_RUN = Topic(
             "no time.",
             kind=bool,
         ),
+        JobOption(
+            "--lift",
+            "process.lift",
+            "Distance of the tool above the part, along its z axis, for a first run on the robot "
+            "with --process-off, such as '20 mm'.",
+            read=to_quantity,
+        ),
     ),
 )
 DRAWING = Topic(

@@ -30,23 +30,23 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.arm import unit_of
 
 # Timeout of connecting [s].
-CONNECTING = 20.0
+CONNECT_TIMEOUT = 20.0
 # Timeout of ending the feeder process, which may first stop the robot [s].
-CLOSING = 60.0
+CLOSE_TIMEOUT = 60.0
 # Period of reading new samples [s].
-PAUSE = 5e-3
+READING_PERIOD = 5e-3
 # First estimate of the time for computing and sending a stop [s].
-LEAD = 0.15
+FIRST_STOP_LEAD = 0.15
 # Time from the first cycle of a stop to that of the next stop [s].
-INTERVAL = 0.2
+STOP_INTERVAL = 0.2
 # Maximum distance of a revolute joint from the first set-point when a motion starts [rad].
-START = 1e-3
+START_TOLERANCE = 1e-3
 # The same for a linear axis [m].
-START_LINEAR = 1e-3
+START_TOLERANCE_LINEAR = 1e-3
 # Tolerance between the set-points and the commands that the controller recorded [rad].
-SAME = 1e-9
+RECORDED_TOLERANCE = 1e-9
 # Maximum length of a feeder's error message [characters].
-SHOWN = 600
+MAX_ERROR_LENGTH = 600
 # Sentences for the record, by the letter with which a feeder reports an event.
 EVENTS = {
     "W": "The feeder received nothing from the sending process, and stopped the motion.",
@@ -183,7 +183,7 @@ class _Channel:
         if self.failure:
             return self.failure
         errors = (self.folder / "stderr.txt").read_text(errors="replace").split()
-        return " ".join(errors)[-SHOWN:] or "its process has ended"
+        return " ".join(errors)[-MAX_ERROR_LENGTH:] or "its process has ended"
 
     def close(self) -> None:
         """End the process; a motion that is played first stops on the path."""
@@ -191,12 +191,12 @@ class _Channel:
         with suppress(OSError):
             self.stdin.close()
         try:
-            self.process.wait(CLOSING)
+            self.process.wait(CLOSE_TIMEOUT)
         except subprocess.TimeoutExpired:
             os.killpg(self.process.pid, signal.SIGTERM)
             self.process.wait()
         # If the guard has ended, the feeder may still be stopping the robot.
-        self._listener.join(CLOSING)
+        self._listener.join(CLOSE_TIMEOUT)
         self.stdout.close()
         if self.process.returncode and self.clean_up:
             # If the process failed or was killed, programs of the controller may still run. They
@@ -219,7 +219,7 @@ class _StopSender(threading.Thread):
         self.played = 0
         self.sent: dict[int, FloatArray] = {}
         self.error = ""
-        self.lead = LEAD
+        self.lead = FIRST_STOP_LEAD
         self._ended = threading.Event()
 
     @property
@@ -240,7 +240,7 @@ class _StopSender(threading.Thread):
 
     def _measure(self, begin: float) -> None:
         """Increase the lead to twice the time that the computation begun at `begin` [s] took."""
-        self.lead = max(self.lead, 2 * (time.monotonic() - begin) + PAUSE)
+        self.lead = max(self.lead, 2 * (time.monotonic() - begin) + READING_PERIOD)
 
     def send_next(self) -> int:
         """Compute and send the next stop, and return its cycle."""
@@ -251,7 +251,7 @@ class _StopSender(threading.Thread):
             # Discard stops whose first cycle has passed, because a long motion has thousands of
             # stops.
             self.sent = {k: q for k, q in self.sent.items() if k >= played}
-        stop = self.motion.next_stop(self.due + round(INTERVAL / self.cycle))
+        stop = self.motion.next_stop(self.due + round(STOP_INTERVAL / self.cycle))
         self.sent[stop.k] = stop.q
         self.channel.send([f"T {stop.k}", *rows_as_lines(stop.q), "E"])
         self._measure(begin)
@@ -265,7 +265,7 @@ class _StopSender(threading.Thread):
                 if k >= len(self.motion.q):
                     return
                 while self.due < k:
-                    if self._ended.wait(PAUSE):
+                    if self._ended.wait(READING_PERIOD):
                         return
         except ArmContourError as error:
             self.error = f"No further stop can be computed: {error}"
@@ -352,9 +352,9 @@ class Controller:
             shutil.rmtree(folder)
             raise
         channel = self._channel = _Channel(command, self.clean_up, folder)
-        end = time.monotonic() + CONNECTING
+        end = time.monotonic() + CONNECT_TIMEOUT
         while not channel.positions and channel.alive and time.monotonic() < end:
-            time.sleep(PAUSE)
+            time.sleep(READING_PERIOD)
         try:
             if not channel.positions:
                 reason = "it does not answer" if channel.alive else channel.describe_failure()
@@ -418,7 +418,7 @@ class Controller:
                         channel.send(["S"])
                         stopping = True
                         notes += [reason] if reason else []
-                time.sleep(PAUSE)
+                time.sleep(READING_PERIOD)
         finally:
             stops.end()
         record = self._record(begin, motion, stops.sent, notes)
@@ -471,7 +471,7 @@ class Controller:
     def _check_motion(self, motion: Motion) -> None:
         """Refuse a motion whose first set-point differs from the commanded position."""
         distance = np.abs(motion.q[0] - self.position())
-        allowed = per_joint(self._arm, START, START_LINEAR, len(distance))
+        allowed = per_joint(self._arm, START_TOLERANCE, START_TOLERANCE_LINEAR, len(distance))
         j = int((distance / allowed).argmax())
         if distance[j] > allowed[j]:
             unit = unit_of(self._arm, "rad", j)
@@ -528,7 +528,7 @@ class Controller:
             notes.append(f"{count_noun(missing, 'sample')} of the record are missing.")
         if late:
             notes.append(f"{count_noun(late, 'set-point')} came late.")
-        if deviation > SAME:
+        if deviation > RECORDED_TOLERANCE:
             unit = unit_of(self._arm, "rad", int(deviations.argmax()))
             notes.append(
                 "The controller used other set-points than those sent, by up to "
@@ -539,7 +539,8 @@ class Controller:
             command=command,
             measured=table[:, 2 + dof :],
             stopped=stopped,
-            faithful=not (late or missing or "U" in channel.events) and deviation <= SAME,
+            faithful=not (late or missing or "U" in channel.events)
+            and deviation <= RECORDED_TOLERANCE,
             notes=tuple(notes),
         )
 

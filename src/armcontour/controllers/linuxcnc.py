@@ -46,9 +46,9 @@ SAFEGUARDS = {
 }
 # Time after which a thread that moves a machine counts as dead [s]: later, it would catch up on the
 # missed cycles at once.
-SILENCE = 0.1
+MACHINE_TIMEOUT = 0.1
 # The same for simulated drives, whose time is that of the thread [s].
-SIMULATED_SILENCE = 1.0
+SIMULATED_TIMEOUT = 1.0
 # Capacity of the FIFO from the feeder to the servo thread [rows].
 STREAMER_DEPTH = 4000
 # Capacity of the FIFO from the servo thread to the feeder [rows].
@@ -70,6 +70,9 @@ class LinuxCNC(Controller):
             velocity loops with the model's gains and integrators; two integrators turn its output
             into positions. The model, else the arm, limits the accelerations. If the model has a
             dead time of one cycle, `pid` uses `error-previous-target`, LinuxCNC's default.
+
+    Raises:
+        InvalidInput: Neither a HAL file nor drives are given, or both.
     """
 
     name = "linuxcnc"
@@ -121,7 +124,7 @@ class LinuxCNC(Controller):
         apart = _own_ipc() if self.hal_file is None else []
         words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.feeders.linuxcnc_feeder"]
         words += [*self._record_arguments(folder), str(file), str(self.ahead), str(arm.dof)]
-        words.append(repr(SIMULATED_SILENCE if self.simulates else SILENCE))
+        words.append(repr(SIMULATED_TIMEOUT if self.simulates else MACHINE_TIMEOUT))
         return words, environment
 
 
@@ -208,7 +211,11 @@ def _accelerations(servo: ServoModel, arm: Arm) -> FloatArray:
 
 
 def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: float) -> Iterator[str]:
-    """Write a HAL file with a servo and a double integrator per joint."""
+    """Write a HAL file with a servo and a double integrator per joint.
+
+    Raises:
+        InvalidInput: The servo has other parameters than kp, kv, ki and a dead time of one cycle.
+    """
     dof = arm.dof
     limits = _accelerations(servo, arm)
     servo = servo.for_joints(dof)

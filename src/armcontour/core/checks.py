@@ -1,4 +1,4 @@
-"""Checks of type, shape, finiteness and range of values. Each error is one sentence."""
+"""Checks of type, shape, finiteness and range; wrong values raise InvalidInput in one sentence."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ BoolArray = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
 ObjectArray = np.ndarray[tuple[Any, ...], np.dtype[np.object_]]
 # Largest number in SI units, above any length, time, speed or torque of a robot. Its powers up to
 # the twenty-fifth are finite, so products of squares and cubes do not overflow.
-LARGEST = 1e12
+LARGEST_NUMBER = 1e12
 # Smallest positive number, below any tolerance or time in any unit. Powers of its reciprocal up to
 # the tenth are finite.
-SMALLEST = 1e-30
+SMALLEST_NUMBER = 1e-30
 # Largest number of joints, more than any arm has.
 MAX_JOINTS = 1000
 # Largest number of sampled values, such as set-points times joints. The arrays that are computed
@@ -54,7 +54,7 @@ MAX_VALUES = 5e7
 # Largest whole number, for values such as seeds that have no other upper bound.
 MAX_WHOLE = 2**63 - 1
 # Highest supported derivative of a curve.
-HIGHEST = 20
+HIGHEST_DERIVATIVE = 20
 
 # Array kinds (`dtype.kind`) that can be numbers; in an object array, every object must be one.
 NUMERIC = "iufO"
@@ -170,19 +170,19 @@ class Immutable:
 
 
 def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """Return `values` as a new float array, all finite and at most LARGEST."""
+    """Return `values` as a new float array, all finite and at most `LARGEST_NUMBER`."""
     array = np.array(floats(name, values, unit))
     # The sum of squares is a fast sufficient test. NaN fails the comparison.
     row = array.ravel("K")
     # Unlike `dot`, `vdot` never warns of overflow.
-    if np.vdot(row, row) <= LARGEST**2:
+    if np.vdot(row, row) <= LARGEST_NUMBER**2:
         return array
-    sound = np.abs(array) <= LARGEST
+    sound = np.abs(array) <= LARGEST_NUMBER
     if not sound.all():
         index = np.argwhere(~sound)[0]
         location = f" at index {', '.join(str(i) for i in index)}" if array.ndim else ""
         value = float(array[tuple(index)] if array.ndim else array)
-        range_ = f"between -{LARGEST:g} and {LARGEST:g}{suffix(unit)}"
+        range_ = f"between -{LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}{suffix(unit)}"
         needed = range_ if np.isfinite(value) else "finite"
         raise InvalidInput(
             f"{name} must be {needed}, but is {value:g}{location}.",
@@ -278,7 +278,7 @@ def check_number(name: str, value: Any, unit: str = "") -> float:
     `name` and `unit` appear in messages, here and in the functions below.
     """
     # Fast path for most values. NaN fails the comparison.
-    if type(value) in (float, int) and -LARGEST <= value <= LARGEST:
+    if type(value) in (float, int) and -LARGEST_NUMBER <= value <= LARGEST_NUMBER:
         return float(value)
     array = check_numbers(name, value, unit)
     if array.ndim:
@@ -301,13 +301,13 @@ def check_count(work: str, values: float, fix: str) -> None:
 
 
 def positive(name: str, value: Any, unit: str = "") -> float:
-    """Return `value` as a finite float above zero, at least SMALLEST."""
-    return check_range(name, value, SMALLEST, LARGEST, unit)
+    """Return `value` as a finite float above zero, at least `SMALLEST_NUMBER`."""
+    return check_range(name, value, SMALLEST_NUMBER, LARGEST_NUMBER, unit)
 
 
 def not_negative(name: str, value: Any, unit: str = "") -> float:
     """Return `value` as a finite float that is zero or above."""
-    return check_range(name, value, 0.0, LARGEST, unit)
+    return check_range(name, value, 0.0, LARGEST_NUMBER, unit)
 
 
 def check_range(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
@@ -324,8 +324,8 @@ def check_range(name: str, value: Any, low: float, high: float, unit: str = "") 
 
 
 def check_int(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
-    """Return `value` as an int from `low` to `high`; None is no bound."""
-    minimum = -LARGEST if low is None else low
+    """Return `value` as an int from `low` to `high`; None means unbounded."""
+    minimum = -LARGEST_NUMBER if low is None else low
     maximum = MAX_WHOLE if high is None else high
     if type(value) is int and minimum <= value <= maximum:
         return value
@@ -375,7 +375,7 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
     return value
 
 
-def derivative(order: Any, highest: int = HIGHEST) -> int:
+def derivative(order: Any, highest: int = HIGHEST_DERIVATIVE) -> int:
     """Check and return the order of a derivative, 0 for the value itself."""
     return check_int("order of a derivative", order, 0, highest)
 

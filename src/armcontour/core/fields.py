@@ -51,7 +51,7 @@ BOUNDED = (*PER_JOINT, Axes("joints", 2))
 # Shape of any array.
 ANY_SHAPE = (Axes(...),)
 # Largest number of values that Python compares faster than NumPy.
-FEW = 16
+FASTER_IN_PYTHON = 16
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
@@ -434,7 +434,7 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
         if shapes is SINGLE and type(value) is float and low <= value <= high:
             return value
         few = value.tolist() if per_joint and type(value) is np.ndarray else value
-        if per_joint and type(few) in (list, tuple) and 0 < len(few) <= FEW:
+        if per_joint and type(few) in (list, tuple) and 0 < len(few) <= FASTER_IN_PYTHON:
             for x in few:
                 if type(x) is not float or not low <= x <= high:
                     break

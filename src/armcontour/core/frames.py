@@ -38,10 +38,10 @@ class Frame:
     array([0.4, 0. , 0.1])
 
     Args:
-        position: Origin of the frame [m], (3,); or the whole frame as a homogeneous transform,
-            (4, 4), or a pinocchio.SE3.
-        rotation: Rotation matrix with the axes of the frame as columns, (3, 3), or another form
-            that `rotations` accepts.
+        position: Origin of the frame [m], (3,), by default 0; or the whole frame as a homogeneous
+            transform, (4, 4), or a pinocchio.SE3.
+        rotation: Rotation matrix with the axes of the frame as columns, (3, 3), by default the
+            identity; or a quaternion (x, y, z, w) or a rotation of scipy.
 
     Raises:
         InvalidInput: The position does not have 3 coordinates, or the rotation is invalid.
@@ -76,7 +76,7 @@ class Frame:
             pose: A Frame, a homogeneous transform, (4, 4), a pinocchio.SE3 or a position [m], (3,).
 
         Raises:
-            InvalidInput: Not a pose.
+            InvalidInput: The value is none of these.
         """
         return pose if isinstance(pose, Frame) else cls(pose)  # type: ignore[arg-type]
 
@@ -183,6 +183,10 @@ def rotations(name: str, values: Any) -> FloatArray:
     """Return rotation matrices, (3, 3) or (n, 3, 3).
 
     `values` are rotation matrices, quaternions (x, y, z, w), or a rotation of scipy.
+
+    Raises:
+        InvalidInput: A matrix is not a rotation within `ROTATION_TOLERANCE`, or a quaternion does
+            not have the length 1 within `QUATERNION_TOLERANCE`.
     """
     if hasattr(values, "as_matrix"):
         values = values.as_matrix()
@@ -243,6 +247,9 @@ def exp(vectors: npt.ArrayLike) -> FloatArray:
     """Return the rotation matrices of rotation vectors v [rad], (..., 3) to (..., 3, 3).
 
     Rodrigues' formula: R = I + (sin θ / θ) K + ((1 - cos θ) / θ²) K², with θ = |v| and K w = v × w.
+
+    >>> exp([0.0, 0.0, np.pi / 2]).round(3)[:, 0]
+    array([0., 1., 0.])
     """
     v = np.asarray(vectors, dtype=np.float64)
     angle = np.sqrt(np.sum(v * v, axis=-1))[..., None, None]
@@ -286,6 +293,9 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     """Return the rotation vectors [rad], (..., 3), of the shortest rotations between unit vectors.
 
     Opposite vectors have no unique shortest rotation; the axis is then one of those normal to them.
+
+    >>> shortest([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]).round(4)
+    array([0.    , 0.    , 1.5708])
     """
     a = np.asarray(first, dtype=np.float64)
     b = np.asarray(second, dtype=np.float64)

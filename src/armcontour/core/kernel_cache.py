@@ -38,7 +38,7 @@ KERNELS: dict[tuple[str, str], Any] = {}
 # Called with a function before its code is loaded, because another process may be compiling it.
 _waiting: list[Callable[[Any], None]] = []
 # Without listeners, compilation that lasts longer than this is logged [s].
-PATIENCE = 2.0
+LOGGED_AFTER = 2.0
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT.name
 # LLVM's names of a platform, a processor and its features.
@@ -248,10 +248,10 @@ class _Listener(event.Listener):
         """Do nothing; numba requires this method."""
 
     def _log(self) -> None:
-        """Log a compilation that lasts longer than `PATIENCE`."""
+        """Log a compilation that lasts longer than `LOGGED_AFTER`."""
         now = time.monotonic()
         self._begin = self._begin or now
-        if now > self._begin + PATIENCE:
+        if now > self._begin + LOGGED_AFTER:
             self._logged = True
             logging.getLogger(PACKAGE).warning(
                 "armcontour compiles the functions of this job that were not compiled yet, which "

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any, cast
 
-# Functions in upper packages that results call, as module and name. The root package's `__init__`
-# fills it.
+# Functions in upper packages that lower packages call, as module and name. The root package's
+# `__init__` fills it.
 METHODS: dict[str, str] = {}
 
 

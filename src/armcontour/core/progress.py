@@ -28,7 +28,7 @@ class Step:
     done: float | None = None
 
     def __str__(self) -> str:
-        """Names in one line, for a terminal."""
+        """Write the names in one line, for a terminal."""
         return ": ".join(self.names)
 
 

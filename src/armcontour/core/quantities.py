@@ -15,7 +15,7 @@ from functools import cache
 from types import EllipsisType
 from typing import Annotated, Any, Literal
 
-from armcontour.core.checks import LARGEST, LONGEST_NAME, SMALLEST, FloatArray, suffix
+from armcontour.core.checks import LARGEST_NUMBER, LONGEST_NAME, SMALLEST_NUMBER, FloatArray, suffix
 from armcontour.core.text import plain_number, show
 
 # Largest angle about an axis [rad]: a whole turn with three decimals. A larger angle is probably in
@@ -25,12 +25,12 @@ WHOLE_TURN = 6.284
 
 # Ranges of numbers by the `sign` of their quantity. A "share" is at most the largest float below 1.
 RANGES = {
-    "any": (-LARGEST, LARGEST),
-    "positive": (SMALLEST, LARGEST),
-    "not negative": (0.0, LARGEST),
-    "negative": (-LARGEST, -SMALLEST),
+    "any": (-LARGEST_NUMBER, LARGEST_NUMBER),
+    "positive": (SMALLEST_NUMBER, LARGEST_NUMBER),
+    "not negative": (0.0, LARGEST_NUMBER),
+    "negative": (-LARGEST_NUMBER, -SMALLEST_NUMBER),
     "share": (0.0, 1.0 - 2.0**-53),
-    "turn": (-LARGEST, LARGEST),
+    "turn": (-LARGEST_NUMBER, LARGEST_NUMBER),
 }
 # Values that mean infinity if a quantity may be infinite.
 INFINITE_VALUES = {
@@ -41,7 +41,7 @@ INFINITE_VALUES = {
     -math.inf: -math.inf,
 }
 # Maximum length of a quantity's text [characters].
-MAX_CHARACTERS = 100
+MAX_QUANTITY_LENGTH = 100
 # The possessive quantifiers (++, *+, ?+) prevent backtracking, so that matching takes linear time.
 # Groups have none, because Python before 3.11.5 matches possessive groups wrongly.
 NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?"
@@ -128,7 +128,11 @@ def joint_units(unit: str, prismatic: Iterable[bool]) -> list[str]:
 
 
 def shared_unit(unit: str, prismatic: Iterable[bool]) -> str:
-    """Return the unit of all joints, given that of revolute joints; a list if the units differ."""
+    """Return the unit of all joints, given that of revolute joints; a list if the units differ.
+
+    >>> shared_unit("rad/s", [True, False])
+    'm/s, rad/s'
+    """
     units = joint_units(unit, prismatic)
     return ", ".join(units) if len(set(units)) > 1 else (units or [unit])[0]
 
@@ -149,7 +153,11 @@ def list_values(texts: Sequence[str], unit: str, prismatic: Iterable[bool]) -> s
 
 
 def linear_unit(unit: str) -> str:
-    """Return the unit for a prismatic joint, given the unit for a revolute joint."""
+    """Return the unit for a prismatic joint, given the unit for a revolute joint.
+
+    >>> linear_unit("N m s/rad")
+    'N s/m'
+    """
     for angular, linear in (("kg m^2", "kg"), ("kg m²", "kg"), ("N m", "N"), ("rad", "m")):
         unit = unit.replace(angular, linear)
     return unit
@@ -330,7 +338,11 @@ def _registry() -> Any:
 
 
 def parse_quantity(value: Any, unit: str) -> float:
-    """Convert a number or a text with a unit to a number in `unit`; ValueError if invalid."""
+    """Convert a number or a text with a unit to a number in `unit`; ValueError if invalid.
+
+    >>> parse_quantity("5 mm", "m")
+    0.005
+    """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"must be a number in {unit} or text with a unit, but is {show(value)}")
     return _parse_text(value, unit) if isinstance(value, str) else _finite_number(value)
@@ -338,10 +350,10 @@ def parse_quantity(value: Any, unit: str) -> float:
 
 def _parse_text(text: str, unit: str) -> float:
     """Convert text such as "5 mm" to a number in `unit`."""
-    if len(text) > MAX_CHARACTERS:
+    if len(text) > MAX_QUANTITY_LENGTH:
         raise ValueError(
             f"{show(text)} has {len(text)} characters, but a quantity in {unit} has at most "
-            f"{MAX_CHARACTERS}. Write a number and a unit"
+            f"{MAX_QUANTITY_LENGTH}. Write a number and a unit"
         )
     if plain_number(text) is not None:
         raise ValueError(f"{text!r} has no unit. Write a unit, such as '{text} {unit}'")
@@ -386,8 +398,8 @@ def _finite_number(value: float) -> float:
 def parse_share(value: Any) -> float:
     """Convert a dimensionless share, a number or a text such as "10 %"; ValueError if invalid."""
     if isinstance(value, str):
-        match = PERCENT.fullmatch(value[: MAX_CHARACTERS + 1])
-        if match is None or len(value) > MAX_CHARACTERS:
+        match = PERCENT.fullmatch(value[: MAX_QUANTITY_LENGTH + 1])
+        if match is None or len(value) > MAX_QUANTITY_LENGTH:
             raise ValueError(
                 f"must be a plain number or a percentage such as '10 %', but is {show(value)}"
             )
@@ -419,6 +431,9 @@ def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -
     """Write an SI value in the unit of `old`, with the fewest digits for an error of `within`.
 
     `within` is in SI units. Returns text with a unit, or a number if `old` is a number.
+
+    >>> write_like(0.00123, "2 mm", Quantity("m"), within=1e-5)
+    '1.23 mm'
     """
     affixes = _unit_affixes(old, kind)
     if affixes is None:

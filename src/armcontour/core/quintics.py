@@ -14,7 +14,7 @@ from armcontour.core.kernel_cache import compiled
 # Value, first and second derivative of n curves, (n, dof) each.
 Derivatives: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 # Rounding error of positions from inverse kinematics, relative to 1 plus their magnitudes.
-ROUNDING = 2e-15
+IK_ROUNDING = 2e-15
 
 
 def quintic(
@@ -73,7 +73,7 @@ def _fill_coefficients(
             # given value up to rounding errors, and replaces the quintic.
             cubic = slope - curvature / 3
             quartic = (curvature - 2 * slope) / 4
-            rounding = ROUNDING * (1 + abs(a0) + abs(q1[i, j])) + width_error * abs(d0[i, j])
+            rounding = IK_ROUNDING * (1 + abs(a0) + abs(q1[i, j])) + width_error * abs(d0[i, j])
             short = abs(value - cubic - quartic) <= rounding
             coefficients[i, 0, j] = a0
             coefficients[i, 1, j] = a1

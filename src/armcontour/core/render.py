@@ -23,7 +23,7 @@ LIMITS: dict[str, dict[str, Any]] = PALETTE["limits"]
 VERDICTS: dict[str, dict[str, Any]] = PALETTE["verdicts"]
 LINES: dict[str, str] = PALETTE["lines"]
 # Display unit of each SI unit, and size of the display unit in the SI unit.
-SHOWN = {
+DISPLAY_UNITS = {
     "1": ("%", 1e-2),
     "m": ("mm", 1e-3),
     "m/s": ("mm/s", 1e-3),
@@ -33,11 +33,11 @@ SHOWN = {
 # Spelling of units in text.
 WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2": "kg m²"}
 # Times below this are shown in ms [s].
-SHORT = 0.1
+SHORT_TIME = 0.1
 # Number of significant digits.
-DIGITS = 3
+SIGNIFICANT_DIGITS = 3
 # Numbers below this, in their display unit, are shown with six decimals.
-FINE = 1e-3
+SIX_DECIMALS_BELOW = 1e-3
 # Widest value that counts for the column in which notes begin [characters].
 WIDEST_FIGURE = 16
 # Widest line of a table [characters].
@@ -49,7 +49,7 @@ SMALLEST_LENGTH = 1e-6
 
 
 def limit_style(kind: str) -> dict[str, Any]:
-    """Colours, dashes and word of a kind of limit."""
+    """Return colours, dashes and word of a kind of limit, from `palette.json`."""
     return LIMITS.get(kind, LIMITS["other"])
 
 
@@ -64,18 +64,18 @@ def split(value: Any, unit: str = "") -> tuple[str, str]:
     if isinstance(value, str | int) and not (unit and isinstance(value, int)):
         return str(value), ""
     value = float(value)
-    short = unit == "s" and 0 < abs(value) < SHORT
+    short = unit == "s" and 0 < abs(value) < SHORT_TIME
     name, size = ("ms", 1e-3) if short else scale(unit)
     value /= size
-    if 0 < abs(value) < FINE:
+    if 0 < abs(value) < SIX_DECIMALS_BELOW:
         return f"{value:z.6f}", name
-    text = f"{value:z.{DIGITS}g}"
+    text = f"{value:z.{SIGNIFICANT_DIGITS}g}"
     return (f"{float(text):.0f}" if "e+" in text and abs(value) < 1e15 else text), name
 
 
 def scale(unit: str) -> tuple[str, float]:
     """Return the display unit of a quantity, and its size in the SI unit."""
-    return SHOWN.get(unit, (WRITTEN.get(unit, unit), 1.0))
+    return DISPLAY_UNITS.get(unit, (WRITTEN.get(unit, unit), 1.0))
 
 
 def number(value: Any, unit: str = "") -> str:
@@ -92,7 +92,11 @@ def moment(t: float, decimals: int | None) -> str:
 
 
 def number_range(values: Iterable[float], unit: str = "") -> str:
-    """Write the smallest and largest of some values; one of them if they look the same."""
+    """Write the smallest and largest of some values; one of them if they look the same.
+
+    >>> number_range([0.1, 0.2], "m")
+    '100 to 200 mm'
+    """
     ordered = sorted(values)
     low, high = (
         (split(x, unit) for x in (ordered[0], ordered[-1])) if ordered else (("", ""), ("", ""))

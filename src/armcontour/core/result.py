@@ -58,7 +58,11 @@ def with_decimals(rows: Iterable[Row], decimals: int | None) -> tuple[Row, ...]:
 
 
 def nest(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    """Nest values with dotted names: "error.max" becomes the key `max` in the mapping `error`."""
+    """Nest values with dotted names: "error.max" becomes the key `max` in the mapping `error`.
+
+    >>> nest([("error.max", 2.0), ("error.rms", 1.0)])
+    {'error': {'max': 2.0, 'rms': 1.0}}
+    """
     nested: dict[str, Any] = {}
     for name, value in values:
         *path, key = name.split(".")

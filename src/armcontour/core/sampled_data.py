@@ -22,7 +22,11 @@ def interpolate(times: FloatArray, t: FloatArray, values: FloatArray) -> FloatAr
 
 
 def differences(values: FloatArray, order: int) -> FloatArray:
-    """Return differences of an order; values are constant before the first and after the last."""
+    """Return differences of an order, (n + order - 2, ...); a motion rests before and after.
+
+    >>> differences(np.array([0.0, 1.0, 1.0]), 2)
+    array([ 1., -1.,  0.])
+    """
     around = [(order - 1, order - 1), *[(0, 0)] * (values.ndim - 1)]
     return np.diff(np.pad(values, around, mode="edge"), order, axis=0)
 
@@ -33,7 +37,11 @@ def integrate(values: FloatArray, t: FloatArray) -> float:
 
 
 def subdivide(values: FloatArray, count: int) -> FloatArray:
-    """Insert `count` - 1 evenly spaced values between neighbours of increasing values."""
+    """Insert `count` - 1 evenly spaced values between neighbours of increasing values.
+
+    >>> subdivide(np.array([0.0, 1.0, 3.0]), 2)
+    array([0. , 0.5, 1. , 2. , 3. ])
+    """
     inner = values[:-1, None] + np.arange(count) / count * np.diff(values)[:, None]
     return np.append(inner.ravel(), values[-1])
 
@@ -45,6 +53,9 @@ def spread_indices(count: int, most: int) -> IntArray:
 
 def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
     """Number the parts of items: item i is divided into `count[i]` parts.
+
+    >>> number_parts(np.array([2, 3]))
+    (array([0, 0, 1, 1, 1]), array([0, 1, 0, 1, 2]))
 
     Returns:
         For each part, the index of its item, and its own index within the item.

@@ -26,21 +26,21 @@ LONGEST_SENTENCE = 2000
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 4 * MAX_SHOWN
 # Longest text of a number [characters]; no program prints more digits.
-LONGEST = 100
+LONGEST_NUMBER = 100
 # Smallest similarity of a misspelled name.
-CLOSE = 0.65
+SIMILARITY = 0.65
 # Names that users write for the names of arguments.
-SAME = {"delay": "dead_time", "link_lengths": "links", "lengths": "links"}
+SYNONYMS = {"delay": "dead_time", "link_lengths": "links", "lengths": "links"}
 # Widest line of a table, by default, and of its title [characters].
-WIDTH = 98
+LINE_WIDTH = 98
 # Widest first cell of a table row [characters].
 WIDEST_NAME = 60
 # Largest number of lines of a table.
 MAX_LINES = 60
 # Space before each cell in a table row.
-GAP = "  "
+CELL_GAP = "  "
 # Largest array or list that `repr` shows in full [values].
-FEW = 6
+MAX_SHOWN_VALUES = 6
 
 
 def make_printable(text: str) -> str:
@@ -79,7 +79,11 @@ def show(value: Any) -> str:
 
 
 def key_text(keys: Sequence[int | str]) -> str:
-    """Write a key path for messages; items of lists are counted from 1."""
+    """Write a key path for messages; items of lists are counted from 1.
+
+    >>> key_text(["runs", "one", "points", 0])
+    'runs.one.points (item 1)'
+    """
     text = ""
     for i, key in enumerate(keys):
         if isinstance(key, str):
@@ -93,18 +97,26 @@ def key_text(keys: Sequence[int | str]) -> str:
 
 
 def list_some(names: Sequence[str], maximum: int) -> str:
-    """Write the first names, separated by commas, and how many names follow."""
+    """Write the first names, separated by commas, and how many names follow.
+
+    >>> list_some(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
     listed = ", ".join(names[:maximum])
     return listed if len(names) <= maximum else f"{listed} and {len(names) - maximum} more"
 
 
 def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
-    """Ask whether the most similar valid name is meant; if none is similar, return `otherwise`."""
+    """Ask whether the most similar valid name is meant; if none is similar, return `otherwise`.
+
+    >>> suggest("kpp", ["kp", "kv"], "")
+    'did you mean kp?'
+    """
     valid = list(valid)
     # These words are used for the same quantity.
     known = name.replace("velocity", "speed")
-    equivalent = [x for x in valid if x.replace("velocity", "speed") == SAME.get(name, known)]
-    candidates = equivalent or difflib.get_close_matches(name, valid, n=1, cutoff=CLOSE)
+    equivalent = [x for x in valid if x.replace("velocity", "speed") == SYNONYMS.get(name, known)]
+    candidates = equivalent or difflib.get_close_matches(name, valid, n=1, cutoff=SIMILARITY)
     return f"did you mean {candidates[0]}?" if candidates else otherwise
 
 
@@ -122,7 +134,7 @@ def describe_fields(cls: type) -> dict[str, str]:
 def parse_number(text: str) -> float:
     """Parse a finite decimal number; blanks around the number are ignored."""
     # `float` also accepts `1_0`, digits of other scripts, `nan` and `inf`; these are refused.
-    if len(text) > LONGEST or not text.isascii() or "_" in text:
+    if len(text) > LONGEST_NUMBER or not text.isascii() or "_" in text:
         raise ValueError(f"{text[:40]!r} is not a number")
     value = float(text)
     if not math.isfinite(value):
@@ -142,7 +154,7 @@ def plain_number(value: Any) -> float | None:
 
 
 def format_table(
-    title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<", width: int = WIDTH
+    title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<", width: int = LINE_WIDTH
 ) -> str:
     """Lay out a title and rows of aligned cells, for `print`."""
     # Rows whose cells after the first are all empty are omitted. Long lines are wrapped; a long
@@ -150,16 +162,16 @@ def format_table(
     filled = [[shorten(x[0], WIDEST_NAME), *x[1:]] for x in rows if any(x[1:])]
     widths = [max(map(len, x)) for x in zip(*filled, strict=True)]
     align = "<" + columns.ljust(len(widths), columns[-1])
-    margin = " " * (sum(widths[:-1]) + len(GAP) * len(widths))
+    margin = " " * (sum(widths[:-1]) + len(CELL_GAP) * len(widths))
     lines = []
     for row in filled:
         cells = [f"{x:{a}{w}}" for x, a, w in zip(row, align, widths, strict=False)]
-        line = make_printable(GAP + GAP.join(cells)).rstrip()
+        line = make_printable(CELL_GAP + CELL_GAP.join(cells)).rstrip()
         lines += textwrap.wrap(line, width, subsequent_indent=margin[: width // 2])
     if len(lines) >= MAX_LINES:
         others = len(lines) + 2 - MAX_LINES
-        lines[MAX_LINES - 2 :] = [f"{GAP}... and {others} more lines"]
-    return "\n".join([shorten(make_printable(title), WIDTH), *lines])
+        lines[MAX_LINES - 2 :] = [f"{CELL_GAP}... and {others} more lines"]
+    return "\n".join([shorten(make_printable(title), LINE_WIDTH), *lines])
 
 
 def short_repr(value: Any) -> str:
@@ -190,7 +202,7 @@ def draw(value: Any, kind: str = "path") -> Any:
 def _member(value: Any) -> str:
     """Write a member of a dataclass briefly."""
     if hasattr(value, "shape") and hasattr(value, "tolist"):
-        few = value.size <= FEW
+        few = value.size <= MAX_SHOWN_VALUES
         return repr(value.tolist()) if few else f"<{'x'.join(map(str, value.shape))} array>"
     if is_dataclass(value):
         return f"{type(value).__name__}(...)"
@@ -226,6 +238,10 @@ def limit_label(limit: str, joint: int | None) -> str:
 
 
 def joint_label(joint: int, names: Sequence[str]) -> str:
-    """Write a joint's number, from 1, followed by its name unless that is "joint N"."""
+    """Write a joint's number, from 1, followed by its name unless that is "joint N".
+
+    >>> joint_label(2, ["base", "elbow"])
+    '2 (elbow)'
+    """
     name = names[joint - 1]
     return str(joint) if name == f"joint {joint}" else f"{joint} ({name})"

@@ -9,10 +9,10 @@ from typing import Any
 import yaml
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import LONGEST, parse_number, show
+from armcontour.core.text import LONGEST_NUMBER, parse_number, show
 
 # Longest text [characters]; libyaml reads one million per second. Tables have long paths.
-MAX_CHARACTERS = 16_000_000
+MAX_YAML_LENGTH = 16_000_000
 # Largest number of values that aliases may add; an alias repeats all values of its anchor.
 MAX_ALIASED = 100_000
 # A text counts as one value per this number of characters.
@@ -71,7 +71,7 @@ def _construct_number(loader: Loader, node: yaml.Node) -> float:
     try:
         value = parse_number(text)
     except ValueError:
-        words = f"{show(text)} is not a finite number of at most {LONGEST} characters"
+        words = f"{show(text)} is not a finite number of at most {LONGEST_NUMBER} characters"
         raise _node_error(node, words) from None
     return int(text) if INT.match(text) else value
 
@@ -92,11 +92,15 @@ Loader.add_constructor("!degrees", lambda x, node: math.radians(_construct_numbe
 
 
 def load(content: str | bytes, source: str) -> Any:
-    """Load the YAML document in a text, or in bytes of UTF-8; `!degrees` converts to radians."""
-    if len(content) > MAX_CHARACTERS:
+    """Load the YAML document in a text, or in bytes of UTF-8; `!degrees` converts to radians.
+
+    Raises:
+        InvalidInput: The text is too long, is not valid YAML, or repeats keys.
+    """
+    if len(content) > MAX_YAML_LENGTH:
         raise InvalidInput(
             f"{source} has {len(content) / 1e6:.0f} million characters, more than the "
-            f"limit of {MAX_CHARACTERS / 1e6:.0f} million for YAML. Write a long path to a "
+            f"limit of {MAX_YAML_LENGTH / 1e6:.0f} million for YAML. Write a long path to a "
             "separate CSV file."
         )
     try:

@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import linear_unit, parse_quantity
-from armcontour.core.text import LONGEST, list_some, parse_number, show
+from armcontour.core.text import LONGEST_NUMBER, list_some, parse_number, show
 
 Key = TypeVar("Key", bound=Hashable)
 NUMBER = re.compile(
@@ -221,7 +221,7 @@ class CsvTable(Generic[Key]):
     def _parse_column(self, texts: list[str], first: int, key: Key) -> list[float]:
         """Return the numbers in a column's cells, starting at row `first`; NaN for empty cells."""
         joined = "".join(texts)
-        if joined.isascii() and "_" not in joined and max(map(len, texts)) <= LONGEST:
+        if joined.isascii() and "_" not in joined and max(map(len, texts)) <= LONGEST_NUMBER:
             try:
                 if np.isfinite(numbers := list(map(float, texts))).all():
                     return numbers

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, Frozen, IntArray
-from armcontour.core.file_access import LARGE, read_text, refuse_ending
+from armcontour.core.file_access import MAX_RECORDED, read_text, refuse_ending
 from armcontour.core.text import show
 from armcontour.files.csv_table import CsvTable, Digits, Title, last_digit, title_pattern
 from armcontour.motion import LapLaw, Trajectory
@@ -177,7 +177,7 @@ class TableSamples:
 def read_csv_text(file: str | FilePath, kind: str) -> str:
     """Read the text of a CSV file; `kind` is for messages."""
     refuse_ending(file, kind)
-    return read_text(file, kind, maximum=LARGE, latin=True)
+    return read_text(file, kind, maximum=MAX_RECORDED, latin=True)
 
 
 def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
@@ -224,7 +224,7 @@ def read_samples(
     check_time_range(t, locate, lambda new: table.rename(new, table.columns[TIME].title))
     _check_units(table, keys, t, values)
     last = last_digit(digits[:1]) * table.columns[TIME].factor
-    new, time_notes = drop_repeated_rows(t, values, table.source)
+    new, time_notes = find_new_rows(t, values, table.source)
     t = t[new]
     values = values[new]
     rows = rows[new]
@@ -253,10 +253,10 @@ def _filled_rows(table: CsvTable[Key], values: FloatArray, keys: Sequence[Key]) 
     return rows
 
 
-def drop_repeated_rows(
+def find_new_rows(
     t: FloatArray, values: FloatArray, source: str
 ) -> tuple[IntArray, tuple[str, ...]]:
-    """Return indices of the rows that do not repeat the previous row, and notes on the times."""
+    """Return the indices of rows that do not repeat the previous row, and notes on the times."""
     again = np.zeros(len(t), dtype=bool)
     again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
     # If all rows are equal, all are used; `check_samples` rejects their times later.

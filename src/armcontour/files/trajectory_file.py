@@ -38,7 +38,7 @@ from armcontour.files.joint_table import (
     QUANTITIES,
     Key,
     TrajectoryFile,
-    drop_repeated_rows,
+    find_new_rows,
     joints_of,
     read_csv_text,
     read_joint_title,
@@ -178,7 +178,7 @@ def _join_points(
         arrays[kind] = np.array([[row[j] for j in order] for row in rows], dtype=float)
     times = np.array([x.nanoseconds for x in points]) * NANOSECOND
     values = np.concatenate(list(arrays.values()), axis=1)
-    kept, notes = drop_repeated_rows(times, values, source)
+    kept, notes = find_new_rows(times, values, source)
     tidied: dict[str, Any] = {key: x[kept] for key, x in arrays.items()}
     return TrajectoryFile(
         source=source,

@@ -27,9 +27,9 @@ from armcontour.robot.limits import LIMITS
 from armcontour.verification import evaluate
 
 # Maximum number of listed changes.
-MAX_LISTED = 3
+MAX_CHANGES = 3
 # At most this number of groups of changes is tried.
-MAX_PLANNED = 6
+MAX_PLANNED_CHANGES = 6
 # A limit, or the travel speed of a weave, is multiplied by this factor.
 LIMIT_FACTOR = 1.2
 # Factor by which a corner tolerance is increased.
@@ -46,10 +46,10 @@ LEAST_RESERVE = 0.02
 # A repair uses this fraction of the accuracy, so that rounding errors do not decide the verdict.
 ACCURACY_SHARE = 0.98
 # If all runs of a job have at most this number of segments, all changes are planned by default.
-SMALL = 50
+MAX_SEGMENTS_OF_SMALL_JOB = 50
 # Maximum number of segments in all planned changes of a larger job. Planning a change takes a third
 # of the time that the run takes.
-SEGMENTS = 200
+MAX_PLANNED_SEGMENTS = 200
 # Condition of a change that raises the limit of one joint, which protects its drive.
 IF_DRIVE = "the drive allows it"
 # Condition of a change that raises another limit, or the travel speed of a weave.
@@ -57,7 +57,7 @@ IF_PROCESS = "the process allows it"
 # Condition of a change that raises the corner tolerance.
 IF_PART = "the part allows it"
 # Name of the step in progress messages.
-STEP = "changes"
+ADVICE_STEP = "changes"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,11 @@ class _Candidate:
 
 
 def advise(
-    job: Job, result: RunResult, progress: Progress | None = None, *, most: int = MAX_PLANNED
+    job: Job,
+    result: RunResult,
+    progress: Progress | None = None,
+    *,
+    most: int = MAX_PLANNED_CHANGES,
 ) -> Advice:
     """Find the changes of a run that save most time, or that repair a run with a negative verdict.
 
@@ -90,7 +94,7 @@ def advise(
         )
     else:
         likely = sorted(_savings(job, result), key=lambda x: -x[0].expected_saving)
-        groups = likely[:MAX_PLANNED]
+        groups = likely[:MAX_PLANNED_CHANGES]
         none = (
             "No single change of a limit, of the corners or of the contour order makes the motion "
             "faster."
@@ -98,12 +102,12 @@ def advise(
     smallest = -inf if repairs else MIN_SAVING * result.trajectory.duration
     for k, group in enumerate(planned := groups[:most]):
         for candidate in group:
-            report(Step((STEP,), done=k / len(planned)))
+            report(Step((ADVICE_STEP,), done=k / len(planned)))
             tried = _plan_change(candidate, result)
             if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
                 break
-    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MAX_LISTED]
+    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MAX_CHANGES]
     note = "" if suggestions else none
     if most < len(groups):
         note = (
@@ -117,7 +121,7 @@ def with_advice(
     study: JobResult, progress: Progress | None = None, *, complete: bool = False
 ) -> JobResult:
     """Study with the advice on each of its runs; for a large job only if `complete`."""
-    most = MAX_PLANNED if complete else _count_affordable(study.job)
+    most = MAX_PLANNED_CHANGES if complete else _count_affordable(study.job)
     if not most:
         return study
     runs = dict(study.runs)
@@ -134,7 +138,11 @@ def _count_affordable(job: Job) -> int:
     segments = sum(len(x.path) for x in job.program.contours) * len(job.runs)
     if any(x.is_shaped for x in job.runs):
         return 0
-    return MAX_PLANNED if segments <= SMALL else min(MAX_PLANNED, SEGMENTS // segments)
+    return (
+        MAX_PLANNED_CHANGES
+        if segments <= MAX_SEGMENTS_OF_SMALL_JOB
+        else min(MAX_PLANNED_CHANGES, MAX_PLANNED_SEGMENTS // segments)
+    )
 
 
 def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None:

@@ -25,13 +25,13 @@ from armcontour.verification.clearance import Cell, Clearance
 from armcontour.verification.clearance.body_pairs import can_measure
 
 # Number of rotations about a free tool axis that are tried.
-TURNS = 8
+TOOL_AXIS_TURNS = 8
 REST = "at rest"
 OTHER_CONFIGURATION = (
     "the arm uses another configuration, because the contours are collision-free in it"
 )
 # Remedy for collisions of moves other than contours.
-RAISE = "Set process.approach and process.retract, or move the obstacle"
+RAISE_RAPIDS = "Set process.approach and process.retract, or move the obstacle"
 # If the tool point is nearer to the flange than this [m], the arm counts as having no tool.
 MIN_TOOL_LENGTH = 1e-3
 # Task dimension of position and orientation, including the rotation about the tool axis.
@@ -179,7 +179,7 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
         if clearance is not None and not clearance.satisfied:
             with error_context(name):
                 near = clearance.later(span.t[0])
-                near.refuse() if span.kind == "contour" else near.refuse(RAISE)
+                near.refuse() if span.kind == "contour" else near.refuse(RAISE_RAPIDS)
     job.cell.check(trajectory).refuse()
 
 
@@ -253,7 +253,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
     point = path([0.0])[0]
     rotation = path.orientation([0.0])[0]
     turned: list[FloatArray] = []
-    for angle in np.arange(TURNS) * 2 * np.pi / TURNS:
+    for angle in np.arange(TOOL_AXIS_TURNS) * 2 * np.pi / TOOL_AXIS_TURNS:
         pose = np.column_stack([rotation @ exp(np.array([0.0, 0.0, angle])), point])
         turned += list(configurations(arm, pose, WHOLE_POSE))
     yield turned

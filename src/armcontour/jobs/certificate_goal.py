@@ -30,6 +30,9 @@ EACH = (" (independent for each joint)", " (the same error for all joints)")
 class Uncertainty(Checked):
     """The uncertainty set (box): how far a servo's parameters may be from its model.
 
+    >>> str(Uncertainty(gains=0.1))
+    'gains ±10 % (independent for each joint)'
+
     Args:
         gains: Relative error of the servo gains, plus and minus, 0.1 for 10 %: one number, one per
             joint (for kp and kv), or two rows for kp and for kv, (2, dof) or (2, 1). The errors of

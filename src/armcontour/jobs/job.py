@@ -14,6 +14,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame
+from armcontour.core.lazy import load_method
 from armcontour.core.quantities import (
     NO_KEY,
     Acceleration,
@@ -30,7 +31,7 @@ from armcontour.core.quantities import (
     SpeedFactor,
 )
 from armcontour.core.render import number
-from armcontour.core.text import count_noun, digits, format_table, short_repr, show
+from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.jobs.analog_signals import check_analog
 from armcontour.jobs.certificate_goal import CertificateGoal
@@ -51,18 +52,6 @@ from armcontour.verification.clearance import Cell, cell_of
 if TYPE_CHECKING:
     from armcontour.planning import Shaped
 
-# Extensions of exported files by the name of the format.
-ENDINGS = {
-    "csv": ".csv",
-    "ros-yaml": ".yaml",
-    "urscript": ".script",
-    "kuka": ".src",
-    "abb": ".mod",
-}
-# Formats that write events as data and therefore name no outputs.
-WITHOUT_OUTPUTS = ("csv", "ros-yaml")
-# Extension of a template of the user.
-TEMPLATE = ".j2"
 PointTolerance = Annotated[float, Quantity("rad", "0.1 mrad", "positive")]
 # Maximum length of a title, which is a line in reports [characters].
 LONGEST_TITLE = 200
@@ -77,24 +66,16 @@ FIRST_TOLERANCE = "1 mm"
 TRANSITION_TOLERANCE = 1e-5
 
 
-def ending_of(format: str) -> str:
-    """Return the file extension of a format or template, such as ".src" for "house.src.j2"."""
-    if format in ENDINGS:
-        return ENDINGS[format]
-    if not format.endswith(TEMPLATE):
-        raise InvalidInput(
-            f"There is no format {show(format)}. The formats are {', '.join(ENDINGS)}, and "
-            f"templates of your own, such as house{TEMPLATE}."
-        )
-    return PurePath(format.removesuffix(TEMPLATE)).suffix or ".txt"
-
-
 @declared(eq=False)
 class Exports(Checked):
     """Files for robot controllers that `run` writes.
 
+    >>> lasers = {"laser": {"kuka": 17, "abb": "doLaser"}}
+    >>> Exports(formats=("kuka",), outputs=lasers).outputs_for("kuka")
+    {'laser': 17}
+
     Args:
-        formats: Formats: csv, ros-yaml, urscript, kuka, abb, or a template such as house.j2.
+        formats: Formats by name, such as csv, or a template such as house.j2.
         outputs: Output of each event and analog output of the process, by name, such as `{laser: 0,
             power: AO0}`; or one per format, such as `{laser: {kuka: 17, abb: doLaser}}`.
         tolerances: With ros-yaml, the tolerances in a FollowJointTrajectory goal, as a multiple of
@@ -119,32 +100,14 @@ class Exports(Checked):
     call: bool = False
 
     def _check_together(self) -> None:
-        taken: dict[str, str] = {}
-        for name in self.formats:
-            other = taken.setdefault(ending_of(name), name)
-            if other is not name:
-                raise InvalidInput(
-                    f"The formats {other} and {name} are written to the same file. Remove one of "
-                    "them, or use a template with another extension, such as cell.txt.j2."
-                )
         if (self.points is None) != (self.point_tolerance is None):
             raise InvalidInput("points and point_tolerance require each other. Specify both.")
         if self.tolerances is not None and self.tolerances < 1:
             raise InvalidInput(
                 f"tolerances must be at least 1, but is {self.tolerances:g}.", allowed=1.0
             )
-        for key, format in (
-            ("tolerances", "ros-yaml"),
-            ("points", "ros-yaml"),
-            ("call", "urscript"),
-        ):
-            if self.formats and getattr(self, key) and format not in self.formats:
-                raise InvalidInput(
-                    f"{key} requires the format {format}. Remove {key}, or export {format}."
-                )
-        for name, outputs in self.outputs.items():
-            if isinstance(outputs, Mapping):
-                _check_formats_of(name, outputs)
+        if self.formats or self.outputs:
+            load_method("check_formats")(self)
 
     def outputs_for(self, format: str) -> dict[str, int | str]:
         """Map events and analog outputs to their outputs in a format.
@@ -163,27 +126,15 @@ class Exports(Checked):
         return chosen
 
 
-def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
-    """Check the formats for which an event's outputs are given."""
-    for format, output in outputs.items():
-        key = f"outputs.{name}.{format}"
-        with error_context(f"outputs.{name}"):
-            ending_of(format)
-        if format in WITHOUT_OUTPUTS or PurePath(format).name != format:
-            raise InvalidInput(
-                f"{key} has no effect, because outputs are of urscript, kuka, abb, and templates, "
-                f"which are named without a folder, such as house{TEMPLATE}."
-            )
-        if isinstance(output, bool) or not isinstance(output, int | str):
-            raise InvalidInput(f"{key} must be a number or a text, but is {show(output)}.")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Experiment(Checked):
     """Options for simulating the arm as rigid bodies with `RigidBodyPlant`.
 
     Plans, compensation and the controller of the robot use only the model of the arm: gravity
     feed-forward does not include this payload.
+
+    >>> Experiment(payload=Payload(mass=0.5)).unknown
+    'a payload of 0.5 kg'
 
     Args:
         step: Cycle time of the drives [s].
@@ -245,9 +196,9 @@ class Rounding(Checked):
         shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
             path whose points are all within the tolerance of the objective, at corners and along
             lines, and requires `tolerance` and the timing optimal.
-        tolerance: Largest corner error [m] (case II).
+        tolerance: Largest corner error [m].
         iterations: For the shape free, how many iterations the search may take.
-        speed: Lowest corner speed [m/s] (case I).
+        speed: Lowest corner speed [m/s].
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
         angular_tolerance: Largest angle between the tool and its required orientation [rad].
@@ -343,12 +294,12 @@ class Run(Checked):
         cycle: Cycle [s].
         end_time: End of the time over which errors are evaluated [s]; None: when all joints are at
             rest.
-        experiment: Options of a simulation with rigid bodies; None for no such simulation.
-        accuracy: Largest allowed distance of the tool from the drawing [m]. By default, corners may
-            have errors up to their tolerances, and the contour error may be a tenth of the smallest
+        experiment: Options for simulating rigid bodies; None if they are not simulated.
+        accuracy: Largest distance of the tool from the drawing that is allowed [m]. By default,
+            corner errors may reach their tolerances, and the contour error a tenth of the smallest
             tolerance.
-        default_compensation: Whether the job file specifies no compensation. Then a certificate
-            for servos has the inverse of the servo also for a run with an experiment.
+        default_compensation: Whether the job file specifies no compensation. If so, certificates
+            for servos use the inverse of the servo, even if the run has an experiment.
         speed_factor: Fraction of the planned speed, as of `Trajectory.stretched`; None means 1, but
             0.1 for `play`.
 
@@ -562,7 +513,11 @@ class Job(Checked):
 
 
 def find_run(job: Job, name: str) -> Run:
-    """Find the run of a job by its name."""
+    """Find the run of a job by its name.
+
+    Raises:
+        InvalidInput: The job has no run with this name.
+    """
     for run in job.runs:
         if run.name == name:
             return run
@@ -571,7 +526,14 @@ def find_run(job: Job, name: str) -> Run:
 
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
-    """Find the run with this name, or the only run; `done`: participle for the message."""
+    """Find the run with this name, or the only run.
+
+    `done`: participle for the message, such as "certified"; `among`: the runs from which the only
+    one is taken, by default all.
+
+    Raises:
+        InvalidInput: The name is unknown, or several runs are possible.
+    """
     if name is not None:
         return find_run(job, name)
     able = among or job.runs

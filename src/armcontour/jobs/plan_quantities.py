@@ -24,9 +24,9 @@ CURVATURE_JUMPS = "curvature jumps"
 # Samples of the planned path per wave.
 PER_WAVE = 64
 # Maximum relative difference between the planned and the requested weave.
-ALLOWED = 0.02
+WEAVE_TOLERANCE = 0.02
 # Torques are computed at this number of times, and at the breaks of the plan.
-SAMPLES = 4000
+QUANTITY_SAMPLES = 4000
 
 
 class JerkStop(NamedTuple):
@@ -91,10 +91,10 @@ class Weaving:
 
     @property
     def differs(self) -> bool:
-        """True if the planned weave differs from the requested weave by more than ALLOWED."""
+        """True if the planned and the requested weave differ by more than `WEAVE_TOLERANCE`."""
         width, frequency = self.requested
-        narrow = max(abs(x - width) for x in self.width) > ALLOWED * width
-        return narrow or self.frequency[0] < (1 - ALLOWED) * frequency or self.left_out > 0
+        narrow = max(abs(x - width) for x in self.width) > WEAVE_TOLERANCE * width
+        return narrow or self.frequency[0] < (1 - WEAVE_TOLERANCE) * frequency or self.left_out > 0
 
     @property
     def sentence(self) -> str:
@@ -174,7 +174,7 @@ def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
     """Compute a plan's torques over time; None if the arm's masses are unknown."""
     if not arm.has_bodies:
         return None
-    t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)
+    t = np.union1d(np.linspace(0, plan.duration, QUANTITY_SAMPLES), plan.breaks)
     # The first time has no torques from the left, and the last time none from the right.
     before = torques_at(arm, plan, t[1:], side="left")
     after = torques_at(arm, plan, t[:-1])
@@ -206,5 +206,5 @@ def largest_tilt(arm: Arm, plan: Trajectory) -> float | None:
     if not isinstance(arm, SerialArm) or arm.chain.positioner is None:
         return None
     laws = [x.trajectory or plan for x in plan.contour_spans]
-    positions = (x(np.linspace(0.0, x.duration, SAMPLES)) for x in laws)
+    positions = (x(np.linspace(0.0, x.duration, QUANTITY_SAMPLES)) for x in laws)
     return max(float(angles_to_gravity(arm, q).max()) for q in positions)

@@ -23,7 +23,7 @@ from armcontour.robot.arm import FAR_OUT, unit_hint
 # Approximate number of points on each path; a point takes a few milliseconds.
 MAX_ALONG = 60
 # Approximate number of points on all paths.
-MAX_POINTS = 400
+MAX_SEARCHED_POINTS = 400
 # Initial configurations from which a point is searched.
 FEW_SEEDS = 12
 # More initial configurations are tried for this number of the worst points.
@@ -42,7 +42,7 @@ class _PathPoints(NamedTuple):
     @classmethod
     def along(cls, paths: list[tuple[str, Path]]) -> _PathPoints:
         """Sample paths at ends of segments and evenly spaced points, or at a subset of these."""
-        maximum = int(np.clip(MAX_POINTS // len(paths), 2, MAX_ALONG))
+        maximum = int(np.clip(MAX_SEARCHED_POINTS // len(paths), 2, MAX_ALONG))
         rows = []
         for k, (_, path) in enumerate(paths):
             s = np.union1d(np.linspace(0, path.length, maximum), path.breaks)
@@ -102,12 +102,14 @@ def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
 
 def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:
     """Reduce many points to those that are farthest from the base of the arm or nearest to it."""
-    if len(points.s) <= 2 * MAX_POINTS:
+    if len(points.s) <= 2 * MAX_SEARCHED_POINTS:
         return points
     assert isinstance(arm, PlanarTwoLink | SerialArm)
     base = [arm.base, 0.0] if isinstance(arm, PlanarTwoLink) else arm.chain.base.position
     ranks = np.argsort(np.linalg.norm(points.points - base, axis=1))
-    return points.some(np.sort(np.append(ranks[: MAX_POINTS // 4], ranks[-MAX_POINTS:])))
+    return points.some(
+        np.sort(np.append(ranks[: MAX_SEARCHED_POINTS // 4], ranks[-MAX_SEARCHED_POINTS:]))
+    )
 
 
 def _reached(arm: Arm, points: _PathPoints) -> FloatArray:

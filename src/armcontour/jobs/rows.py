@@ -40,7 +40,7 @@ ASSIGNED = LIMITS["speed"].label
 # execution with the servo model.
 EXPERIMENT = "experiment"
 # If the distance from the drawing exceeds the sum of its parts by this fraction, a note says why.
-VISIBLE = 1e-3
+EXPLAINED_EXCESS = 1e-3
 # An execution that does not decide the verdict is shown only by rows whose names begin with these
 # words, with a label that begins with the execution's name.
 SHOWN_OF_OTHERS = ("contour_error", "torque")
@@ -224,7 +224,7 @@ def off_drawing(
         + ("" if limit is None else f" of {number(limit, 'm')} allowed")
         for name, value, limit in parts
     )
-    if distance > (deviation.total + max(errors.values())) * (1 + VISIBLE):
+    if distance > (deviation.total + max(errors.values())) * (1 + EXPLAINED_EXCESS):
         # Contour errors are distances from the tool only, not from corners that it cuts.
         note += "; a point of the drawing is missed by this distance"
     return Row("off_drawing", distance, "m", label, note, VERDICT)
@@ -401,6 +401,8 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     yield Row("full_stops.reasons", stops)
     if job is not None and job.process.off:
         yield Row("process_off", True, "", "process off", "no output is switched")
+        if job.process.lift:
+            yield Row("lift", job.process.lift, "m", "above the part", "along its z axis")
     elif job is not None and job.process.analog_names:
         yield Row("analog", job.process.analog_names)
     if job is not None and job.export.outputs:

@@ -26,15 +26,15 @@ from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation
 
 # If the arm comes closer to itself than this, a remark reports the clearance [m].
-NEAR = 10e-3
+REPORTED_CLEARANCE = 10e-3
 # Maximum number of contours that a sentence names.
 MAX_NAMES = 4
 # Relative difference below which two values count as equal.
 SAME_VALUE = 1e-9
 # Ratio of the demand to the acceleration limit above which saturation of a joint is reported.
-FAR_ABOVE = 1.5
+REPORTED_DEMAND_RATIO = 1.5
 # Ratio of the cycle to the duration above which the cycle is reported as too coarse.
-COARSE = 0.1
+COARSE_CYCLE_SHARE = 0.1
 # A plan is compared with the motion in logs at this number of times, and at its breaks.
 PLAN_SAMPLES = 1000
 # Minimum joint error that is reported [rad].
@@ -52,13 +52,13 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
         yield result.resumption.warning
     yield from _capped(result.objective, run)
     yield compare_limits(run.limits, result.arm)
-    yield _stops(result.jerk_stops)
+    yield _warn_of_jerk_stops(result.jerk_stops)
     # With a duration or a speed factor, contours are slower than assigned on purpose.
     if run.duration is None and trajectory.speed_factor == 1.0:
         yield _slow(result)
     yield from (x.sentence for x in result.weaves if x.differs)
     yield from _collisions(result)
-    if run.cycle > COARSE * trajectory.duration:
+    if run.cycle > COARSE_CYCLE_SHARE * trajectory.duration:
         yield (
             f"the cycle of {number(run.cycle, 's')} is more than a tenth of the duration of the "
             f"motion, {number(trajectory.duration, 's')}. A number without a unit is in seconds; "
@@ -125,7 +125,9 @@ def _describe_shaping(result: RunRecord) -> Iterator[str]:
 def _describe_clearance(result: RunRecord) -> Iterator[str]:
     """Yield the clearance if a scene, a near pair or an avoided configuration makes it relevant."""
     if (clearance := result.clearance) is not None:
-        relevant = (x.kind == "environment" or x.low <= NEAR for x in clearance.nearest)
+        relevant = (
+            x.kind == "environment" or x.low <= REPORTED_CLEARANCE for x in clearance.nearest
+        )
         if result.avoided or any(relevant):
             yield " ".join([clearance.sentence, *(f"{capitalise(x)}." for x in result.avoided)])
 
@@ -235,7 +237,7 @@ def _slow(result: RunRecord) -> str:
     return f"{min(slow)[1]}{others}." if slow else ""
 
 
-def _stops(stops: tuple[JerkStop, ...]) -> str:
+def _warn_of_jerk_stops(stops: tuple[JerkStop, ...]) -> str:
     """Warn of all full stops that jerk limits require."""
     if not stops:
         return ""
@@ -305,7 +307,7 @@ def _not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> str:
             "to the job, such as experiment: {}."
         )
     # A method that ignores joint limits saturates joints as expected.
-    if run.for_bodies or ratio <= FAR_ABOVE or run.timing.ignores_joint_limits:
+    if run.for_bodies or ratio <= REPORTED_DEMAND_RATIO or run.timing.ignores_joint_limits:
         return ""
     t = float(executed.t[int(np.abs(executed.demand[:, joint]).argmax())])
     label = joint_label(joint + 1, executed.arm.joint_names)

@@ -33,7 +33,6 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
     Explanation,
-    Optimal,
     Tracing,
     at_speed,
     explain,
@@ -60,15 +59,15 @@ if TYPE_CHECKING:
 SHORTEST_LEAD = 1e-3
 # A lead is longer than the tool needs to accelerate along the contour by this factor, because the
 # arm may accelerate less in other positions.
-LONGER = 1.25
+LEAD_FACTOR = 1.25
 # The speed along a contour is known at this number of points.
-PLACES = 401
+LEAD_SPEED_SAMPLES = 401
 # Keys of the process that are ignored while automatic leads are determined.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
 # Name of a run's first step, in which corners are rounded.
-ROUNDING = "rounding"
+ROUNDING_STEP = "rounding"
 # Name of the first step if corners have shape free: contours are shaped.
-SHAPING = "shaping"
+SHAPING_STEP = "shaping"
 
 
 def plan_one(
@@ -159,7 +158,7 @@ def prepare_program(
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
     """
-    subprogress(progress)(Step((SHAPING if run.is_shaped else ROUNDING,)))
+    subprogress(progress)(Step((SHAPING_STEP if run.is_shaped else ROUNDING_STEP,)))
     leads = None
     if job.process.automatic:
         if not run.timing.automatic_leads:
@@ -183,8 +182,7 @@ def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list
     """
     # Corners of shape free are replaced by arcs here, because shaping takes long.
     rounding = None if run.rounding is None else run.rounding.with_arcs
-    assert isinstance(run.timing, Optimal)
-    timing = dataclasses.replace(run.timing, duration=None)
+    timing = run.timing.without_duration()
     run = dataclasses.replace(run, rounding=rounding, timing=timing, speed_factor=None)
     process = job.process
     # The contours are arranged first, so they have their direction already.
@@ -218,7 +216,7 @@ def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory |
     contour = dataclasses.replace(contour, work=None)
     path = contour.path
     length_of_motion = float(motion.s(motion.duration))
-    distances = np.linspace(0.0, length_of_motion, PLACES)[1:]
+    distances = np.linspace(0.0, length_of_motion, LEAD_SPEED_SAMPLES)[1:]
     for key, name, s, side in (
         ("lead_in", "before", 0.0, "right"),
         ("lead_out", "after", path.length, "left"),
@@ -233,7 +231,7 @@ def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory |
         if lead.shape == "arc" and run.limits.centripetal_acceleration is not None:
             # A shorter quarter of a circle is too tight for the speed.
             needed = max(needed, math.pi / 2 * speed**2 / run.limits.centripetal_acceleration)
-        length = needed = LONGER * needed
+        length = needed = LEAD_FACTOR * needed
         ends = Process(begin="drawn", up=process.up, **{key: lead})
         while True:
             tried = Leads(**{name: length})
@@ -247,7 +245,7 @@ def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory |
                 length /= 2
         # Limits of the contour may not allow the full speed.
         reached = planned.trajectory.speed_at(planned.path.contours[0].at_work[name == "after"])
-        length = min(length, LONGER * needed * (float(reached) / speed) ** 2)
+        length = min(length, LEAD_FACTOR * needed * (float(reached) / speed) ** 2)
         leads = dataclasses.replace(leads, **{name: length})
     return leads
 
@@ -263,9 +261,10 @@ def round_program(
 
     `resumption`: see `resume_run`; shapes depend on the configuration.
     """
-    if run.shaping is not None:
+    shaping = run.shaping
+    if shaping is not None:
         with error_context("corners"):
-            return _shape(job, run, run.shaping, program, progress, resumption)
+            return _shape(job, run, shaping, program, progress, resumption)
     rounding = run.rounding
     if rounding is None:
         return program

@@ -94,7 +94,7 @@ class JobResult:
 
     @checked
     def to_data(self, parts: Mapping[str, Data] = MappingProxyType({})) -> Data:
-        """Data of the job, its arm and its runs, for the summary of a result.
+        """Return the data of the job, its arm and its runs, for the summary of a result.
 
         Args:
             parts: Further parts of the summary by key.

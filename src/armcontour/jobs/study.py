@@ -16,7 +16,7 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.job import Experiment, Job, Run, build_plant
 from armcontour.jobs.run_notes import sample_rates
-from armcontour.jobs.run_plan import ROUNDING, explain_plan, explained_reach, plan_one
+from armcontour.jobs.run_plan import ROUNDING_STEP, explain_plan, explained_reach, plan_one
 from armcontour.jobs.run_record import ExpectedErrors, ExperimentResult
 from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.motion import Execution, SetPoints, Trajectory
@@ -27,12 +27,12 @@ from armcontour.simulation.mujoco_model import import_mujoco
 from armcontour.verification import Evaluation, evaluate
 from armcontour.verification.clearance import Clearance
 
-STEPS = (ROUNDING, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
+STEPS = (ROUNDING_STEP, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 EXPERIMENT = "experiment"
 # Runs with equal values of these fields have the same plan.
-SHARED = "limits", "timing", "rounding", "end_time", "speed_factor"
+PLAN_FIELDS = "limits", "timing", "rounding", "end_time", "speed_factor"
 # Maximum time between two samples of a simulation [s], unless the drive cycle is longer.
-RESOLUTION = 1e-3
+SIMULATION_INTERVAL = 1e-3
 
 
 @checked
@@ -72,7 +72,9 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
 def _plan(job: Job, run: Run, done: Sequence[RunResult], progress: Progress) -> RunResult:
     """Plan a run, or take the plan of an earlier run with the same limits, timing and rounding."""
     for earlier in done:
-        if all(comparable(getattr(run, x)) == comparable(getattr(earlier.run, x)) for x in SHARED):
+        if all(
+            comparable(getattr(run, x)) == comparable(getattr(earlier.run, x)) for x in PLAN_FIELDS
+        ):
             return replace(earlier, run=run, experiment=None, failure=None)
     with explained_reach(job):
         return plan_one(job, run, progress)
@@ -135,9 +137,11 @@ def compute_set_points(job: Job, run: Run, trajectory: Trajectory) -> SetPoints:
 def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None = None) -> Execution:
     """Simulate the execution of set-points; the default plant is the servo model of the job."""
     if plant is None:
-        return simulate(set_points, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
+        return simulate(
+            set_points, ServoPlant(job.arm, job.plant_servo), resolution=SIMULATION_INTERVAL
+        )
     # The resolution is at least the drive cycle, because the plant has no results within a cycle.
-    return simulate(set_points, plant, resolution=max(RESOLUTION, plant.step))
+    return simulate(set_points, plant, resolution=max(SIMULATION_INTERVAL, plant.step))
 
 
 def simulate_experiment(

@@ -24,7 +24,7 @@ Requirement: TypeAlias = Literal["", "motion", "corners", "accuracy", "contour e
 # Default contour error that a run allows, as a fraction of the smallest corner tolerance.
 DEFAULT_ACCURACY = 0.1
 # Relative excess of a limit that is ignored as a rounding error.
-ROUNDING = 1e-9
+VERDICT_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,11 +166,11 @@ def judge(
         requirement = "motion"
     elif allowed is None:
         kept = None
-    elif tolerance is not None and largest_rounding > tolerance * (1 + ROUNDING):
+    elif tolerance is not None and largest_rounding > tolerance * (1 + VERDICT_ROUNDING):
         kept = False
         requirement = "corners"
     elif run.accuracy is not None:
-        kept = distances[k] <= run.accuracy * (1 + ROUNDING)
+        kept = distances[k] <= run.accuracy * (1 + VERDICT_ROUNDING)
         requirement = "accuracy"
     elif largest_error > allowed:
         kept = False

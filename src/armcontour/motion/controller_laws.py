@@ -111,16 +111,34 @@ class CommandCurve(Frozen):
         return np.asarray(t, dtype=np.float64), self(np.round(t - delay, 9))
 
 
+class Interpolation(NamedTuple):
+    """How points become a curve.
+
+    Args:
+        law: Name of the interpolation, such as "quintics".
+        curve: The curve, from its own time 0.
+        origin: Time of the curve at which the first point is due [s].
+        lag: How much later than its points are due the controller sends the curve [s].
+    """
+
+    law: str
+    curve: Trajectory
+    origin: float = 0.0
+    lag: float = 0.0
+
+
 class ControllerLaw(NamedTuple):
     """How one controller interpolates.
 
     Args:
         title: Name of the controller for messages.
-        interpolate: Function that converts points to the fields of a `CommandCurve`.
+        interpolate: Function that interpolates points.
+        ahead: How many cycles earlier the controller sends its commands.
     """
 
     title: str
-    interpolate: Callable[[_Points], Mapping[str, Any]]
+    interpolate: Callable[[_Points], Interpolation]
+    ahead: int = 0
 
 
 class _Points(NamedTuple):
@@ -137,7 +155,7 @@ class _Points(NamedTuple):
         return float(self.t[1])
 
 
-def _jtc(points: _Points) -> Mapping[str, Any]:
+def _jtc(points: _Points) -> Interpolation:
     """Interpolate by quintics with accelerations, cubics with velocities, otherwise lines."""
     q = points.q
     dq = points.dq
@@ -148,29 +166,30 @@ def _jtc(points: _Points) -> Mapping[str, Any]:
             "to the points, or remove the accelerations."
         )
     if dq is None:
-        return _fields("lines", points.t, _powers(q[:-1], np.diff(q, axis=0)))
+        return _polynomials("lines", points.t, _powers(q[:-1], np.diff(q, axis=0)))
     if ddq is None:
-        return _fields("cubics", points.t, _cubics(points.t, q, dq))
+        return _polynomials("cubics", points.t, _cubics(points.t, q, dq))
     begin = [x[:-1] for x in (q, dq, ddq)]
     end = [x[1:] for x in (q, dq, ddq)]
-    return _fields("quintics", points.t, quintic(np.diff(points.t), begin, end))
+    return _polynomials("quintics", points.t, quintic(np.diff(points.t), begin, end))
 
 
-def _jtc_spline(points: _Points) -> Mapping[str, Any]:
+def _jtc_spline(points: _Points) -> Interpolation:
     """Interpolate positions by a clamped cubic spline; points with velocities as `_jtc`."""
     if points.dq is not None:
         return _jtc(points)
     v = _spline_velocities(points.t, points.q)
-    return _fields("clamped spline", points.t, _cubics(points.t, points.q, v))
+    return _polynomials("clamped spline", points.t, _cubics(points.t, points.q, v))
 
 
-def _jtc_none(points: _Points) -> Mapping[str, Any]:
+def _jtc_none(points: _Points) -> Interpolation:
     """Hold the next point in every interval, after one interval at the first point."""
     t = np.append(0.0, points.t + points.interval)
-    return {**_fields("next point", t, _powers(points.q)), "origin": points.interval}
+    held = _polynomials("next point", t, _powers(points.q))
+    return held._replace(origin=points.interval)
 
 
-def _linuxcnc(points: _Points) -> Mapping[str, Any]:
+def _linuxcnc(points: _Points) -> Interpolation:
     """Interpolate by the uniform cubic B-spline whose control points are the points.
 
     The controller has a queue of four points, which is filled with the first point at the start,
@@ -191,24 +210,26 @@ def _linuxcnc(points: _Points) -> Mapping[str, Any]:
     way = (x[:-2] + 4 * x[1:-1] + x[2:]) / 6
     step = (x[2:] - x[:-2]) / (2 * points.interval)
     t = np.arange(len(way), dtype=np.float64) * points.interval
-    law = _fields("uniform B-spline", t, _cubics(t, way, step))
-    return {**law, "origin": points.interval, "lag": 2 * points.interval}
+    spline = _polynomials("uniform B-spline", t, _cubics(t, way, step))
+    return spline._replace(origin=points.interval, lag=2 * points.interval)
 
 
-def _hold(points: _Points) -> Mapping[str, Any]:
+def _hold(points: _Points) -> Interpolation:
     """Hold the newest point in every interval."""
     t = np.append(points.t, 2 * points.t[-1] - points.t[-2])
-    return _fields("held", t, _powers(points.q))
+    return _polynomials("held", t, _powers(points.q))
 
 
 CONTROLLERS: Mapping[str, ControllerLaw] = MappingProxyType(
     {
-        "jtc": ControllerLaw("joint_trajectory_controller of ROS 2", _jtc),
+        "jtc": ControllerLaw("joint_trajectory_controller of ROS 2", _jtc, ahead=1),
         "jtc_spline": ControllerLaw(
-            "joint_trajectory_controller of ROS 2 with positions_upsampling", _jtc_spline
+            "joint_trajectory_controller of ROS 2 with positions_upsampling", _jtc_spline, ahead=1
         ),
         "jtc_none": ControllerLaw(
-            "joint_trajectory_controller of ROS 2 with interpolation_method: none", _jtc_none
+            "joint_trajectory_controller of ROS 2 with interpolation_method: none",
+            _jtc_none,
+            ahead=1,
         ),
         "linuxcnc": ControllerLaw("LinuxCNC's cubic interpolation (cubic.c)", _linuxcnc),
         "hold": ControllerLaw("a controller that holds the newest point", _hold),
@@ -248,22 +269,30 @@ def interpolate_points(points: Any, controller: Annotated[str, Choice(NAMES)]) -
         raise InvalidInput("A controller needs at least two points at increasing times.")
     derivatives = {x: _column(points, x, q.shape) for x in ("dq", "ddq")}
     given = _Points(t=np.round(t - t[0], 9), q=q, **derivatives)
-    law = CONTROLLERS[controller].interpolate(given)
-    return CommandCurve(controller=controller, ahead=int(controller.startswith("jtc")), **law)
+    chosen = CONTROLLERS[controller]
+    way = chosen.interpolate(given)
+    return CommandCurve(
+        controller=controller,
+        law=way.law,
+        curve=way.curve,
+        origin=way.origin,
+        lag=way.lag,
+        ahead=chosen.ahead,
+    )
 
 
 def _column(points: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray | None:
     """Read the attribute `name` of points as finite numbers; None if it is missing."""
     values = getattr(points, name, None)
-    return (
-        None if values is None else checks.shaped(name, checks.check_numbers(name, values), shape)
-    )
+    if values is None:
+        return None
+    return checks.shaped(name, checks.check_numbers(name, values), shape)
 
 
-def _fields(law: str, t: FloatArray, coefficients: FloatArray) -> dict[str, Any]:
-    """Return `law` and `curve` of a `CommandCurve` from breaks and coefficients, (n, 6, dof)."""
+def _polynomials(law: str, t: FloatArray, coefficients: FloatArray) -> Interpolation:
+    """Interpolate by polynomials between breaks `t`, with coefficients (n, 6, dof)."""
     polynomials = InterpolatedLaw(breaks=t, coefficients=coefficients)
-    return {"law": law, "curve": Trajectory(laws=(polynomials,), method=law)}
+    return Interpolation(law, Trajectory(laws=(polynomials,), method=law))
 
 
 def _powers(*powers: FloatArray) -> FloatArray:

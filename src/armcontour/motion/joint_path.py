@@ -19,14 +19,14 @@ from armcontour.geometry import Path
 from armcontour.motion.kernels import JointDerivatives, examine_pieces, joint_motions, spline_pieces
 
 # Rounding error in differences between arc lengths, divided by the largest arc length.
-ROUNDING = 4 * float(np.finfo(np.float64).eps)
+ARC_LENGTH_ROUNDING = 4 * float(np.finfo(np.float64).eps)
 # Largest permitted jump of a position at a break [rad]; no robot resolves it.
 LARGEST_JUMP = 1e-6
 # Smallest difference between two spline parameters, divided by the largest one. Points that are
 # repeated up to rounding errors have parameters that differ by less.
 REPEATED = 1e-12
 # Largest relative jump of dq_ds at a break without a stop; traced paths have errors of this size.
-LARGEST_KINK = 1e-6
+LARGEST_SLOPE_JUMP = 1e-6
 # A dq_ds below this fraction of its summed terms is a rounding error, whose direction is random.
 NO_DIRECTION = 1e-12
 NO_STOPS = checks.frozen_array([])
@@ -46,7 +46,8 @@ class JointPath(Checked):
         breaks: Arc lengths at the interval ends [m], (n + 1,); without a tool path, values of any
             parameter s.
         coefficients: Coefficients of the quintics [rad], (n, 6, dof).
-        stops: Breaks at which the motion must stop [m]; breaks at which dq_ds jumps are added.
+        stops: Breaks at which the motion must stop [m], by default none; breaks at which dq_ds
+            jumps are added.
         tool_path: The tool path that was traced, or None.
 
     Raises:
@@ -69,7 +70,7 @@ class JointPath(Checked):
             )
         kinks = np.empty(n - 1, dtype=np.bool_)
         sound, jump = examine_pieces(
-            self.breaks, self.coefficients, LARGEST_KINK, NO_DIRECTION, kinks
+            self.breaks, self.coefficients, LARGEST_SLOPE_JUMP, NO_DIRECTION, kinks
         )
         if not sound:
             raise InvalidInput("A joint path must be finite and its breaks must increase.")
@@ -97,8 +98,8 @@ class JointPath(Checked):
         if not is_break.all():
             stop = self.stops[np.argmin(is_break)]
             raise InvalidInput(
-                f"The stops must be inner breaks of the joint path, but s = {stop:g} is no inner "
-                "break."
+                f"The stops must be inner breaks of the joint path, but s = {stop:g} is not one of "
+                "them."
             )
         return np.union1d(self.stops, inner[kinks]) if kinks.any() else self.stops
 
@@ -118,7 +119,7 @@ class JointPath(Checked):
             breaks: Arc lengths at the interval ends [m], (n + 1,).
             begin: q, dq_ds and d2q_ds2 at the start of every interval, (n, dof) each.
             end: q, dq_ds and d2q_ds2 at the end of every interval, (n, dof) each.
-            stops: Arc lengths at which the motion must stop [m], (m,).
+            stops: Arc lengths at which the motion must stop [m], (m,); by default none.
             tool_path: The tool path that was traced, or None.
 
         Raises:
@@ -131,7 +132,7 @@ class JointPath(Checked):
         return cls(
             breaks=knots,
             coefficients=quintic(
-                np.diff(knots), first, last, ROUNDING * float(np.abs(knots).max())
+                np.diff(knots), first, last, ARC_LENGTH_ROUNDING * float(np.abs(knots).max())
             ),
             stops=stops,
             tool_path=tool_path,
@@ -147,6 +148,9 @@ class JointPath(Checked):
         ends: Annotated[str, Choice(("natural", "clamped"))] = "natural",
     ) -> JointPath:
         """Interpolate joint positions by a cubic spline.
+
+        >>> ac.JointPath.spline([(0.0, 0.0), (0.3, 0.4)]).length
+        0.5
 
         Args:
             points: At least two joint positions [rad], (n, dof).
@@ -193,6 +197,9 @@ class JointPath(Checked):
 
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Return joint positions or their derivatives with respect to s, `s.shape + (dof,)`.
+
+        >>> ac.JointPath.spline([(0.0, 0.0), (0.3, 0.4)])(0.25, order=1)
+        array([0.6, 0.8])
 
         Args:
             s: Arc lengths [m], any shape.

@@ -364,7 +364,7 @@ def chain_rule_motion(
     rows = np.array([0, len(joint_path.breaks)])
     tables = rows, joint_path.breaks, joint_path.coefficients
     joint_motions(along.reshape(4, count), flatten(end, shape), only, *tables, motion)
-    # The results are no views of other arrays where possible, so `frozen_array` makes no copies.
+    # Where possible, the results own their data, so that `frozen_array` does not copy them.
     return tuple(motion[k] if len(shape) == 1 else motion[k].reshape((*shape, dof)) for k in orders)
 
 

@@ -23,23 +23,23 @@ COMMAND_LIMITS = (*BY_ORDER[1:], *JOINT_RANGE)
 # Number of decimals of set-points within limits [rad], the same as in written files.
 DECIMALS = 12
 # Maximum number of iterations; 12 to 30 are usual.
-MAX_STEPS = 80
+MAX_SEARCH_ITERATIONS = 80
 # Tolerance of a solution's violation of its bounds, relative to half the distance between them.
-EXACT = 1e-10
+BOUND_VIOLATION = 1e-10
 # Tolerance of a solution's duality gap, relative to the sum of the squared changes of the values.
-OPTIMAL = 1e-9
+OPTIMAL_GAP = 1e-9
 # Tolerance of the same gap, relative to the same sum, if rounding errors end the search.
-ROUNDED = 1e-5
+ROUNDED_GAP = 1e-5
 # Initial product of slack and multiplier if a bound is exceeded by at least half the distance
 # between the bounds.
 FIRST_PRODUCT = 1.0
 # A missing bound is replaced by this multiple of the largest magnitude of the values and of the
 # other bound.
-FAR = 10.0
+MISSING_BOUND = 10.0
 # Fraction of the longest feasible step that is used, so that slacks and multipliers stay positive.
-INSIDE = 0.995
+STEP_SHARE = 0.995
 # Signs of a difference in its upper and its lower bound.
-SIDES = np.array([[1.0], [-1.0]])
+BOUND_SIGNS = np.array([[1.0], [-1.0]])
 
 
 def check_command_limits(limits: Limits, dof: int) -> Limits:
@@ -242,7 +242,7 @@ def _scale_bounds(
     for k in orders:
         values_of_order = differences(values, k) if k else values[1:-1]
         largest = float(np.abs(values_of_order).max())
-        distant = FAR * max(largest, *(abs(x) for x in bounds[k] if isfinite(x)))
+        distant = MISSING_BOUND * max(largest, *(abs(x) for x in bounds[k] if isfinite(x)))
         low = max(bounds[k][0], -distant)
         high = min(bounds[k][1], distant)
         scales.append(2 / (high - low))
@@ -262,16 +262,16 @@ def _smallest_change(scaled: _ScaledBounds) -> FloatArray | None:
     conditions. Their matrix is banded, so the time is proportional to the number of values.
     """
     iterate = _first_iterate(scaled)
-    for _ in range(MAX_STEPS):
+    for _ in range(MAX_SEARCH_ITERATIONS):
         conditions = _conditions_at(scaled, iterate)
-        if conditions.are_satisfied(OPTIMAL):
+        if conditions.are_satisfied(OPTIMAL_GAP):
             return iterate.change
         if not isfinite(conditions.gap + conditions.size):
             return None
         factor = _factorize(scaled, iterate)
         if factor is None:
             # Rounding errors end the search.
-            return iterate.change if conditions.are_satisfied(ROUNDED) else None
+            return iterate.change if conditions.are_satisfied(ROUNDED_GAP) else None
         _take_step(scaled, iterate, conditions, factor)
     return None
 
@@ -295,7 +295,7 @@ class _Conditions(NamedTuple):
 
     def are_satisfied(self, share: float) -> bool:
         """Return whether x is within the bounds and the gap below a share of `|x|²`."""
-        return float(np.abs(self.outside).max()) < EXACT and self.gap < share * self.size
+        return float(np.abs(self.outside).max()) < BOUND_VIOLATION and self.gap < share * self.size
 
 
 class _Step(NamedTuple):
@@ -317,7 +317,7 @@ def _conditions_at(scaled: _ScaledBounds, iterate: _Iterate) -> _Conditions:
     change, slacks, multipliers = iterate
     products = slacks * multipliers
     return _Conditions(
-        outside=SIDES * scaled.differences(change) + slacks - scaled.room,
+        outside=BOUND_SIGNS * scaled.differences(change) + slacks - scaled.room,
         gradient=change + scaled.differences_transposed(multipliers),
         products=products,
         gap=float(products.sum()),
@@ -354,8 +354,8 @@ def _take_step(
     mean = (after / gap) ** 3 * gap / slacks.size
     second_order = predicted.slacks * predicted.multipliers
     step = _newton_step(scaled, iterate, conditions, factor, mean - products - second_order)
-    primal = INSIDE * _step_fraction(slacks, step.slacks)
-    dual = INSIDE * _step_fraction(multipliers, step.multipliers)
+    primal = STEP_SHARE * _step_fraction(slacks, step.slacks)
+    dual = STEP_SHARE * _step_fraction(multipliers, step.multipliers)
     change += primal * step.change
     slacks += primal * step.slacks
     multipliers += dual * step.multipliers
@@ -375,7 +375,7 @@ def _newton_step(
     pushed = (target + multipliers * conditions.outside) / slacks
     right = -conditions.gradient - scaled.differences_transposed(pushed)
     change = cho_solve_banded((factor, True), right, check_finite=False)
-    wider = -conditions.outside - SIDES * scaled.differences(change)
+    wider = -conditions.outside - BOUND_SIGNS * scaled.differences(change)
     return _Step(change, wider, (target - multipliers * wider) / slacks)
 
 

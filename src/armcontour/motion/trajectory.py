@@ -27,7 +27,7 @@ from armcontour.robot import Arm, Limits
 # Default cycle [s].
 DEFAULT_CYCLE = 4e-3
 # Largest number of times that are computed together, which limits the memory.
-AT_ONCE = 50_000
+TIMES_AT_ONCE = 50_000
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
 # rounding errors.
 COMMAND_SLACK = 1e-9
@@ -85,7 +85,7 @@ class Span:
         name: Name of the contour; may be empty.
         t: Times of start and end [s].
         s: Arc lengths of start and end, over all contours of the program [m].
-        work: For a contour, times at which the process is switched on and off [s].
+        work: For a contour, times at which the process is switched on and off [s]; otherwise None.
         trajectory: Trajectory of the move, from time 0; None if the tool is at rest.
     """
 
@@ -161,11 +161,12 @@ class Trajectory(Checked):
     Args:
         laws: The time laws in order.
         method: Name of the planning method; a `Method` if it is one of these.
-        path: The tool path that the trajectory follows, if there is one.
-        stretches: Parts of the trajectory by the rule that planned them, in order.
+        path: The tool path that the trajectory follows; None without one.
+        stretches: Parts of the trajectory by the rule that planned them, in order; empty for
+            methods without such rules.
         spans: Parts of the trajectory by the moves of the program, in order; empty for a single
             path.
-        events: Outputs that are switched during the motion, by time.
+        events: Outputs that are switched during the motion, by time; empty by default.
         limits: Limits with which the trajectory was planned, without the reserve; None if it was
             not planned with limits.
         reserve: Fraction of the joint acceleration and torque limits reserved for the servo.
@@ -343,7 +344,7 @@ class Trajectory(Checked):
             t: Times [s], (n,).
 
         Raises:
-            InvalidInput: The times are no numbers.
+            InvalidInput: The times are not numbers.
         """
         t = np.atleast_1d(checks.check_numbers("t", t, "s"))
         if not self.spans:
@@ -427,9 +428,10 @@ class Trajectory(Checked):
                 whole[indices] = part
         if not outputs:
             outputs = tuple(np.empty((0, self.dof)) for _ in orders)
-        # The results are no views of other arrays where possible, so `frozen_array` makes no
-        # copies.
-        return outputs if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
+        # Where possible, the results own their data, so that `frozen_array` does not copy them.
+        if t.ndim == 1:
+            return outputs
+        return tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
         """Return joint positions or a derivative, (n, dof), at rest before and after the motion.
@@ -488,6 +490,9 @@ class Trajectory(Checked):
     def time_at(self, s: npt.ArrayLike, *, side: str = "left") -> FloatArray:
         """Return the times at which the motion reaches or leaves arc lengths [s], shaped like `s`.
 
+        >>> bool(planned.time_at(planned.path.length) == planned.duration)
+        True
+
         Args:
             s: Arc lengths [m], counted as by `Trajectory.s`, any shape.
             side: "left" for the time at which the motion reaches s; "right" for the time at which
@@ -504,6 +509,9 @@ class Trajectory(Checked):
 
     def speed_at(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
         """Return path speeds at arc lengths [m/s], shaped like `s`.
+
+        >>> planned.speed_at([0.0, 0.01]).round(4)
+        array([0.    , 0.0636])
 
         Args:
             s: Arc lengths [m], counted as by `Trajectory.s`, any shape.
@@ -523,6 +531,9 @@ class Trajectory(Checked):
     @checked
     def sample(self, cycle: Interval) -> Samples:
         """Sample the trajectory every `cycle` [s], and at its end.
+
+        >>> planned.sample(0.01).t[:3]
+        array([0.  , 0.01, 0.02])
 
         Args:
             cycle: Time between two samples [s]; the last interval may be shorter.
@@ -695,8 +706,8 @@ def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:
     else:
         order = np.arange(len(law_index))
     edges = np.flatnonzero(np.diff(law_index)) + 1
-    if len(law_index) > AT_ONCE:
-        edges = np.union1d(edges, np.arange(AT_ONCE, len(law_index), AT_ONCE))
+    if len(law_index) > TIMES_AT_ONCE:
+        edges = np.union1d(edges, np.arange(TIMES_AT_ONCE, len(law_index), TIMES_AT_ONCE))
     bounds = [0, *edges.tolist(), len(law_index)]
     for begin, end in zip(bounds[:-1], bounds[1:], strict=True) if len(law_index) else ():
         yield int(law_index[begin]), order[begin:end]

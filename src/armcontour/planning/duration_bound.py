@@ -15,7 +15,7 @@ from armcontour.robot import Limits
 # A joint path is divided into approximately this many equal parts.
 EVEN_PARTS = 100
 # A piece has one more part for each change of its direction by this angle [rad].
-TURN = 0.1
+PART_TURN = 0.1
 
 
 @compiled(inner=True, allocates=True)
@@ -44,7 +44,9 @@ def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
                 change += (direction[j] - previous[j]) ** 2
                 previous[j] = direction[j]
             turn += math.sqrt(change) if sample else 0.0
-        parts[i] = 1 + int(EVEN_PARTS * (breaks[i + 1] - breaks[i]) / length) + int(turn / TURN)
+        parts[i] = (
+            1 + int(EVEN_PARTS * (breaks[i + 1] - breaks[i]) / length) + int(turn / PART_TURN)
+        )
     return parts
 
 

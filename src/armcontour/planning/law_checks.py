@@ -18,7 +18,7 @@ from armcontour.robot.limits import LIMITS
 # less than 1e-4 below the true peak.
 PEAK_SAMPLES = 33
 # Rounding error by which a law may exceed a limit, as a fraction of the limit
-ROUNDING = 1e-6
+LIMIT_ROUNDING = 1e-6
 
 
 def law_states(law: Law, arm: Arm) -> States:
@@ -58,7 +58,7 @@ def check_limits(
         for name in limited:
             use = states.use(name, limits)
             ratio = use.ratio
-            if ratio.max() <= 1 + ROUNDING:
+            if ratio.max() <= 1 + LIMIT_ROUNDING:
                 continue
             index = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
             joint = int(index[1]) if len(index) == 2 else None

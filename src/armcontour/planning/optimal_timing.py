@@ -159,6 +159,10 @@ class Optimal(PlanOptions):
     def check_jerk(self, limits: Limits) -> None:
         """Accept limits of jerk, because the method keeps them."""
 
+    def without_duration(self) -> Optimal:
+        """Return the options without the required duration."""
+        return replace(self, duration=None)
+
     def for_program(self, program: Program) -> Optimal:
         """Return the options with fewer grid intervals if the program has many contours."""
         for name in SINGLE_PATH_OPTIONS if program.single_path is None else ():

@@ -59,7 +59,7 @@ class PlanOptions(Options):
     """
 
     method: ClassVar[Method]
-    # True if the method finds leads of automatic length, at whose ends the tool has full speed
+    # True if a run can have leads of automatic length, after which the tool has full speed
     automatic_leads: ClassVar[bool] = False
     # True if the method plans along lines and arcs only
     only_arcs: ClassVar[bool] = False
@@ -124,6 +124,10 @@ class PlanOptions(Options):
         Args:
             cycle: Cycle [s]; most methods do not depend on it.
         """
+        return self
+
+    def without_duration(self) -> Self:
+        """Return the options for a motion as fast as possible."""
         return self
 
     def for_program(self, program: Program) -> Self:

@@ -34,6 +34,7 @@ from armcontour.core.quantities import (
     Speed,
     Time,
 )
+from armcontour.core.render import number
 from armcontour.core.text import Keys
 from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weave import Weave
@@ -282,6 +283,8 @@ class Process(Checked, LayerProcess):
         off: Whether the process stays off, for a first run on the robot: the tool moves along the
             same path, but no output is switched, no analog output has a value, and pierces take no
             time.
+        lift: Distance of the tool above the part, along `up`, for a first run on the robot with
+            `off` [m]: every contour, rapid and approach is moved by one constant vector.
         resume_at: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m]. A job keeps the configuration
             of the whole job.
@@ -307,6 +310,7 @@ class Process(Checked, LayerProcess):
     rapid_speed: Speed | None = None
     approach_speed: Speed | None = None
     off: bool = False
+    lift: Distance = 0.0
     resume_at: Distance = 0.0
     _parts: Mapping[str | int, Process] = field(init=False, repr=False)
 
@@ -317,6 +321,12 @@ class Process(Checked, LayerProcess):
                 f"direction {self.direction} requires the tool to the {side} of the contour, but "
                 f"kerf_side is {self.kerf_side}. Remove direction or kerf_side.",
                 remedies=({("direction",): None}, {("kerf_side",): None}),
+            )
+        if self.lift and not self.off:
+            raise InvalidInput(
+                f"lift moves the tool {number(self.lift, 'm')} above the part, where the process "
+                "must stay off. Also set off: true (--process-off), or remove lift.",
+                remedies=({("off",): True}, {("lift",): None}),
             )
         object.__setattr__(self, "begin", _checked_begin(self.begin))
         names = [x.name for x in self.analog]

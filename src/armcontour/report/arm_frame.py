@@ -34,7 +34,7 @@ from armcontour.robot.scene import (
 # Link 0 is the base, or the floor, so that a positioner moves the part. The tool is fixed to the
 # last link.
 
-# Number of sides of the polygons that approximate circles.
+# Number of sides of polygons that approximate circles.
 SIDES = 24
 # Meshes with more triangles are drawn as convex hulls.
 MAX_TRIANGLES = 4_000
@@ -45,7 +45,7 @@ TABLE_THICKNESS = 0.02
 
 
 def arm_frame(job: Job) -> MessageFrame:
-    """Message frame with the joints of a job's arm, and the bodies of arm and cell."""
+    """Make the message frame with the joints of a job's arm, and the bodies of arm and cell."""
     arm = job.arm
     chain = job.arm.chain
     base = chain.base
@@ -67,7 +67,7 @@ def arm_frame(job: Job) -> MessageFrame:
 
 
 def _joints(arm: Arm) -> Iterator[dict[str, Any]]:
-    """Joints from the floor: those of a positioner from the floor to the part, then the arm's."""
+    """List the joints from the floor: a positioner's joints up to the part, then the arm's."""
     chain = arm.chain
     lower, upper = arm.limits.joint_range(arm.dof)
     first = chain.floor_link
@@ -89,7 +89,7 @@ def _joints(arm: Arm) -> Iterator[dict[str, Any]]:
 
 
 def _on_floor(chain: Chain, link: int, pose: Frame) -> tuple[int, Frame]:
-    """Index of a link among those from the floor, and a pose in its frame."""
+    """Return a link's index among the links from the floor, and a pose in its frame."""
     first = chain.floor_link
     positioner = chain.positioner
     if positioner is None or link > first:
@@ -103,7 +103,7 @@ def _on_floor(chain: Chain, link: int, pose: Frame) -> tuple[int, Frame]:
 
 
 def nearest_pair(result: RunResult) -> dict[str, Any] | None:
-    """Nearest points of two bodies in the frame of the floor [m], and their time [s], if known."""
+    """Return the nearest points of two bodies in the floor frame [m], and their time [s]."""
     pair = None if result.clearance is None else result.clearance.least
     if pair is None:
         return None
@@ -115,7 +115,7 @@ def nearest_pair(result: RunResult) -> dict[str, Any] | None:
 
 
 def matrix(frame: Frame) -> FloatArray:
-    """Homogeneous transform of a frame, (4, 4)."""
+    """Return a frame as a homogeneous transform, (4, 4)."""
     homogeneous = np.eye(4)
     homogeneous[:3, :3] = frame.rotation
     homogeneous[:3, 3] = frame.position
@@ -123,13 +123,13 @@ def matrix(frame: Frame) -> FloatArray:
 
 
 def _reach(arm: Arm) -> float:
-    """Upper bound of the distance of the tool from the base [m]."""
+    """Bound the distance from the base to the tool [m]."""
     ends = [*arm.chain.positions, (arm.chain.tip @ arm.chain.tool).position]
     return float(sum(np.linalg.norm(x) for x in ends)) + arm.stroke
 
 
 def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Bodies of links, tool and obstacles, and arrays of triangles [m], (n, 3, 3), by name."""
+    """List the bodies (links, tool, obstacles), and their triangles [m], (n, 3, 3), by name."""
     bodies: list[dict[str, Any]] = []
     arrays: dict[str, npt.NDArray[Any]] = {}
 
@@ -155,7 +155,7 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
         link = chain.floor_link if on_floor else 0
         pose = (chain.floor if on_floor else chain.base.inverse) @ obstacle.place
         if isinstance(obstacle.shape, HalfSpace):
-            # The table is centred below the base, regardless of the origin of its half-space.
+            # The table is centred below the base, wherever its half-space has its origin.
             foot = -(pose.rotation.T @ pose.position) * [1, 1, 0]
             pose = pose @ Frame(position=foot + [0, 0, -TABLE_THICKNESS / 2])
             side = 2 * TABLE_SIZE * max(_reach(arm), 0.5)
@@ -169,7 +169,7 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
 
 @lru_cache(maxsize=64)
 def triangles_of(shape: Shape) -> FloatArray:
-    """Triangles of a shape [m], (n, 3, 3), with outward normals; for a large mesh, of its hull."""
+    """Return a shape's triangles with outward normals [m], (n, 3, 3); of large meshes the hull."""
     match shape:
         case Mesh() if shape.triangles is not None and len(shape.triangles) <= MAX_TRIANGLES:
             return np.asarray(shape.points[shape.triangles])
@@ -196,7 +196,7 @@ def triangles_of(shape: Shape) -> FloatArray:
 
 
 def _rings(radius: float, heights: FloatArray) -> FloatArray:
-    """Points of circles of latitude on a sphere about the origin [m], (n, 3)."""
+    """Return points on circles of latitude of a sphere about the origin [m], (n, 3)."""
     angle, height = np.meshgrid(np.arange(SIDES) * 2 * np.pi / SIDES, heights)
     flat = np.cos(height)
     parts = (flat * np.cos(angle), flat * np.sin(angle), np.sin(height))
@@ -204,6 +204,6 @@ def _rings(radius: float, heights: FloatArray) -> FloatArray:
 
 
 def _ends(length: float, points: FloatArray) -> FloatArray:
-    """Points moved to both ends of a body along z."""
+    """Move points to both ends of a body along z."""
     half = np.array([0.0, 0.0, length / 2])
     return np.concatenate([points - half, points + half])

@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
 # Significant digits of drawn values, so that their rounding is finer than a pixel.
 DIGITS = 5
-# Significant digits of the abscissae of drawn values.
+# Significant digits of drawn abscissae.
 X_DIGITS = 7
 # Height of a plot [px].
 HEIGHT = 150
-# Values whose digits say nothing to a reader, see `render.FINE`.
+# Values whose digits say nothing to a reader, see `render.SIX_DECIMALS_BELOW`.
 TINY = re.compile(r"(?<![\d.])-?0\.000\d{3}(?= [\w%])")
 
 
@@ -46,9 +46,9 @@ class Picture:
     # Template that renders the picture, with the id `key` of its element
     template: ClassVar[str]
     title: str
-    # True for half of the width of a wide page
+    # True if it takes half the width of a wide page
     half: bool = False
-    # Data of the picture that are no figures
+    # Data of the picture that are not figures
     frames: tuple[MessageFrame, ...] = ()
 
     def write_html(self, file: str | FilePath) -> None:
@@ -101,7 +101,7 @@ class Plot:
     x_label: str = "time [s]"
     curves: tuple[Curve, ...] = ()
     bars: tuple[Bar, ...] = ()
-    # Names of the rows of bars
+    # Row names for bars
     rows: tuple[str, ...] = ()
     # Range of the vertical axis; None for that of the values
     limits: tuple[float, float] | None = None
@@ -114,7 +114,7 @@ class Plot:
     counts: bool = False
     # Height [px]
     height: int = HEIGHT
-    # Approximate maximum number of points of a curve
+    # Approximate maximum number of points per curve
     max_points: int = MAX_POINTS
 
 
@@ -174,12 +174,12 @@ def _environment() -> Environment:
 
 
 def _without_noise(value: Any) -> Any:
-    """Value to display; of texts, tiny numbers are shortened."""
+    """Return a value to display; in texts, tiny numbers are shortened."""
     return TINY.sub("< 0.001", value) if type(value) is str else value
 
 
 def _packed(pictures: Mapping[str, Picture]) -> dict[str, str]:
-    """Packed data of pictures and the code that draws them, by name."""
+    """Pack the data of pictures and the code that draws them, by name."""
     figures = {key: x for key, x in pictures.items() if isinstance(x, Figure)}
     frames = {}
     for key, picture in pictures.items():
@@ -202,7 +202,7 @@ def _code(name: str) -> str:
 
 
 def _static(name: str) -> bytes:
-    """Content of a file of the folder `static`, whose part `vendor` is created by `make vendor`."""
+    """Read a file in the folder `static`, whose part `vendor` `make vendor` creates."""
     content = pkgutil.get_data("armcontour.report", f"static/{name}")
     assert content is not None
     return content
@@ -241,7 +241,7 @@ def _plain_plot(plot: Plot) -> dict[str, Any]:
 
 
 def _rounded(values: FloatArray, digits: int) -> list[float | None]:
-    """Values rounded to significant digits; None for NaN and infinity, which JSON lacks."""
+    """Round values to significant digits; NaN and infinity, which JSON lacks, become None."""
     finite = np.isfinite(values).tolist()
     listed = np.asarray(values, dtype=np.float64).tolist()
     return [

@@ -13,7 +13,7 @@ from armcontour.report.section import Chapter, Front, Section, Tile, text_table,
 
 # Gap between successive logs in the figures [s].
 APART = 1.0
-# Height of each plot of a joint [px].
+# Height of each joint plot [px].
 HEIGHT = 56
 SOURCE = "predicted from the other parts, where not fitted"
 USE = (
@@ -32,7 +32,7 @@ def render_identification(identification: Identification) -> str:
 
 
 def _front(result: Identification, data: Data) -> Front:
-    """First screen: the verdict, the identified parameters, their use, and the weakest point."""
+    """Make the first screen: the verdict, the parameters, their use, and the weakest point."""
     trusted = data["judgement.trusted"]
     left = f"compensation leaves {number(result.judgement.ratio, '1')} of the contour error"
     words = [trusted.label if trusted.value else f"not {trusted.label}", trusted.note or left]
@@ -53,7 +53,7 @@ def _front(result: Identification, data: Data) -> Front:
 
 
 def _sections(identification: Identification, data: Data) -> list[Section]:
-    """Sections with motion and residuals, and with the errors and notes of the joints."""
+    """Make the sections on motion and residuals, and on the joints' errors and notes."""
     joints = next(x for x in data.tables if x.level <= TABLE)
     of_joints = list[str]()
     for joint in identification.joints:
@@ -77,7 +77,7 @@ def _sections(identification: Identification, data: Data) -> list[Section]:
 
 
 def _figure(identification: Identification) -> Figure:
-    """Figure with measured and predicted position, and residual, of each joint with a model."""
+    """Draw measured and predicted position, and residual, of each joint with a model."""
     plots = list[Plot]()
     for j, joint in enumerate(identification.joints):
         if not joint.rests:

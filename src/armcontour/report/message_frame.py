@@ -1,4 +1,4 @@
-"""Message frames: binary messages of the server to the page."""
+"""Message frames: binary messages from the server to the page."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class MessageFrame:
         return cls("result", facts, {"content": bytes_array(content)})
 
     def stamped(self, **facts: Any) -> MessageFrame:
-        """Copy of the frame with additional values in the header."""
+        """Return the frame with additional values in its header."""
         return replace(self, header={**self.header, **facts})
 
     def pack(self) -> bytes:
@@ -85,7 +85,7 @@ class MessageFrame:
 
 
 def bytes_array(content: bytes) -> npt.NDArray[np.uint8]:
-    """Array of a frame with the given bytes."""
+    """Convert bytes to an array for a frame."""
     return np.frombuffer(content, np.uint8)
 
 

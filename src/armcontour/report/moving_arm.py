@@ -61,7 +61,7 @@ def draw_arm(result: RunResult, job: Job) -> MovingArm:
 
 
 def _postures(trajectory: Trajectory) -> dict[str, Any]:
-    """Arrays of times [s] and joint positions [rad], between which a page interpolates linearly."""
+    """Return the arrays of times [s] and joint positions [rad]; a page interpolates linearly."""
     count = min(MAX_SAMPLES, 2 + int(trajectory.duration / SPACING))
     t = np.linspace(0.0, trajectory.duration, count)
     q = trajectory(t)
@@ -71,7 +71,7 @@ def _postures(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _joined(curves: Sequence[FloatArray]) -> tuple[FloatArray, Any]:
-    """Points of simplified curves, and indices of their first points and of the end."""
+    """Join simplified curves; also return where each curve starts, and the end, as indices."""
     size = max(float(np.ptp(x, axis=0).max()) for x in curves)
     chosen = simplify(curves, VISIBLE * size)
     drawn = [x[rows] for x, rows in zip(curves, chosen, strict=True)]

@@ -29,16 +29,16 @@ FLATTEST = 190.0
 EDGE = 34.0
 # Maximum deviation of a drawn line from its curve [px].
 VISIBLE = 0.3
-# Minimum visible length [px]. A shorter piece gets the colour of the previous piece, shorter leads
-# are not drawn, and smaller rounding errors do not require the contours as drawn.
+# Minimum visible length [px]. A shorter piece gets the previous piece's colour, shorter leads are
+# not drawn, and if corners are rounded by less, the contours as drawn are left out.
 SHORTEST = 1.0
-# Fraction of the size of a path below which its height along z is ignored.
+# A path whose height along z is below this fraction of its size is drawn as flat.
 FLAT = 0.02
 # Unit vectors to the right and up in the view of other paths in space.
 OBLIQUE = np.array([[0.806, 0.591, 0.0], [-0.257, 0.351, 0.9]])
-# Number of points of each rapid.
+# Number of points per rapid.
 RAPID_PLACES = 24
-# Approximate minimum distance of marks of the same kind [px].
+# Approximate minimum distance between marks of one kind [px].
 APART = 7.0
 # Maximum number of contours for which numbers are drawn.
 MAX_NUMBERED = 60
@@ -58,9 +58,9 @@ CLOSER = 5
 
 
 class LegendEntry(NamedTuple):
-    """A kind of limit in the legend of a drawing."""
+    """An entry in a drawing's legend: one limit kind."""
 
-    # Name of the kind of limit
+    # Name of the limit kind
     word: str
     # Time in which this kind of limit restricts the speed [s], and its fraction of the duration
     time: float
@@ -120,7 +120,7 @@ class Drawing(Picture):
     template: ClassVar[str] = "drawing.html"
     svg: str
     keys: tuple[Key, ...]
-    # Kinds of limits, in order of decreasing time
+    # Limit kinds, the longest active one first
     legend: tuple[LegendEntry, ...] = ()
     # Ids of marks, by names of the values that they show
     places: Mapping[str, str] = field(default_factory=dict)
@@ -149,11 +149,11 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
     prefix = slug(job.name)
     extremes = list(_extremes(result, prefix))
     kinds: dict[str, tuple[str, str, list[Mark]]] = {
-        "start": ("▶", "start of a contour", _starts(result)),
-        "stop": ("■", "stop inside a contour", _stops(result)),
-        "pierce": ("⊙", "pierce", _pierces(result, job.process)),
-        "on": ("◆", "output on or changed", _events(result, tabs, on=True)),
-        "off": ("◇", "output off", _events(result, tabs, on=False)),
+        "start": ("▶", "start of a contour", _start_marks(result)),
+        "stop": ("■", "stop inside a contour", _stop_marks(result)),
+        "pierce": ("⊙", "pierce", _pierce_marks(result, job.process)),
+        "on": ("◆", "output on or changed", _output_marks(result, tabs, on=True)),
+        "off": ("◇", "output off", _output_marks(result, tabs, on=False)),
         **{name: (symbol, mark.words, [mark]) for name, symbol, mark in extremes},
     }
     keys = [Key("┄", f"tab ({len(tabs)})")] if tabs else []
@@ -184,22 +184,22 @@ ROW_OF = {"error": "off_drawing", "near": "clearance.low", "slow": "slowest"}
 
 
 def slug(text: str) -> str:
-    """Text as a part of an id."""
+    """Convert a text to a part of an id."""
     return re.sub(r"\W+", "-", text)
 
 
 def word_of(kind: str) -> str:
-    """Displayed name of a kind of limit."""
+    """Return how pages call a limit kind."""
     return str(limit_style(kind).get("word", kind))
 
 
 def colour_of(kind: str) -> str:
-    """Colour of a kind of limit on a light page."""
+    """Return a limit kind's colour on a light page."""
     return str(limit_style(kind)["light"])
 
 
 def look_of(kind: str) -> str:
-    """SVG attribute with the colours (light and dark theme) and the dashes of a kind of limit."""
+    """Return the SVG attribute with a limit kind's colours (light, dark theme) and dashes."""
     entry = limit_style(kind)
     dash = " ".join(map(str, entry["dash"]))
     return (
@@ -209,7 +209,7 @@ def look_of(kind: str) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sheet:
-    """Projection of points of a path into the drawing."""
+    """Projection of path points into the drawing."""
 
     # Unit vectors to the right and up in the coordinates of the path, (2, dimension)
     axes: FloatArray
@@ -222,7 +222,7 @@ class Sheet:
 
     @classmethod
     def of(cls, points: FloatArray, axes: FloatArray) -> Sheet:
-        """Sheet on which points [m], (n, dimension), are drawn as large as possible."""
+        """Make the sheet on which points [m], (n, dimension), are drawn as large as possible."""
         low, high = (f(points @ axes.T, axis=0) for f in (np.min, np.max))
         wide, high_up = np.maximum(high - low, 1e-9)
         size = min((WIDTH - 2 * EDGE) / wide, (HEIGHT - 2 * EDGE) / high_up)
@@ -238,7 +238,7 @@ class Sheet:
     def line(
         self, curves: Sequence[FloatArray], look: str, words: str = "", *, fine: bool = False
     ) -> Line:
-        """Line through curves [m], simplified to a deviation of VISIBLE on the screen.
+        """Draw curves [m] as a line, simplified to a deviation of VISIBLE on the screen.
 
         `fine`: the curves are simplified already; their details are seen in the enlarged drawing.
         """
@@ -251,19 +251,19 @@ class Sheet:
         return Line(look, "".join(texts), words)
 
     def without_overlap(self, marks: Iterable[Mark]) -> list[Mark]:
-        """Marks of which those that would overlap an earlier one are omitted."""
+        """Remove marks that would overlap an earlier one."""
         cells: dict[tuple[float, ...], Mark] = {}
         for mark in marks:
             cells.setdefault(tuple((self.place(mark.point) // APART).tolist()), mark)
         return list(cells.values())
 
     def angle(self, mark: Mark) -> float:
-        """Direction of a mark, clockwise from right [deg]."""
+        """Return a mark's direction, clockwise from right [deg]."""
         along = np.array([1.0, 0.0]) if mark.along is None else mark.along @ self.axes.T
         return float(-np.degrees(np.arctan2(along[1], along[0])))
 
     def window(self, mark: Mark) -> float:
-        """Size of what a link to a mark shows [px]."""
+        """Return the size of the part that a link to the mark shows [px]."""
         return mark.window * self.size or WIDTH / CLOSER
 
     @property
@@ -287,7 +287,7 @@ class Sheet:
 
 
 def view_of(points: FloatArray) -> FloatArray:
-    """Unit vectors to the right and up in the view of points, (2, dimension).
+    """Return unit vectors to the right and up in the view, (2, dimension).
 
     Paths in a plane of constant z are viewed from above, other paths in space obliquely.
     """
@@ -298,7 +298,10 @@ def view_of(points: FloatArray) -> FloatArray:
 
 
 def pieces_of(result: RunResult, shortest: float) -> dict[str, list[FloatArray]]:
-    """Curves of the contours [m], by kind of the limiting constraint, down to a length [m]."""
+    """Cut the contours into curves [m] by the limiting constraint's kind.
+
+    A curve shorter than `shortest` [m] gets the kind of the previous curve.
+    """
     explanation = result.explanation
     pieces: defaultdict[str, list[FloatArray]] = defaultdict(list)
     starts = np.array([0.0] if explanation is None else [x.s[0] for x in explanation.bindings])
@@ -323,14 +326,14 @@ def pieces_of(result: RunResult, shortest: float) -> dict[str, list[FloatArray]]
 
 
 def kind_of(limit: str) -> str:
-    """Palette name of a kind of limit."""
+    """Return the palette name of a limit, which is its kind."""
     return BETWEEN if limit == "nothing" else limit
 
 
 def legend_of(result: RunResult, places: Mapping[str, str]) -> tuple[LegendEntry, ...]:
-    """Legend of a run: time of each kind of limit, in order of decreasing time.
+    """Make the legend of a run: one entry per limit kind, the longest active time first.
 
-    `places`: ids of the places of the kinds.
+    `places` has, for each limit kind, the id of the mark where this kind is active longest.
     """
     if (explanation := result.explanation) is None:
         return ()
@@ -346,7 +349,7 @@ def legend_of(result: RunResult, places: Mapping[str, str]) -> tuple[LegendEntry
 
 
 def rapid_paths(result: RunResult) -> list[FloatArray]:
-    """Sampled tool paths of the rapids [m], (RAPID_PLACES, dimension) each."""
+    """Sample the tool paths of the rapids [m], (RAPID_PLACES, dimension) each."""
     spans = [x.t for x in result.trajectory.spans if x.kind == "rapid"]
     if not spans:
         return []
@@ -388,8 +391,8 @@ def _leads(result: RunResult, sheet: Sheet) -> Iterator[Line]:
         yield sheet.line(curves, f'class="lead" stroke="{LINES["leads"]}"', "lead")
 
 
-def _starts(result: RunResult) -> list[Mark]:
-    """Marks at the starts of contours, with their directions."""
+def _start_marks(result: RunResult) -> list[Mark]:
+    """Mark the starts of contours, with their directions."""
     spans = result.trajectory.contour_spans
     marks = []
     for k, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True)):
@@ -414,8 +417,8 @@ def _numbers(result: RunResult, sheet: Sheet) -> Iterator[tuple[int, FloatArray]
             yield contour.number or k + 1, taken[-1]
 
 
-def _stops(result: RunResult) -> list[Mark]:
-    """Marks at the points inside contours at which the tool stops."""
+def _stop_marks(result: RunResult) -> list[Mark]:
+    """Mark the points inside contours at which the tool stops."""
     marks = []
     for contour, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):
         motion = span.trajectory
@@ -428,8 +431,8 @@ def _stops(result: RunResult) -> list[Mark]:
     return marks
 
 
-def _events(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[Mark]:
-    """Marks at the points at which outputs are switched, without those of tabs."""
+def _output_marks(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[Mark]:
+    """Mark the points at which outputs are switched, without those of tabs."""
     words = {True: "on", False: "off"}
     ends = list[float]()
     for _, offset, begin, end in tabs:
@@ -447,7 +450,7 @@ def _events(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[Mark]:
 
 
 def _tabs(result: RunResult, process: Process) -> list[Tab]:
-    """Tabs of all contours: parts at work on which the process is off."""
+    """List the tabs of all contours: parts at work on which the process is off."""
     tabs = []
     for k, start, end in idle_parts(result.path, process):
         contour = result.path.contours[k]
@@ -457,8 +460,8 @@ def _tabs(result: RunResult, process: Process) -> list[Tab]:
     return tabs
 
 
-def _pierces(result: RunResult, process: Process) -> list[Mark]:
-    """Marks at the starts of contours at which the tool pierces."""
+def _pierce_marks(result: RunResult, process: Process) -> list[Mark]:
+    """Mark the starts of contours at which the tool pierces."""
     return [
         Mark(x.path(0.0), f"pierce {number(pierce.time, 's')}")
         for x in result.path.contours
@@ -494,12 +497,12 @@ def _extremes(result: RunResult, prefix: str) -> Iterator[tuple[str, str, Mark]]
 
 
 def _at(result: RunResult, s: float) -> FloatArray:
-    """Point at an arc length over all contours [m], (dimension,)."""
+    """Return the point at an arc length over all contours [m], (dimension,)."""
     return np.asarray(points_at(result.path, np.array([s]))[0])
 
 
 def _limit_marks(result: RunResult, prefix: str) -> dict[str, Mark]:
-    """For each kind of limit, a mark in the middle of the longest part of the motion with it."""
+    """Mark the middle of the longest part with each limit kind."""
     longest: dict[str, Binding] = {}
     for part in () if result.explanation is None else result.explanation.bindings:
         kind = kind_of(part.limit)

@@ -1,4 +1,4 @@
-"""Message frames with the picture of a plan or of a program, and the header of a refusal."""
+"""Message frames with the picture of a plan or a program, and the header of a refusal."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ from armcontour.report.view import (
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import use_of
 
-# Approximate maximum number of drawn points of any path.
+# Approximate maximum number of drawn points per path.
 MAX_POINTS = 20_000
-# Approximate maximum number of drawn points of simple paths. Each point that the shape of a path
-# needs allows two more, up to MAX_POINTS.
+# Approximate maximum number of drawn points per simple path. Each point that the path's shape needs
+# allows two more, up to MAX_POINTS.
 MIN_POINTS = 1_200
 # The interval of an active limit is always drawn if it is longer than this factor times the drawing
 # tolerance.
@@ -53,7 +53,7 @@ NO_LIMIT = 255
 
 # Number of points per rapid.
 RAPID_POINTS = 16
-# Approximate maximum number of points of all rapids.
+# Approximate maximum number of points for all rapids together.
 MAX_RAPID_POINTS = 50_000
 # Maximum number of rounded corners with handles; with more, no corner has a handle.
 MAX_CORNERS = 400
@@ -81,7 +81,7 @@ class Tier(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Preview(RunResult):
-    """Plan of one run of a document, with the accuracy `tier`."""
+    """The plan of a run, with the accuracy `tier`."""
 
     job: Job
     tier: Tier = Tier.PREVIEW
@@ -103,9 +103,10 @@ def refusal_header(
     planned: Preview | None = None,
     waypoints: FloatArray | None = None,
 ) -> dict[str, Any]:
-    """Header of a frame `refusal`: error and its position on the path; `view` None: no position.
+    """Make the header of a frame `refusal`: the error and where it is on the path.
 
-    `tier` is the failed computation: 1 plan, 2 execution, 3 full run.
+    `tier` is the failed computation: 1 plan, 2 execution, 3 full run. Without a `view`, the
+    position is unknown.
     """
     edits = [
         [_edit((*error.key, *keys), value) for keys, value in remedy.items()]
@@ -124,7 +125,7 @@ def refusal_header(
 def _position(
     error: ArmContourError, view: View, planned: Preview | None, waypoints: FloatArray | None
 ) -> dict[str, Any]:
-    """Position of an error on the path, and the waypoint at which it is."""
+    """Return where an error is on the path, and the waypoint there."""
     point = None if error.point is None else np.array(error.point)
     if point is None and error.t is not None and planned is not None:
         t = np.clip(error.t, 0.0, planned.trajectory.duration)
@@ -143,7 +144,7 @@ def _edit(keys: Keys, value: Any) -> dict[str, Any]:
 
 
 def picture_frame(planned: Preview, view: View) -> MessageFrame:
-    """Message frame with the picture and the values of a plan."""
+    """Make the message frame with the picture and the values of a plan."""
     header, arrays = _line_arrays(planned, planned.path, view)
     header |= {
         "run": planned.run.name,
@@ -162,7 +163,7 @@ def picture_frame(planned: Preview, view: View) -> MessageFrame:
 
 
 def drawing_frame(program: Program | None, view: View, *, run: str = "") -> MessageFrame:
-    """Message frame with the picture of a program without a plan; `program` None: empty path."""
+    """Make the message frame with a program's picture without a plan; None is an empty path."""
     header: dict[str, Any] = {"limits": [], "kerfs": [], "contours": []}
     arrays: dict[str, Any] = {
         "objective": to_float32(np.empty(0)),
@@ -180,7 +181,7 @@ def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Mess
 def _line_arrays(
     planned: Preview | None, program: Program, view: View
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Header and arrays of all lines.
+    """Make the header and the arrays of all lines.
 
     The lines are the objective, and with a plan the kerf, and the path with speed and active limit.
     """
@@ -210,7 +211,7 @@ def _line_arrays(
     shape = essential_points(points, ends, error)
     weight = np.where(shape, np.inf, 0.0)
     changes = np.flatnonzero(np.diff(binding)) + 1
-    # The weight of a change of the active limit is the arc length to the next change.
+    # A change of the active limit weighs as much as the arc length to the next change.
     lengths = np.diff(s[np.append(changes, len(s) - 1)])
     lengths[lengths > VISIBLE_STRETCH * error] = np.inf
     weight[changes] = np.maximum(weight[changes], lengths)
@@ -231,10 +232,10 @@ def _line_arrays(
 def _sample_plan(
     planned: Preview, error: float
 ) -> tuple[FloatArray, IntArray, dict[str, FloatArray]]:
-    """Points along all contours [m], `ends` as in `essential_points`, and values at the points.
+    """Sample all contours: return points [m], `ends` as in `essential_points`, and values.
 
     The values are arc length over all contours [m], time [s], tool speed and assigned velocity
-    [m/s], NaN if not assigned. The points are those of curves and grid points of the timing.
+    [m/s], NaN if not assigned. The points are points on curves and grid points of the plan.
     """
     rows: list[tuple[FloatArray, ...]] = []
     for contour, span in zip(planned.path.contours, planned.trajectory.contour_spans, strict=True):
@@ -257,7 +258,7 @@ def _sample_plan(
 def _active_limits(
     explanation: Explanation | None, limits: Sequence[Mapping[str, Any]], s: FloatArray
 ) -> npt.NDArray[np.uint8]:
-    """Index in `limits` of the active limit from each arc length to the next, (n,)."""
+    """Return the index in `limits` of the active limit from each arc length to the next, (n,)."""
     if explanation is None:
         return np.full(len(s), NO_LIMIT, dtype=np.uint8)
     index = {x["name"]: k for k, x in enumerate(limits)}
@@ -268,7 +269,7 @@ def _active_limits(
 
 
 def _contours(planned: Preview | None, contours: Sequence[Contour]) -> list[dict[str, Any]]:
-    """Number, name and layer of each contour in the order of the motion, with a plan also times."""
+    """List each contour's number, name and layer in the motion's order; with a plan also times."""
     rows: list[dict[str, Any]] = [
         {"number": x.number or k + 1, "name": x.name, "layer": x.layer}
         for k, x in enumerate(contours)
@@ -282,7 +283,7 @@ def _contours(planned: Preview | None, contours: Sequence[Contour]) -> list[dict
 
 
 def _idle(planned: Preview) -> Any:
-    """Parts on which the process is off: contour, and arc lengths as in `path_s` [m], (n, 3)."""
+    """Return the parts on which the process is off: contour, and arc lengths [m], (n, 3)."""
     parts = np.array(idle_parts(planned.path, planned.job.process)).reshape(-1, 3)
     parts[:, 1:] += planned.path.breaks[parts[:, 0].astype(np.intp), None]
     return to_float32(parts)
@@ -291,9 +292,10 @@ def _idle(planned: Preview) -> Any:
 def _lines(
     name: str, points: FloatArray, ends: IntArray, view: View, error: float
 ) -> dict[str, Any]:
-    """Screen coordinates and breaks of lines through points [m]; `ends`: see `essential_points`.
+    """Return screen coordinates and breaks of lines through points [m].
 
-    Lines with more than `MAX_POINTS` points are simplified to within `error` [m].
+    `ends` is as in `essential_points`. Lines with more than `MAX_POINTS` points are simplified to
+    within `error` [m].
     """
     indices = np.arange(len(points))
     if len(indices) > MAX_POINTS:
@@ -305,7 +307,7 @@ def _lines(
 
 
 def _kerf(planned: Preview, view: View, error: float) -> tuple[list[float], dict[str, Any]]:
-    """Kerf of each cut line [m], and arrays of cut lines and of drawn contours."""
+    """Return each cut line's kerf [m], and the arrays of cut lines and drawn contours."""
     process = planned.job.process
     parts = cut_parts(planned.path, process)
     if not parts:
@@ -320,7 +322,7 @@ def _kerf(planned: Preview, view: View, error: float) -> tuple[list[float], dict
 
 
 def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
-    """Name and kind of each active limit, in the order of the motion."""
+    """List name and kind of each active limit, in the motion's order."""
     if explanation is None:
         return []
     kinds = {x.name: x.limit for x in explanation.bindings if x.limit != "nothing"}
@@ -328,7 +330,7 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
 
 
 def time_header(explanation: Explanation | None) -> dict[str, Any]:
-    """Header with the durations of active limits and the fraction of each kind of limit."""
+    """Make the header with the times of active limits, and each limit kind's fraction."""
     if explanation is None:
         return {"time": [], "kinds": []}
     shares = [(x, share) for x, share in explanation.kinds.items() if share >= MIN_SHARE]
@@ -337,14 +339,14 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
 
 
 def time_table(explanation: Explanation) -> Table:
-    """Durations of active limits, without those that take less than MIN_SHARE of the time."""
+    """Make a table of the active limits' times, without those below MIN_SHARE of the duration."""
     table = explanation.time_table
     of_time = [x.name for x in table.columns].index("of_time")
     return replace(table, rows=[x for x in table.rows if x[of_time] >= MIN_SHARE])
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
-    """Points with the lowest shares of the assigned velocity, with the reasons, in path order."""
+    """List the points slowest relative to the assigned velocity, with reasons, in path order."""
     shortfalls = () if planned.explanation is None else planned.explanation.shortfalls
     worst = sorted(shortfalls, key=lambda x: x.speed / x.assigned)[:MAX_SHORTFALLS]
     if not worst:
@@ -362,7 +364,7 @@ def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
 
 
 def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
-    """Rounded corners of all contours; an empty list if there are more than MAX_CORNERS."""
+    """List the rounded corners of all contours; an empty list if more than MAX_CORNERS."""
     rows: list[dict[str, Any]] = []
     rounding = planned.run.rounding
     for index, contour in enumerate(planned.path.contours):
@@ -392,7 +394,7 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
 
 
 def _notes(planned: Preview) -> list[str]:
-    """Notes about the accuracy and the completeness of the picture."""
+    """List notes on the picture's accuracy and completeness."""
     notes = list(planned.remarks)
     explanation = planned.explanation
     if explanation is not None and (hidden := len(explanation.shortfalls) - MAX_SHORTFALLS) > 0:
@@ -409,7 +411,7 @@ def _notes(planned: Preview) -> list[str]:
 
 
 def _rapids(planned: Preview, view: View) -> dict[str, Any]:
-    """Arrays of the sampled tool paths of rapids."""
+    """Return the arrays of the rapids' sampled tool paths."""
     spans = [x.t for x in planned.trajectory.spans if x.kind == "rapid"]
     if not spans:
         return {}
@@ -427,7 +429,7 @@ def _rapids(planned: Preview, view: View) -> dict[str, Any]:
 
 
 def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
-    """Arrays over time of joint positions and signed shares of joint limits."""
+    """Return arrays over time: joint positions, and signed shares of joint limits."""
     breaks = trajectory.breaks
     if len(breaks) > MAX_BREAKS:
         breaks = breaks[np.linspace(0, len(breaks) - 1, MAX_BREAKS).astype(np.intp)]
@@ -458,5 +460,5 @@ def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, A
 
 
 def signed_shares(name: str, limits: Limits, values: FloatArray) -> FloatArray:
-    """Values as fractions of a joint limit, with the signs of the values, (n, dof)."""
+    """Return values as fractions of a joint limit, with the values' signs, (n, dof)."""
     return np.copysign(use_of(name, limits, values).ratio, values)

@@ -57,7 +57,7 @@ def render_demo(studies: Sequence[JobResult]) -> str:
 
 
 def sections_of(study: JobResult, warnings: Sequence[str] = ()) -> list[Section]:
-    """Sections of a study that have contents; certificate `warnings` replace those of the runs."""
+    """Make the sections of a study that have contents; `warnings` are a certificate's."""
     folded = [
         sections.notes(study, warnings),
         sections.all_figures(study),

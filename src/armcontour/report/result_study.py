@@ -18,19 +18,19 @@ from armcontour.planning import Optimal, explain
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
 from armcontour.report.figure import Figure, Picture
 from armcontour.report.sections.joints import draw_joints
-from armcontour.report.sections.motion import draw_over_time, error, speed
+from armcontour.report.sections.motion import draw_over_time, plot_error, plot_speed
 from armcontour.report.sections.path_section import draw_tool, tools_of
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation, evaluate
 
 Result = JobResult | RunResult | Evaluation | Execution | Trajectory
-# Number of points of the tool path of a plan in joint space.
+# Number of tool-path points drawn for a plan in joint space.
 PLACES = 2000
 
 
 def study_of(result: Result) -> JobResult:
-    """Study with a result as its only run.
+    """Make the study whose only run is a result.
 
     Raises InvalidInput if the result does not contain its arm, or an evaluation its execution.
     """
@@ -74,19 +74,19 @@ def draw_result(result: Result, kind: str) -> Picture:
 def _draw_error(study: JobResult) -> Figure:
     if not study.simulated:
         raise InvalidInput("A plan has no contour error. Execute and evaluate the plan first.")
-    return draw_over_time(study, error, title="Contour error")
+    return draw_over_time(study, plot_error, title="Contour error")
 
 
 KINDS: dict[str, Callable[[JobResult], Picture]] = {
     "path": lambda study: draw_tool(tools_of(study)[0], study.job.name),
     "joints": lambda study: draw_joints(*next(iter(study.runs.items()))),
-    "speed": lambda study: draw_over_time(study, speed, title="Tool speed"),
+    "speed": lambda study: draw_over_time(study, plot_speed, title="Tool speed"),
     "error": _draw_error,
 }
 
 
 def _study(result: RunResult) -> JobResult:
-    """Study of one run."""
+    """Make the study of one run."""
     # A servo of order "unknown" without dead time follows its set-points exactly.
     servo = ServoModel(order="unknown") if result.servo is None else result.servo
     job = Job(
@@ -106,7 +106,7 @@ def _planned(
     program: Program | None = None,
     limits: Limits | None = None,
 ) -> RunResult:
-    """Planned run of a trajectory; arm, program and limits default to those of the trajectory."""
+    """Make the planned run of a trajectory; its own arm, program and limits are the defaults."""
     arm = arm_of(plan, arm)
     program = _program_of(plan, arm) if program is None else program
     limits = resolve_limits("write_report", arm, limits, plan.limits)
@@ -134,7 +134,7 @@ def _run(name: str, plan: Trajectory, method: str, limits: Limits, cycle: float)
 
 
 def _program_of(plan: Trajectory, arm: Arm) -> Program:
-    """Program of a plan; for a plan in joint space, its tool path as a polyline."""
+    """Make the program of a plan; for a plan in joint space, its tool path as a polyline."""
     if plan.spans:
         return Program(tuple(_move_of(x) for x in plan.spans if x.move is not None))
     if plan.path is not None:
@@ -144,7 +144,7 @@ def _program_of(plan: Trajectory, arm: Arm) -> Program:
 
 
 def _move_of(span: Span) -> Move:
-    """Move of the program that corresponds to a span of a plan."""
+    """Make the program's move that corresponds to a span of a plan."""
     if span.kind == "dwell":
         return Dwell(span.t[1] - span.t[0])
     motion = span.trajectory

@@ -97,9 +97,9 @@ class Chapter:
 def tiles(
     data: Data, level: int = VERDICT, places: Mapping[str, str] = NO_PLACES
 ) -> tuple[Tile, ...]:
-    """Tiles that show the first rows up to a level in large print, without the verdict.
+    """Show the first rows up to a level in large print, without the verdict.
 
-    `places`: ids of marks by the names of rows; a row with a mark is always shown.
+    `places` has mark ids by row name; a row with a mark is always shown.
     """
     rows = [x for x in data.shown(level) if x.unit != JUDGED and not isinstance(x.value, bool)]
     return tuple(
@@ -110,7 +110,7 @@ def tiles(
 
 
 def side_by_side(results: Mapping[str, Data], caption: str = "") -> tuple[TextTable, ...]:
-    """Tables of the values, one column per result; rows with sentences or only 0 are omitted.
+    """Tabulate the values, one column per result, without rows of sentences or zeros.
 
     The values of one result have two tables, so that they are as wide as the page.
     """
@@ -145,5 +145,5 @@ def text_table(table: result.Table, caption: str = "") -> TextTable:
 
 
 def joint_words(name: str) -> str:
-    """Name of a joint without the usual ending in robot descriptions."""
+    """Return a joint name without the usual ending in robot descriptions."""
     return name.removesuffix("_joint").replace("_", " ")

@@ -20,17 +20,17 @@ LIMIT_DASH = (6.0, 4.0)
 DECADES = 1e3
 # Maximum number of points in a curve; more points are not visible.
 MAX_POINTS = 2400
-# Maximum number of sentences of one kind.
+# Maximum number of sentences per kind.
 MAX_SENTENCES = 6
 
 
 def run_colours(names: Iterable[str]) -> dict[str, str]:
-    """Colour of each run by name; colours repeat after the last one of RUN_COLOURS."""
+    """Choose each run's colour, by name; after the last one of RUN_COLOURS they repeat."""
     return {name: RUN_COLOURS[i % len(RUN_COLOURS)] for i, name in enumerate(names)}
 
 
 def run_widths(names: Iterable[str]) -> dict[str, float]:
-    """Line width of each run by name [px]; later runs are thinner, so that no line is covered."""
+    """Choose each run's line width [px], by name; later runs are thinner, to cover no line."""
     listed = list(names)
     return {name: min(1.5 + 1.3 * (len(listed) - 1 - i), 7.0) for i, name in enumerate(listed)}
 
@@ -51,7 +51,7 @@ def thin(x: FloatArray, y: FloatArray, count: int = MAX_POINTS) -> tuple[FloatAr
 
 
 def few(sentences: Iterable[str], noun: str = "of these") -> tuple[str, ...]:
-    """The first MAX_SENTENCES sentences, and a sentence with the number of the others."""
+    """Return the first MAX_SENTENCES sentences, and a sentence that counts the others."""
     listed = tuple(sentences)
     if len(listed) <= MAX_SENTENCES:
         return listed

@@ -1,4 +1,4 @@
-"""Projection of paths onto the plane of the picture, and selection of the points to draw."""
+"""Project paths onto the plane of the picture, and select the points to draw."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path, Segments
 from armcontour.program import Program
 
-# Maximum spacing of evenly spaced times of a motion [s], unless there would be more than
+# Maximum spacing of a motion's evenly spaced times [s], unless there would be more than
 # MAX_SAMPLES. With this spacing, linear interpolation has an error of 0.3 mrad at 20 rad/s².
 MAX_SPACING = 10e-3
-# Maximum number of evenly spaced times of a motion.
+# Maximum number of evenly spaced times in a motion.
 MAX_SAMPLES = 2_000
-# Ratio of the size of a picture to the maximum deviation of its lines.
+# Size of a picture divided by the maximum deviation of its lines.
 PICTURE_FINENESS = 20_000
-# Smaller pictures have the maximum deviation of a picture of this size [m].
+# A smaller picture has the same maximum deviation as a picture with this size [m].
 MIN_SIZE = 1e-4
 # Maximum angle between adjacent points of a curve [rad].
 TURN = 0.06
-# Maximum number of points of an arc.
+# Maximum number of points per arc.
 MAX_PER_ARC = 20_000
 # Accumulated change of direction after which a point is always drawn [rad].
 CORNER_TURN = 0.4
-# Default maximum number of points that are always drawn because of a change of direction.
+# Default maximum number of points that are always drawn because the direction changes.
 MAX_CORNERS = 100_000
-# Minimum number of evenly spaced times of a motion.
+# Minimum number of evenly spaced times in a motion.
 MIN_SAMPLES = 200
 # Default approximate maximum number of points in a drawing.
 MAX_DRAWN = 20_000
@@ -59,14 +59,14 @@ class Plane:
         return np.asarray(offsets @ axes)
 
     def lift(self, uv: npt.ArrayLike) -> FloatArray:
-        """Points in space [m], (..., 3), with coordinates in the picture [m], (..., 2)."""
+        """Return the points in space [m], (..., 3), of coordinates in the picture [m], (..., 2)."""
         u = np.asarray(uv, dtype=np.float64)
         return np.asarray(self.origin + u @ np.stack([self.x, self.y]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """Projection of points onto the plane of the picture, relative to the centre of the picture."""
+    """Projection of points onto the plane of the picture, relative to its centre."""
 
     plane: Plane
     # Centre of the picture in the plane [m], (2,); origin of the arrays for the page.
@@ -96,14 +96,14 @@ class View:
 
 
 def in_space(points: FloatArray) -> FloatArray:
-    """Points with three coordinates, (..., 3); planar points get z = 0."""
+    """Return points with three coordinates, (..., 3); planar points get z = 0."""
     if points.shape[-1] == 3:
         return points
     return np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
 
 
 def points_at(program: Program, s: FloatArray) -> FloatArray:
-    """Points at arc lengths that are cumulated over all contours [m], (n, dimension)."""
+    """Return the points at arc lengths that are cumulated over all contours [m], (n, dimension)."""
     breaks = program.breaks
     contour_indices = np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2)
     points = np.empty((len(s), program.dimension))
@@ -120,13 +120,13 @@ def to_float32(values: FloatArray) -> Any:
 
 
 def sample_times(duration: float) -> FloatArray:
-    """Evenly spaced times from 0 to the duration of a motion [s], (n,)."""
+    """Return evenly spaced times from 0 to a motion's duration [s], (n,)."""
     count = min(MAX_SAMPLES, max(MIN_SAMPLES, 1 + int(np.ceil(duration / MAX_SPACING))))
     return np.linspace(0.0, duration, count)
 
 
 def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) -> IntArray:
-    """Indices of about `limit` points to draw.
+    """Select about `limit` points to draw; return their indices.
 
     They are the points with infinite or the largest weights, the first and the last point, and the
     minima and maxima of the rows in equal intervals.
@@ -155,14 +155,14 @@ def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) ->
 
 
 def allowed_drawing_error(uv: FloatArray) -> float:
-    """Allowed distance between path and drawn line [m], for points of a picture [m], (n, 2)."""
+    """Return how far a drawn line may be from its path [m], for picture points [m], (n, 2)."""
     # This measure of the size does not change when the path is rotated.
     away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
     return max(2.0 * float(away.max(initial=0.0)), MIN_SIZE) / PICTURE_FINENESS
 
 
 def drawn_points(paths: Sequence[Path], error: float) -> tuple[FloatArray, IntArray]:
-    """Samples of lines [m], (n, dimension), the index of the first one of each line, and n."""
+    """Sample lines [m], (n, dimension); also return each line's first index, and n."""
     # One evaluation of all paths is many times faster than one of each path.
     table = Segments.join([x.segments for x in paths])
     last = np.cumsum([len(x) for x in paths])
@@ -176,7 +176,7 @@ def drawn_points(paths: Sequence[Path], error: float) -> tuple[FloatArray, IntAr
 def drawn_arc_lengths(
     path: Path, error: float, start: float = 0.0, end: float | None = None
 ) -> FloatArray:
-    """Arc lengths of the samples of a path: ends of segments and points on curves [m], (n,)."""
+    """Sample a path for drawing: return arc lengths of segment ends and points on curves [m]."""
     i, share = _drawn_parts(path.segments, error)
     s = np.append(path.breaks[i] + path.lengths[i] * share, path.length)
     last = path.length if end is None else end
@@ -184,12 +184,12 @@ def drawn_arc_lengths(
 
 
 def drawn_curve(path: Path, start: float = 0.0, end: float | None = None) -> FloatArray:
-    """Points of a part of a path, without a bound of the distance from the path [m], (n, dim)."""
+    """Sample a part of a path for drawing, with points on curves by angle only [m], (n, dim)."""
     return path(drawn_arc_lengths(path, np.inf, start, end))
 
 
 def _drawn_parts(table: Segments, error: float) -> tuple[IntArray, FloatArray]:
-    """Segments of the samples except the last, and the shares of their lengths, (n,) each."""
+    """Return the samples' segments, without the last, and the shares of their lengths, (n,)."""
     bend = np.abs(table.curvatures)
     coarse = np.maximum(bend * table.lengths / TURN, table.lengths * np.sqrt(bend / error))
     parts = np.clip(np.ceil(coarse), 1, MAX_PER_ARC).astype(np.intp)
@@ -199,7 +199,7 @@ def _drawn_parts(table: Segments, error: float) -> tuple[IntArray, FloatArray]:
 
 
 def simplify(curves: Sequence[FloatArray], error: float, limit: int = MAX_DRAWN) -> list[IntArray]:
-    """Indices of the drawn points of each curve, about `limit` in all, see `essential_points`."""
+    """Select each curve's points to draw, about `limit` in all; return their indices."""
     step = max(1, sum(map(len, curves)) // MAX_CANDIDATES)
     sampled = [np.append(np.arange(0, len(x) - 1, step), len(x) - 1) for x in curves]
     points = np.concatenate([x[rows] for x, rows in zip(curves, sampled, strict=True)])
@@ -216,10 +216,13 @@ def simplify(curves: Sequence[FloatArray], error: float, limit: int = MAX_DRAWN)
 def essential_points(
     points: FloatArray, ends: IntArray, error: float, max_corners: int = MAX_CORNERS
 ) -> BoolArray:
-    """Mask of the points to draw, (n,): corners, and points that keep all within `error` [m].
+    """Select the points to draw, as a mask, (n,): corners, and points that keep `error` [m].
 
-    - `ends`: index of the first point of each line, and the number of points at the end.
-    - `max_corners`: with more corners than this, corners are not preferred.
+    Args:
+        points: Points of all lines [m], (n, dimension).
+        ends: Each line's first index in `points`, and n, (lines + 1,).
+        error: Largest distance from a line to an omitted point [m].
+        max_corners: With more corners than this, corners are not preferred.
     """
     mask = np.zeros(len(points), dtype=bool)
     mask[ends[:-1]] = mask[ends[1:] - 1] = True
@@ -247,7 +250,7 @@ def essential_points(
 
 
 def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
-    """Change of direction, accumulated over all points up to each point [rad], (n,)."""
+    """Return the change of direction, accumulated up to each point [rad], (n,)."""
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1, keepdims=True)
     along = step / np.where(length > 0, length, 1.0)
@@ -259,7 +262,7 @@ def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
 
 
 def _from_piece(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Distances of points from line segments [m], (n,)."""
+    """Return the distances of points from line segments [m], (n,)."""
     chord = end - begin
     away = points - begin
     square = np.einsum("ij,ij->i", chord, chord)

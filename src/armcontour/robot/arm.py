@@ -183,6 +183,9 @@ class Arm(Immutable, ABC):
     def with_limits(self, limits: Limits) -> Self:
         """Return the arm with other limits.
 
+        >>> arm.with_limits(ac.Limits(speed=0.1)).limits.speed
+        0.1
+
         Args:
             limits: The new limits, one value for all joints or one per joint; None keeps the arm's
                 limit.
@@ -253,6 +256,10 @@ class Arm(Immutable, ABC):
         """Return the arm with another load, or with other drive inertia or friction.
 
         Specify one value for all joints or one per joint; None keeps the arm's value.
+
+        >>> loaded = ac.load_arm("ur5e").with_dynamics(payload=ac.Payload(mass=2.0))
+        >>> loaded.chain.payload.mass
+        2.0
 
         Args:
             payload: Load at the tip, instead of the arm's load.
@@ -355,8 +362,8 @@ class Arm(Immutable, ABC):
 
         Poses of a planar arm are in the plane z = 0.
 
-            arm = load_arm("ur5e")
-            arm.forward(np.zeros(6))[:3, 3]  # the tool point [m]
+        >>> arm.forward([0.0, 0.0])[:3, 3]
+        array([0.135, 0.465, 0.   ])
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -378,8 +385,10 @@ class Arm(Immutable, ABC):
         Planar arms and most six-joint arms have a closed-form solution; for other arms it is
         searched.
 
-            q = arm.inverse(arm.forward(start), near=start)
-            elbow_up_and_down = arm.inverse(Frame((0.4, 0.1, 0.3), flipped), all=True)
+        >>> arm.inverse((0.35, 0.2, 0.0)).round(3)
+        array([0.024, 1.782])
+        >>> arm.inverse((0.35, 0.2, 0.0), all=True).shape
+        (2, 2)
 
         Args:
             pose: The pose in the work frame: a 4 by 4 transform, a pinocchio.SE3 or a Frame. If you
@@ -457,8 +466,9 @@ class Arm(Immutable, ABC):
         The first three rows are the velocity of the tool point [m/rad], the last three the angular
         velocity [rad/rad], along the axes of the work frame (`LOCAL_WORLD_ALIGNED` in pinocchio).
 
-            arm = load_arm("ur5e")
-            twist = arm.jacobian(q) @ dq
+        >>> twist = arm.jacobian([0.1, 1.0]) @ [0.2, 0.0]
+        >>> twist.round(3)
+        array([ 0.069, -0.043,  0.   ,  0.   ,  0.   , -0.2  ])
 
         Args:
             q: Joint positions [rad], (..., dof).

@@ -55,7 +55,8 @@ class Chain(Checked):
     Joint i turns by q[i] about `axes[i]`, or moves by q[i] along it if it is prismatic. The frame
     of joint i is also the frame of link i; at q = 0 it has the position `positions[i]` and the
     rotation `rotations[i]` in the frame of link i - 1. The first joint is in the frame of the base.
-    For a prismatic joint, m replaces rad and N replaces N m in all units.
+    For a prismatic joint, m replaces rad and N replaces N m in all units. The frames `floor`,
+    `base`, `tip` and `tool` are by default the same as the frame in which they are given.
 
     Args:
         joints: Names of the joints.
@@ -63,18 +64,19 @@ class Chain(Checked):
         positions: Positions of the joint frames [m], (n, 3).
         axes: Joint axes as unit vectors in the joint frames, (n, 3).
         masses: Masses of the links [kg], (n,); None if they are not known.
-        centers: The links' centres of mass in the link frames [m], (n, 3).
+        centers: The links' centres of mass in the link frames [m], (n, 3); required with masses.
         inertias: Inertias of the links about their centres of mass, along the axes of the link
-            frames [kg m²], (n, 3, 3).
-        armature: Inertia of each drive, reflected to its joint [kg m²], (n,).
-        viscous: Viscous friction of the joints [N m s/rad], (n,).
-        coulomb: Coulomb friction of the joints [N m], (n,).
+            frames [kg m²], (n, 3, 3); required with masses.
+        armature: Inertia of each drive, reflected to its joint [kg m²], (n,); 0 by default.
+        viscous: Viscous friction of the joints [N m s/rad], (n,); 0 by default.
+        coulomb: Coulomb friction of the joints [N m], (n,); 0 by default.
         prismatic: Whether each joint is prismatic (sliding), (n,); by default all are revolute.
         weights: Weights of the joint motions for a redundant arm, (n,); 1 by default. A joint with
             a larger weight moves less.
-        held: Positions at which some joints stay [rad], by index.
-        positioner: The positioner whose axes are the first joints, from the part to the floor. The
-            base is then the table, and its frame is that of the floor with these joints at 0.
+        held: Positions at which some joints stay [rad], by index; by default all joints move.
+        positioner: The positioner whose axes are the first joints, from the part to the floor; None
+            without one. With a positioner the base is the table, and its frame is that of the floor
+            with these joints at 0.
         floor_link: Index of the link that stands on the floor; 0 is the base.
         floor: Frame of the floor, which is that of the arm's base or rail, in the frame of this
             link.
@@ -82,8 +84,9 @@ class Chain(Checked):
         tip: Flange frame (end of the chain) in the frame of the last link.
         tool: Tool frame in the frame of the tip. Its origin follows paths; its z axis is the tool
             axis.
-        gravity: Gravitational acceleration in the floor frame [m/s²], (3,).
-        payload: Load at the tip.
+        gravity: Gravitational acceleration in the floor frame [m/s²], (3,); by default 9.81 m/s²
+            along -z.
+        payload: Load at the tip; None without one.
         assumed: Assumed data and the rule by which they are assumed; empty if none are assumed.
 
     Raises:

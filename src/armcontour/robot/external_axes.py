@@ -167,7 +167,7 @@ class Positioner(Checked):
             so that the tool points downwards. By default any angle is allowed.
 
     Raises:
-        InvalidInput: There is no axis, or two axes have one name.
+        InvalidInput: `axes` is empty, or two axes have the same name.
     """
 
     axes: Annotated[tuple[PositionerAxis, ...], Items(1, 6)]

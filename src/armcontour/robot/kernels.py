@@ -25,8 +25,8 @@ Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, flo
 # Number of states per block.
 B = 32
 # Pi is the sum of these two parts of 33 bits [rad].
-HALF_TURN = 3.1415926534682512
-REST_OF_IT = 1.2154201012607932e-10
+PI_HIGH = 3.1415926534682512
+PI_LOW = 1.2154201012607932e-10
 # Multiples of both parts of pi are exact for angles below this [rad].
 EXACT_TO = 1e6
 # Adding this number and subtracting it again rounds a value to a whole number.
@@ -74,7 +74,7 @@ def write_sines(rows: FloatArray) -> None:
     for i in range(B):
         turns = (rows[i] * (1 / math.pi) + TO_WHOLE) - TO_WHOLE
         odd = turns - 2.0 * ((turns * 0.5 + TO_WHOLE) - TO_WHOLE)
-        x = (rows[i] - turns * HALF_TURN) - turns * REST_OF_IT
+        x = (rows[i] - turns * PI_HIGH) - turns * PI_LOW
         square = x * x
         sine = 0.0
         cosine = 0.0

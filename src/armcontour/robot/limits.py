@@ -224,6 +224,9 @@ class Limits(Checked):
     def over(self, others: Limits) -> Limits:
         """Complete these limits: values that are missing and not removed are taken from others.
 
+        >>> ac.Limits(speed=0.05).over(arm.limits).speed
+        0.05
+
         Args:
             others: The other limits, such as those of an arm.
 

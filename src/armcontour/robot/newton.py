@@ -22,17 +22,17 @@ from armcontour.robot.kernels import SLIDES, Vector, add, cross, write_frames
 # the square of this step times the condition number of the Jacobian.
 ARRIVED = 1e-10
 # Largest number of steps of Newton's method.
-MAX_STEPS = 15
+MAX_NEWTON_ITERATIONS = 15
 # Longest step of a joint [rad]; longer steps are reduced.
-LONGEST_STEP = 0.5
+LONGEST_JOINT_STEP = 0.5
 # `follow`: longest correction of any joint [rad].
 FOLLOW_STEP = 0.15
 # `follow`: largest number of corrections per step.
 FOLLOW_CORRECTIONS = 6
 # `follow` gives up after it has halved the step between two poses this many times.
-MAX_HALVINGS = 12
+MAX_FOLLOW_HALVINGS = 12
 # A matrix counts as singular if the ratio of its smallest to its largest pivot is below this.
-SINGULAR = 1e-11
+SINGULAR_PIVOTS = 1e-11
 
 
 @compiled(inner=True)
@@ -183,19 +183,19 @@ def newton(
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)
     for i in range(n):
         converged[i] = False
-        for _ in range(MAX_STEPS):
+        for _ in range(MAX_NEWTON_ITERATIONS):
             write_equations(links, task, q[i], targets[i], equations)
             for r in range(task, dof):
                 write_row(w[i, 0, r - task], a[r])
                 b[r] = 0.0
                 for k in range(dof):
                     b[r] += a[r, k] * (g[i, 0, k] - q[i, k])
-            if solve(a, b, dof) < SINGULAR:
+            if solve(a, b, dof) < SINGULAR_PIVOTS:
                 break
             size = 0.0
             for k in range(dof):
                 size = max(size, abs(b[k]))
-            scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
+            scale = LONGEST_JOINT_STEP / size if size > LONGEST_JOINT_STEP else 1.0
             for k in range(dof):
                 q[i, k] += scale * b[k]
             if size < ARRIVED:
@@ -464,7 +464,7 @@ def approach(
             size = write_shortest_step(task, best, damping, square, right, step)
             if not math.isfinite(size):
                 break
-            scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
+            scale = LONGEST_JOINT_STEP / size if size > LONGEST_JOINT_STEP else 1.0
             for k in range(dof):
                 trial[k] = q[i, k] + scale * step[k]
     return residual
@@ -522,7 +522,7 @@ def follow(
             write_row(q[branch, i - 1], current)
             done = 0.0
             fraction = 1.0
-            while done < 1.0 and fraction >= 0.5**MAX_HALVINGS:
+            while done < 1.0 and fraction >= 0.5**MAX_FOLLOW_HALVINGS:
                 ahead = min(done + fraction, 1.0)
                 target = targets[i]
                 if ahead < 1.0:

@@ -89,7 +89,8 @@ class PlanarTwoLink(Arm):
         source: Where the data of the arm come from.
         joint_names: Names of the two joints.
         tubes: The tubes that replace the two links; None if neither masses nor shapes are known.
-        payload: Load at the tool; its frame lies in the plane, with y along the second link.
+        payload: Load at the tool; its frame lies in the plane, with y along the second link. None
+            without one.
         assumed: Assumed masses and inertias and the rule for them, for messages.
         limits_hint: Advice on how to add the limits that the arm lacks, for messages.
     """

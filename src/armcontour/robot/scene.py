@@ -298,7 +298,7 @@ class Obstacle(Checked):
     Args:
         name: Name of the obstacle, for messages.
         shape: Shape of the obstacle.
-        place: Frame of the shape in the frame of `fixed_to`.
+        place: Frame of the shape in the frame of `fixed_to`; by default the same frame.
         fixed_to: "base", or "part" for an obstacle that moves with the part.
         margin: Smallest allowed distance of links and tool [m]; None is the margin of the scene.
         allow: Names of links, and of obstacles that move with the part, that may touch the
@@ -330,7 +330,7 @@ class Scene(Checked):
         floor: Height of the floor in the frame of the arm's base [m]; the floor becomes an obstacle
             of the name "floor", and this field "none". By default "base": links should stay above
             the mounting plane of the base, unless an obstacle is a half-space below the base.
-            "none" is no floor, for example on a pedestal or a wall.
+            "none" omits the floor, for example for an arm on a pedestal or a wall.
 
     Raises:
         InvalidInput: Two obstacles have one name, or the word for the floor is unknown.

@@ -33,9 +33,9 @@ ZERO_INERTIA = 1e-13
 MAX_CHECKS = 50
 # Largest product of an integration step and the fastest rate of viscous damping; the integrator is
 # stable up to 2.8.
-MAX_PHASE = 0.5
+MAX_DAMPING_PER_STEP = 0.5
 # Largest number of integration steps in a step of the drives.
-MAX_PARTS = 50
+MAX_INTEGRATION_STEPS = 50
 
 
 def import_mujoco() -> Any:
@@ -212,7 +212,8 @@ def count_parts(
     """Count the integration steps per step of the drives; refuse unstable drives.
 
     Viscous friction damps joints with the rates of M⁻¹ D, with the mass matrix M and the friction
-    coefficients D. The fastest rate times an integration step may be at most `MAX_PHASE`.
+    coefficients D. The fastest rate times an integration step may be at most
+    `MAX_DAMPING_PER_STEP`.
 
     A drive holds its torque for a step h. The velocity loops have the rates of M⁻¹ K, with
     K = J K_v; they are stable if the fastest rate times h is below 2.
@@ -232,16 +233,16 @@ def count_parts(
     for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):
         t = float(set_points.start_time + i * set_points.cycle)
         rates = np.linalg.eigvals(np.linalg.solve(mass, np.diag(viscous)))
-        parts = int(np.ceil(np.abs(rates).max() * step / MAX_PHASE))
-        if parts > MAX_PARTS:
+        parts = int(np.ceil(np.abs(rates).max() * step / MAX_DAMPING_PER_STEP))
+        if parts > MAX_INTEGRATION_STEPS:
             raise ExecutionError(
                 f"Viscous friction of the joints requires {parts} integration steps in a step of "
-                f"{step:.3g} s at t = {t:.4g} s, but at most {MAX_PARTS} are supported. Reduce the "
-                "viscous friction, increase the inertias of drives (armature), or shorten the "
-                "step.",
+                f"{step:.3g} s at t = {t:.4g} s, but at most {MAX_INTEGRATION_STEPS} are "
+                "supported. Reduce the viscous friction, increase the inertias of drives "
+                "(armature), or shorten the step.",
                 t=t,
                 needed=float(parts),
-                allowed=float(MAX_PARTS),
+                allowed=float(MAX_INTEGRATION_STEPS),
             )
         largest = max(largest, parts)
         rate = np.sqrt(loop)

@@ -34,7 +34,7 @@ REST_CHUNK = 0.25
 LARGEST_STABLE = 2.0
 # Longest time between two results for which quintics between them are exact enough [time
 # constants]. For time constants of 1 ms, their error is about 2e-11 s² times the acceleration.
-MAX_TIME_CONSTANTS = 1.0
+SMOOTH_TIME_CONSTANTS = 1.0
 # If a set-point reaches a joint within this fraction of a step before or after a result, it counts
 # as arriving with the result.
 ARRIVAL_TOLERANCE = 1e-6
@@ -118,7 +118,8 @@ def simulate(
         set_points: The set-points.
         plant: The plant, or the servos of the planned arm; it should differ from the model for
             which compensation was computed.
-        resolution: Largest time between two results [s]; it does not change the motion.
+        resolution: Largest time between two results [s], by default 1 ms; it does not change the
+            motion.
 
     Raises:
         InvalidInput: The set-points and the plant have different numbers of joints, the gains are
@@ -366,7 +367,7 @@ class ServoPlant(LimitedPlant):
         if not ((self.lower < demand) & (demand < self.acceleration)).all():
             return False
         delay = servo.dead_time / width
-        slow = max(servo.kv.max(), servo.kp.max()) * width <= MAX_TIME_CONSTANTS
+        slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH_TIME_CONSTANTS
         return bool(slow and (abs(delay - np.round(delay)) < ARRIVAL_TOLERANCE).all())
 
     def _until_rest(

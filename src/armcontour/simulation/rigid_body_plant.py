@@ -43,17 +43,18 @@ STEP_RANGE = (1e-6, 0.1)
 LARGEST_NOISE = 0.1
 DriveCycle = Annotated[float, Quantity("s", "4 ms", within=STEP_RANGE)]
 PositionNoise = Annotated[float, Quantity("rad", "2 deg", within=(0.0, LARGEST_NOISE))]
-# After the last set-point, a joint is at rest if it stays within a range of REST_RANGE [rad] (1 µm
-# at 1 m) for REST_TIME [s] and for the slowest time constant of a position loop. The test does not
-# use the rest position, because it depends on friction and gravity.
-REST_TIME = 0.25
-REST_RANGE = 1e-6
+# After the last set-point, a joint is at rest if it stays within a range for this time [s] and for
+# the slowest time constant of a position loop. The test does not use the rest position, because it
+# depends on friction and gravity.
+RIGID_REST_TIME = 0.25
+# This range [rad] (1 µm at 1 m).
+RIGID_REST_RANGE = 1e-6
 # Noise of the measured position widens this range by so many standard deviations.
-REST_NOISE = 4.0
+RIGID_REST_DEVIATIONS = 4.0
 # The iteration to the equilibrium under gravity ends when positions change by at most this [rad],
 # and fails after the largest number of iterations.
 EQUILIBRIUM_TOLERANCE = 1e-13
-MAX_ITERATIONS = 200
+MAX_EQUILIBRIUM_ITERATIONS = 200
 # The default torque limits allow the acceleration limits in this number of random poses.
 RATED_POSES = 200
 # Duration of one block of the simulation [s].
@@ -61,7 +62,7 @@ BLOCK_DURATION = 1.0
 # Largest number of integration steps in one compiled call; a call takes up to 0.1 s.
 MAX_CALL_STEPS = 1000
 # Fields of a record with one row per step.
-LOGGED = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
+RECORD_FIELDS = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
 
 
 class RigidBodyPlant(LimitedPlant):
@@ -86,12 +87,13 @@ class RigidBodyPlant(LimitedPlant):
         limits: Limits with the joint torques at which drives saturate. By default, the limits of
             the plan count; if the plan has none, those of the arm. Without torque limits, the
             drives are strong enough for all joints' acceleration limits together in the worst pose.
-        step: Cycle time of the drives [s]; it is shortened to an integer fraction of the cycle.
-        gravity_feedforward: True if the controller adds the gravity torque, including that of the
-            payload in its model.
-        noise: Standard deviation of measured joint positions [rad], independent in every step.
-            Measured velocities are exact, because the filters in drives are unknown.
-        seed: Seed of the noise, which is the same in every run.
+        step: Cycle time of the drives [s], by default 0.25 ms; it is shortened to an integer
+            fraction of the set-points' cycle.
+        gravity_feedforward: Whether the controller adds the gravity torque (default), including
+            that of the payload in its model.
+        noise: Standard deviation of measured joint positions [rad], independent in every step; by
+            default 0. Measured velocities are exact, because the filters in drives are unknown.
+        seed: Seed of the noise, by default 0; with one seed, the noise is the same in every run.
         controller: The controller's model of the arm, for example without a payload that the
             controller does not know; by default the arm itself. It determines J, the gravity
             torque, and torque limits that follow from acceleration limits.
@@ -222,7 +224,7 @@ class RigidBodyPlant(LimitedPlant):
             log = robot.advance(commands, commands)
             logs.append(log.thinned(every))
             moved = log.moved(robot.step)
-            if (moved <= REST_RANGE + REST_NOISE * self.noise).all():
+            if (moved <= RIGID_REST_RANGE + RIGID_REST_DEVIATIONS * self.noise).all():
                 self._check_strength(log, set_points.q[-1], robot.now)
                 return logs
         j = int(np.argmax(moved))
@@ -264,7 +266,7 @@ class RigidBodyPlant(LimitedPlant):
 
     def _execution(self, set_points: SetPoints, logs: list[_DriveRecord], span: float) -> Execution:
         """Join consecutive records, with `span` between results [s], to an execution."""
-        columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in LOGGED}
+        columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in RECORD_FIELDS}
         return Execution(
             arm=self.arm,
             set_points=set_points,
@@ -334,7 +336,7 @@ class _DriveRecord:
         return _DriveRecord(
             demand_range=self.demand_range,
             saturated=self.saturated,
-            **{name: getattr(self, name)[::every].copy() for name in LOGGED},
+            **{name: getattr(self, name)[::every].copy() for name in RECORD_FIELDS},
         )
 
 
@@ -422,7 +424,7 @@ class _Robot:
         q = first
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(MAX_EQUILIBRIUM_ITERATIONS):
             weight, fed = self._weight(q)
             before = q
             q = first - (weight - fed) / gain
@@ -475,10 +477,10 @@ def can_simulate() -> bool:
 
 
 def rest_window(servo: ServoModel) -> float:
-    """Return the time for which joints must stay within `REST_RANGE` to be at rest [s]."""
+    """Return the time for which joints must stay within `RIGID_REST_RANGE` to be at rest [s]."""
     # With an integrator, the slowest time constant of a position loop is at most `1 / kp + 1 / ki`.
     slowest = 1 / servo.kp + np.where(servo.ki > 0, 1 / np.where(servo.ki > 0, servo.ki, 1.0), 0.0)
-    return min(max(REST_TIME, float(slowest.max())), LONGEST_SETTLING)
+    return min(max(RIGID_REST_TIME, float(slowest.max())), LONGEST_SETTLING)
 
 
 def _require_chain(arm: Arm) -> Chain:

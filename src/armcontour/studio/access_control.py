@@ -16,7 +16,7 @@ Send: TypeAlias = Callable[[Message], Awaitable[None]]
 App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 ADDRESS = "127.0.0.1"
-# Number of random bytes of the token: 128 bits cannot be guessed.
+# Number of random bytes in the token: 128 bits cannot be guessed.
 TOKEN_BYTES = 16
 # Maximum size of an upload [bytes].
 MAX_UPLOAD = 64 * MEGABYTE
@@ -161,7 +161,7 @@ class AccessControl:
 
 
 def is_public(path: str) -> bool:
-    """True for the files of the page, which need no token because they contain no user data."""
+    """Return whether a path needs no token: files of the page, which contain no user data."""
     return path == "/" or path.startswith("/static/")
 
 

@@ -44,7 +44,7 @@ LABELS = {
 
 
 def slider_rows(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[str, Any]]:
-    """Slider rows of the shown run by key, in SI units.
+    """Return the shown run's slider rows by key, in SI units.
 
     A quantity whose joint values differ has one row per joint, with the joint index in the key.
     """
@@ -57,7 +57,7 @@ def slider_rows(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[s
 def _quantity(
     keys: Keys, data: Mapping[str, Any], job: Job, run: str
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield key and slider row of a quantity, or of each of its joints if the values differ."""
+    """Yield a quantity's key and slider row; one row per joint if the joint values differ."""
     written = value_at(data, locate_key(keys, data, run))
     value = value_of(keys, job, run_of(job, run))
     key = ".".join(map(str, keys))
@@ -78,7 +78,7 @@ def _quantity(
 
 
 def _row(keys: Keys, value: float | None, written: Any) -> dict[str, Any]:
-    """Slider row: value and range in SI units, and the unit in which the value is written."""
+    """Make a slider row: value and range in SI units, and the unit that the job uses."""
     kind = quantity_of(JobModel, full_key(keys))
     assert kind is not None
     unit, factor = unit_of(written, kind)
@@ -106,7 +106,7 @@ class JobState:
 
 
 def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
-    """Label of a list of edits in the undo list."""
+    """Return the label that edits have in the undo list."""
     first = edits[0]
     index = first.get("index")
     words = LABELS[str(first["do"])].format(
@@ -118,7 +118,7 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
 
 
 def document_frame(document: Document, state: JobState, run: str) -> MessageFrame:
-    """Message frame `document`, which describes the whole document."""
+    """Make the message frame `document`, which describes the whole document."""
     data = state.data
     handles = state.handles
     header: dict[str, Any] = {
@@ -149,7 +149,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
 
 
 def _scene(data: Mapping[str, Any], job: Job | None, handles: Handles | None) -> dict[str, Any]:
-    """Obstacles, and the plane of the picture in their frame."""
+    """Describe the obstacles, and the plane of the picture in their frame."""
     if job is None or handles is None:
         return {"obstacles": []}
     plane = plane_on_base(handles.plane, job.arm.chain.base)
@@ -182,7 +182,7 @@ def _method(options: Any, default: str) -> str:
 def _path(
     data: Mapping[str, Any], handles: Handles | None, state: JobState, run: str
 ) -> dict[str, Any]:
-    """Source, axes and units of the path, and whether its waypoints can be edited or created."""
+    """Describe source, axes and units of the path, and whether its waypoints can be edited."""
     if handles is None:
         why = "" if state.error is None else str(state.error)
         return {"editable": False, "why_not": why, "notes": []}
@@ -202,20 +202,20 @@ def _path(
 
 
 def _options(path: Any) -> Any:
-    """Keys of the path except those that contain its points."""
+    """Return the path's keys except those that contain its points."""
     if not isinstance(path, Mapping):
         return path
     return {key: x for key, x in path.items() if key not in GEOMETRY_KEYS}
 
 
 def _layers(job: Job) -> list[str]:
-    """Names of the layers of the drawing, including layers that the program does not execute."""
+    """List the drawing's layers, including layers that the program does not execute."""
     run = (x.layer for x in job.program.contours)
     return sorted({*run, *job.program.other_layers} - {""})
 
 
 def _name(key: Any) -> str:
-    """Last name in a key (dotted text or list of names); indices are skipped."""
+    """Return the last name in a key (dotted text or list of names); indices are skipped."""
     parts = key if isinstance(key, list) else str(key).split(".")
     return str(next((x for x in reversed(parts) if not str(x).isdecimal()), ""))
 

@@ -126,7 +126,7 @@ class Document:
         self._move_history(self._future, self._past, "redo")
 
     def on_disk(self) -> str:
-        """State of the file: SAME as last read or saved, CHANGED, MISSING, or NONE (no file)."""
+        """Compare the file with the last read or saved state: SAME, CHANGED, MISSING or NONE."""
         if self.file is None:
             return NONE
         if not self.file.exists():
@@ -188,7 +188,7 @@ class Document:
         return entry.write() and unsaved is not None
 
     def unsaved(self) -> str | None:
-        """Message that unsaved changes are in the draft; None without unsaved changes."""
+        """Return a message that unsaved changes are in the draft; None without such changes."""
         if not self.write_draft():
             return None
         return f"The unsaved changes of {self.source} are stored as a draft."

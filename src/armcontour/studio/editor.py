@@ -36,7 +36,7 @@ class Revision:
 
 
 class Editor:
-    """Edits a document; has its job, without edits of active gestures, and the displayed run."""
+    """Edits a document. `state` is its job without an unfinished drag, `run` the displayed run."""
 
     def __init__(self, document: Document, previewer: CoarsePlanner) -> None:
         self.document = document
@@ -126,7 +126,7 @@ class Editor:
         return Revision(data)
 
     def revise_text(self, text: Any) -> Revision:
-        """Revision of the document with a new text."""
+        """Make the document's revision with a new text."""
         if not isinstance(text, str):
             raise InvalidInput("The text of a job must be a string.")
         data = load(text, self.document.source)
@@ -135,7 +135,7 @@ class Editor:
         return Revision(data, text)
 
     def revise_keys(self, changes: Sequence[Change]) -> Revision:
-        """Revision of the document with changed keys."""
+        """Make the document's revision with changed keys."""
         return Revision(change_data(self.state.data, changes))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
@@ -172,7 +172,7 @@ class Editor:
         self.state = state or self._read_state(self.document.data)
 
     def _read_state(self, data: Mapping[str, Any]) -> JobState:
-        """Job and handles of data, or the error if the data are not a valid job."""
+        """Read job and handles from data; keep the error if they are not a valid job."""
         try:
             job = self._make_job(data)
             return JobState(data, job, handles_of(job, data))

@@ -31,12 +31,12 @@ from armcontour.verification.evaluation import (
     settled_row,
 )
 
-# Approximate maximum number of drawn samples of an execution.
+# Approximate maximum number of drawn samples per execution.
 MAX_SAMPLES = 4_000
 
 
 def execution_frame(executed: PreviewExecution, view: View) -> MessageFrame:
-    """Message frame with values, tool deviation and poses of an execution."""
+    """Make the message frame with an execution's values, tool deviation and poses."""
     planned = executed.planned
     header = {
         "run": planned.run.name,
@@ -50,7 +50,7 @@ def execution_frame(executed: PreviewExecution, view: View) -> MessageFrame:
 
 
 def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
-    """Arrays of tool deviation on the path.
+    """Return the arrays of the tool deviation on the path.
 
     Deviations are computed with 64 bits, because the page magnifies them.
     """
@@ -79,7 +79,7 @@ def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
 
 
 def _figures(executed: PreviewExecution) -> Data:
-    """Values of the execution: the same rows as in the evaluation of a run."""
+    """Return the execution's values: the same rows as in a run's evaluation."""
     planned = executed.planned
     execution = executed.execution
     errors = executed.errors
@@ -99,7 +99,7 @@ def _figures(executed: PreviewExecution) -> Data:
 
 
 def _poses(execution: Execution) -> dict[str, FloatArray]:
-    """Arrays with which the page animates the arm: times, joint and tool positions."""
+    """Return the arrays that animate the arm on the page: times, joint and tool positions."""
     t = execution.t
     even = np.searchsorted(t, t[0] + sample_times(t[-1] - t[0]))
     poses = np.unique(np.minimum(even, len(t) - 1))

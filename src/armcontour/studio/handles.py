@@ -52,7 +52,7 @@ CENTER = "center"
 END = "end"
 # Kind of an empty path.
 BLANK = "blank"
-# Side length of the picture of an empty path [m].
+# Side length of an empty path's picture [m].
 BLANK_SIDE = 0.2
 FROM_FILE = "The contours come from {file}, so their points cannot be moved."
 COMPUTED = "The centre and the angle of its arc determine this end. Move the centre instead."
@@ -157,7 +157,7 @@ class Handles:
 
 
 def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
-    """Handles of a job; `data`: data of its file."""
+    """Make the handles of a job; `data` is the data of its file."""
     path = data.get("path") or {}
     si = in_si(path, PathModel)
     frame = frame_of("path.frame", FrameModel(**(si.get("frame") or {})))
@@ -187,7 +187,7 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
 
 
 def drawing_view(drawing: Program, frame: Frame, dimension: int) -> View:
-    """View of a drawing in its own coordinates: the picture of the path in the part frame."""
+    """Make the view of a drawing in its own coordinates: the path's picture in the part frame."""
     plane = PLANAR
     back = frame.inverse
     if dimension == 3:
@@ -204,7 +204,7 @@ def is_blank(data: Mapping[str, Any]) -> bool:
 
 
 def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Handles:
-    """Handles of a job with an empty path."""
+    """Make the handles of a job with an empty path."""
     # A line replaces the missing path. A path with orientations needs points in space.
     dimension = 3 if "orientation" in data["path"] else 2
     line = [[0.0] * dimension, [BLANK_SIDE, BLANK_SIDE, 0.0][:dimension]]
@@ -213,7 +213,7 @@ def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Ha
 
 
 def obstacles_of(data: Mapping[str, Any], job: Job, plane: Plane) -> list[dict[str, Any]]:
-    """Obstacles in the job file, those on the base with their outline in the picture."""
+    """List the obstacles in the job file, those on the base with their outline."""
     scene = data.get("scene") or {}
     written = scene.get("obstacles") or []
     si = in_si(scene, SceneModel).get("obstacles") or []
@@ -228,7 +228,7 @@ def obstacles_of(data: Mapping[str, Any], job: Job, plane: Plane) -> list[dict[s
 
 
 def _outline(obstacle: Obstacle, base: Frame, plane: Plane) -> dict[str, Any]:
-    """Position and outline of an obstacle in the picture [m], and its axes; {} without an outline.
+    """Return an obstacle's position and outline in the picture [m], and its axes; {} without.
 
     The outline, (n, 2), and the axes, (3, 2), are relative to the position.
     """
@@ -244,7 +244,7 @@ def _outline(obstacle: Obstacle, base: Frame, plane: Plane) -> dict[str, Any]:
 
 
 def plane_on_base(plane: Plane, base: Frame) -> dict[str, Any]:
-    """The plane of the picture in the frame of the base, which obstacles are given in."""
+    """Return the plane of the picture in the base frame, in which obstacles are given."""
     back = base.inverse
     x, y, normal = (back.rotation @ axis for axis in (plane.x, plane.y, plane.normal))
     origin = back.position + back.rotation @ plane.origin
@@ -252,14 +252,14 @@ def plane_on_base(plane: Plane, base: Frame) -> dict[str, Any]:
 
 
 def _unit(body: Mapping[str, Any]) -> tuple[str, float]:
-    """Unit in which the lengths of a body are written, and the factor that converts it to m."""
+    """Return the unit in which a body's lengths are written, and its factor to m."""
     return unit_of((body.get("at") or body.get("size") or [body.get("radius")])[0], LENGTH)
 
 
 def _read_points(
     kind: str, path: Mapping[str, Any], si: Mapping[str, Any]
 ) -> Iterator[PointRecord]:
-    """Yield the points of a path of waypoints: ends of segments, then via points and centres."""
+    """Yield the points of a waypoint path: segment ends, then via points and centres."""
     if kind != SEGMENTS:
         for k, (written, point) in enumerate(zip(path[POINTS], si[POINTS], strict=True)):
             yield POINT, ("path", POINTS, k), np.array(point), written
@@ -278,14 +278,14 @@ def _read_points(
 
 
 def _ends(job: Job, records: Sequence[PointRecord]) -> FloatArray:
-    """Ends of all segments [m], (n + 1, 3); empty, (0, 3), if no end has to be computed."""
+    """Return the ends of all segments [m], (n + 1, 3); (0, 3) if none has to be computed."""
     if all(x[2] is not None for x in records):
         return np.empty((0, 3))
     return np.array([in_space(x) for x in job.program.contours[0].path.vertices])
 
 
 def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Plane:
-    """Plane of the picture: x-y plane of `frame`; if `frame` is None, the plane of the points."""
+    """Return the picture plane: the x-y plane of `frame`, or the points' plane without one."""
     if job.arm.dimension == 2:
         return PLANAR
     if frame is not None:
@@ -310,7 +310,7 @@ def _plane_of(job: Job, frame: Frame | None, points: Sequence[FloatArray]) -> Pl
 
 
 def _plane_across(normal: FloatArray, point: FloatArray) -> Plane:
-    """Plane through a point, with a given normal and an x axis near that of the work frame."""
+    """Return the plane through a point with a normal, and x near the work frame's x."""
     nearest = int(np.argmax(np.abs(normal)))
     if abs(normal[nearest]) >= 1 - FLAT**2:
         normal = AXES[nearest] * np.sign(normal[nearest])
@@ -323,13 +323,13 @@ def _plane_across(normal: FloatArray, point: FloatArray) -> Plane:
 
 
 def _centre(plane: Plane, program: Program) -> FloatArray:
-    """Centre of a program in the picture [m], (2,)."""
+    """Return a program's centre in the picture [m], (2,)."""
     uv = plane.uv(_vertices(program))
     return np.asarray((uv.min(axis=0) + uv.max(axis=0)) / 2)
 
 
 def _vertices(program: Program) -> FloatArray:
-    """Ends of all segments of a program [m], (n, dimension)."""
+    """Return the ends of all segments in a program [m], (n, dimension)."""
     # All segments in one table, because a program may have thousands of contours.
     table = Segments.join([x.path.segments for x in program.contours])
     return np.concatenate([table.starts, table.ends])

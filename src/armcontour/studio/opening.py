@@ -30,7 +30,7 @@ WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
 ROBOTS = (".urdf",)
 # Maximum length of a file name [characters].
 MAX_NAME = 100
-# Extensions of logs of a robot.
+# Extensions of robot logs.
 LOGS = (".csv", ".txt", ".log")
 # Maximum number of stored logs.
 MAX_LOGS = 8
@@ -101,13 +101,13 @@ class Uploads:
         return file.name
 
     def find_logs(self, names: Any) -> list[str]:
-        """Paths of the stored logs with the given names."""
+        """Return the paths of the stored logs with the given names."""
         if not isinstance(names, list) or not {str(x) for x in names} <= set(self.logs):
             raise InvalidInput("A log is no longer available. Drop it on the page again.")
         return [str(self.logs[str(x)]) for x in names]
 
     def close(self) -> None:
-        """Delete uploads of this session and of old sessions, except those that a draft needs."""
+        """Delete uploads of this and old sessions, except those that a draft needs."""
         needed = "".join(x.text or "" for x in all_recent())
         old = time.time() - MAX_AGE
         for folder in self.root.glob("*"):

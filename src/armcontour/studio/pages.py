@@ -16,7 +16,7 @@ PageMessage: TypeAlias = Mapping[str, Any]
 MAX_FILES = 20
 # Maximum total size of the stored files [bytes]; the newest file always stays.
 MAX_BYTES = 200_000_000
-# Kinds of frames of which a page needs only the newest one.
+# Frame kinds of which a page needs only the newest frame.
 NEWEST_ONLY = {*("arm", "document", "executed", "figures", "picture", "refusal")}
 
 
@@ -27,7 +27,7 @@ class Page(Protocol):
         """Send a frame; it replaces a queued frame with the same `replaces`."""
 
 
-# Number of the last message of each page to which a frame is the answer.
+# For each page, the number of the last message that a frame answers.
 Answers: TypeAlias = Mapping[Page, int | None]
 
 
@@ -45,12 +45,12 @@ class Pages:
     def __init__(self) -> None:
         self.files: dict[str, File] = {}
         self._lock = RLock()
-        # Open pages, and the number of the last recorded message of each page.
+        # Open pages, each with the number of its last recorded message.
         self._seqs: dict[Page, int | None] = {}
 
     @property
     def answers(self) -> Answers:
-        """Number of the last recorded message of each page."""
+        """Each page's last recorded message, by number."""
         with self._lock:
             return dict(self._seqs)
 
@@ -104,7 +104,7 @@ class Pages:
 
 
 def _replacement_key(frame: MessageFrame) -> str | None:
-    """Key of the frames that a frame replaces: its kind; for progress, also the task identifier.
+    """Return a frame's kind if a newer frame of this kind replaces it, otherwise None.
 
     None if pages need every frame of the kind.
     """

@@ -57,12 +57,12 @@ LONG_PROGRAM = 5_000
 CONTOUR_SEGMENTS = 50
 # Minimum cycle of a preview [s].
 MIN_CYCLE = 4e-3
-# Number of grid intervals per contour of a preview (4000 or more in a full run). The coarser grid
+# Number of grid intervals per contour in a preview (4000 or more in a full run). The coarser grid
 # changes the duration by less than 0.1 %.
 INTERVALS = 600
-# Minimum number of samples of the execution of a preview.
+# Minimum number of samples in a preview's execution.
 MIN_SAMPLES = 1500
-# Minimum drive cycle of the rigid-body simulation of a preview [s].
+# Minimum drive cycle in a preview's rigid-body simulation [s].
 MIN_STEP = 1e-3
 
 
@@ -120,11 +120,11 @@ class CoarsePlanner:
         return planned.trajectory.duration * planned.job.arm.dof <= MAX_SIMULATED
 
     def job(self, data: Mapping[str, Any], run: str | None = None) -> Job:
-        """The job with only one run, by default the first."""
+        """Make the job with only one run, by default the first."""
         return self._cache.get("job", (data, run), lambda: self._make_job(data, run))
 
     def path_program(self, data: Mapping[str, Any]) -> Program:
-        """The path of a job as a program; other keys than those of arm and path may be invalid."""
+        """Read the path as a program; keys other than those of arm and path may be invalid."""
         try:
             model = self._model(data)
         except InvalidInput:
@@ -139,7 +139,7 @@ class CoarsePlanner:
         return self._cache.get("length", program, lambda: is_long_program(program))
 
     def long_drawing(self, data: Mapping[str, Any]) -> tuple[Program, Frame, int] | None:
-        """A long drawing in its own coordinates, its part frame and the arm's dimension, or None.
+        """Read a long drawing in its own coordinates, its part frame and the arm's dimension.
 
         The tool orientations of many contours take longer than reading them.
         """
@@ -202,7 +202,7 @@ class CoarsePlanner:
         return preview
 
     def execute(self, planned: Preview) -> PreviewExecution:
-        """Execution and contour errors of a plan; those of a full run are already simulated."""
+        """Simulate a plan, and compute its contour errors; full runs are already simulated."""
         if planned.execution is not None:
             executions = {SERVO: planned.execution}
             errors = planned.errors
@@ -353,18 +353,18 @@ class CoarsePlanner:
 
 
 def is_long_program(program: Program) -> bool:
-    """True if a program is too long to be planned at every edit."""
+    """Return whether a program is too long to be planned at every edit."""
     return sum(max(len(x.path), CONTOUR_SEGMENTS) for x in program.contours) > LONG_PROGRAM
 
 
 def path_only(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Data of a job with only the arm and the path of `data`, whose other keys may be invalid."""
+    """Return job data with only arm and path of `data`, whose other keys may be invalid."""
     used = {key: data[key] for key in ("arm", "path") if key in data}
     return {"name": "path", **used, "servo": {"kp": 1.0, "kv": 1.0}, "runs": {"path": {}}}
 
 
 def _arm_inputs(job: Job) -> tuple[Any, ...]:
-    """Inputs of arm and cell on which joint paths depend, in a comparable form."""
+    """Return the inputs on arm and cell that joint paths depend on, in a comparable form."""
     return job.arm, job.configuration, comparable(job.seed), job.scene
 
 
@@ -377,17 +377,17 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
 
 
 def _unplaced(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Keys of the path without part frame and contours, whose edits do not read the file again."""
+    """Return the path's keys without part frame and contours, which need no new reading."""
     return {x: y for x, y in data["path"].items() if x not in ("frame", "contours")}
 
 
 def _part(data: Mapping[str, Any]) -> Any:
-    """Part frame as written in the job; obstacles of the scene can be fixed to the part."""
+    """Return the part frame as written; obstacles of the scene can be fixed to the part."""
     return data["path"].get("frame")
 
 
 def _with_one_run(model: JobModel, run: str | None) -> JobModel:
-    """Keys of a job with one run, by default the first, and without references to other runs."""
+    """Return the job with one run (by default the first) and no references to other runs."""
     name = next(iter(model.runs)) if run is None else run
     if name not in model.runs:
         raise InvalidInput(f"The job has no run {name}. Its runs are {', '.join(model.runs)}.")

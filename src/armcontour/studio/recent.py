@@ -18,7 +18,7 @@ MAX_RECENT = 8
 
 
 def state_folder() -> FilePath:
-    """The user's folder for recent documents and uploads, which stay after a session."""
+    """Return the user's folder for recent documents and uploads, which outlive a session."""
     folder = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
     return FilePath(folder or os.path.expanduser("~/.local/state")) / "armcontour" / "studio"
 
@@ -74,7 +74,7 @@ def drop_recent(id: str) -> None:
 
 
 def all_recent() -> Iterator[Recent]:
-    """All stored documents, newest first."""
+    """List all stored documents, newest first."""
     with suppress(OSError):
         for file in sorted(_folder().glob("*.json"), key=lambda x: -x.stat().st_mtime_ns):
             with suppress(OSError, ValueError, TypeError):
@@ -96,7 +96,7 @@ def listed_recent() -> list[Recent]:
 
 
 def find_draft(file: FilePath, cell: str | None, text: str) -> Recent | None:
-    """Newest draft of a file that differs from its text and is not older; None if there is none."""
+    """Find a file's newest draft that differs from its text and is not older, or None."""
     for x in all_recent():
         if (x.file, x.cell) == (str(file), cell) and x.text not in (None, text):
             is_newer = _file(x.id).stat().st_mtime_ns >= file.stat().st_mtime_ns

@@ -58,7 +58,7 @@ PROGRESS_DELAY = 0.7
 PROGRESS_INTERVAL = 0.1
 # Tasks that a page can start.
 TASKS = tuple(x for x in dispatch.TASKS if x != "figures")
-# Prefix of the task identifiers of exact figures, and identifier in the progress of a state.
+# Prefix of task identifiers for exact figures, and identifier in a state's progress frames.
 STATE_ID = "#"
 # Values of `state` in progress frames.
 WORKING = "working"
@@ -314,7 +314,7 @@ class Scheduler:
             state.results.drawn = program
 
     def _outline(self, state: DocumentState) -> tuple[MessageFrame, Program]:
-        """Picture of the path of a state without a plan, and the path."""
+        """Make the picture of a state's path without a plan, and return the path."""
         if state.outline is None:
             program = self.previewer.path_program(state.data)
             state.outline = drawing_frame(program, state.view, run=state.run), program

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 STATIC = FilePath(__file__).with_name("static")
 # The viewer and the libraries, which reports also contain.
 SHARED = STATIC.parents[1] / "report" / "static"
-# Content types of the files of the page, by extension. Files with other extensions are not served.
+# Content types of the page's files, by extension. Files with other extensions are not served.
 CONTENT_TYPES = {
     ".css": "text/css",
     ".html": "text/html",
@@ -155,7 +155,7 @@ class Server:
             await asyncio.to_thread(self.session_host.leave, page)
 
     async def _has_token(self, receive: Receive) -> bool:
-        """True if the first message contains the correct token."""
+        """Return whether the first message contains the correct token."""
         try:
             message = await asyncio.wait_for(receive(), HELLO_TIMEOUT)
         except TimeoutError:
@@ -178,7 +178,7 @@ class Server:
 
 
 def page_files() -> dict[str, FilePath]:
-    """Static files of the page, by name."""
+    """List the page's static files, by name."""
     files = {}
     for folder in (SHARED, STATIC):
         for file in folder.rglob("*"):

@@ -232,7 +232,7 @@ class Session:
         self.send(MessageFrame("start", {"arms": cell_names(), "recent": recent}), to=page)
 
     def do_new(self, page: Page, message: PageMessage) -> None:
-        """Open the job of a card of the start page."""
+        """Open the job of a start-page card."""
         card, arm = (_required_text(message, name) for name in ("card", "arm"))
         self._open(new_document(card, arm, self.editor.uploads, self.editor.folder))
 
@@ -377,13 +377,13 @@ class Session:
 
 
 def outline_frame(data: Mapping[str, Any], previewer: CoarsePlanner) -> MessageFrame | None:
-    """Outline of a long drawing, shown until its job is read; None for other paths."""
+    """Make the outline of a long drawing, shown until its job is read; None for other paths."""
     drawing = previewer.long_drawing(data)
     return None if drawing is None else drawing_frame(drawing[0], drawing_view(*drawing))
 
 
 def _read_edits(message: PageMessage) -> list[Mapping[str, Any]]:
-    """The edits of a message: a list of 1 to MAX_EDITS mappings."""
+    """Read a message's edits: a list of 1 to MAX_EDITS mappings."""
     edits: Any = message.get("edits")
     is_list = isinstance(edits, list) and all(isinstance(x, dict) for x in edits)
     if not is_list or not 0 < len(edits) <= MAX_EDITS:
@@ -394,7 +394,7 @@ def _read_edits(message: PageMessage) -> list[Mapping[str, Any]]:
 
 
 def _required_text(message: PageMessage, name: str) -> str:
-    """Value of a required key of a message: text of 1 to LONGEST_NAME characters."""
+    """Read a required key of a message: text of 1 to LONGEST_NAME characters."""
     value = message.get(name)
     if not isinstance(value, str) or not 0 < len(value) <= checks.LONGEST_NAME:
         raise InvalidInput(

@@ -1,4 +1,4 @@
-"""`StepCache`: results of the steps of a preview, by their inputs."""
+"""`StepCache`: cached results of preview steps, by their inputs."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-# Default number of results of each step in the cache, for a few runs that a user compares.
+# Default number of cached results per step, for a few runs that a user compares.
 RESULTS = 4
-# Maximum number of results of a step in the cache if the results have samples.
+# Maximum number of cached results per step if the results have samples.
 LARGE_RESULTS = 2
-# Maximum number of samples in all results of a step; the newest result always stays.
+# Maximum number of samples in a step's cached results; the newest result always stays.
 MAX_SAMPLES = 200_000
 
 
@@ -29,9 +29,14 @@ class StepCache:
         maximum: int = RESULTS,
         samples: Callable[[T], int] = lambda value: 0,
     ) -> T:
-        """Result of a step: the cached result for equal inputs `made_of`, else that of `make`.
+        """Return a step's result: the cached one for equal inputs `made_of`, or that of `make`.
 
-        `maximum`: number of results in the cache; `samples`: number of samples of a result.
+        Args:
+            step: Name of the step.
+            made_of: Inputs of the step, which are compared.
+            make: Function that computes the result.
+            maximum: Number of this step's results in the cache.
+            samples: Function that counts the samples in a result; None if it has none.
         """
         entries = self._known.setdefault(step, [])
         for k, (before, value) in enumerate(entries):

@@ -38,8 +38,6 @@ def test_the_oracle_reports_contacts_and_has_the_same_kinematics():
 @pytest.mark.parametrize("name", judge.ARMS)
 def test_contacts_agree_with_those_of_mujoco(name):
     pytest.importorskip("mujoco")
-    looked, touching, worst, different = judge.compare_contacts(
-        ac.load_arm(name), np.random.default_rng(5), 200
-    )
-    assert looked >= 200 * 15 and touching >= 5
-    assert worst <= judge.EXCESS and different <= 2
+    contacts = judge.compare_contacts(ac.load_arm(name), np.random.default_rng(5), 200)
+    assert contacts.pairs >= 200 * 15 and contacts.touching >= 5
+    assert contacts.worst <= judge.EXCESS and contacts.different <= 2

@@ -3,8 +3,8 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
+    "estimate": "Estimate",
     "identification_result": "Identification JointIdentification Judgement Prediction",
-    "least_squares": "Estimate",
     "servo_identification": "ServoFit identify",
     "armcontour.motion.log": "INTERPOLATIONS Log cut_log",
 }

@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.control.identification.joint_fit import (
-    LogSegment,
-    fit_initial_state,
-    predict,
-    split_logs,
-)
-from armcontour.control.identification.least_squares import UNITS, Estimate, fastest_motion
+from armcontour.control.identification.command_rates import fastest_motion
+from armcontour.control.identification.estimate import UNITS, Estimate
+from armcontour.control.identification.initial_state import fit_initial_state, predict
+from armcontour.control.identification.log_segments import LogSegment, split_logs
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import ArmMismatch, InvalidInput
@@ -351,7 +348,7 @@ class Identification(Result, Frozen):
         return Prediction(log=log, positions=positions, used=used)
 
 
-def write_servo(
+def with_servo(
     joint: JointIdentification,
     segments: Sequence[LogSegment],
     servo: JointServo,
@@ -359,7 +356,7 @@ def write_servo(
     drive_cycle: float = 0.0,
     unseen: float = 0.0,
 ) -> JointIdentification:
-    """The joint with its servo for the file, and with the errors of this servo on the logs.
+    """Return the joint with a servo, and with the errors of this servo on the logs.
 
     `unseen` is the largest error on parts that were not fitted [rad].
     """

@@ -7,11 +7,10 @@ from typing import Annotated
 
 import numpy as np
 
-from armcontour.control.identification.joint_fit import Search, split_logs
-from armcontour.control.identification.model_selection import (
-    LEAST_SHARE,
-    find_supported_saturation,
-)
+from armcontour.control.identification.candidate_models import Search
+from armcontour.control.identification.log_segments import split_logs
+from armcontour.control.identification.saturated_selection import find_supported_saturation
+from armcontour.control.identification.saturation import LEAST_SHARE
 from armcontour.control.learning.lifted_model import INDEPENDENT_SERVOS, Lifted
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput

@@ -44,21 +44,21 @@ from contextlib import suppress
 from typing import Any, Protocol
 
 # Timeout of the sender: after this time without a line, the feeder executes the next stop [s].
-SILENCE = 0.5
+SENDER_TIMEOUT = 0.5
 # Timeout of a guarded feeder: after this time without a pass of its loop, its guard ends it and
 # stops the motion [s].
-HALT = 0.2
+LOOP_TIMEOUT = 0.2
 # Number of stops that a guard stores.
-KEPT = 8
+GUARDED_STOPS = 8
 # Time between two writes to the record [s].
-RECORDING = 0.05
-# A controller without a FIFO is recorded at rest in every RARE-th cycle.
-RARE = 50
+RECORD_PERIOD = 0.05
+# A controller without a FIFO is recorded at rest in every REST_RECORD_EVERY-th cycle.
+REST_RECORD_EVERY = 50
 # Pause of the loop between two readings of the controller [s].
-PAUSE = 1e-3
-BLOCK = 1 << 20
+LOOP_PAUSE = 1e-3
+READ_SIZE = 1 << 20
 # Maximum number of lines that the loop processes per pass during a motion: about 0.2 ms.
-LINES = 60
+MAX_LINES_PER_PASS = 60
 Row = tuple[float, ...]
 # Sample: count of the controller's clock, cycle of the motion, commanded and measured positions.
 Sample = tuple[int, int, Row, Row]
@@ -190,7 +190,7 @@ class Record:
         if (
             self.error
             or not self._unwritten
-            or (now - self._written_at < RECORDING and not at_once)
+            or (now - self._written_at < RECORD_PERIOD and not at_once)
         ):
             return
         self._written_at = now
@@ -315,14 +315,14 @@ class Feeder:
     def read(self) -> None:
         """Read from stdin, and process the lines that have arrived."""
         if not self.orphaned and select.select([0], [], [], 0)[0]:
-            data = os.read(0, BLOCK)
+            data = os.read(0, READ_SIZE)
             if data:
                 self.take(data)
             else:
                 self.lose_sender()
         else:
             self.obey_lines()
-        silent = time.monotonic() - self.heard > SILENCE
+        silent = time.monotonic() - self.heard > SENDER_TIMEOUT
         if silent and self.playing and not self.orphaned and not self.stop_requested:
             self.say("W")
             self.stop_requested = True
@@ -337,7 +337,7 @@ class Feeder:
     def obey_lines(self) -> None:
         """Process the buffered lines; during a motion, only a few."""
         obeyed = 0
-        while self.lines and not (self.playing and obeyed >= LINES):
+        while self.lines and not (self.playing and obeyed >= MAX_LINES_PER_PASS):
             self.obey(self.lines.popleft().decode().split())
             obeyed += 1
 
@@ -468,7 +468,7 @@ class Guard(Feeder):
         """Store rows and the latest stops, as the feeder does."""
         if words[0] in "PHMTE":
             super().obey(words)
-        while len(self.stops) > KEPT:
+        while len(self.stops) > GUARDED_STOPS:
             del self.stops[min(self.stops)]
 
     def run(self) -> None:
@@ -478,8 +478,8 @@ class Guard(Feeder):
         loops = -1
         moved = 0.0
         while True:
-            if select.select([] if self.orphaned else [0], [], [], PAUSE)[0]:
-                data = os.read(0, BLOCK)
+            if select.select([] if self.orphaned else [0], [], [], LOOP_PAUSE)[0]:
+                data = os.read(0, READ_SIZE)
                 self.orphaned = not data
                 self.take(data)
                 self.pipe.unsent += data
@@ -490,7 +490,7 @@ class Guard(Feeder):
             if self.state[1] and self.state[3] - 1 in self.stops:
                 self.take_stop(self.state[3] - 1)
             ended, status = os.waitpid(self.child, os.WNOHANG)
-            if not ended and time.monotonic() - moved > HALT:
+            if not ended and time.monotonic() - moved > LOOP_TIMEOUT:
                 os.kill(self.child, signal.SIGKILL)
                 ended, status = os.waitpid(self.child, 0)
             if ended:

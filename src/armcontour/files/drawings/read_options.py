@@ -14,7 +14,7 @@ from armcontour.core import checks
 from armcontour.core.checks import LONGEST_NAME, BoolArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
-from armcontour.core.file_access import SMALL
+from armcontour.core.file_access import MAX_HAND_WRITTEN
 from armcontour.core.frames import angle_between
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Choice, Distance, Factor, Tolerance, parse_quantity
@@ -26,7 +26,7 @@ from armcontour.program import Contour, Program
 from armcontour.program.moves import Move, put_on_path
 
 # Maximum size of a file [bytes]. The data structures need many times the size of the file.
-MAX_FILE_SIZE = SMALL
+MAX_FILE_SIZE = MAX_HAND_WRITTEN
 # Advice in messages to set `unknown` to "skip".
 SKIP_ADVICE = "skip it (unknown: skip, or --skip-unknown)"
 # CSS colour names that drawings for lasers and plotters use; other names are used as written.

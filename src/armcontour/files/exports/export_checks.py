@@ -13,13 +13,12 @@ from armcontour.core.errors import error_context
 from armcontour.files.exports.export_table import SetPointTable, regular_times
 from armcontour.files.exports.formats import (
     TemplateFormat,
-    URScriptFormat,
     check_outputs,
+    ending_of,
     format_named,
 )
 from armcontour.files.exports.template import BUILT_IN, check_template
 from armcontour.jobs import Job, Run
-from armcontour.jobs.job import ending_of
 from armcontour.motion import TimedEvent
 from armcontour.program import Event, Process
 from armcontour.program.moves import events_of
@@ -65,8 +64,7 @@ def check_export(job: Job, kind: str, *, stem: str = REFERENCE, cycle: float | N
         return
     with tempfile.TemporaryDirectory() as folder, error_context(f"export {kind}"):
         for run in job.runs:
-            # URScript programs have the cycle of the run.
-            usual = None if isinstance(format, URScriptFormat) else job.export.cycle
+            usual = None if format.needs_cycle_of_run else job.export.cycle
             table = _trial_table(job, run, cycle or usual or run.cycle)
             format.write(table, FilePath(folder) / f"{stem}{ending_of(kind)}")
 

@@ -25,19 +25,19 @@ from armcontour.planning.shaping.shape_starts import (
     match,
     prove,
 )
-from armcontour.planning.shaping.spline_nodes import INSIDE, NearPath, Nodes, place_nodes
+from armcontour.planning.shaping.spline_nodes import UNUSED_TOLERANCE, NearPath, Nodes, place_nodes
 from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
 from armcontour.planning.shaping.tool_path_fit import DrawnPath, draw
 
 # On a path with more corners and rests than this, corners are rejected separately.
-LONG_PATH = 40
+MANY_CORNERS = 40
 # A path with more corners and rests than this is also optimized in chunks, by several threads. The
 # fixed nodes between chunks often leave no solution.
 CHUNKED = 400
 # Number of corners of a chunk.
 CORNERS = 8
 # Number of corners by which the cuts between chunks move in each iteration.
-SHIFT = 3
+CUT_SHIFT = 3
 # Initial trust region: largest change of offsets in an iteration, divided by the tolerance.
 FIRST_TRUST = 0.3
 # Largest trust region, divided by the tolerance.
@@ -50,10 +50,10 @@ SHRINK = 1 / 3
 EASE = 0.7
 # Factor of the trust region at all other corners after an accepted change.
 GROW = 1.5
-# The search ends after this many consecutive iterations that gain little (LEAST_GAIN).
+# The search ends after this many consecutive iterations that gain little (LITTLE_GAIN).
 IDLE = 4
 # An iteration gains little if it shortens the duration by at most this fraction.
-LEAST_GAIN = 1e-5
+LITTLE_GAIN = 1e-5
 # The search also ends after this many consecutive iterations in which the path leaves the tube.
 MAX_TIGHTENED = 12
 # Each consecutive rejection multiplies the proposed change by this factor.
@@ -70,7 +70,7 @@ START_SHARE = 0.7
 
 def is_long(group: IntArray) -> bool:
     """Test whether corners are rejected separately; `group`: as in `place_cuts`."""
-    return bool(group[-1] >= LONG_PATH)
+    return bool(group[-1] >= MANY_CORNERS)
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
@@ -81,7 +81,7 @@ def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntAr
     """
     if whole or group[-1] < CHUNKED:
         return np.zeros(0, dtype=np.intp)
-    first = 1 + SHIFT * iteration % CORNERS
+    first = 1 + CUT_SHIFT * iteration % CORNERS
     cuts = np.searchsorted(group, np.arange(first, int(group[-1]) + 1, CORNERS))
     # A chunk needs room for its first and last node.
     return np.asarray(cuts[(cuts > 2) & (cuts < len(group) - 4)])
@@ -97,7 +97,7 @@ def solve_in_chunks(
     """Solve the quadratic programs of all chunks independently; returns the unknowns, (n, k)."""
     # The unknowns of other chunks are zero in each program.
     if not len(cuts):
-        return solve_program(cost, rows, bounds, weight)[0]
+        return solve_program(cost, rows, bounds, weight).x
     n, k = cost.shape
     begins = np.append(0, cuts + 1)
     ends = np.append(cuts + 1, n)
@@ -114,7 +114,7 @@ def solve_in_chunks(
             chunk_cost[-1] = 0.0
             chunk_rows[-1, :, k:] = 0.0
             chunk_rows[-2, :, 2 * k :] = 0.0
-        x, _ = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part])
+        x = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part]).x
         # A chunk without a solution does not change.
         return x if np.isfinite(x).all() else np.zeros_like(x)
 
@@ -155,7 +155,7 @@ class ShapeSearch:
     def __post_init__(self) -> None:
         n = len(self.nodes)
         k = self.nodes.frames.shape[2]
-        inside = np.full(n, INSIDE)
+        inside = np.full(n, UNUSED_TOLERANCE)
         self.state = _State(
             best=self.start,
             offsets=np.zeros((n, k)),
@@ -179,7 +179,7 @@ class ShapeSearch:
                 return
             gained = before - self.state.best.duration
             tightened = 0 if accepted else tightened + 1
-            idle = 0 if gained > LEAST_GAIN * before else idle + accepted
+            idle = 0 if gained > LITTLE_GAIN * before else idle + accepted
             yield self.state.best
 
     def _iterate(self) -> bool:

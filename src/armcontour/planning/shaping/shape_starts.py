@@ -18,24 +18,24 @@ from armcontour.planning.program_tracing import trace_by_duration
 from armcontour.robot import Arm, Limits
 
 # Angle between matched points along arcs [rad].
-TURN = 0.05
+MATCH_TURN = 0.05
 # Half length of the part of the objective, around the matching point, to which `prove` measures the
 # distance of a point, divided by the tolerance
 MATCH_TOLERANCE = 0.05
 # Number of bisections of the rounding tolerance of corners that leave the tube, and largest number
 # of later reductions by LESS.
-HALVINGS = 14
+TOLERANCE_BISECTIONS = 14
 # If a corner also leaves the tube with the tolerance that is found, the tolerance is multiplied by
 # this factor.
 LESS = 0.9
 # The tool stops at corners with smaller rounding tolerances [m], because no arm resolves such arcs,
 # and rounding errors would exceed limits.
-FINEST = 1e-8
+FINEST_TOLERANCE = 1e-8
 # Rounded corners with smaller radii [m] count as outside the tube, for the same reason.
-SHARPEST = 1e-10
+SMALLEST_RADIUS = 1e-10
 # Largest distance along the objective between the exact and the approximate match of a point of a
 # start, divided by the tolerance
-REACH = 6.0
+MATCH_CORRECTION = 6.0
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
@@ -52,7 +52,7 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
     reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64), len(matches))
     _, passed = tube.nearest_to_corners(path, matches, reaches)
     passed = np.maximum.accumulate(passed)
-    count = np.maximum(np.ceil(path.curvatures * path.lengths / TURN).astype(np.intp), 1)
+    count = np.maximum(np.ceil(path.curvatures * path.lengths / MATCH_TURN).astype(np.intp), 1)
     segment, number = number_parts(count)
     even = path.breaks[segment] + path.lengths[segment] * number / count[segment]
     # The points that pass a corner belong to both stretches.
@@ -167,7 +167,7 @@ def _round_within(
         path = round_path(
             objective, tolerance=tolerance, angular_tolerance=tolerances.angle, curve=curve
         )
-        matches = match(tube, path, _matching_lengths(path), REACH * tolerances.distance)
+        matches = match(tube, path, _matching_lengths(path), MATCH_CORRECTION * tolerances.distance)
         return path, matches, _corners_outside(tube, path, matches)
 
     path, matches, outside_corners = outside(requested)
@@ -175,7 +175,7 @@ def _round_within(
         return path, matches
     low = np.where(np.isin(np.arange(len(requested)), outside_corners), 0.0, requested)
     high = requested.copy()
-    for _ in range(HALVINGS):
+    for _ in range(TOLERANCE_BISECTIONS):
         middle = np.where(low < high, (low + high) / 2, low)
         outside_corners = outside(middle)[2]
         low[outside_corners] = np.where(
@@ -186,8 +186,8 @@ def _round_within(
         high[outside_corners] = middle[outside_corners]
         good = np.setdiff1d(np.flatnonzero(low < high), outside_corners)
         low[good] = middle[good]
-    for _ in range(HALVINGS):
-        low[low < FINEST] = 0.0
+    for _ in range(TOLERANCE_BISECTIONS):
+        low[low < FINEST_TOLERANCE] = 0.0
         path, matches, outside_corners = outside(low)
         if not len(outside_corners):
             return path, matches
@@ -207,7 +207,7 @@ def _corners_outside(tube: Tube, path: RoundedPath, matches: FloatArray) -> IntA
         else np.zeros(0, dtype=np.intp)
     )
     corners = path.corners
-    tiny = corners.vertex[(corners.radius > 0) & (corners.radius < SHARPEST)]
+    tiny = corners.vertex[(corners.radius > 0) & (corners.radius < SMALLEST_RADIUS)]
     missed = tube.vertex[proof.vertices > proof.slack]
     return np.unique(np.concatenate([tube.vertex[nearest], missed, tiny])) - 1
 

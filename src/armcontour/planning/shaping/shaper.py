@@ -23,7 +23,7 @@ from armcontour.geometry.shaped_path import ARCS, SHAPED, STOPS, describe_unfini
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.program_timing import Timing, time_program
-from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
+from armcontour.planning.program_tracing import SAME_JOINT_POSITION, Tracing, ends_of, trace_program
 from armcontour.planning.shaping.shape_search import ShapeSearch, explain_unshaped, make_searches
 from armcontour.planning.shaping.shape_starts import Candidate, Timer, Tolerances, make_starts
 from armcontour.planning.timing_options import (
@@ -281,7 +281,7 @@ class Shaping:
         except ArmContourError:
             return arcs, arcs
         first, other = (ends_of(x.joint_paths[0])[0] for x in (arcs, sharp))
-        if np.abs(first - other).max() <= SAME_POSITION:
+        if np.abs(first - other).max() <= SAME_JOINT_POSITION:
             return arcs, arcs
 
         def least_duration(traced: Tracing) -> float:
@@ -316,7 +316,7 @@ class Shaping:
         limits = reduce_limits(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
             return Timer(self.arm, limits, self.arm.configuration_of(start), None, intervals)
-        if seed is not None and np.abs(seed - start).max() <= SAME_POSITION:
+        if seed is not None and np.abs(seed - start).max() <= SAME_JOINT_POSITION:
             start = seed
         return Timer(self.arm, limits, None, start, intervals)
 

@@ -21,7 +21,7 @@ from armcontour.planning.topp.limit_forms import (
     Intervals,
     Rounds,
 )
-from armcontour.planning.topp.limit_lines import NEGLIGIBLE
+from armcontour.planning.topp.limit_lines import NEGLIGIBLE_COEFFICIENT
 
 
 class AccelerationRange(NamedTuple):
@@ -67,13 +67,13 @@ def _joint_acceleration_range(
     offset = ROWS * group
     a, b = path_slopes(grid, i, joint, end)
     magnitude = size(a)
-    inverse = 1.0 / choose(NEGLIGIBLE, magnitude, a, 1.0)
+    inverse = 1.0 / choose(NEGLIGIBLE_COEFFICIENT, magnitude, a, 1.0)
     smallest = load(limits.joints, offset + LOWEST)
     largest = load(limits.joints, offset + HIGHEST)
     one = (smallest - x * b) * inverse
     other = (largest - x * b) * inverse
-    bottom = choose(NEGLIGIBLE, magnitude, lower(one, other), -math.inf)
-    top = choose(NEGLIGIBLE, magnitude, higher(one, other), math.inf)
+    bottom = choose(NEGLIGIBLE_COEFFICIENT, magnitude, lower(one, other), -math.inf)
+    top = choose(NEGLIGIBLE_COEFFICIENT, magnitude, higher(one, other), math.inf)
     low = highest(bottom)
     high = lowest(top)
     # The active bounds are coded as twice the joint, plus one for an upper bound.
@@ -81,7 +81,7 @@ def _joint_acceleration_range(
     below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
     above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
     narrowest = lowest(
-        choose(NEGLIGIBLE, magnitude, size((largest - smallest) * inverse), math.inf)
+        choose(NEGLIGIBLE_COEFFICIENT, magnitude, size((largest - smallest) * inverse), math.inf)
     )
     first = 2 * LANES * group
     return AccelerationRange(low, high, narrowest, int(below) + first, int(above) + first)

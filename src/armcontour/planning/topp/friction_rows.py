@@ -29,9 +29,10 @@ from armcontour.planning.topp.limit_forms import (
 
 Vector = Any  # SIMD vector of LANES numbers
 
-# largest fraction of the limit at rest that the offset of a line above friction uses
+# Largest fraction of the limit at rest that the offset of a line above friction uses.
 MAX_OFFSET_SHARE = 0.5
-MIN_DIVISOR = 1e-300  # lower bound of divisors; its root is far below any path speed
+# Lower bound of divisors; its root is far below any path speed.
+MIN_DIVISOR = 1e-300
 
 
 class Row(NamedTuple):

@@ -31,14 +31,17 @@ from armcontour.planning.topp.plan_rules import (
 )
 from armcontour.planning.topp.reachability import PassSquares, backward_forward_pass
 
-END_TOLERANCE = 1e-7  # relative tolerance of x at the start and the end of the path
-NEAR = 0.01  # u is at its bound within this fraction of its range
-BELOW_CEILING = 1 - 1e-6  # above this fraction of its ceiling, x is limited by the ceiling only
-LARGEST_TURN = 0.25  # largest change of u by a slope, as a fraction of its range
-NO_PLAN_MARGIN = (
-    4e-2  # margin reported for intervals without a plan, because a finer grid may have a plan
-)
-# intervals closer than this (in indices) to the one where the plan fails are refined
+# Relative tolerance of x at the start and the end of the path.
+END_SQUARE_TOLERANCE = 1e-7
+# A slope is chosen if u is at its bound within this fraction of its range.
+AT_BOUND_FOR_SLOPES = 0.01
+# Above this fraction of its ceiling, x is limited by the ceiling only.
+BELOW_CEILING = 1 - 1e-6
+# Largest change of u by a slope, as a fraction of its range.
+LARGEST_TURN = 0.25
+# Margin reported for intervals without a plan, because a finer grid may have a plan.
+NO_PLAN_MARGIN = 4e-2
+# Intervals closer than this (in indices) to the one where the plan fails are refined.
 REFINED_NEIGHBOURS = 10
 
 
@@ -71,13 +74,13 @@ def _choose_slopes(
         to_low = min((mean - first.low) / first.narrowest, (mean - last.low) / last.narrowest)
         to_high = min((first.high - mean) / first.narrowest, (last.high - mean) / last.narrowest)
         turn = 0.0
-        if to_high < NEAR:
+        if to_high < AT_BOUND_FOR_SLOPES:
             turn = last.high - first.high
-            if to_low < NEAR:
+            if to_low < AT_BOUND_FOR_SLOPES:
                 # If u is at both bounds, for example because of two joints, the mean change is
                 # used.
                 turn = (turn + last.low - first.low) / 2
-        elif to_low < NEAR:
+        elif to_low < AT_BOUND_FOR_SLOPES:
             turn = last.low - first.low
         small = abs(turn) < LARGEST_TURN * min(first.narrowest, last.narrowest)
         # x must not fall far below its values at the ends.
@@ -380,12 +383,12 @@ def _run_passes(
     stuck = backward_forward_pass(grid, limits, work.bounds, state, work.lines, rules, work.squares)
     if stuck >= n:
         return PlanOutcome(UNLIMITED, stuck - n, 0.0)
-    smallest_start = rules.start * (1 - END_TOLERANCE)
+    smallest_start = rules.start * (1 - END_SQUARE_TOLERANCE)
     if rules.start < math.inf and min(rules.start, reachable[0]) < smallest_start:
         return PlanOutcome(START, stuck, reachable[0])
     if stuck >= 0:
         return PlanOutcome(STUCK, stuck, 0.0)
-    if rules.end < math.inf and last[n] < rules.end * (1 - END_TOLERANCE):
+    if rules.end < math.inf and last[n] < rules.end * (1 - END_SQUARE_TOLERANCE):
         return PlanOutcome(END, stuck, last[n])
     return PlanOutcome(FOUND, stuck, 0.0)
 

@@ -31,6 +31,8 @@ UNBOUNDED = np.zeros((ROWS // LANES, LANES))
 UNBOUNDED[0] = -np.inf
 UNBOUNDED[1] = np.inf
 UNBOUNDED[4] = 2.0 * np.arange(LANES)
+# Rounding error of differences of x, as a fraction of x.
+X_ROUNDING = 2e-15
 # Columns of `Friction.within`: largest absolute value, deviation from the chord, sign
 LARGEST, DEVIATION, SIGN = range(3)
 

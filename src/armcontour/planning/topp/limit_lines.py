@@ -30,6 +30,7 @@ from armcontour.planning.topp.limit_forms import (
     LOW,
     LOWEST,
     ROWS,
+    X_ROUNDING,
     A,
     B,
     GridLimits,
@@ -40,12 +41,14 @@ from armcontour.planning.topp.limit_forms import (
 
 Vector = Any  # SIMD vector of LANES numbers
 
-# factor that puts the result of a Newton step inside the limits despite rounding
-INSIDE = 1 - 1e-14
-ROUNDING = 2e-15  # rounding error of differences of x, as a fraction of x
-TINY = 1e-14  # a coefficient below this fraction of its terms is zero
-NEGLIGIBLE = 1e-150  # coefficients below this are zero
-BLOCK = 1 << 13  # number of stored intervals, which limits the memory
+# Factor that puts the result of a Newton step inside the limits despite rounding.
+INSIDE_FACTOR = 1 - 1e-14
+# A coefficient below this fraction of its terms is zero.
+ZERO_SHARE = 1e-14
+# Coefficients below this are zero.
+NEGLIGIBLE_COEFFICIENT = 1e-150
+# Number of stored intervals, which limits the memory.
+STORED_INTERVALS = 1 << 13
 
 
 class LimitLines(NamedTuple):
@@ -56,7 +59,7 @@ class LimitLines(NamedTuple):
     # LANES lines for the end.
     table: FloatArray
     width: int  # Number of lines of an interval
-    # Index of the interval in each slot, (slots,); at most BLOCK intervals are stored
+    # Index of the interval in each slot, (slots,); at most STORED_INTERVALS intervals are stored
     slot_interval: IntArray
     # p, q, d0, d1 and d2 of the conics `|m + p x + q|² <= d0 + 2 d1 x - d2 x²` of the stored
     # intervals, (slots, conics, 5)
@@ -72,7 +75,7 @@ def make_lines(limits: GridLimits, lost: FloatArray) -> LimitLines:
     n = len(lost)
     slots = 1
     joint_groups = len(limits.joints) // ROWS
-    while slots < min(n, BLOCK):
+    while slots < min(n, STORED_INTERVALS):
         slots *= 2
     rows = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     row_groups = (rows + LANES - 1) // LANES
@@ -127,22 +130,22 @@ def _write_half_plane(
     by_mean = a + (2 * w * end) * b
     bends = 2 * w * size(b)
     magnitude = size(by_mean)
-    threshold = TINY * (size(a) + bends)
-    alone = size(a) - TINY * bends
+    threshold = ZERO_SHARE * (size(a) + bends)
+    alone = size(a) - ZERO_SHARE * bends
     if lowest(lower(magnitude - threshold, alone)) <= 0.0:
-        largest = choose(NEGLIGIBLE, size(b), higher(low / b, high / b), math.inf)
+        largest = choose(NEGLIGIBLE_COEFFICIENT, size(b), higher(low / b, high / b), math.inf)
         ceiling = higher(choose(threshold, magnitude, math.inf, largest), 0.0)
         lines.cap[i, 0] = min(lines.cap[i, 0], lowest(ceiling))
         ceiling = higher(choose(0.0, alone, math.inf, largest), 0.0)
         lines.cap[i, end] = min(lines.cap[i, end], lowest(ceiling))
         magnitude = choose(threshold, magnitude, choose(0.0, alone, magnitude, 0.0), 0.0)
-    inverse = 1.0 / choose(NEGLIGIBLE, magnitude, by_mean, 1.0)
+    inverse = 1.0 / choose(NEGLIGIBLE_COEFFICIENT, magnitude, by_mean, 1.0)
     low, high = low * inverse, high * inverse
     first = 3 * lines.width * (i & (len(lines.slot_interval) - 1)) + line
     last = first + 2 * lines.width
-    bottom = choose(NEGLIGIBLE, magnitude, lower(low, high), -math.inf)
-    top = choose(NEGLIGIBLE, magnitude, higher(low, high), math.inf)
-    store(lines.table, first, choose(NEGLIGIBLE, magnitude, b * inverse, 0.0))
+    bottom = choose(NEGLIGIBLE_COEFFICIENT, magnitude, lower(low, high), -math.inf)
+    top = choose(NEGLIGIBLE_COEFFICIENT, magnitude, higher(low, high), math.inf)
+    store(lines.table, first, choose(NEGLIGIBLE_COEFFICIENT, magnitude, b * inverse, 0.0))
     store(lines.table, first + lines.width, bottom)
     store(lines.table, last, top)
 
@@ -210,7 +213,7 @@ def _write_conic(
     eb = e0 * b0 + e1 * b1 + e2 * b2
     aa = a0 * a0 + a1 * a1 + a2 * a2
     bb = b0 * b0 + b1 * b1 + b2 * b2
-    if ee <= TINY**2 * (aa + 4 * w * w * bb):
+    if ee <= ZERO_SHARE**2 * (aa + 4 * w * w * bb):
         # Without m, the limit is a ceiling of x at the start.
         out[2] = math.inf
         if bb > 0.0:
@@ -234,7 +237,7 @@ def _write_conic(
     # The ceiling of x is the largest x for which some m exists.
     if spread > 0.0:
         root = math.sqrt(max(out[3] * out[3] + spread * out[2], 0.0))
-        lines.cap[i, 0] = min(lines.cap[i, 0], max((out[3] + root) / spread * INSIDE, 0.0))
+        lines.cap[i, 0] = min(lines.cap[i, 0], max((out[3] + root) / spread * INSIDE_FACTOR, 0.0))
 
 
 @compiled(inner=True)
@@ -322,9 +325,9 @@ def _write_joint_half_planes(
         k = abs(slope)
         q2 = higher(size(b0), size(b1)) + w * q3
         room = (share * 5 * u) * q3 + (share * x) * q4 + (share * 4 * k) * q2
-        room = room + (ROUNDING / w * x) * q1
+        room = room + (X_ROUNDING / w * x) * q1
         # The margin includes the rounding error of s.
-        rounding = ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
+        rounding = X_ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
         room = room + (rounding * u) * q2 + (rounding * x) * q3
         second = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
         remaining = 1.0 - share * by * second

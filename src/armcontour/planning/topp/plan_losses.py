@@ -16,7 +16,8 @@ from armcontour.planning.topp.grid_plan import GridPlan
 from armcontour.planning.topp.joint_derivatives import next_joint, path_slopes
 from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
 
-AT_BOUND = 0.02  # u is at its bound within this fraction of its range
+# A plan loses no time where u is at its bound within this fraction of its range.
+AT_BOUND_FOR_LOSSES = 0.02
 # Lost share of the time of an interval per unused share of the range of u, inside the motion. The
 # factor was measured against finer grids; it is too large where the range is small compared with u.
 BY_GAP = 0.25
@@ -28,8 +29,10 @@ BY_GAP_AT_REST = 1.5
 CROSSED = 0.4
 # Such a time counts as lost only if x times this factor allows a range of u at both ends.
 LARGER_X = 1.02
-REACH = 0.05  # this loss extends over this share of the length in which x changes by its own value
-INSIDE = 0.02  # a new grid point closer to an interval end than this share saves no time
+# This loss extends over this share of the length in which x changes by its own value.
+VALLEY_REACH = 0.05
+# A new grid point closer to an interval end than this share saves no time.
+NO_GAIN_SHARE = 0.02
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -76,7 +79,7 @@ def _shortest_time(
         time += interval_time(w - last_switch, speeds[1], speeds[2], 0.0)
     if last_switch > first:
         time += (last_switch - first) / speeds[1]
-    share = first / w if first > INSIDE * w else last_switch / w
+    share = first / w if first > NO_GAIN_SHARE * w else last_switch / w
     return time, share
 
 
@@ -125,7 +128,7 @@ def estimate_losses(grid: Intervals, limits: GridLimits, plan: GridPlan) -> Plan
         duration += motion.time
         point[i] = grid.s[i]
         loss[i] = motion.time * plan.lost[i] / 2
-        near = AT_BOUND + plan.lost[i]
+        near = AT_BOUND_FOR_LOSSES + plan.lost[i]
         ceilings = _ceiling(grid, limits, i, 0), _ceiling(grid, limits, i, 1)
         if _is_at_ceiling(motion, ceilings, near):
             loss[i] = motion.time * max(1 - _ceiling_use(motion, ceilings), 0.0)
@@ -154,7 +157,7 @@ def estimate_losses(grid: Intervals, limits: GridLimits, plan: GridPlan) -> Plan
                     motion.w, motion.x, rates, max(ceilings[0], ceilings[1])
                 )
                 loss[i] += max(motion.time - shortest, 0.0)
-                if INSIDE < share < 1 - INSIDE:
+                if NO_GAIN_SHARE < share < 1 - NO_GAIN_SHARE:
                     point[i] += share * motion.w
     for i in range(n):
         loss[i] += valley[i]
@@ -225,7 +228,7 @@ def _add_valley(
     rate = max(max(abs(first.low), abs(first.high)), max(abs(last.low), abs(last.high)))
     narrow = min(higher_first.high - higher_first.low, higher_last.high - higher_last.low)
     wrong = share * math.sqrt(x0) / narrow
-    reach = max(REACH * min(x0, x1) / rate, motion.w)
+    reach = max(VALLEY_REACH * min(x0, x1) / rate, motion.w)
     begin = end = i
     while begin > 0 and s[i] - s[begin] < reach:
         begin -= 1

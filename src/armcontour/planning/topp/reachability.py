@@ -12,16 +12,20 @@ from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import LANES, higher, highest, load, lower, lowest
 from armcontour.planning.topp.friction_rows import MIN_DIVISOR
 from armcontour.planning.topp.limit_forms import GridLimits, Intervals, MotionBounds
-from armcontour.planning.topp.limit_lines import INSIDE, LimitLines, write_interval_limits
+from armcontour.planning.topp.limit_lines import INSIDE_FACTOR, LimitLines, write_interval_limits
 from armcontour.planning.topp.plan_rules import FOUND, STUCK, UNLIMITED, Rules
 
-LARGEST_X = 1e100  # initial x of Newton's method without a ceiling
-# a Newton step to less than this fraction of x has the rounding error ROUNDED, because its result
-# is a small difference of large numbers
-FAR = 1e-3
-ROUNDED = 1e-12  # rounding error of such a step, as a fraction of x before the step
-SLACK = 1e-9  # relative rounding error of the ends of a range of u
-MAX_STEPS = 100  # Newton steps to the largest x of an interval
+# Initial x of Newton's method without a ceiling.
+LARGEST_X = 1e100
+# A Newton step to less than this fraction of x has the rounding error FAR_STEP_ROUNDING, because
+# its result is a small difference of large numbers.
+FAR_STEP = 1e-3
+# Rounding error of such a step, as a fraction of x before the step.
+FAR_STEP_ROUNDING = 1e-12
+# Relative rounding error of the ends of a range of u.
+RANGE_ROUNDING = 1e-9
+# Newton steps to the largest x of an interval.
+MAX_NEWTON_STEPS = 100
 
 
 class PassSquares(NamedTuple):
@@ -137,8 +141,8 @@ def _largest_start(
         tilt = lines.table[line]
         bottom = lines.table[line + lines.width]
         if tilt < steep and last * steep - bottom < (steep - tilt) * x:
-            x = max((last * steep - bottom) / (steep - tilt) * INSIDE, 0.0)
-    for _ in range(MAX_STEPS):
+            x = max((last * steep - bottom) / (steep - tilt) * INSIDE_FACTOR, 0.0)
+    for _ in range(MAX_NEWTON_STEPS):
         low, high = _mean_range(lines, i, x)
         if low == -math.inf or high == math.inf:
             return x, high, below, UNLIMITED
@@ -154,7 +158,11 @@ def _largest_start(
             low_tilt = steep
         following = x - (low - high) / (high_tilt - low_tilt)
         # Near zero, x is a difference of large numbers, so a step ends slightly above the root.
-        x = following * INSIDE if following > FAR * x else max(following, 0.0) + ROUNDED * x
+        x = (
+            following * INSIDE_FACTOR
+            if following > FAR_STEP * x
+            else max(following, 0.0) + FAR_STEP_ROUNDING * x
+        )
     return x, high, below, STUCK
 
 
@@ -265,7 +273,7 @@ def _forward_pass(
             low, high = _mean_range(lines, i, x[i])
             steep = 0.5 / w
             mean = min(high, (reachable[i + 1] - x[i]) * steep)
-            if low > mean + SLACK * (abs(low) + abs(mean) + reachable[i + 1] * steep):
+            if low > mean + RANGE_ROUNDING * (abs(low) + abs(mean) + reachable[i + 1] * steep):
                 return i
         x[i + 1] = min(max(x[i] + 2 * w * mean, 0.0), reachable[i + 1])
     return -1

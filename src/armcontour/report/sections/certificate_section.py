@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def certified(study: JobResult, certificate: Certificate) -> Front:
-    """First screen of the report of a certificate."""
+    """Make the first screen of a certificate's report."""
     data = certificate.to_data()
     model = capitalise(certificate.model)
     rows = {x.name: x for x in data.shown()}
@@ -48,7 +48,7 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
 
 
 def section_of(result: Certificate) -> Section:
-    """Section with the parts of the error, the derating and the cost of a certificate."""
+    """Make the section with a certificate's error budget, derating and cost."""
     data = result.to_data()
     has_contours = len(result.contours) > 1
     contours = sorted(result.contours, key=lambda x: x.budget.left)
@@ -68,7 +68,7 @@ def section_of(result: Certificate) -> Section:
     )
 
 
-# Minimum range of the axis of usable limits [%].
+# Minimum range of the usable-limits axis [%].
 LEAST_RANGE = 1.0
 OF_PROGRAMS = (
     "Every contour is certified where the process is on, in the execution of the whole program. "
@@ -77,7 +77,7 @@ OF_PROGRAMS = (
 
 
 def _derating(certificate: Certificate) -> Figure:
-    """Figure with the usable fraction of each joint acceleration limit along all contours."""
+    """Draw the usable fraction of each joint acceleration limit along all contours."""
     starts = np.cumsum([0.0, *(x.path.length for x in certificate.contours)])
     deratings = [x.derating for x in certificate.contours]
     curves = []

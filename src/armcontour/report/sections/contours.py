@@ -25,7 +25,7 @@ COLUMNS = (
 
 
 def contours(study: JobResult) -> Section | None:
-    """Section with a table of the contours of a program; None for a single path."""
+    """Make the section with a table of the contours; None for a single path."""
     if next(iter(study.runs.values())).path.single_path is not None:
         return None
     return Section(
@@ -41,7 +41,7 @@ def contours(study: JobResult) -> Section | None:
 
 
 def _table(name: str, result: RunResult) -> TextTable:
-    """Table with a row per contour, with at most MAX_ROWS rows."""
+    """Make the table with a row per contour, with at most MAX_ROWS rows."""
     errors = () if result.judged is None else result.judged.contours
     rows = []
     for k, (contour, span) in enumerate(

@@ -16,7 +16,7 @@ from armcontour.report.style import few
 
 
 def front(study: JobResult) -> Front:
-    """First screen of a study, with the drawing of one run."""
+    """Make the first screen of a study, with the drawing of one run."""
     name = _shown(study)
     data = study.figures[name]
     result = study.runs[name]
@@ -35,7 +35,7 @@ def front(study: JobResult) -> Front:
 
 
 def _shown(study: JobResult) -> str:
-    """Name of the drawn run: the fastest run that keeps its accuracy, if any.
+    """Choose the drawn run: the fastest run that keeps its accuracy, if any.
 
     Otherwise the fastest run with an explanation, or the fastest of all runs.
     """
@@ -46,7 +46,7 @@ def _shown(study: JobResult) -> str:
 
 
 def _verdict_sentence(study: JobResult, data: Data) -> str:
-    """Sentence on the deviation from the drawing, compared with the required accuracy."""
+    """Compare the deviation from the drawing with the required accuracy, in one sentence."""
     if not study.simulated:
         return "This report has no errors, because only the plan was computed."
     deviation = data["off_drawing"]
@@ -77,7 +77,7 @@ def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]
 
 
 def _assumed(study: JobResult) -> str:
-    """Sentence on the assumptions on which the values are based."""
+    """Return the state the assumptions on which the values are based, in one sentence."""
     if not study.simulated:
         return "Joints follow the plan exactly."
     servo = study.job.plant_servo
@@ -91,7 +91,7 @@ def _assumed(study: JobResult) -> str:
 
 
 def all_figures(study: JobResult) -> Section:
-    """Section with all values of all runs side by side."""
+    """Make the section with all values of all runs side by side."""
     tables = side_by_side(study.figures)
     count = sum(len(x.rows) for x in tables)
     return Section(
@@ -103,9 +103,9 @@ def all_figures(study: JobResult) -> Section:
 
 
 def notes(study: JobResult, warnings: Sequence[str] = ()) -> Section | None:
-    """Section with warnings, notes and assumptions; None if there are none.
+    """Make the section with warnings, notes and assumptions; None without any.
 
-    `warnings` of a certificate replace those of the runs.
+    A certificate's `warnings` replace those of the runs.
     """
     runs = study.runs.values()
     uses_masses = any(

@@ -17,11 +17,11 @@ from armcontour.robot import Limits
 from armcontour.robot.limit_use import Use, use_of
 
 QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
-# Height of the row of plots of a joint [px].
+# Height of a joint's row of plots [px].
 HEIGHT = 58
-# Maximum number of points of a curve; it is small because a report has many such plots.
+# Maximum number of points per curve; it is small because a report has many such plots.
 MAX_POINTS = 320
-# Number of decimals of values in tables, so that numerical noise is shown as 0.
+# Number of decimals in tables, so that numerical noise is shown as 0.
 ROUNDED = 6
 # Fraction of a limit above which the limit is drawn; a limit far away would flatten the curve.
 WORTH_SHOWING = 0.3
@@ -30,7 +30,7 @@ USUAL = 99.8
 
 
 def joints(study: JobResult) -> Section:
-    """Section with the joint motion of every run, with ranges and limits."""
+    """Make the section with the joint motion of every run, with ranges and limits."""
     executed = ", executed and, with an experiment, simulated with rigid bodies"
     executed = executed if study.simulated else ""
     return Section(
@@ -46,7 +46,7 @@ def joints(study: JobResult) -> Section:
 
 
 def draw_joints(name: str, result: RunResult) -> Figure:
-    """Figure with position, velocity and acceleration of every joint of a run."""
+    """Draw position, velocity and acceleration of every joint in one run."""
     limits = result.run.limits
     n = result.arm.dof
     plots = []
@@ -93,7 +93,7 @@ def _motions(result: RunResult) -> Iterator[tuple[str, FloatArray, Sequence[Floa
 
 
 def _range(curves: list[FloatArray], low: float, high: float) -> tuple[float, float]:
-    """Axis range that shows the curves without rare spikes, and limits of which much is used."""
+    """Return an axis range that shows the curves without rare spikes, and nearly reached limits."""
     ends = [np.percentile(x, [100 - USUAL, USUAL]) for x in curves]
     bottom, top = float(np.min(ends)), float(np.max(ends))
     # The range has a minimum size, so that the noise of a joint at rest is not enlarged.
@@ -106,7 +106,7 @@ def _range(curves: list[FloatArray], low: float, high: float) -> tuple[float, fl
 
 
 def _table(result: RunResult) -> TextTable:
-    """Table with range and largest values of every joint, and the used fractions of its limits."""
+    """Tabulate every joint's range and largest values, and the used fractions of its limits."""
     done = result.motion
     arm = result.arm
     limits = result.run.limits
@@ -141,7 +141,7 @@ def _table(result: RunResult) -> TextTable:
 
 
 def _worst(name: str, limits: Limits, values: FloatArray) -> Use:
-    """Largest use of a limit by each joint; for a joint without the limit, the largest value."""
+    """Return each joint's largest use of a limit; without the limit, the largest value."""
     use = use_of(name, limits, values)
     rows = np.where(np.isinf(use.limit), use.value, use.ratio).argmax(axis=0)
     return use_of(name, limits, values[rows, np.arange(values.shape[1])])

@@ -24,7 +24,7 @@ HEIGHT = 260
 
 
 def learned(study: LearningStudy) -> Front:
-    """First screen: the verdict with the next step, and the error from run to run."""
+    """Make the first screen: the verdict with the next step, and the error from run to run."""
     data = study.result
     return Front(
         verdict=study.notes[0],
@@ -37,7 +37,7 @@ def learned(study: LearningStudy) -> Front:
 
 
 def learning(study: LearningStudy) -> Section:
-    """Section with the contour error over time, and a table of runs."""
+    """Make the section with the contour error over time, and a table of runs."""
     figures = [_over_time(study)] if study.has_path else []
     return Section(
         key="learning",
@@ -49,7 +49,7 @@ def learning(study: LearningStudy) -> Section:
 
 
 def _introduction(study: LearningStudy) -> str:
-    """Text that defines the errors in the figures."""
+    """Define the errors in the figures."""
     error = "contour error" if study.has_path else "distance of the tool from its planned position"
     return (
         f"The error is the {error} according to the logs of the robot, without measurement noise. "
@@ -59,7 +59,7 @@ def _introduction(study: LearningStudy) -> str:
 
 
 def _over_runs(study: LearningStudy) -> Figure:
-    """Figure with RMS and largest error against the run number, with noise."""
+    """Draw RMS and largest error against the run number, with noise."""
     count = len(study.lesson.runs)
     noise = study.lesson.noise
     runs = np.arange(1.0, count + 1)
@@ -83,7 +83,7 @@ def _over_runs(study: LearningStudy) -> Figure:
 
 
 def _over_time(study: LearningStudy) -> Figure:
-    """Figure with the contour error over time in the first and in the best run."""
+    """Draw the contour error over time in the first and in the best run."""
     best = study.lesson.best
     curves = []
     shown = {0: LINES["planned"], best: LINES["executed"]} if best else {0: LINES["planned"]}

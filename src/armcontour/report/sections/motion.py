@@ -19,23 +19,23 @@ from armcontour.report.section import Section, text_table
 from armcontour.report.sections.path_section import tools_of
 from armcontour.report.style import DECADES, EXPERIMENT_DASH, LIMIT_DASH, run_colours, run_widths
 
-# Ratio of the largest errors of two runs above which the axis of errors is logarithmic.
+# The error axis is logarithmic if one run's largest error exceeds another's by this factor.
 VARIED = 10.0
 # The line of the allowed error is drawn if the largest error is above this fraction of it.
 WORTH_SHOWING = 0.3
 # If the largest speed on contours is below this fraction of the largest speed (of a rapid), the
 # speed axis is scaled to the contours.
 SQUEEZED = 0.5
-# Maximum number of bars of a plan.
+# Maximum number of bars per plan.
 MAX_BARS = 1200
-# Number of points of the curve of assigned velocities.
+# Number of points in the assigned-velocity curve.
 ASSIGNED_POINTS = 4000
-# Height of the bars of a plan [px].
+# Height of a plan's bars [px].
 BARS = 28
 
 
 def over_time(study: JobResult) -> Section:
-    """Section with tool speed, active limits and contour error over time."""
+    """Make the section with tool speed, active limits and contour error over time."""
     text = ""
     if _is_squeezed(study):
         text += "Speeds of rapids are cut off at the top; double-click the plot to show them. "
@@ -51,20 +51,20 @@ def over_time(study: JobResult) -> Section:
         title="Over time",
         summary="tool speed and active limits" + ", contour error" * study.simulated,
         text=text,
-        parts=(draw_over_time(study, speed, limits, error), *tables),
+        parts=(draw_over_time(study, plot_speed, plot_limits, plot_error), *tables),
     )
 
 
 def draw_over_time(
     study: JobResult, *made: Callable[[JobResult], Plot | None], title: str = "Motion over time"
 ) -> Figure:
-    """Figure with plots over time; each function of `made` returns a plot of a study, or None."""
+    """Draw plots over time; each function in `made` returns a study's plot, or None."""
     plots = tuple(x for x in (make(study) for make in made) if x is not None)
     return Figure(title=title, plots=plots)
 
 
-def speed(study: JobResult) -> Plot:
-    """Plot of the executed or planned tool speed of every run and of the assigned velocity."""
+def plot_speed(study: JobResult) -> Plot:
+    """Plot every run's executed or planned tool speed, and the assigned velocity."""
     colours = run_colours(study.runs)
     widths = run_widths(study.runs)
     curves = []
@@ -76,8 +76,8 @@ def speed(study: JobResult) -> Plot:
     return Plot(label="speed [mm/s]", curves=(*curves, *_assigned(study)), limits=visible)
 
 
-def limits(study: JobResult) -> Plot | None:
-    """Plot with bars of the active limits of every plan; None if no plan has an explanation."""
+def plot_limits(study: JobResult) -> Plot | None:
+    """Plot every plan's active limits as bars; None if no plan has an explanation."""
     plans = _plans(study)
     bars = list[Bar]()
     for row, plan in enumerate(plans.values()):
@@ -91,7 +91,7 @@ def limits(study: JobResult) -> Plot | None:
 
 
 def list_bars(bindings: Sequence[Binding], row: int) -> list[Bar]:
-    """Bars of the active limits, in order; adjacent bars of the same limit are joined.
+    """List the bars of the active limits, in order; adjacent bars with the same limit are joined.
 
     Bars that are too short to be visible are joined; the longest one determines the limit.
     """
@@ -111,8 +111,8 @@ def list_bars(bindings: Sequence[Binding], row: int) -> list[Bar]:
     return bars
 
 
-def error(study: JobResult) -> Plot | None:
-    """Plot of the contour error of every run; None without a simulation.
+def plot_error(study: JobResult) -> Plot | None:
+    """Plot every run's contour error; None without a simulation.
 
     The errors are shares of the allowed error if it is the same for all runs.
     """
@@ -141,7 +141,7 @@ def error(study: JobResult) -> Plot | None:
 
 
 def error_axis(curves: Sequence[Curve], logarithmic: bool = True) -> dict[str, Any]:
-    """Curves of errors and the range of their axis, which ends above noise if logarithmic."""
+    """Return error curves and their axis range, which ends above noise if logarithmic."""
     largest = max(float(np.nanmax(x.y)) for x in curves) or 1.0
     if not logarithmic:
         return {"curves": tuple(curves), "limits": (0.0, 1.1 * largest)}
@@ -151,7 +151,7 @@ def error_axis(curves: Sequence[Curve], logarithmic: bool = True) -> dict[str, A
 
 
 def _plans(study: JobResult) -> dict[str, RunResult]:
-    """First run of each explained plan; the keys list the names of all runs with the same plan."""
+    """Return the first run of each explained plan, by the names of all runs with this plan."""
     names_of_plan: dict[int, list[str]] = {}
     for name, result in study.runs.items():
         if result.explanation is not None:
@@ -166,7 +166,7 @@ def _is_squeezed(study: JobResult) -> bool:
 
 
 def _largest_on_contours(study: JobResult) -> float:
-    """Largest planned tool speed along contours [m/s]; infinite if no contour has a path."""
+    """Return the largest planned tool speed on contours [m/s]; infinite if none has a path."""
     speeds = []
     for result in study.runs.values():
         for span in result.trajectory.contour_spans:
@@ -177,7 +177,7 @@ def _largest_on_contours(study: JobResult) -> float:
 
 
 def _assigned(study: JobResult) -> list[Curve]:
-    """Curves of assigned velocities; runs with the same constant velocity share a curve."""
+    """Return the curves of assigned velocities; runs with the same constant one share a curve."""
     curves: dict[str, Curve] = {}
     look: dict[str, Any] = {"colour": LINES["allowed"], "dash": LIMIT_DASH, "width": 1.0}
     for name, result in study.runs.items():
@@ -194,7 +194,7 @@ def _assigned(study: JobResult) -> list[Curve]:
 
 
 def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
-    """Times [s] and assigned velocities [m/s], (n,) each; NaN between contours or if unassigned."""
+    """Return times [s] and assigned velocities [m/s], (n,) each; NaN where none is assigned."""
     parts = [np.empty((0, 2))]
     count = len(result.path.contours)
     for contour, span in zip(result.path.contours, result.trajectory.contour_spans, strict=True):

@@ -18,12 +18,12 @@ from armcontour.report.section import Section
 from armcontour.report.view import drawn_arc_lengths, simplify
 from armcontour.verification import ErrorProfile, Evaluation
 
-# Maximum number of points of an executed path.
+# Maximum number of points per executed path.
 MAX_PATH_POINTS = 3000
 # Fraction of the drawing's size that is visible in an enlarged drawing.
 VISIBLE = 1 / 50_000
-# Upper ends of the classes of errors as fractions of the allowed error, and the colours of the
-# classes on light and dark pages. The last class exceeds the allowed error.
+# Upper ends of the error classes as fractions of the allowed error, and their colours on light and
+# dark pages. The last class exceeds the allowed error.
 CLASSES = (0.25, 0.5, 0.75, 1.0)
 COLOURS = (
     ("#8fa9c0", "#5b7086"),
@@ -39,7 +39,7 @@ AROUND = 5.0
 
 
 def paths(study: JobResult) -> Section:
-    """Section with objective and executed paths."""
+    """Make the section with objective and executed paths."""
     kind = "executed" if study.simulated else "planned"
     return Section(
         key="paths",
@@ -62,7 +62,7 @@ class Tool(NamedTuple):
 
 
 def tools_of(study: JobResult) -> list[Tool]:
-    """Executed tool paths of all runs and experiments."""
+    """List the executed tool paths of all runs and experiments."""
     tools = []
     for name, result in study.runs.items():
         tools.append(Tool(name, result, result.motion, result.evaluation))
@@ -72,7 +72,7 @@ def tools_of(study: JobResult) -> list[Tool]:
 
 
 def draw_tool(tool: Tool, job: str) -> Drawing:
-    """Drawing of the objective path and an executed path, with its error and enlarged corners."""
+    """Draw the objective path and an executed path, with its error and enlarged corners."""
     contours = tool.result.objective.contours
     prefix = f"{slug(job)}-{slug(tool.name)}"
     points = np.concatenate([*(x.path.vertices for x in contours), tool.execution.tool])
@@ -101,13 +101,13 @@ def draw_tool(tool: Tool, job: str) -> Drawing:
 
 
 def _error(tool: Tool) -> ErrorProfile | None:
-    """Distance from the drawing, or from the path if the drawing is unknown; None for a plan."""
+    """Return the distance from the drawing, or from the path without one; None for a plan."""
     e = tool.evaluation
     return None if e is None else e.objective_error or e.contour_error
 
 
 def _scale(tool: Tool) -> tuple[float, str]:
-    """Distance of 100 % [m] and its name: the allowed one, or else the largest one; 0 without."""
+    """Return the error that counts as 100 % [m], allowed or largest, and its name; 0 without."""
     if (e := _error(tool)) is None:
         return 0.0, ""
     allowed = tool.result.allowed_distance
@@ -115,7 +115,7 @@ def _scale(tool: Tool) -> tuple[float, str]:
 
 
 def _classes(tool: Tool, error: float) -> dict[int, list[FloatArray]]:
-    """Executed curves along contours [m], by class of their largest error, in order."""
+    """Sort the executed curves along contours [m] by the class of their largest error."""
     execution = tool.execution
     points = tool.execution.tool
     shares = np.zeros(len(points))
@@ -127,7 +127,7 @@ def _classes(tool: Tool, error: float) -> dict[int, list[FloatArray]]:
     classes: dict[int, list[FloatArray]] = {k: [] for k in range(len(COLOURS))}
     for (a, _), chosen in zip(spans, parts, strict=True):
         rows = a + chosen
-        # The class of a chord is that of its largest error.
+        # A chord belongs to the class of its largest error.
         largest = np.maximum.reduceat(shares, rows)[:-1]
         kinds = np.digitize(np.maximum(largest, shares[rows[1:]]), CLASSES, right=True)
         edges = np.flatnonzero(np.diff(kinds, prepend=-1, append=-1))
@@ -137,7 +137,7 @@ def _classes(tool: Tool, error: float) -> dict[int, list[FloatArray]]:
 
 
 def _corners(tool: Tool, prefix: str) -> list[Mark]:
-    """Marks of the corners with the largest deviations."""
+    """Mark the corners with the largest deviations."""
     found = () if tool.evaluation is None else tool.evaluation.corners
     contours = tool.result.path.contours
     marks = []
@@ -152,7 +152,7 @@ def _corners(tool: Tool, prefix: str) -> list[Mark]:
 
 
 def executed_contours(execution: Execution) -> list[tuple[int, int]]:
-    """For each contour, index of the first executed sample, and index after the last one.
+    """Return each contour's index of the first executed sample, and after the last one.
 
     Samples before and after the motion belong to the first and last contour.
     """

@@ -31,7 +31,7 @@ LEAST_ROW = 18.0
 
 
 def placed(result: Placement) -> Front:
-    """First screen: the best place and the map."""
+    """Make the first screen: the best place and the map."""
     best = result.best
     data = result.to_data()
     examples = {x.refusal: x.why_not for x in reversed(result.places) if x.refusal}
@@ -49,7 +49,7 @@ def placed(result: Placement) -> Front:
 
 
 def draw_map(result: Placement) -> Drawing:
-    """Map of the shortest durations over the first two axes that vary.
+    """Draw a map of the shortest durations over the first two axes that vary.
 
     Refused places have the number of the refusal.
     """
@@ -111,7 +111,7 @@ def _values_of_axis(places: Iterable[tuple[float, ...]], axis: int) -> list[floa
 
 
 def _heat(share: float) -> str:
-    """Colour of the map between the shortest (0) and the longest motion (1)."""
+    """Return the map's colour between the shortest (0) and the longest motion (1)."""
     parts = (DARK + share * (BRIGHT - DARK)).round().astype(int).tolist()
     return f"rgb({','.join(map(str, parts))})"
 

@@ -1,9 +1,9 @@
-// Forward kinematics of a chain of joints, in double precision, as in robot/chain.py.
+// Forward kinematics of joint chains, in double precision, as in robot/chain.py.
 
 import { Matrix4, Vector3 } from "./vendor/three.js";
 
 /**
- * A joint, which turns or slides. Link 0 is the base, or the floor; link k comes after the k-th joint.
+ * A revolute or prismatic joint. Link 0 is the base, or the floor; link k is after the k-th joint.
  * @typedef {object} Joint
  * @property {string} name
  * @property {"revolute" | "prismatic"} type
@@ -14,16 +14,16 @@ import { Matrix4, Vector3 } from "./vendor/three.js";
  * @property {[number | null, number | null]} [limits] [rad or m], null where there is none
  */
 
-/** A matrix of its rows. @param {number[][]} rows 4x4 */
+/** Make a matrix from its rows. @param {number[][]} rows 4x4 */
 export const poseOf = (rows) => new Matrix4().fromArray(rows.flat()).transpose();
 
-/** The motion of a joint in its own frame. @param {Joint} joint @param {number} q position [rad or m] */
+/** Return the motion of a joint in its own frame. @param {Joint} joint @param {number} q position [rad or m] */
 function jointMotion({ type, axis: [x, y, z] }, q) {
   if (type === "prismatic") return new Matrix4().makeTranslation(q * x, q * y, q * z);
   return new Matrix4().makeRotationAxis(new Vector3(x, y, z), q);
 }
 
-/** A chain of joints, with its constant poses read once. */
+/** A joint chain; its constant poses are read once. */
 export class Chain {
   /** @param {Joint[]} joints @param {number[][]} tool the tool's frame in the frame of the last link, 4x4 */
   constructor(joints, tool) {
@@ -32,7 +32,7 @@ export class Chain {
     this.tool = poseOf(tool);
   }
 
-  /** The frames of the base and of all links, in the frame of the base. @param {ArrayLike<number>} q joint positions [rad or m] */
+  /** Return the base and link frames in the base frame. @param {ArrayLike<number>} q joint positions [rad or m] */
   links(q) {
     const found = [new Matrix4()];
     this.joints.forEach((joint, k) => {
@@ -41,7 +41,7 @@ export class Chain {
     return found;
   }
 
-  /** The frame of the tool. @param {Matrix4[]} links as of `links` */
+  /** Return the tool frame. @param {Matrix4[]} links as of `links` */
   toolOf(links) {
     return links[links.length - 1].clone().multiply(this.tool);
   }

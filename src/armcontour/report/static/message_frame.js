@@ -1,5 +1,5 @@
 // Frames of the server: u32 length of the header | header (JSON) | padding to 8 | arrays.
-// The arrays are little endian, each from a multiple of 8 on; they are looked at in place, not copied.
+// The arrays are little endian and start at multiples of 8. They are views, not copies.
 
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./state.js").Numbers} Numbers */
@@ -14,7 +14,7 @@ const TYPES = /** @type {Record<string, any>} */ ({
 });
 
 /**
- * A frame from its bytes.
+ * Decode a frame from its bytes.
  * @param {ArrayBuffer} bytes @returns {Frame}
  */
 export function unpack(bytes) {

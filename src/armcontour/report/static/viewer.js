@@ -14,17 +14,17 @@ import {
 /** Directions from which the views look: azimuth and elevation [rad]. */
 const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Arm: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Side: [0, 0.05] });
 const LABEL = "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.";
-/** Programs that compute WebGL on the processor. */
+/** Renderers that compute WebGL on the processor. */
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
-/** Resolution while something moves in software rendering, whose time goes into the shadow of each pixel. */
+/** Resolution in software rendering while something moves, because each pixel's shadow takes time. */
 const COARSE = 0.75;
-/** So long after the last change the picture is drawn with smooth edges [ms]. */
+/** Time after the last change until the picture is drawn with smooth edges [ms]. */
 const REST = 600;
-/** Height of the view [degrees], its largest angle from above, so that the eye stays above the floor, and the angle of an edge [degrees]. */
+/** Vertical field of view [degrees]; largest angle from above, so that the camera stays above the floor; angle of a visible edge [degrees]. */
 const [FIELD, LOWEST, EDGE] = [29, 1.52, 32];
-/** How far a key turns [rad], and moves [px]. */
+/** Rotation [rad] and translation [px] per key press. */
 const [KEY_TURN, KEY_SHIFT] = [0.1, 40];
-/** Lines that a shadow or a body would hide are drawn in front of it. */
+/** Render order of lines, which are drawn in front of shadows and bodies. */
 const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2 };
 /** Colours by theme; obstacles after Okabe and Ito. */
 const PAINTS = {
@@ -32,7 +32,7 @@ const PAINTS = {
   dark: { ground: "#14171c", grid: "#2a2f37", axis: "#4a525e", edge: "#0d1014", tip: "#ffffff", alarm: "#ff7b72", link: "#97a3b1", cap: "#4f7c9c", tool: "#c2cad4", obstacle: "#e69f00", table: "#30353c", part: "#69737d" },
 };
 
-/** Name of what computes WebGL; null without WebGL. @returns {string | null} */
+/** Return the name of the WebGL renderer; null without WebGL. @returns {string | null} */
 export function rendererName() {
   const gl = document.createElement("canvas").getContext("webgl2");
   if (!gl) return null;
@@ -43,7 +43,7 @@ export function rendererName() {
 }
 
 /**
- * A viewer in a host, with a canvas of its own.
+ * A viewer in a host element, with its own canvas.
  * @param {HTMLElement} host
  * @param {Frame} arm
  * @param {Theme} theme
@@ -59,12 +59,12 @@ export class Viewer {
     this.canvas = this.renderer.domElement;
     Object.assign(this.canvas, { tabIndex: 0, role: "img", ariaLabel: LABEL });
     host.prepend(this.canvas);
-    /** Buttons of the views, which the host puts into its place. */
+    /** Buttons for the views, which the host places. */
     this.bar = Object.assign(document.createElement("span"), { role: "group", ariaLabel: "View of the arm" });
     this.bar.append(...Object.keys(VIEWS).map((name) => this.button(name)));
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
-    // Shadows are drawn again only where the arm has moved, not where the eye has.
+    // Shadows are drawn again only after the arm moves, not after the camera moves.
     this.renderer.shadowMap.autoUpdate = false;
     this.scene = new Scene();
     this.scene.fog = new Fog("", 1, 2);
@@ -73,7 +73,7 @@ export class Viewer {
     this.controls = new OrbitControls(this.eye, this.canvas);
     Object.assign(this.controls, { maxPolarAngle: LOWEST, zoomToCursor: true, minDistance: 0.03 });
     this.controls.addEventListener("change", () => {
-      // The target is not below the floor: so neither is the eye.
+      // The target is not below the floor, so the camera is not either.
       this.controls.target.z = Math.max(0, this.controls.target.z);
       this.draw();
     });
@@ -161,7 +161,7 @@ export class Viewer {
     this.tip.scale.setScalar(0.004 * this.reach);
     this.alarm.scale.setScalar(0.008 * this.reach);
     this.controls.maxDistance = 8 * this.reach;
-    // What is looked at stays in sight.
+    // The target stays visible.
     this.controls.maxTargetRadius = 1.2 * this.reach;
     this.setTheme(this.theme);
   }
@@ -189,13 +189,13 @@ export class Viewer {
     this.solids.push({ name, solid, kind });
   }
 
-  /** Links without a shape are sticks between the joints. */
+  /** Draw links without a shape as sticks between the joints. */
   addSticks() {
     const ends = [...this.chain.origins.map((x, k) => ({ link: this.chain.joints[k].parent, pose: x })), { link: this.chain.joints.length, pose: this.chain.tool }];
     for (const { link, pose } of ends) this.addCone(link, new Vector3(), originOf(pose), 0.018 * this.reach, 0.018 * this.reach, "link");
   }
 
-  /** A slim cone to the tool point, where the arm has a tool frame. @param {Matrix4} tip */
+  /** Draw a slim cone to the tool point if the arm has a tool frame. @param {Matrix4} tip */
   addTool(tip) {
     const radius = 0.018 * this.reach;
     this.addCone(this.chain.joints.length, originOf(tip), originOf(this.chain.tool), radius, radius / 6, "tool");
@@ -267,7 +267,7 @@ export class Viewer {
     this.draw();
   }
 
-  /** Show the nearest points of two bodies in the frame of the base [m], and where something is refused. @param {number[][] | null} nearest @param {number[] | null} refused */
+  /** Show the nearest points of two bodies in the base frame [m], and a refused point. @param {number[][] | null} nearest @param {number[] | null} refused */
   mark(nearest, refused) {
     this.gap.visible = nearest !== null;
     if (nearest) this.gap.geometry.setPositions(nearest.flat());
@@ -285,7 +285,7 @@ export class Viewer {
     this.draw();
   }
 
-  /** Show a posture. @param {ArrayLike<number>} q joint positions [rad] @returns {number[]} the tool in the frame of the base [m] */
+  /** Show a posture. @param {ArrayLike<number>} q joint positions [rad] @returns {number[]} tool position in the base frame [m] */
   setJoints(q) {
     const links = this.chain.links(q);
     const tool = this.chain.toolOf(links);
@@ -299,7 +299,7 @@ export class Viewer {
     return this.tip.position.toArray();
   }
 
-  /** Points of the path on the canvas [px], pairs. @param {ArrayLike<number>} points (n, 3) */
+  /** Return path points on the canvas [px], as pairs. @param {ArrayLike<number>} points (n, 3) */
   project(points) {
     const { clientWidth: width, clientHeight: height } = this.host;
     const found = new Float32Array((2 * points.length) / 3);
@@ -310,7 +310,7 @@ export class Viewer {
     return found;
   }
 
-  /** Look from a side, at the part or at all of the arm. @param {string} view "" for the side from which it is */
+  /** Look from a side at the part or at the whole arm. @param {string} view "" for the side from which it is */
   look(view) {
     const { controls, eye, host } = this;
     const path = this.points.map((x) => x.clone().applyMatrix4(this.work));
@@ -332,7 +332,7 @@ export class Viewer {
     this.draw();
   }
 
-  /** Arrows turn, with Shift they move; + and - zoom. @param {KeyboardEvent} event */
+  /** Handle keys: arrows rotate, with Shift they move; + and - zoom. @param {KeyboardEvent} event */
   press(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const arrows = /** @type {Record<string, [number, number]>} */ ({ ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] });
@@ -349,7 +349,7 @@ export class Viewer {
     this.name("");
   }
 
-  /** Draw in the next frame of the screen; once nothing changes any more, with smooth edges. */
+  /** Draw in the next screen frame; once nothing changes any more, with smooth edges. */
   draw() {
     if (this.waits) return;
     this.waits = requestAnimationFrame(() => {
@@ -360,7 +360,7 @@ export class Viewer {
     });
   }
 
-  /** @param {boolean} rests whether nothing moves, so that time does not matter */
+  /** @param {boolean} rests true if nothing moves, so that drawing may take longer */
   render(rests) {
     const { clientWidth: width, clientHeight: height } = this.host;
     if (width < 2 || height < 2) return;
@@ -389,7 +389,7 @@ export class Viewer {
   }
 }
 
-/** A dot that is seen through all. @returns {Mesh<SphereGeometry, MeshBasicMaterial>} */
+/** Make a dot that is visible through all bodies. @returns {Mesh<SphereGeometry, MeshBasicMaterial>} */
 function dot() {
   const found = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ depthTest: false, transparent: true }));
   found.renderOrder = 2;
@@ -399,7 +399,7 @@ function dot() {
 /** @param {Matrix4} pose */
 const originOf = (pose) => new Vector3().setFromMatrixPosition(pose);
 
-/** Some of the points, with both ends. @param {ArrayLike<number>} points (n, 3) @returns {Vector3[]} */
+/** Select some of the points, with both ends. @param {ArrayLike<number>} points (n, 3) @returns {Vector3[]} */
 function sampled(points) {
   const last = points.length / 3 - 1;
   const count = Math.min(150, last + 1);

@@ -1,5 +1,5 @@
 "use strict";
-// The code and the data of figures are packed. Figures wait until their section is open, because
+// Code and data of figures are packed. Figures are drawn when their section is opened, because
 // hidden figures do not know their width.
 const FONT = "12px system-ui, sans-serif";
 const AXIS = { font: FONT, labelFont: FONT, stroke: "#222", grid: { stroke: "#e4e4e4", width: 1 }, ticks: { stroke: "#444", width: 1, size: 4 } };
@@ -31,7 +31,7 @@ async function loadViewer() {
   return { ...(await import(viewer)), ...(await import(await addressOf("message_frame"))) };
 }
 
-// Draws the figures of what is open, and states when all are drawn.
+// Draw the figures of open sections, and report when all are drawn.
 async function drawOpen() {
   document.body.removeAttribute("data-drawn");
   const library = await loaded.catch(() => null);
@@ -41,7 +41,7 @@ async function drawOpen() {
   document.querySelectorAll("svg.drawing").forEach(keepMarks);
   fitBoxes();
   document.body.dataset.drawn = "true";
-  // Arms are last, as their code is larger than all else.
+  // Arms are last, because their code is the largest.
   for (const figure of document.querySelectorAll(".moving:not([data-shown])")) if (figure.checkVisibility()) showArm(figure);
 }
 
@@ -153,7 +153,7 @@ function optionsOf(plot, width, { key, bottom, narrow, tip }) {
     ],
     series: [{}, ...(isBars ? [{}] : plot.curves).map((x) => ({ label: x.name, stroke: x.colour, width: x.width, dash: x.dash, points: { show: Boolean(x.marked), size: 9, fill: x.colour } }))],
     hooks: {
-      // A double click also shows what the vertical axis cuts off.
+      // A double click also shows values outside the vertical axis.
       ready: [(u) => isBars || u.over.addEventListener("dblclick", () => { u.showsAll = !u.showsAll; u.setScale("x", { min: null, max: null }); }, true)],
       drawClear: [(u) => paint(u, plot)],
       setCursor: [(u) => showValues(u, plot, tip)],
@@ -230,7 +230,7 @@ function fillKeys(box, plots) {
   }
 }
 
-// Fits everything that is seen to the present width of the page.
+// Fit everything visible to the width of the page.
 function fitPage() {
   for (const [box, plots] of drawn) {
     if (!box.checkVisibility()) continue;
@@ -240,7 +240,7 @@ function fitPage() {
   fitBoxes();
 }
 
-// Only what goes on says so, and is a stop of the Tab key.
+// Only scrollable elements are marked so, and get a stop for the Tab key.
 function fitBoxes() {
   for (const box of document.querySelectorAll(".scroll")) {
     const on = box.scrollWidth > box.clientWidth + 1 || box.scrollHeight > box.clientHeight + 1;
@@ -250,7 +250,7 @@ function fitBoxes() {
   }
 }
 
-// Shows one of several groups of parts.
+// Show one of several groups.
 function choose(selector) {
   selector.closest("details").querySelectorAll(".choice").forEach(function (group, i) {
     group.hidden = i !== selector.selectedIndex;
@@ -306,7 +306,7 @@ function enableZoom(svg) {
   svg.addEventListener("dblclick", () => zoom(svg));
 }
 
-// Enlarges a drawing around a place to which a link leads.
+// Enlarge a drawing around the place to which a link leads.
 function showPlace(place) {
   const svg = place.closest("svg");
   const [, , width, height] = svg.dataset.whole.split(" ").map(Number);

@@ -29,32 +29,33 @@ COMPLETE, SATURATING, LINEAR, HELD = range(4)
 # Longest step that may saturate, as a multiple of the shortest time constant of the servo. Within
 # it, the slope of the demand has at most one extremum, and the series converge up to rounding
 # errors.
-LARGEST_STEP = 1.0
+LARGEST_SATURATING_STEP = 1.0
 # Factor for the number of steps in a time span, so that rounding errors do not add a step.
-SLACK = 1 - 1e-9
+STEP_COUNT_FACTOR = 1 - 1e-9
 # Largest number of Taylor coefficients of a step.
-TERMS = 28
+MAX_TERMS = 28
 # Taylor terms below this fraction of the first term are negligible.
 NOTHING = 1e-15
 # Reciprocals 1 / n, from n = 1.
-INVERSE = tuple(1.0 / n for n in range(1, TERMS + 2))
-# Columns of a linear map; columns 0 and 1 are position minus command and velocity. The rows are
-# position minus command, velocity and integral.
-RATE = 2  # Rate of the command; its further coefficients are in the next two columns.
-INTEGRAL = 5  # Integral, only with an integrator. Without it, a map has the columns before this.
-LEAD = 6  # Lead of the command, only with an integrator.
-COLUMNS = 7  # Number of columns with an integrator.
+INVERSE = tuple(1.0 / n for n in range(1, MAX_TERMS + 2))
+# Columns of a linear map: position minus command, velocity, the three coefficients of the command
+# from its rate on, integral, and lead of the command. Only with an integrator, a map has the last
+# two columns. The rows are position minus command, velocity and integral.
+RATE_COLUMN = 2
+INTEGRAL_COLUMN = 5
+LEAD_COLUMN = 6
+COLUMNS = 7
 # Number of Taylor coefficients of a map.
 MAP_TERMS = 16
 # Longest time of a map before it is squared, as a multiple of the shortest time constant.
 MAP_LENGTH = 0.25
 # Number of cached maps of a joint.
-KEPT = 4
+KEPT_MAPS = 4
 # Times and time spans [s] that differ by less than this are equal; rounding errors are smaller.
-NEAR = 4e-12
+SAME_INSTANT = 4e-12
 # The demand is kp kv times a difference of positions. If its excess over a bound is below this
 # fraction of kp kv times these positions, the excess is a rounding error and not saturation.
-ROUNDING = 1e-14
+DEMAND_ROUNDING = 1e-14
 # Fraction of the curvature of the demand in a step by which a cubic through both ends may differ.
 CUBIC_ERROR = 0.005
 THIRD = 1 / 3
@@ -63,7 +64,7 @@ PASSAGE = 1e-15
 # Precision of the times at which extrema are reached, relative to the step.
 EXTREMUM = 1e-8
 # Largest number of steps per time span; more are never necessary.
-MAX_STEPS = 1e5
+MAX_STEPS_PER_SPAN = 1e5
 # Largest number of phases (free or saturated) per step; more are never necessary, and would have
 # durations that round to 0.
 MAX_PHASES = 100_000
@@ -124,11 +125,11 @@ class Motion(NamedTuple):
 
 
 class LinearMaps(NamedTuple):
-    """Linear maps of the motion over KEPT time spans, the last of which are kept."""
+    """Linear maps of the motion over KEPT_MAPS time spans, the last of which are kept."""
 
     series: FloatArray  # Taylor coefficients, from `series_of_map`
-    maps: FloatArray  # (KEPT + 1, 3, COLUMNS); the last map is a work array
-    spans: FloatArray  # Time span of each map [s]; -1 if the slot is free, (KEPT,)
+    maps: FloatArray  # (KEPT_MAPS + 1, 3, COLUMNS); the last map is a work array
+    spans: FloatArray  # Time span of each map [s]; -1 if the slot is free, (KEPT_MAPS,)
     oldest: IntArray  # Slot whose map is replaced next, (1,)
 
 
@@ -191,20 +192,20 @@ def series_of_map(servo: Servo) -> FloatArray:
     ki = servo.ki
     matrix = np.zeros((COLUMNS, COLUMNS))
     series = np.zeros((MAP_TERMS, 3, COLUMNS))
-    matrix[0, RATE] = -1.0
-    matrix[RATE, RATE + 1] = 2.0
-    matrix[RATE + 1, RATE + 2] = 3.0
+    matrix[0, RATE_COLUMN] = -1.0
+    matrix[RATE_COLUMN, RATE_COLUMN + 1] = 2.0
+    matrix[RATE_COLUMN + 1, RATE_COLUMN + 2] = 3.0
     if kv == 0.0:
         matrix[0, 0] = -kp
     else:
         matrix[0, 1] = 1.0
         matrix[1, 0] = -kp * kv
         matrix[1, 1] = -kv
-        matrix[1, INTEGRAL] = kv * ki
-        matrix[INTEGRAL, 0] = -kp
-        matrix[INTEGRAL, 1] = -1.0
-        matrix[INTEGRAL, LEAD] = -kp
-    series[0, 0, 0] = series[0, 1, 1] = series[0, 2, INTEGRAL] = 1.0
+        matrix[1, INTEGRAL_COLUMN] = kv * ki
+        matrix[INTEGRAL_COLUMN, 0] = -kp
+        matrix[INTEGRAL_COLUMN, 1] = -1.0
+        matrix[INTEGRAL_COLUMN, LEAD_COLUMN] = -kp
+    series[0, 0, 0] = series[0, 1, 1] = series[0, 2, INTEGRAL_COLUMN] = 1.0
     for k in range(1, MAP_TERMS):
         for i in range(COLUMNS):
             for j in range(COLUMNS):
@@ -224,7 +225,7 @@ def write_map(
     The method is scaling and squaring: the series gives the map over a short time h, and each
     squaring doubles the time. The last map is overwritten.
     """
-    rows, columns = (3, COLUMNS) if integrates else (2, INTEGRAL)
+    rows, columns = (3, COLUMNS) if integrates else (2, INTEGRAL_COLUMN)
     squarings = 0
     h = span
     while h * rate > MAP_LENGTH:
@@ -241,21 +242,23 @@ def write_map(
     for _ in range(squarings):
         for i in range(rows):
             for j in range(columns):
-                maps[KEPT, i, j] = maps[slot, i, j]
+                maps[KEPT_MAPS, i, j] = maps[slot, i, j]
         for i in range(rows):
-            a, b = maps[KEPT, i, 0], maps[KEPT, i, 1]
+            a, b = maps[KEPT_MAPS, i, 0], maps[KEPT_MAPS, i, 1]
             for j in range(columns):
-                maps[slot, i, j] = a * maps[KEPT, 0, j] + b * maps[KEPT, 1, j]
+                maps[slot, i, j] = a * maps[KEPT_MAPS, 0, j] + b * maps[KEPT_MAPS, 1, j]
             # The command at the half time.
-            r = maps[KEPT, i, RATE]
-            s = maps[KEPT, i, RATE + 1]
-            maps[slot, i, RATE] += r
-            maps[slot, i, RATE + 1] += s + 2 * h * r
-            maps[slot, i, RATE + 2] += maps[KEPT, i, RATE + 2] + 3 * h * (s + h * r)
+            r = maps[KEPT_MAPS, i, RATE_COLUMN]
+            s = maps[KEPT_MAPS, i, RATE_COLUMN + 1]
+            maps[slot, i, RATE_COLUMN] += r
+            maps[slot, i, RATE_COLUMN + 1] += s + 2 * h * r
+            maps[slot, i, RATE_COLUMN + 2] += maps[KEPT_MAPS, i, RATE_COLUMN + 2] + 3 * h * (
+                s + h * r
+            )
             if integrates:
                 for j in range(columns):
-                    maps[slot, i, j] += maps[KEPT, i, INTEGRAL] * maps[KEPT, 2, j]
-                maps[slot, i, LEAD] += maps[KEPT, i, LEAD]
+                    maps[slot, i, j] += maps[KEPT_MAPS, i, INTEGRAL_COLUMN] * maps[KEPT_MAPS, 2, j]
+                maps[slot, i, LEAD_COLUMN] += maps[KEPT_MAPS, i, LEAD_COLUMN]
         h *= 2
 
 
@@ -331,7 +334,7 @@ def count_terms(x: float) -> int:
     """Number of Taylor terms if the terms decrease like `x^k / k!`."""
     term = 1.0
     n = 0
-    while term > NOTHING and n < TERMS - 3:
+    while term > NOTHING and n < MAX_TERMS - 3:
         term *= x * INVERSE[n]
         n += 1
     return n + 3
@@ -376,7 +379,7 @@ def expand(
 def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m: Motion) -> Motion:
     """Simulate a step from event to event, where events are starts and ends of saturation.
 
-    - `taylor`: work array, (3, TERMS + 2).
+    - `taylor`: work array, (3, MAX_TERMS + 2).
     - `h`: duration of the step [s].
     - `u`: command from the start of the step on.
     - `m`: motion at the start of the step.
@@ -392,7 +395,7 @@ def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m:
         end = h - now
         z, _ = demand(servo, v, q, w, x)
         scale = abs(v.value) + abs(q) + servo.ki * abs(x)
-        tolerance = ROUNDING * (servo.kp * servo.kv * scale + abs(z))
+        tolerance = DEMAND_ROUNDING * (servo.kp * servo.kv * scale + abs(z))
         # Side of the bounds: 1 above the upper bound, -1 below the lower bound, otherwise 0
         if not known:
             side = 1.0 if z > servo.upper + tolerance else 0.0
@@ -467,7 +470,7 @@ def respond(
     have a new extreme, are simulated by events.
 
     - `f`, `i`: the linear map of the step is f[i].
-    - `taylor`: work array, (3, TERMS + 2).
+    - `taylor`: work array, (3, MAX_TERMS + 2).
     - `u`, `end`: command from the start and from the end of the step on.
     - `m`: motion at the start. The result is not finite with too many events.
     """
@@ -515,7 +518,7 @@ def find_piece(starts: FloatArray, now: float) -> int:
     high = len(starts)
     while piece < high:
         middle = (piece + high) // 2
-        if starts[middle] < now - NEAR:
+        if starts[middle] < now - SAME_INSTANT:
             piece = middle + 1
         else:
             high = middle
@@ -525,13 +528,13 @@ def find_piece(starts: FloatArray, now: float) -> int:
 @compiled(inner=True, fastmath=FUSED)
 def begins(starts: FloatArray, piece: int, now: float) -> bool:
     """Whether the next piece of the command begins at `now` [s]; `piece` is the current one."""
-    return piece < len(starts) and starts[piece] - now <= NEAR
+    return piece < len(starts) and starts[piece] - now <= SAME_INSTANT
 
 
 @compiled(inner=True, fastmath=FUSED)
 def stop_before(starts: FloatArray, piece: int, until: float) -> float:
     """Start of the next piece of the command, or an earlier time `until` [s]."""
-    if piece < len(starts) and starts[piece] < until - NEAR:
+    if piece < len(starts) and starts[piece] < until - SAME_INSTANT:
         return float(starts[piece])
     return until
 
@@ -569,7 +572,7 @@ def march_held(
         x = (z / kv - kp * (pieces[piece, 0] - p) + v) / ki - drive_cycle * (z - held) / kv
     for row in range(1, len(times)):
         until = times[row]
-        while until - now > NEAR:
+        while until - now > SAME_INSTANT:
             # Cycle of the drive: new demand and held value
             if begins(starts, piece, now):
                 piece += 1
@@ -617,7 +620,7 @@ def march_delayed(
     now = times[0]
     for row in range(1, len(times)):
         until = times[row]
-        while until - now > NEAR:
+        while until - now > SAME_INSTANT:
             if begins(starts, piece, now):
                 piece += 1
             else:
@@ -637,15 +640,15 @@ def find_map(linear: LinearMaps, servo: Servo, h: float, slot: int) -> int:
 
     `slot` is the slot of the last step, whose map most often fits.
     """
-    if abs(linear.spans[slot] - h) <= NEAR:
+    if abs(linear.spans[slot] - h) <= SAME_INSTANT:
         return slot
     found = -1
-    for i in range(KEPT):
-        if abs(linear.spans[i] - h) <= NEAR:
+    for i in range(KEPT_MAPS):
+        if abs(linear.spans[i] - h) <= SAME_INSTANT:
             found = i
     if found < 0:
         found = int(linear.oldest[0])
-        linear.oldest[0] = (found + 1) % KEPT
+        linear.oldest[0] = (found + 1) % KEPT_MAPS
         write_map(linear.series, servo.ki > 0.0, fastest_rate(servo), h, linear.maps, found)
         linear.spans[found] = h
     return found
@@ -673,9 +676,9 @@ def march(
     """Simulate one joint from times[0] on; return its motion and its held value.
 
     The joint moves in steps between the starts of the command's pieces and the times of the
-    results. Steps that may saturate are divided into parts of at most LARGEST_STEP.
+    results. Steps that may saturate are divided into parts of at most LARGEST_SATURATING_STEP.
 
-    The motion is not finite if the servo requires more than MAX_STEPS steps per result.
+    The motion is not finite if the servo requires more than MAX_STEPS_PER_SPAN steps per result.
 
     - `kind`: COMPLETE, SATURATING, LINEAR or HELD. Without recorded extremes, `lowest` is -inf and
       `highest` inf; both are 0 with LINEAR.
@@ -701,16 +704,16 @@ def march(
         x = (held / servo.kv - servo.kp * (u.value - m.q) + m.w) / servo.ki
         m = Motion(m.q, m.w, x, 0.0, m.lowest, m.highest)
     rate = fastest_rate(servo)
-    if (times[-1] - now) * rate > MAX_STEPS * LARGEST_STEP * len(times):
+    if (times[-1] - now) * rate > MAX_STEPS_PER_SPAN * LARGEST_SATURATING_STEP * len(times):
         return Motion(math.nan, math.nan, 0.0, 0.0, 0.0, 0.0), held
-    maps = np.empty((KEPT + 1, 3, COLUMNS))
-    spans = np.full(KEPT, -1.0)
+    maps = np.empty((KEPT_MAPS + 1, 3, COLUMNS))
+    spans = np.full(KEPT_MAPS, -1.0)
     linear = LinearMaps(series_of_map(servo), maps, spans, np.zeros(1, np.intp))
     slot = 0
-    taylor = np.zeros((3, TERMS + 2))
+    taylor = np.zeros((3, MAX_TERMS + 2))
     for row in range(1, len(times)):
         until = times[row]
-        while until - now > NEAR:
+        while until - now > SAME_INSTANT:
             if begins(starts, piece, now):
                 piece += 1
                 u = command_at(pieces, starts, piece, now)
@@ -719,7 +722,9 @@ def march(
             h = stop - now
             repeats = 1
             if kind != LINEAR:
-                repeats = max(int(math.ceil(h * rate / LARGEST_STEP * SLACK)), 1)
+                repeats = max(
+                    int(math.ceil(h * rate / LARGEST_SATURATING_STEP * STEP_COUNT_FACTOR)), 1
+                )
                 h /= repeats
             slot = find_map(linear, servo, h, slot)
             for _ in range(repeats):

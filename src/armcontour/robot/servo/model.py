@@ -219,11 +219,13 @@ class ServoModel(Checked):
         same = len(set(orders)) == 1
         second = np.array([x == "second" for x in orders])
         lagged = second | np.array([x == "first" for x in orders])
-        if (self.kv is None) == bool(second.any()):
+        if self.kv is None and second.any():
             raise InvalidInput(
                 "A servo of order second requires the velocity loop gain kv [1/s] and kp."
-                if self.kv is None
-                else f"A servo of order {orders[0]} has no velocity loop, so remove its gain kv."
+            )
+        if self.kv is not None and not second.any():
+            raise InvalidInput(
+                f"A servo of order {orders[0]} has no velocity loop, so remove its gain kv."
             )
         if self.inertia is not None and not second.all():
             lagging = orders[int(np.argmin(second))]
@@ -234,7 +236,7 @@ class ServoModel(Checked):
         _check_integrator(self.ki, second, self.interpolation, feed)
         if feed.any() and self.interpolation == "step":
             raise InvalidInput(
-                "A servo with held set-points has no acceleration of the command. Remove "
+                "A servo with held set-points has no command acceleration. Remove "
                 "acceleration_feedforward."
             )
         if ((feed > 0) & (self.velocity_feedforward == 0)).any():
@@ -259,7 +261,7 @@ class ServoModel(Checked):
             prismatic: Whether each joint is prismatic; None or empty if no joint is.
 
         Raises:
-            InvalidInput: `prismatic` is no sequence of truth values.
+            InvalidInput: `prismatic` is not a sequence of truth values.
         """
         slides = () if prismatic is None else prismatic
         parts = [] if self.order == "second" else [f"order {_join_texts(self.order)}"]
@@ -493,6 +495,9 @@ class ServoModel(Checked):
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None) -> FloatArray:
         """Return the command with which the servo follows q [rad], (n, dof).
 
+        >>> servo.command(q=[[0.1, 1.0]], dq=[[0.5, 0.0]], ddq=[[0.0, 0.0]])
+        array([[0.12, 1.  ]])
+
         The servo is unsaturated and has no dead time.
 
         Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`. Dry
@@ -503,7 +508,7 @@ class ServoModel(Checked):
         Args:
             q: Joint positions [rad], (n, dof).
             dq: Joint velocities [rad/s], (n, dof).
-            ddq: Joint accelerations [rad/s²], (n, dof); needed for second order only.
+            ddq: Joint accelerations [rad/s²], (n, dof); None only without order "second".
 
         Raises:
             InvalidInput: The accelerations are missing.
@@ -533,6 +538,9 @@ class ServoModel(Checked):
         `G(s) = exp(-s tau) (g s² + f K_v s + K_p K_v) / (s² + K_v s + K_p K_v)`, with f = g = 0
         (5), or for order "first" `exp(-s tau) (f s + K_p) / (s + K_p)`; in a P-PI cascade with
         `K_v (1 + k_i / s)` for K_v. The interpolation of set-points is not included.
+
+        >>> abs(servo.response([1j * 10.0])).round(3)
+        array([[0.95]])
 
         Args:
             s: Complex frequencies [rad/s], (n,).

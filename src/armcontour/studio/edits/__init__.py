@@ -1,4 +1,7 @@
-"""Edits of the page, converted to changes of keys of the job file."""
+"""Convert the page's edits to changes of keys in the job file.
+
+The functions for edits return changes; the document applies them as one step of undo.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ TEXTS = ("name", "action", "kind")
 
 
 def changes_of(edit: Mapping[str, Any], state: EditState) -> tuple[Change, ...]:
-    """Changes of job keys that an edit causes; `do` of the edit selects the function."""
+    """Convert an edit to changes of job keys; its key `do` selects the function."""
     do = edit.get("do")
     if not isinstance(do, str) or do not in EDITS:
         raise InvalidInput(f"do must be one of {', '.join(EDITS)}, but is {show(do)}.")

@@ -23,7 +23,7 @@ from armcontour.jobs.job import FIRST_TOLERANCE
 from armcontour.studio.handles import EditState
 
 SHARP = "sharp"
-# Mappings of the values of all contours; others are in `process`.
+# Mappings of values that apply to all contours; others are in `process`.
 SHARED = {"speed": "limits", "tolerance": "corners"}
 # Outputs of exports, which are numbers or names.
 OUTPUTS: Keys = ("export", "outputs")
@@ -32,7 +32,7 @@ REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs"
 
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that set a key: with `run`, for the shown run only; with `insert`, as a list item."""
+    """Return the changes that set a key: with `run` in this run only; with `insert` as an item."""
     keys = _keys_of_edit(edit, state)
     value = edit["value"]
     if edit.get("run") is True and keys[0] in IN_RUN:
@@ -69,11 +69,11 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that remove a key and the mappings that become empty."""
+    """Return the changes that remove a key and the mappings that become empty."""
     keys = _keys_of_edit(edit, state)
     while len(keys) > 1 and keys[:-1] not in REQUIRED_LIBRARIES:
         outer = value_at(state.data, keys[:-1])
-        # The mapping of a run or of a layer stays, because it may be empty.
+        # The mapping of a run or layer stays, because it may be empty.
         stays = keys[0] == "runs" and len(keys) == 3 or keys[:2] == ("path", "layers")
         if stays or not isinstance(outer, Mapping) or set(outer) != {keys[-1]}:
             break
@@ -82,12 +82,12 @@ def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _keys_of_edit(edit: Mapping[str, Any], state: EditState) -> Keys:
-    """Keys that an edit changes, in the shown run if the run has them."""
+    """Return the keys that an edit changes, in the shown run if the run has them."""
     return locate_key(key_of(edit["key"]), state.data, state.run)
 
 
 def _set_in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
-    """Changes that set a key of the job for the shown run only."""
+    """Return the changes that set a key of the job for the shown run only."""
     changes = list[Change]()
     run_keys = ("runs", state.run, str(keys[0]))
     shared = value_at(state.data, keys[:1])
@@ -118,7 +118,7 @@ def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:
 
 
 def value_of(keys: Keys, job: Job, run: Run) -> Any:
-    """Value of a key such as ("servo", "kp") in a run [SI]; None if the run has no such value."""
+    """Return a run's value of a key such as ("servo", "kp") [SI]; None if it has none."""
     owners = {"corners": run.rounding, "servo": job.servo, "cycle": run.cycle}
     name = str(keys[0])
     value = owners.get(name, getattr(run, name, None))
@@ -171,7 +171,7 @@ def _format_typed(number: str, old: Any, kind: Quantity) -> Any:
 
 
 def add_run(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that add a copy of the shown run."""
+    """Return the changes that add a copy of the shown run."""
     name = edit["name"]
     runs = state.data["runs"]
     if name in runs:

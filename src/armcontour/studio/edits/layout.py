@@ -26,12 +26,12 @@ from armcontour.studio.handles import ANGLE, EXACT, LENGTH, EditState, Handles, 
 EXACT_ANGLE = 1e-14
 
 KEYS: Keys = ("path", "orientation")
-# Number of decimals of displayed and written angles [deg] and axis components.
+# Number of decimals in displayed and written angles [deg] and axis components.
 DECIMALS = 9
 
 
 def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that move the part by `by` and rotate it about `about`, by default its centre."""
+    """Return the changes that move the part by `by` and rotate it about `about` (its centre)."""
     plane = state.handles.plane
     frame = state.handles.frame
     by = uv_of("by", edit.get("by", [0, 0]))
@@ -80,7 +80,7 @@ def _vector(
 
 
 def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | None:
-    """Angle from -z and azimuth of the tool axis [deg]; None for planar arms or several axes."""
+    """Return the tool axis's angle from -z and azimuth [deg]; None if planar or several axes."""
     tool_orientation = None if handles.job.arm.dimension == 2 else _find_orientation(data)
     if tool_orientation is None:
         return None
@@ -94,7 +94,7 @@ def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | Non
 
 
 def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that tilt the tool axis to the angles of `tilt_of`, in degrees or with a unit."""
+    """Return the changes that tilt the tool axis to the angles of `tilt_of`, by default in deg."""
     now = tilt_of(state.handles, state.data)
     tool_orientation = _find_orientation(state.data)
     if now is None or tool_orientation is None:
@@ -119,7 +119,7 @@ def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _find_orientation(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatArray] | None:
-    """Keys of the orientation, rotation and tool axis; None if the job has a list of orientations.
+    """Return the orientation's keys, rotation and tool axis; None for several orientations.
 
     The rotation is None if only the tool axis is specified.
     """
@@ -149,7 +149,7 @@ def _degrees(name: str, value: Any) -> float:
 
 
 def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that add, change or remove an obstacle."""
+    """Return the changes that add, change or remove an obstacle."""
     action = checks.check_choice("action", edit["action"], ("add", "change", "remove"))
     keys: Keys = ("scene", "obstacles")
     bodies = value_at(state.data, keys) or []
@@ -170,7 +170,7 @@ def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _body(edit: Mapping[str, Any]) -> dict[str, Any]:
-    """Keys of the body in an edit, such as its size and pose."""
+    """Return the body's keys in an edit, such as its size and pose."""
     return {
         key: x for key, x in edit.items() if key not in ("do", "action", "type", "index", "name")
     }

@@ -32,7 +32,7 @@ NEAR = 1e-9
 
 
 def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that move a waypoint to a point in the picture; `step` [m] rounds its coordinates."""
+    """Return the changes that move a waypoint in the picture, rounded to `step` [m]."""
     point = _waypoint(edit, state)
     within = EXACT
     if edit.get("step") is not None:
@@ -42,7 +42,7 @@ def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def set_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that set the coordinates of a waypoint to typed values."""
+    """Return the changes that set a waypoint's coordinates to typed values."""
     point = _waypoint(edit, state)
     values = edit["value"]
     if not isinstance(values, list) or len(values) != len(point.written):
@@ -58,7 +58,7 @@ def set_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that insert a waypoint before the waypoint `index` of the edit, or at the end."""
+    """Return the changes that insert a waypoint before `index` of the edit, or at the end."""
     handles = require_editable(state)
     index = edit["index"]
     ends = handles.ends
@@ -76,7 +76,7 @@ def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _insert_segment(index: int, coordinates: list[Any], state: EditState) -> list[Change]:
-    """Changes that insert a waypoint into a list of segments; a line is divided into two lines."""
+    """Return the changes that insert a waypoint into segments; a line becomes two lines."""
     path = state.data["path"]
     segments = path[SEGMENTS]
     if index == 0:
@@ -97,7 +97,7 @@ def _insert_segment(index: int, coordinates: list[Any], state: EditState) -> lis
 
 
 def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that remove a waypoint at an end of a segment."""
+    """Return the changes that remove a waypoint at an end of a segment."""
     handles = require_editable(state)
     point = _waypoint(edit, state, computed=True)
     if point.role not in (POINT, END):
@@ -128,7 +128,7 @@ def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def copy_orientation(index: int, like: int, state: EditState) -> list[Change]:
-    """Changes that give a new waypoint the orientation of the waypoint `like`."""
+    """Return the changes that give a new waypoint the orientation of `like`."""
     orientations = value_at(state.data, ("path", "orientation"))
     if not isinstance(orientations, list) or like >= len(orientations):
         return []
@@ -136,14 +136,14 @@ def copy_orientation(index: int, like: int, state: EditState) -> list[Change]:
 
 
 def require_editable(state: EditState) -> Handles:
-    """Handles of the job; raises InvalidInput if its points come from a drawing."""
+    """Return the job's handles; raise InvalidInput if its points come from a drawing."""
     if state.handles.why_not is not None:
         raise InvalidInput(state.handles.why_not)
     return state.handles
 
 
 def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = False) -> Waypoint:
-    """Waypoint of an edit; raises InvalidInput for a fixed waypoint, unless `computed` is True."""
+    """Return an edit's waypoint; raise InvalidInput if it is fixed, unless `computed`."""
     points = require_editable(state).waypoints
     point = points[checks.check_int("number of the waypoint", edit["index"], 0, len(points) - 1)]
     if point.why_not is not None and not computed:
@@ -152,7 +152,7 @@ def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = Fal
 
 
 def draw(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Changes that append drawn segments: lines to points, arcs via points, circles by centre."""
+    """Return the changes that append drawn segments: lines, arcs via points or by centre."""
     handles = require_editable(state)
     path = state.data["path"]
     drawn = edit["segments"]

@@ -5,7 +5,7 @@ import { Link } from "./connection.js";
 import { Store } from "./state.js";
 import { View2d } from "./view2d.js";
 
-/** Regions in the order in which they hear of events. */
+/** Regions, in the order in which they receive events. */
 const REGIONS = [
   "messages", "theme", "dock", "header", "figures", "contours", "viewbar", "pen", "markers", "form", "files", "start_page", "keyboard",
   "obstacles", "part_handle", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "tasks",
@@ -14,7 +14,7 @@ const modules = await Promise.all(REGIONS.map((name) => import(`./${name}.js`)))
 const store = new Store();
 const link = new Link(store);
 const { pointer } = handles(store, link, new View2d(store));
-// A region that fails does not take the others with it.
+// If one region fails, the others still start.
 for (const { init } of modules) {
   try {
     init(store, link, pointer);

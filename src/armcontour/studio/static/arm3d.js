@@ -16,7 +16,7 @@ import { CLICKED } from "./view2d.js";
 
 const NO_WEBGL = "The arm in space needs WebGL, which this browser does not provide.";
 const NOT_LOADED = "The arm could not be loaded: load the page again.";
-/** An interval of time in which the path is one piece, as a share of the duration, at least. */
+/** Length of the time intervals that have one colour, as a share of the duration. */
 const FINEST = 1 / 4000;
 /** Within this distance a click selects a contour. */
 const NEAR = 6; // px
@@ -28,13 +28,13 @@ export function init(store) {
   for (const event of ["time", "layout", "refusal", "figures"]) store.on(event, view.draw);
 }
 
-/** The 3D view. Nothing is drawn while it is hidden, or while nothing changes. */
+/** The 3D view. It draws only while it is visible and something changes. */
 class ArmView {
   /** @param {HTMLElement} region @param {Store} store */
   constructor(region, store) {
     this.region = region;
     this.store = store;
-    /** Null until it is loaded, and without WebGL. @type {import("./viewer.js").Viewer | null} */
+    /** Null until the viewer is loaded, or if the browser has no WebGL. @type {import("./viewer.js").Viewer | null} */
     this.viewer = null;
     this.isLoading = false;
     /** Why there is no viewer. */
@@ -50,7 +50,7 @@ class ArmView {
     new ResizeObserver(this.draw).observe(this.box);
   }
 
-  /** Make the viewer when the view is first seen: its code is most of the page's. @param {Frame} arm */
+  /** Load the viewer when the view is shown first, because it is most of the page's code. @param {Frame} arm */
   async load(arm) {
     if (this.isLoading) return;
     this.isLoading = true;
@@ -82,14 +82,14 @@ class ArmView {
     });
   }
 
-  /** Something that was read from a frame is to be read anew. @param {string} what */
+  /** Read a value from its frame again at the next draw. @param {string} what */
   outdate(what) {
     this.stale.add(what);
     this.draw();
   }
 
   drawNow() {
-    // Hidden first: asking for a height makes the browser compute the layout.
+    // Check `hidden` first, because reading a height makes the browser compute the layout.
     const arm = this.store.latest("arm");
     if (this.region.hidden || this.region.clientHeight === 0 || !arm) return;
     this.load(arm);
@@ -98,7 +98,7 @@ class ArmView {
     this.region.dataset.frames = String(this.viewer?.frames ?? 0);
   }
 
-  /** Read what is new of the frames. @param {Frame} arm */
+  /** Read new frames. @param {Frame} arm */
   read(arm) {
     const { stale, store, viewer } = this;
     if (stale.has("arm")) viewer?.setArm(arm);
@@ -158,7 +158,7 @@ class ArmView {
   /** @param {Motion | null} motion @returns {string} */
   noteText(motion) {
     if (this.problem) return this.problem;
-    // Next to the drawing, the sentence is there or in the messages.
+    // Next to the drawing, the drawing or the messages show the sentence.
     if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
     const { nearest, obstacle_t: near } = headOf(this.store);
     const pair = knownOf(this.store).rows.get(nearest?.t === this.store.time ? "clearance.low" : near === this.store.time ? "obstacle" : "");

@@ -10,15 +10,15 @@ import { roundUp } from "./viewport.js";
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 /** @typedef {CanvasRenderingContext2D} Context */
 
-// Least distance of grid lines.
+// Minimum distance between grid lines.
 const GRID = 60; // px
-// Marks of contours have at least about this distance.
+// Approximate minimum distance between contour marks.
 const ROOM = 40; // px
-// And their numbers about this one.
+// Approximate minimum distance between contour numbers.
 const NUMBER = 22; // px
-// Radius of the mark of a pierce.
+// Radius of pierce marks.
 const RING = 6.5; // px
-// Longer lines (numbers of coordinates) are drawn without dashes, which cost more than they do.
+// Lines with more coordinates are drawn solid, because dashes take longer than the line itself.
 const LONG = 12_000;
 
 export class Painter {
@@ -36,7 +36,7 @@ export class Painter {
     if (!picture) return;
     this.grid(context, view);
     const { refusal } = this.store;
-    // The last good motion is grey.
+    // The last valid motion is drawn in grey.
     context.globalAlpha = refusal?.head.tier === 1 && picture.arrays.path.length ? 0.28 : 1;
     this.inMetres(context, view, () => this.lines(context, view, picture));
     context.font = "11px system-ui, sans-serif";
@@ -48,7 +48,7 @@ export class Painter {
     if (refusal?.head.outline) this.inMetres(context, view, () => this.refused(context, view, refusal, picture));
   }
 
-  /** The refused path, with its contour at the place of the refusal in red. @param {Context} context @param {Viewport} view @param {Frame} refusal @param {Frame} picture */
+  /** Draw the refused path, with the refused contour in red. @param {Context} context @param {Viewport} view @param {Frame} refusal @param {Frame} picture */
   refused(context, view, refusal, picture) {
     const [u, v] = refusal.head.outline.centre;
     const { path, contour } = this.layers.refused(refusal);
@@ -84,18 +84,18 @@ export class Painter {
     stroke(context, layers.lines(picture, "left_out"), themed("--line"), 2 * px);
     stroke(context, layers.lines(picture, "rapid"), themed("--faint"), 1 * px, [1.5 * px, 4 * px]);
     if (store.options.contour >= 0) stroke(context, layers.contour(picture, store.options.contour), themed("--selected"), 11 * px);
-    // Below the colours of the limits: it is seen where it leaves them.
+    // Drawn below the limit colours, so it is visible where the tool leaves the path.
     if (executed && store.options.colour === "error") this.executed(context, view, executed);
     for (const { path, colour, dash } of layers.strokes(picture, executed)) {
       stroke(context, path, colour, 3.2 * px, dash.map((d) => d * px));
     }
-    // A gap in the coloured line, with a thin line in it.
+    // A gap in the coloured line, filled by a thin line.
     const idle = layers.keep("idle", [picture], () => idleOf(picture));
     stroke(context, idle, themed("--ground"), 4 * px);
     stroke(context, idle, themed("--ink"), 0.8 * px);
   }
 
-  /** Number, start, direction and pierce of each contour that has room for them. @param {Context} context @param {Viewport} view @param {Frame} picture */
+  /** Draw number, start, direction and pierce of each contour that has room for them. @param {Context} context @param {Viewport} view @param {Frame} picture */
   contours(context, view, picture) {
     const taken = new Set();
     const [arrows, pierces] = [new Path2D(), new Path2D()];
@@ -132,7 +132,7 @@ export class Painter {
     stroke(context, tool, colour, 1.3 * px);
   }
 
-  /** Lines at round distances. @param {Context} context @param {Viewport} view */
+  /** Draw grid lines at round distances. @param {Context} context @param {Viewport} view */
   grid(context, view) {
     const step = roundUp(GRID / view.scale);
     const centre = this.store.latest("picture")?.head.centre ?? [0, 0];
@@ -151,7 +151,7 @@ export class Painter {
   }
 }
 
-/** An arrow in a direction of the plane. @param {Path2D} path @param {number} x px @param {number} y px @param {number[]} along */
+/** Add an arrow in a direction in the plane. @param {Path2D} path @param {number} x px @param {number} y px @param {number[]} along */
 function arrow(path, x, y, [u, v]) {
   const at = (/** @type {number} */ a, /** @type {number} */ b) => /** @type {[number, number]} */ ([x + a * u + b * v, y - a * v + b * u]);
   path.moveTo(...at(8, 0));

@@ -13,16 +13,16 @@ import { nowAndThen, READING } from "./state.js";
 /** @typedef {{label: string, colour: string, dash?: number[], y: ArrayLike<number | null>}} Curve `y` in the unit of the chart */
 /** @typedef {{x: ArrayLike<number>, unit: string, curves: Curve[], limits?: number[], summary: string}} Content */
 
-/** While frames come, charts are drawn so often at most [ms]: the drawing above needs the time. */
+/** Minimum time between two draws of the charts while frames arrive [ms]; the drawing needs the time. */
 const EVERY = 500;
 const HEIGHT = 122; // px
-/** Dashes of joints: no two joints with the same colour have the same one. */
+/** Dashes of joint curves: joints with the same colour have different dashes. */
 const DASHES = [[], [9, 3], [3, 3], [9, 3, 3, 3], [1, 3], [14, 4]];
-/** Limits of joints are drawn from this share of them on [%]. */
+/** A joint limit is drawn if the motion uses at least this share of it [%]. */
 const NEAR = 50;
 const DEMANDS = /** @type {const} */ ([["velocity", "usage_v"], ["acceleration", "usage_a"], ["torque", "usage_torque"]]);
 
-/** A figure with title, sentence, and curves with their values at the shown time. */
+/** A chart with title, sentence, and curves with their values at the shown time. */
 class Chart {
   /** @param {string} name @param {string} title @param {string} xUnit @param {(x: number) => void} choose called with the place under the pointer */
   constructor(name, title, xUnit, choose) {
@@ -88,7 +88,7 @@ class Chart {
   }
 }
 
-/** All values, with some room. @param {number[]} values @returns {[number, number]} */
+/** Return an axis range that contains all values with a margin. @param {number[]} values @returns {[number, number]} */
 function rangeOf(values) {
   const [low, high] = [Math.min(...values), Math.max(...values)];
   const room = 0.06 * (high - low || 1);
@@ -120,19 +120,19 @@ function demandContent({ arrays: { t } }, usage, names) {
   }));
   const most = curves.map(({ y }) => largest(y.map((x) => x && Math.abs(x))));
   const share = Math.max(...most);
-  // Shares of limits that there are not are zero.
+  // Without a limit, its share is zero.
   if (!share) return null;
   return { x: t, unit: "%", curves, limits: share > NEAR ? [-100, 100] : [], summary: `At most ${share.toFixed(1)} %, by joint ${curves[most.indexOf(share)].label}.` };
 }
 
-/** Number of a joint, and its name without what all have. @param {number} k @param {string} name */
+/** Return a joint's number, and its name without the word joint. @param {number} k @param {string} name */
 const jointLabel = (k, name) => `${k + 1} ${name.replace(/_?joint_?\d*$/, "").replaceAll("_", " ")}`.trim();
 
 /** @param {Frame} executed @returns {Content} */
 function errorContent({ head, arrays: { t, error, breaks } }) {
   const [max, rms] = ["max", "rms"].map((x) => rowOf(head, `contour_error.${x}`));
   const [factor, unit] = max.value >= 1e-3 ? [1e3, "mm"] : [1e6, "µm"];
-  // Between contours there is no error, so that no line is drawn there.
+  // Between contours the error is not defined, so no line is drawn there.
   const y = Array.from(error, (x, k) => (breaks.includes(k) ? null : factor * x));
   return { x: t, unit, curves: [{ label: "executed", colour: themed("--executed"), y }], summary: `At most ${textOf(max)}, root mean square ${textOf(rms)}.` };
 }
@@ -147,17 +147,17 @@ export function init(store) {
   region.append(...[speed, ...demands, error].map((x) => x.element));
   const update = () => {
     const [picture, executed] = [store.latest("picture"), store.latest("executed")];
-    // The joints of an arm come from the floor on; those of a motion are in its columns.
+    // An arm lists its joints from the floor; a motion has them by column.
     const names = /** @type {string[]} */ ([]);
     for (const { name, column } of store.latest("arm")?.head.joints ?? []) names[column] = name;
-    // A long drawing comes without a plan first.
+    // A long drawing first arrives without a plan.
     speed.show(picture?.arrays.path_s.length ? speedContent(picture) : null);
     DEMANDS.forEach(([, array], k) => {
       const usage = picture?.arrays[array];
       demands[k].show(picture && usage?.length ? demandContent(picture, usage, names) : null);
     });
     error.show(executed && errorContent(executed));
-    // Under a refusal the last good curves stay, greyed.
+    // After a refusal, the last valid curves stay in grey.
     region.classList.toggle("stale", store.refusal !== null);
     error.element.classList.toggle("stale", !store.isCurrent(executed));
   };

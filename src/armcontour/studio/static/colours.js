@@ -1,5 +1,5 @@
 // Colours of the page: the palette of Okabe and Ito for colour-blind readers, and
-// cividis for heat. Dashes or labels repeat every information of colours.
+// cividis for values. Dashes or labels repeat the information of every colour.
 
 /** @typedef {{colour: string, dash: number[], label: string}} Style */
 
@@ -7,13 +7,13 @@
 /** Colours, dashes and words, by the same file as in reports. @type {{limits: Looks, verdicts: Looks, runs: string[], cividis: number[][]}} */
 const PALETTE = await (await fetch("/static/palette.json")).json();
 export const RUN_COLOURS = PALETTE.runs;
-/** Points of cividis at equal steps, dark to bright. */
+/** Colours of cividis at equal steps, from dark to bright. */
 const CIVIDIS = PALETTE.cividis;
 /** Kind of the parts on which no limit is active. */
 export const BETWEEN = "between two limits";
 
 /**
- * How a kind of limit is drawn: kinds are the names of limits in explanations, without a joint.
+ * Return how a limit kind is drawn; kinds are names of limits in explanations, without a joint.
  * @param {string} kind @param {"light" | "dark"} theme @returns {Style}
  */
 export function styleOf(kind, theme) {
@@ -21,13 +21,13 @@ export function styleOf(kind, theme) {
   return { colour: style[theme], dash: style.dash, label: style.word ?? kind };
 }
 
-/** How a verdict is drawn. @param {boolean} kept @param {"light" | "dark"} theme @returns {{colour: string, mark: string}} */
+/** Return how a verdict is drawn. @param {boolean} kept @param {"light" | "dark"} theme @returns {{colour: string, mark: string}} */
 export function verdictOf(kept, theme) {
   const style = PALETTE.verdicts[kept ? "kept" : "not kept"];
   return { colour: style[theme], mark: style.mark ?? "" };
 }
 
-/** All of what is allowed, with room for rounding. */
+/** The whole allowed value, with room for rounding. */
 export const ALL = 1 + 1e-6;
 
 /**
@@ -43,10 +43,10 @@ export function heat(share, theme) {
   return `rgb(${parts.join(",")})`;
 }
 
-/** Colour of a share: as `heat`, above 1 that of an alarm. @param {number} share @param {"light" | "dark"} theme @returns {string} */
+/** Return the colour of a share: as `heat`, but the alarm colour above 1. @param {number} share @param {"light" | "dark"} theme @returns {string} */
 export const shadeOf = (share, theme) => (share > ALL ? themed("--alarm") : heat(share, theme));
 
-/** Colours of the style sheet by theme and name: reading one makes the browser compute all styles. @type {Map<string, string>} */
+/** Cache: theme and name -> colour of the style sheet. Reading one makes the browser compute all styles. @type {Map<string, string>} */
 const READ = new Map();
 
 /** A colour of the style sheet in the shown theme, such as "--ink". @param {string} name @returns {string} */

@@ -3,13 +3,13 @@
 import { html, useLayoutEffect, useRef } from "./vendor/preact.js";
 
 /**
- * A line of text that is sent as typed. What the user types stays when the document changes; what was sent is shown as
- * the document has it. Escape takes the document's text back.
+ * A text field that sends its text as typed. Typed text stays when the document changes; sent text is shown as
+ * the document contains it. Escape restores the document's text.
  * @param {{value: string, send: (text: string) => void, [attribute: string]: any}} props
  */
 export function Entry({ value, send, ...more }) {
   const field = useRef(/** @type {HTMLInputElement | null} */ (null));
-  /** Text that the document gave, or that was sent. */
+  /** Text from the document, or sent text. */
   const known = useRef(value);
   useLayoutEffect(() => {
     const { current } = field;
@@ -28,20 +28,20 @@ export function Entry({ value, send, ...more }) {
   return html`<input type="text" autocomplete="off" spellcheck=${false} ref=${field} onChange=${change} onKeyDown=${key} ...${more} />`;
 }
 
-/** Buttons that do what a refusal proposes, each with all its edits; the first two are its label. @param {{all?: {key: (string | number)[], value: any}[][], take: (edits: object[]) => void}} props */
+/** Buttons for the remedies of a refusal; each sends all edits of a remedy, the first two of which are its label. @param {{all?: {key: (string | number)[], value: any}[][], take: (edits: object[]) => void}} props */
 export const Remedies = ({ all = [], take }) => all.map((edits) => {
   const texts = edits.map(({ key, value }) => `${value === null ? "Remove" : "Set"} ${key.slice(-2).join(" ").replaceAll("_", " ")}${value === null ? "" : `: ${value}`}`);
   return html`<button type="button" title=${edits.map(({ key }) => key.join(".")).join(", ")} onClick=${() => take(edits)}>${texts.slice(0, 2).join(", ").replaceAll(", Set", ",")}</button> `;
 });
 
 /**
- * Buttons for changes of the job; where they are brief, sentences are titles.
+ * Buttons for changes of the job; brief buttons have their sentences as tooltips.
  * @param {{changes: {label: string, short: string, condition?: string, edits: object[]}[], brief?: boolean, link: import("./connection.js").Link}} props
  */
 export const Changes = ({ changes, brief, link }) => changes.map(({ label, short, condition, edits }) =>
   html`<button type="button" title=${brief && label} onClick=${() => link.edit(edits)}>${brief ? short : label}${condition && `, if ${condition}`}</button>`);
 
-/** Heads of columns; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */
+/** Column heads; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */
 export function Heads({ names, words = 0 }) {
   return html`<thead><tr>${names.map((name, k) => {
     const unseen = name.startsWith("(") ? name.slice(1, -1) : "";

@@ -1,13 +1,13 @@
 // Connection to the server: sends the token and messages, passes frames to the store.
-// Edits are kept to a few in flight and one pending, so that no queue grows while a handle is dragged. The server leaves
-// out all but the newest: it always goes on with where the pointer is now, and never waits for the page to draw.
+// At most a few edits are in flight and one is pending, so that no queue grows while a handle is dragged. The server
+// skips all but the newest edit, so it follows the pointer and never waits until the page has drawn.
 
 import { unpack } from "./message_frame.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /**
- * State of the connection, told as the event `link`: "starting", "open", "lost" (it is tried again) or
- * "refused" (it is not); `sentence` is what the user reads, `busy` whether an edit has no answer yet.
+ * State of the connection, sent as the event `link`: "starting", "open", "lost" (the page tries again) or
+ * "refused" (it does not); `sentence` is for the user, `busy` is true while an edit has no answer.
  * @typedef {{state: "starting" | "open" | "lost" | "refused", sentence: string, busy: boolean}} LinkState
  */
 /** @typedef {Record<string, any> & {op: string}} Message */
@@ -18,19 +18,19 @@ const isChange = ({ op, final }) => Boolean(final) || op === "undo" || op === "r
 const KEPT_AS = "armcontour-token";
 const FIRST_WAIT = 250; // ms
 const LONGEST_WAIT = 4000;
-// A server that does not answer for this long has ended; a new one has another address.
+// A server without an answer for this long has ended; a new server has another address.
 const GIVE_UP_AFTER = 15_000;
-// Edits without an answer at once; the screen may be faster than the server.
+// Maximum number of edits without an answer; the screen may be faster than the server.
 const MAX_IN_FLIGHT = 3;
 // An edit without an answer for this long no longer holds back the next one.
 const ANSWER_WITHIN = 2000;
 const REFUSED = "Open the address that `armcontour studio` printed last; it may be pasted into this tab.";
 const ENDED = "The Studio has ended. Start it again: your changes are kept. Open the address that it prints; it may be pasted into this tab.";
 
-/** True if the address has a token: other hashes are places in the page. */
+/** True if the address contains a token; other hashes are anchors in the page. */
 const hasToken = () => /^#[0-9a-f]{32}$/.test(location.hash);
 
-/** The token of the address, which is then removed from it; or the one kept in this tab. @returns {string | null} */
+/** Return the token and remove it from the address; without one, the token that this tab stores. @returns {string | null} */
 function takeToken() {
   if (hasToken()) {
     sessionStorage.setItem(KEPT_AS, location.hash.slice(1));
@@ -57,17 +57,17 @@ export class Link {
     /** @type {number[]} edits that have no answer yet, by seq */
     this.inFlight = [];
     this.late = 0;
-    /** @type {Message[]} edits that wait; of each gesture only the last */
+    /** @type {Message[]} waiting edits; of each gesture only the last one */
     this.pending = [];
     /** Number of the newest change whose document has not arrived; 0 if the page has the newest document. */
     this.change = 0;
-    /** @type {(() => void)[]} what waits for that document */
+    /** @type {(() => void)[]} functions that wait for this document */
     this.afterChange = [];
-    /** @type {Map<number, number>} when messages were caused, by seq */
+    /** @type {Map<number, number>} times at which messages were caused, by seq */
     this.causes = new Map();
   }
 
-  /** Connect, and connect again whenever the connection is lost. */
+  /** Connect, and reconnect whenever the connection is lost. */
   open() {
     clearTimeout(this.retry);
     if (!this.token) return this.tell("refused", REFUSED);
@@ -80,7 +80,7 @@ export class Link {
     this.socket = socket;
   }
 
-  /** Connect with the token of an address that was put into the same tab, such as after a restart of the server. */
+  /** Connect with the token of a new address in the same tab, for example after the server was restarted. */
   renew() {
     if (!hasToken()) return;
     this.token = takeToken();
@@ -91,13 +91,13 @@ export class Link {
     this.open();
   }
 
-  /** Number of a new gesture: a series of edits that is undone in one step. @returns {number} */
+  /** Return the number of a new gesture, a series of edits that is undone in one step. @returns {number} */
   newGesture() {
     return ++this.gestures;
   }
 
   /**
-   * Send a message; edits that wait go before it.
+   * Send a message after all waiting edits.
    * @param {Message} message @returns {number} its seq, or -1 without a connection
    */
   send(message) {
@@ -106,7 +106,7 @@ export class Link {
   }
 
   /**
-   * Send an edit, or keep it while too many have no answer; a later one of the same gesture replaces one that waits.
+   * Send an edit, or keep it while too many have no answer. A later edit of the same gesture replaces a waiting one.
    * @param {object[]} edits all changes since the gesture's start
    * @param {{gesture?: number, final?: boolean, at?: number}} [how] without: a gesture of its own; `at` is
    *   when the user moved (the event's time stamp)
@@ -127,7 +127,7 @@ export class Link {
   }
 
   /**
-   * A request of the server next to the connection, with the token.
+   * Send a request to the server outside of the connection, with the token.
    * @param {string} path @param {RequestInit} [init] @returns {Promise<Response>}
    */
   request(path, init = {}) {
@@ -135,7 +135,7 @@ export class Link {
     return fetch(path, { ...init, headers });
   }
 
-  /** Call a function as soon as the page has the document with all changes that were sent. @param {() => void} then */
+  /** Call a function as soon as the page has the document with all sent changes. @param {() => void} then */
   whenKnown(then) {
     if (this.change) this.afterChange.push(then);
     else then();
@@ -168,7 +168,7 @@ export class Link {
     this.setBusy(true);
   }
 
-  /** Edits in flight are answered: the next one goes. @param {number} [seq] of the last of them; by default all are */
+  /** Edits in flight have their answer, so send the next edit. @param {number} [seq] of the last of them; by default all are */
   land(seq = Infinity) {
     this.inFlight = this.inFlight.filter((x) => x > seq);
     if (this.pending.length) return this.flush();

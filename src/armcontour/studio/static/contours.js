@@ -1,4 +1,4 @@
-// List of the contours, in the order of the motion; one may be selected, here or in the drawing.
+// List of the contours in the order of the motion. The user selects a contour here or in the drawing.
 
 import { styleOf } from "./colours.js";
 import { find } from "./dom.js";
@@ -11,13 +11,13 @@ import { html, render } from "./vendor/preact.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {{number: number, name: string, layer: string, t?: [number, number]}} Contour */
 
-/** So many are listed; the others are selected in the drawing. */
+/** Maximum number of listed contours; the others can be selected in the drawing. */
 const MOST = 500;
 
 /** Buttons of the selected row, with their keys. @type {[string, string, string, number][]} */
 const MOVES = [["ArrowUp", "↑", "earlier", -1], ["ArrowDown", "↓", "later", 1]];
 
-/** The limit that takes most of the time of a contour. @param {import("./state.js").Frame} picture @param {number} k @returns {string} */
+/** Return the limit that is active longest on a contour. @param {import("./state.js").Frame} picture @param {number} k @returns {string} */
 function limitOf(picture, k) {
   const { path_breaks: breaks, path_t: t } = picture.arrays;
   const times = /** @type {Record<string, number>} */ ({});
@@ -50,7 +50,7 @@ export function init(store) {
     isMoved = true;
     moveContour(all(), k, to);
   };
-  /** Arrow keys go from row to row, with Alt they move the row. @param {KeyboardEvent} event */
+  /** Go from row to row by arrow keys; with Alt, move the row. @param {KeyboardEvent} event */
   const walk = (event) => {
     const { key, target } = event;
     const row = /** @type {Element} */ (target).closest("li");
@@ -82,7 +82,7 @@ export function init(store) {
   });
   for (const event of ["document", "picture", "view", "theme"]) store.on(event, update);
   let shown = -1;
-  /** A contour that is selected elsewhere comes into sight: the list is scrolled, and not the page. */
+  /** Scroll the list, but not the page, to a contour that was selected elsewhere. */
   const reveal = () => {
     const [list, row] = ["ol", "[aria-pressed=true]"].map((x) => /** @type {HTMLElement | null} */ (region.querySelector(x)));
     if (!list || !row) return;

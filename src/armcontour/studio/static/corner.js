@@ -9,12 +9,12 @@ import { mm } from "./format.js";
  *   allowed: number | null, radius: number, reason: string}} Corner
  */
 
-/** Smallest tolerance of a drag; smaller ones are typed. */
+/** Smallest tolerance by dragging; smaller ones can be typed. */
 export const LEAST_TOLERANCE = 1e-5; // m
 // The handle is beyond the apex by this, so that it does not lie on the waypoint.
 const BEYOND = 20; // px
 
-/** From a corner to its apex. @param {Corner} corner @returns {Point} of length 1 */
+/** Return the direction from a corner to its apex. @param {Corner} corner @returns {Point} of length 1 */
 function bisectorOf({ apex, corner }) {
   const [du, dv] = [apex[0] - corner[0], apex[1] - corner[1]];
   const length = Math.hypot(du, dv);
@@ -22,7 +22,7 @@ function bisectorOf({ apex, corner }) {
 }
 
 /**
- * How far a way leads away from a corner, along its bisector; with arrow keys up and right do.
+ * Project a displacement onto a corner's bisector, away from the corner. By arrow keys, up and right lead away.
  * @param {Corner} corner @param {Point} by m @param {boolean} byKeys @returns {number} m
  */
 export function along(corner, [du, dv], byKeys) {
@@ -30,19 +30,19 @@ export function along(corner, [du, dv], byKeys) {
   return byKeys ? du + dv : du * bu + dv * bv;
 }
 
-/** The apex of a corner with a tolerance that is used up. @param {Corner} corner @param {number} value m @returns {Point} */
+/** Return the apex of a corner that uses its whole tolerance. @param {Corner} corner @param {number} value m @returns {Point} */
 export function apexAt(corner, value) {
   const [du, dv] = bisectorOf(corner);
   return [corner.corner[0] + value * du, corner.corner[1] + value * dv];
 }
 
-/** Where the handle of an apex is drawn. @param {Corner} corner @param {Point} apex px @returns {Point} px */
+/** Return where the handle of an apex is drawn. @param {Corner} corner @param {Point} apex px @returns {Point} px */
 export function beyond(corner, [x, y]) {
   const [du, dv] = bisectorOf(corner);
   return [x + BEYOND * du, y - BEYOND * dv];
 }
 
-/** Corners of a picture that have a handle. @param {{head: any} | null} picture @returns {Corner[]} */
+/** List the corners of a picture that have a handle. @param {{head: any} | null} picture @returns {Corner[]} */
 export function handledOf(picture) {
   return (picture?.head.corners ?? []).filter((/** @type {any} */ x) => x.apex && x.corner && x.allowed !== null);
 }

@@ -24,7 +24,7 @@ export function show(title, content, buttons) {
   dialog.showModal();
   return new Promise((resolve) => {
     const closed = () => {
-      // That an earlier question was closed is reported late: this one may be open by then.
+      // The browser reports late that an earlier dialog was closed; this one may be open by then.
       if (dialog.open && form.isConnected) return;
       dialog.removeEventListener("close", closed);
       resolve(answer);

@@ -1,11 +1,11 @@
-// Tabs of the details and of the settings, and visibility of the views.
+// Tabs of details and settings, and visibility of the views.
 
 import { find, say } from "./dom.js";
 
 /** @typedef {import("./state.js").Store} Store */
 
 const MOVES = /** @type {Record<string, number>} */ ({ ArrowRight: 1, ArrowLeft: -1 });
-/** Panels whose fields are those of the form. */
+/** Panels that show fields of the form. */
 const FIELDS = new Set(["contours", "process", "robot"]);
 
 /** Tabs of a list, by the name of their panel. @param {string} list @param {(name: string) => void} choose */

@@ -1,12 +1,12 @@
-// Helpers for elements. Text is set as text, so that no content of a file becomes markup.
+// Helpers for elements. Text is always set as text, so that file contents never become markup.
 
 import { oncePerFrame } from "./state.js";
 
-/** A file that was given to the browser is kept so long [ms]. */
+/** How long a file for the browser stays in memory [ms]. */
 const KEPT_FOR = 10_000;
 
 /**
- * An element that must be there.
+ * Find an element that must exist.
  * @template {Element} [T=HTMLElement]
  * @param {string} selector @param {ParentNode} [within] @returns {T}
  */
@@ -17,7 +17,7 @@ export function find(selector, within = document) {
 }
 
 /**
- * A new element.
+ * Create an element.
  * @template {keyof HTMLElementTagNameMap} K
  * @param {K} tag @param {Record<string, any>} [attributes] "text" is its text, "on..." are listeners, false is omitted
  * @param {(Node | string)[]} [children] @returns {HTMLElementTagNameMap[K]}
@@ -30,7 +30,7 @@ export function make(tag, attributes = {}, children = []) {
 }
 
 /**
- * A new element of a drawing.
+ * Create an element of a drawing.
  * @template {keyof SVGElementTagNameMap} K
  * @param {K} tag @param {Record<string, any>} [attributes] @returns {SVGElementTagNameMap[K]}
  */
@@ -41,7 +41,7 @@ export function draw(tag, attributes = {}) {
 }
 
 /**
- * Something to drag in a drawing, with its parts and the round place where it is grabbed.
+ * Create a draggable element of a drawing, with its parts and a round grip.
  * @param {Record<string, any>} attributes of a slider @param {Element[]} parts @param {number} [radius] px @returns {SVGGElement}
  */
 export function grip(attributes, parts, radius = 12) {
@@ -59,19 +59,19 @@ function put(element, name, value) {
 }
 
 /**
- * Set an attribute only where it differs: setting one makes the browser lay out and paint again.
+ * Set an attribute only if it differs, because setting it makes the browser compute layout and paint again.
  * @param {Element} element @param {string} name @param {string} value
  */
 export function mark(element, name, value) {
   if (element.getAttribute(name) !== value) element.setAttribute(name, value);
 }
 
-/** Set text only where it differs: no work for the browser, none for screen readers. @param {Element} element @param {string} text */
+/** Set text only if it differs, to save work for the browser and for screen readers. @param {Element} element @param {string} text */
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-/** Give a file to the browser, to save it. @param {Blob} content @param {string} name */
+/** Let the browser save a file. @param {Blob} content @param {string} name */
 export function give(content, name) {
   const address = URL.createObjectURL(content);
   make("a", { href: address, download: name }).click();
@@ -79,7 +79,7 @@ export function give(content, name) {
 }
 
 /**
- * Run something when it is due, but only while its panel is seen; else when it is seen again.
+ * Run a function after events, but only while its panel is visible; otherwise when it is visible again.
  * @param {import("./state.js").Store} store @param {HTMLElement} panel @param {string[]} events @param {() => void} update
  */
 export function whileSeen(store, panel, events, update) {

@@ -14,15 +14,15 @@ import { html, render } from "./vendor/preact.js";
 
 const SPOKEN_EVERY = 1000; // ms
 const MOST_ADVISED = 2;
-/** Limits with smaller shares of the time have no name next to the bar [%]. */
+/** A limit with a smaller share of the time has no name next to the bar [%]. */
 const LEAST = 1;
-/** Figures in their order; the time of a run is between them. */
+/** Figures in display order; the duration of a run is between them. */
 const [FIRST, LAST] = [["kept", "off_drawing", "duration"], ["clearance.low", "obstacle", "contour_error.rms", "saturated"]];
-/** Names of figures that are there before they are known, or of a job that is refused. @type {Record<string, string>} */
+/** Names of figures that are shown before their values are known, or for a refused job. @type {Record<string, string>} */
 const NAMES = { kept: "verdict", duration: "motion" };
-/** From which values on a figure is an alarm. @type {Record<string, (value: any) => boolean>} */
+/** For each figure, whether a value is an alarm. @type {Record<string, (value: any) => boolean>} */
 const ALARMS = { saturated: (share) => share > 0, "clearance.low": (low) => low <= 0, obstacle: (low) => low <= 0 };
-/** Figures that show their place: the time of the largest error, and of the nearest pair. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
+/** Figures that can show their place in the motion: the times of the largest error and the nearest pair. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
 const PLACES = {
   off_drawing: (store) => worstTime(store.latest("executed")),
   kept: (store) => store.refusal?.head.at?.t,
@@ -41,7 +41,7 @@ function remember(store) {
   Object.assign(past, { rev: figures.rev, rows: knownOf(store).rows, before: past.rows.size ? past.rows : null });
 }
 
-/** A figure; one that is not known for a moment leaves its place. @param {{name: string, row?: Row, seen?: Row, store: Store, exact: boolean}} props */
+/** A figure; while its value is unknown, its place stays empty. @param {{name: string, row?: Row, seen?: Row, store: Store, exact: boolean}} props */
 function Figure({ name, row, seen, store, exact }) {
   const place = name === "kept" && PLACES.kept?.(store) === undefined ? undefined : PLACES[name];
   const isRefused = name === "kept" && store.refusal !== null;
@@ -62,7 +62,7 @@ function Figure({ name, row, seen, store, exact }) {
   return html`<button type="button" title="Show its place" onClick=${() => store.setTime(place(store) ?? store.time)} ...${shared}>${content}</button>`;
 }
 
-/** Where the time goes: a bar of the limits, and the largest in words. @param {{store: Store}} props */
+/** Time per limit: a bar, and the largest ones in words. @param {{store: Store}} props */
 function Shares({ store }) {
   const kinds = /** @type {{kind: string, share: string}[]} */ (headOf(store).kinds ?? []);
   const look = (/** @type {string} */ kind) => styleOf(kind, store.theme);
@@ -88,7 +88,7 @@ function Advice({ store, link, changes }) {
 }
 
 /**
- * What is known of the shown motion: exact figures where they belong to the picture, else those of the preview.
+ * Return the figures of the shown motion: the exact ones if they belong to the picture, otherwise the preview's.
  * @param {Store} store @returns {{exact: boolean, executed: any, rows: Rows}}
  */
 export function knownOf(store) {
@@ -99,19 +99,19 @@ export function knownOf(store) {
   return { exact, executed, rows: new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, row])) };
 }
 
-/** What is known of where the time goes: exact where that belongs to the picture. @param {Store} store @returns {any} */
+/** Return the time per limit: the exact one if it belongs to the picture. @param {Store} store @returns {any} */
 export function headOf(store) {
   const figures = store.latest("figures");
   return (store.isCurrent(figures) ? figures : store.latest("picture"))?.head ?? {};
 }
 
-/** True if a motion is shown, be it the last good one. @param {Store} store @returns {boolean} */
+/** Return whether a motion is shown, even if it is the last valid one. @param {Store} store @returns {boolean} */
 export function hasMotion(store) {
   const picture = store.latest("picture");
   return picture !== null && picture.head.tier !== "outline";
 }
 
-/** Accuracy of the figures in one word. @param {Store} store @returns {string} */
+/** Return the accuracy of the figures in one word. @param {Store} store @returns {string} */
 function exactnessOf(store) {
   if (store.isOffline) return "not connected";
   if (store.refusal?.head.tier === 1) return hasMotion(store) ? "before the refusal" : "refused";
@@ -130,7 +130,7 @@ export function init(store, link) {
     const { exact: isCurrent, rows } = knownOf(store);
     const exact = !store.isOffline && isCurrent;
     for (const [name, row] of rows) seen.set(name, row);
-    // Without obstacles there is no distance to them.
+    // Without obstacles, the distance to them is not defined.
     if (exact && !rows.has("obstacle")) seen.delete("obstacle");
     region.classList.toggle("stale", store.refusal?.head.tier === 1);
     region.dataset.exact = String(exact);
@@ -154,7 +154,7 @@ export function init(store, link) {
   for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, soon);
   for (const event of ["picture", "executed"]) store.on(event, nowAndThen(READING, update));
   soon();
-  /** The verdict for screen readers, at most once a second, when it rests. */
+  /** Tell screen readers the verdict when it no longer changes, at most once a second. */
   const speak = () => {
     const { rows } = knownOf(store);
     const main = FIRST.flatMap((name) => rows.get(name) ?? []);

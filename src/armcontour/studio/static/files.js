@@ -75,7 +75,7 @@ class Files {
   }
 
   /**
-   * In which cell a drawing is cut; what happens to unsaved changes.
+   * Ask in which cell a drawing is cut, and what happens to unsaved changes.
    * @param {string} name @param {string[] | null} names of cells for a drawing @returns {Promise<Record<string, string> | null>}
    */
   async askHow(name, names) {
@@ -97,7 +97,7 @@ class Files {
     return { ...(names && cells.value && { cell: cells.value }), ...(skips.checked && { unknown: "skip" }) };
   }
 
-  /** A job without a file is saved by the browser. @param {{file: string, name: string}} head */
+  /** Let the browser save a job that has no file. @param {{file: string, name: string}} head */
   async download({ file, name }) {
     const answer = await this.link.request(`/files/${encodeURIComponent(file)}`);
     if (!answer.ok) return notify(await sentenceOf(answer), "alarm");
@@ -116,7 +116,7 @@ class Files {
     if (answer === "force") this.link.send({ op: "save", force: true });
   }
 
-  /** Changes of an earlier session that ended without saving. @param {any} head */
+  /** Offer the changes of an earlier session that ended without saving. @param {any} head */
   async offerDraft(head) {
     mark(document.body, "data-draft", head.draft ?? "");
     if (!head.draft || this.offered === head.id) return;

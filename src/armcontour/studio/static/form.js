@@ -1,5 +1,5 @@
-// The form of the job: groups of fields from form.json, which Python makes of the job's schema. Text is sent as it is
-// written; the server reads units and refuses what makes no sense, and the refusal stays at its field.
+// The form of the job: groups of fields from form.json, which Python derives from the job's schema. Text is sent as
+// typed. The server reads units and refuses invalid values; the refusal is shown at its field.
 
 import { find } from "./dom.js";
 import { isPlain, quantity } from "./format.js";
@@ -16,14 +16,14 @@ import { computed, html, render, signal, useComputed, useLayoutEffect, useRef, u
  */
 /** @typedef {(string | number)[]} Key */
 /**
- * A field, see `tools/job_form.py`; `at` is the key of those that are in a group.
+ * A field, see `tools/job_form.py`; `at` is its key if it is in a group.
  * @typedef {{name: string, at?: string, label?: string, text?: string, unit?: string, example?: string, default?: any, choices?: any[],
  *   open?: boolean, tick?: boolean, plain?: boolean, list?: boolean, needed?: boolean, usual?: [number, number], fields?: Field[],
  *   each?: Field, items?: Field[]}} Field
  */
 /** @typedef {{f: Field, at: Key, label?: string, row?: Slider}} Props */
 
-/** Where a value is written: a mark next to it, and a sentence. @type {Record<string, [string, string]>} */
+/** Where a value is written (job, run, default): a mark next to it, and a sentence. @type {Record<string, [string, string]>} */
 const FROM = {
   job: ["", "Written for all runs of the job."],
   run: ["run", "Written for this run alone."],
@@ -31,16 +31,16 @@ const FROM = {
   default: ["", "The default; not written in the job."],
   contour: ["", "As for the whole job."],
 };
-/** Keys of which a layer that is omitted is not run, and of layers. */
+/** Keys of layers; a layer that they omit is not run. */
 const [READ, BY_LAYER] = ["path.layers", "process.by_layer"];
 
 const head = signal(/** @type {any} */ (null));
 const everything = signal(false);
-/** Tab of the settings whose groups are shown; a search finds those of all. */
+/** Tab of the settings whose groups are shown; a search finds groups of all tabs. */
 const side = signal("process");
-/** Groups of the other tabs than Process. @type {Record<string, string>} */
+/** Groups that are not in the tab Process, with their tab. @type {Record<string, string>} */
 const SIDES = { "Layers and order": "contours", Part: "contours", "Tool and tilt": "robot", "Arm and limits": "robot", Servo: "robot", Cell: "robot" };
-/** The selected contour as JSON, or empty, and the labels of its fields. */
+/** The selected contour as JSON, or empty; and the labels of its fields. */
 const contour = signal("");
 const OWN = { speed: "speed", tolerance: "corner tolerance", kerf: "kerf", lead_in: "lead in", lead_out: "lead out", pierce: "pierce", tabs: "tabs", order: "order" };
 const wanted = signal("");
@@ -54,21 +54,21 @@ const refusals = signal(/** @type {Record<string, any>} */ ({}));
  * @typedef {{key: string, edits: object[], outer: string, was?: string}} Wish `outer` is the key around `key` that the server
  *   refused, or empty; `was` is the written value as JSON, with which a refused one stays in its field
  */
-/** What was refused; what was because of other keys of `outer` is sent again with the next edit there. */
+/** Refused edits. If other keys of `outer` caused the refusal, they are sent again with the next edit there. */
 const waiting = signal(/** @type {Wish[]} */ ([]));
-/** What has no answer, and what was sent with it. @type {{wish: Wish, more: Wish[]} | null} */
+/** The edit without an answer, and the edits that were sent with it. @type {{wish: Wish, more: Wish[]} | null} */
 let sent = null;
 /** @type {any} */
 let form = null;
 /** @type {Link} */
 let link;
-/** Positions of a slider are whole numbers from 0 to this. */
+/** Slider positions are integers from 0 to this. */
 const STEPS = 1000;
 
 /** @param {any} data @param {Key} key @returns {any} */
 const valueIn = (data, key) => key.reduce((x, name) => (x !== null && typeof x === "object" ? x[name] : undefined), data);
 
-/** A key of the run that is shown, or of the job, as written. @param {Key} key @returns {{written: any, from: string}} */
+/** Return a key of the shown run, or of the job, as written. @param {Key} key @returns {{written: any, from: string}} */
 function writtenAt(key) {
   const { data, run } = head.value;
   const own = data.runs?.[run]?.[key[0]];
@@ -81,7 +81,7 @@ function writtenAt(key) {
 /** @param {Key} key @returns {Slider | undefined} */
 const rowAt = (key) => head.value.values[key.join(".")];
 
-/** Joints that have values of their own, by the key of all. */
+/** Joints with their own values, by the key of the common value. */
 const joints = computed(() => {
   const found = /** @type {Record<string, number[]>} */ ({});
   for (const key of Object.keys(head.value?.values ?? {})) {
@@ -94,7 +94,7 @@ const joints = computed(() => {
 /** @param {Key} key @returns {Key[]} keys of its joints */
 const jointsAt = (key) => (joints.value[key.join(".")] ?? []).map((joint) => [...key, joint]);
 
-/** A value as text. @param {any} x @returns {string} */
+/** Convert a value to text. @param {any} x @returns {string} */
 function textOf(x) {
   if (x === undefined) return "";
   if (x === null) return "none";
@@ -102,7 +102,7 @@ function textOf(x) {
   return typeof x === "object" ? JSON.stringify(x) : String(x);
 }
 
-/** Text of a field as the value in the job. @param {Field} f @param {string} text @returns {any} */
+/** Convert a field's text to the value in the job. @param {Field} f @param {string} text @returns {any} */
 function readAs(f, text) {
   if (text === "none") return null;
   try {
@@ -116,7 +116,7 @@ function readAs(f, text) {
   return f.list && !f.open ? [one(text)] : one(text);
 }
 
-/** Forget what was refused of a key, and its sentence. @param {string} key */
+/** Forget the refused edit of a key, and its sentence. @param {string} key */
 function forget(key) {
   waiting.value = waiting.value.filter((x) => x.key !== key);
   if (key in refusals.value) refusals.value = { ...refusals.value, [key]: undefined };
@@ -125,7 +125,7 @@ function forget(key) {
 /** @param {string} key @returns {string} its written value as JSON */
 const writtenOf = (key) => JSON.stringify(writtenAt(key.split(".")).written) ?? "";
 
-/** Send edits of a key, with those that wait for it. @param {Key} at @param {object[]} edits */
+/** Send edits of a key, with the edits that wait for it. @param {Key} at @param {object[]} edits */
 function send(at, edits) {
   const key = at.join(".");
   forget(key);
@@ -134,7 +134,7 @@ function send(at, edits) {
   link.edit([...more.flatMap((x) => x.edits), ...edits]);
 }
 
-/** True if a change of a key is for the shown run alone. @param {Key} key @returns {boolean} */
+/** Return whether a change of a key applies only to the shown run. @param {Key} key @returns {boolean} */
 const isOfRun = (key) => forRun.value && form.in_run.includes(key[0]);
 
 /** @param {Key} key @param {any} value */
@@ -142,7 +142,7 @@ function set(key, value) {
   send(key, value === "" ? [{ do: "unset", key }] : [...listed(key), { do: "set", key, value, run: isOfRun(key) }]);
 }
 
-/** Edits that list all layers that are run, before one of them has values of its own: others would not be run. @param {Key} key @returns {object[]} */
+/** Return edits that list all run layers, before one of them gets its own values; otherwise the others would not run. @param {Key} key @returns {object[]} */
 function listed(key) {
   const { written } = writtenAt(READ.split("."));
   if (key.slice(0, 2).join(".") !== READ || key.length < 3 || (written && !Array.isArray(written))) return [];
@@ -150,7 +150,7 @@ function listed(key) {
   return [{ do: "set", key: READ.split("."), value }];
 }
 
-/** Names of the layers of the drawing, each with whether it is run. @returns {[string, boolean][]} */
+/** List the drawing's layers, each with whether it is run. @returns {[string, boolean][]} */
 export function layers() {
   if (!head.value) return [];
   const { written } = writtenAt(READ.split("."));
@@ -165,7 +165,7 @@ export function runLayer(name, is) {
   else unset(key);
 }
 
-/** Run a contour that is left out, with its layer. @param {{name: string, layer: string}} contour */
+/** Run a contour that was left out, with its layer. @param {{name: string, layer: string}} contour */
 export function runContour({ name, layer }) {
   const { written } = writtenAt(["path", "names"]);
   if (layers().some((x) => x[0] === layer && !x[1])) runLayer(layer, true);
@@ -182,7 +182,7 @@ const unset = (key) => send(key, [...listed(key), { do: "unset", key }]);
 export function refuseAt({ head: { key, sentence, remedies } }) {
   if (!sent) return false;
   const { wish, more } = sent;
-  // Together they are refused, and not because of what is around them: the new edit may be possible alone.
+  // The edits were refused together, not because of keys around them, so the new edit may be possible alone.
   sent = more.length && !more.some((x) => x.outer.startsWith(`${key}.`)) ? { wish, more: [] } : null;
   if (sent) link.edit(wish.edits);
   if (sent) return true;
@@ -191,17 +191,17 @@ export function refuseAt({ head: { key, sentence, remedies } }) {
   if (outer && key !== wish.key) waiting.value = [...waiting.value.map((x) => (more.includes(x) ? { ...x, outer } : x)), { ...wish, outer }];
   else if (wish.edits.some((/** @type {any} */ x) => x.do === "set" && !x.insert && x.key.join(".") === wish.key)) waiting.value = [...waiting.value, { ...wish, was: writtenOf(wish.key) }];
   const take = (/** @type {object[]} */ edits) => send(wish.key.split("."), [...wish.edits, ...edits]);
-  // The field says where it is, and the newest refusal has the reasons of those that wait.
+  // The field shows its location, and the newest refusal has the reasons of the waiting edits.
   const said = sentence.replace(/^[\w.-]+: ([\w.-]+: )*/, "").replace(/ \(line \d+\)/, "").replace(/^the key \S*?(\w+) is missing/, (/** @type {string} */ _all, /** @type {string} */ name) => `${words(name)} is required as well`);
   refusals.value = { ...refusedOf((x) => x.was !== undefined), [place ?? wish.key]: html`${said} <${Remedies} all=${remedies} take=${take} />` };
   requestAnimationFrame(() => document.querySelector("#form .refused")?.scrollIntoView({ block: "nearest" }));
   return place !== undefined;
 }
 
-/** Sentences of some of what waits. @param {(wish: Wish) => boolean} of */
+/** Return the sentences of waiting edits that a function selects. @param {(wish: Wish) => boolean} of */
 const refusedOf = (of) => Object.fromEntries(Object.entries(refusals.value).filter(([key]) => waiting.value.some((x) => of(x) && (x.key === key || x.outer === key))));
 
-/** The job has changed: what was sent is made; what others have changed is forgotten. */
+/** After a change of the job, sent edits are done, and waiting edits of changed keys are forgotten. */
 function accept() {
   const made = sent ? [sent.wish, ...sent.more] : waiting.value;
   waiting.value = waiting.value.filter((x) => (x.was === undefined ? !made.includes(x) : x.was === writtenOf(x.key)));
@@ -212,7 +212,7 @@ function accept() {
 /** @param {string} text */
 const words = (text) => text.charAt(0).toUpperCase() + text.slice(1).replaceAll("_", " ");
 
-/** Words of other programs for those of the settings. */
+/** Our words for words of other programs, for the search. */
 const SYNONYMS = /** @type {Record<string, string>} */ ({ exclude: "layers", dwell: "pierce", robot: "arm" });
 
 /** @param {Field} f @returns {boolean} true if a search finds its own words */
@@ -245,10 +245,10 @@ function Leaf({ f, at, label = f.label ?? f.name }) {
 /** @param {Props} props */
 function One({ f, at, label = f.name }) {
   const key = at.join(".");
-  // Only a field whose own state differs is rendered again.
+  // Only fields whose own state differs are rendered again.
   const state = useComputed(() => {
     const [own, whole] = [writtenAt(at), writtenAt(at.slice(0, -1))];
-    // A joint has the value of all; sharp corners are no shape in the file.
+    // A joint has the common value; sharp corners are not a shape in the file.
     if (typeof at.at(-1) === "number" && typeof whole.written !== "object") own.written ??= whole.written;
     if (key === "corners.shape" && typeof (whole.written ?? "") === "string") own.written = f.choices?.[0];
     const edits = /** @type {any[]} */ (waiting.value.find((x) => x.key === key)?.edits);
@@ -266,7 +266,7 @@ function One({ f, at, label = f.name }) {
   const name = words(label);
   const more = { id, title, "aria-invalid": String(refused !== null) };
   const escape = (/** @type {KeyboardEvent} */ event) => event.key === "Escape" && forget(key);
-  // What is written has changed while the field has the focus.
+  // The written value changes while the field has the focus.
   useLayoutEffect(() => void (place.current?.contains(document.activeElement) && (help.value = title)), [title]);
   let control = html`<${Entry} ...${more} value=${value} placeholder=${hintOf(f)} list=${f.choices && `${id}-known`} send=${(/** @type {string} */ text) => set(at, text === "" ? "" : readAs(f, text))} />`;
   if (f.choices && !isChosen)
@@ -280,7 +280,7 @@ function One({ f, at, label = f.name }) {
     )}</select>`;
   }
   const slider = row && typeof row.min === "number" && row.min < row.max ? { ...row, key, label: name.toLowerCase() } : null;
-  // A plain number of the file stays one; its unit is reported next to it.
+  // A plain number in the file stays a plain number; its unit is shown next to it.
   const unit = (isPlain(value) && refused === null) || (f.list && !row) ? (row?.unit ?? f.unit) : "";
   return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)} onFocusOut=${unhelp} onKeyDown=${escape} onInput=${() => (refusals.value = { ...refusals.value, [key]: undefined })}>
     <label for=${id} title=${title}>${name}</label>
@@ -308,7 +308,7 @@ function positionOf({ min, max, log }, value) {
   return Math.round(STEPS * Math.min(1, Math.max(0, share)));
 }
 
-/** Value at a position, with three digits in the slider's unit. @param {Slider} slider @param {number} position @returns {number} SI */
+/** Return the value at a position, with three digits in the slider's unit. @param {Slider} slider @param {number} position @returns {number} SI */
 function valueAt({ min, max, log, factor }, position) {
   const share = position / STEPS;
   const value = log ? min * (max / min) ** share : min + share * (max - min);
@@ -331,13 +331,13 @@ function Range({ slider, at, written, place }) {
     gesture.current = null;
   };
   const position = typeof slider.value === "number" ? positionOf(slider, slider.value) : STEPS;
-  // A document that lacks the newest change does not move the slider back, from where the next key would start.
+  // A document without the newest change must not move the slider back, because the next key starts from there.
   return html`<input type="range" min="0" max=${STEPS} value=${gesture.current || link.change ? undefined : position} data-unset=${String(typeof slider.value !== "number")} aria-label=${`${slider.label}, slider`} aria-valuetext=${written}
     onInput=${slide} onChange=${end} />`;
 }
 
 /**
- * What is opened by hand, or because something in it is written or found; its content is made when it is open.
+ * A group that the user opens, or that opens because a key in it is written or found. Its content is created when it is open.
  * @param {{at: Key, title: string, text?: string, count: number, told?: string, content: () => any}} props
  */
 function Fold({ at, title, text, count, told = " set", content }) {
@@ -374,7 +374,7 @@ function List({ f, at }) {
   const count = useComputed(() => writtenAt(at).written?.length ?? 0);
   const fields = f.items ?? [];
   const one = f.name.replace(/(es|s)$/, "");
-  // What an item must have gets an example, which is then changed.
+  // Required keys of an item get an example, which the user changes.
   const first = (/** @type {Field} */ x) => x.choices?.[0] ?? x.example ?? (x.list ? ["100 mm", "100 mm", "100 mm"] : `${one} ${count.value + 1}`);
   const add = () => send(at, [{ do: "set", key: [...at, count.value], insert: true, value: Object.fromEntries(fields.filter((x) => x.needed).map((x) => [x.name, first(x)])) }]);
   const content = () => html`${Array.from({ length: count.value }, (_, k) => html`<${Part} key=${k} f=${{ ...f, fields, needed: false }} at=${[...at, k]} label=${`${one} ${k + 1}`} />`)}
@@ -382,7 +382,7 @@ function List({ f, at }) {
   return html`<${Fold} at=${at} title=${f.name} text=${f.text} count=${count.value} told="" content=${content} />`;
 }
 
-/** A mapping by names, such as of layers. @param {Props} props */
+/** A mapping by name, such as layers. @param {Props} props */
 function Named({ f, at }) {
   const key = at.join(".");
   const isOfLayers = key === READ || key === BY_LAYER;
@@ -433,7 +433,7 @@ function Group({ title, fields }) {
     return some.map((f) => f.at).join(" ");
   });
   const set = shown.value.split(" ").filter(Boolean);
-  // A group in which nothing is written has all its fields.
+  // A group without written keys shows all its fields.
   const isWanted = wanted.value && title.toLowerCase().includes(wanted.value.toLowerCase());
   const listed = fields.filter((f) => (wanted.value ? isWanted || isFound(f) : all || !set.length || set.includes(f.at ?? "")));
   if (!listed.length) return null;
@@ -442,7 +442,7 @@ function Group({ title, fields }) {
   const isTilted = fields.some((f) => f.at === "path.orientation" && (!wanted.value || isWanted || isNamed(f)));
   const toggle = (/** @type {any} */ { target }) => {
     open.value = target.open;
-    // Fields do not go once one of them is written.
+    // Fields stay visible once one of them is written.
     if (target.open && !set.length) more.value = true;
   };
   return html`<details class="group" data-group=${title} open=${isOpen} onToggle=${toggle}>
@@ -467,7 +467,7 @@ function keyOf(all, number) {
   return { name, key: ["path", "contours", isNamed ? name : number] };
 }
 
-/** Give contours orders, so that one runs at the place of another. @param {any[]} all in the order of the motion @param {number} k @param {number} other */
+/** Set orders of contours, so that one runs at the place of another. @param {any[]} all in the order of the motion @param {number} k @param {number} other */
 export function moveContour(all, k, other) {
   const numbers = [...new Set(all.map((x) => x.number))];
   const [from, to] = [k, other].map((i) => numbers.indexOf(all[i]?.number));
@@ -476,7 +476,7 @@ export function moveContour(all, k, other) {
   const orders = keys.map((key) => valueIn(head.value.data, key) ?? 0);
   keys.splice(to, 0, ...keys.splice(from, 1));
   const [low, high] = [Math.min(from, to), Math.max(from, to) + 1];
-  // Tours are searched anew among contours of equal order; else the shorter side gets orders, and the other keeps its own.
+  // A tour is searched among contours of equal order, so all contours get orders; otherwise only the shorter side does.
   const isTour = ["nearest", "shortest"].includes(head.value.data.process?.order);
   const [begin, end] = isTour ? [0, keys.length] : high < keys.length - low ? [0, high] : [low, keys.length];
   const first = end < keys.length ? orders[end] - high : isTour ? 1 : (orders[low - 1] ?? 0) + 1;
@@ -490,7 +490,7 @@ function Contour() {
   const { limits, corners, process, path } = head.value.data;
   const each = (/** @type {string} */ at) => form.groups.flatMap((/** @type {any} */ x) => x.fields).find((/** @type {Field} */ f) => f.at === at).each.fields;
   const known = /** @type {Field[]} */ ([...each(READ), ...each(BY_LAYER), { name: "order", text: "Contours with smaller numbers run first.", plain: true }]);
-  // What applies to a contour without values of its own.
+  // Values that apply to a contour without its own values.
   const shared = { order: 0, speed: limits?.speed, tolerance: corners?.tolerance, ...process, ...process?.by_layer?.[layer], ...path?.layers?.[layer] };
   const field = (/** @type {string} */ label, /** @type {string} */ of) => {
     const f = { .../** @type {Field} */ (known.find((x) => x.name === of)), label, example: "" };

@@ -1,25 +1,25 @@
 // Numbers as text with fixed decimals, so that their width does not change.
 
-/** Figure that a missing number is shown as. */
+/** Text for a missing number. */
 export const NONE = "–";
 
 /** Number and name of a contour. @param {{number: number, name: string}} contour @returns {string} */
 export const contourLabel = ({ number, name }) => `${number}${name && name !== String(number) ? ` · ${name}` : ""}`;
 
-/** A number with so many decimals; zero has no sign. @param {number | null | undefined} x @param {number} decimals @returns {string} */
+/** Format a number with fixed decimals; zero has no sign. @param {number | null | undefined} x @param {number} decimals @returns {string} */
 export function fixed(x, decimals) {
   if (x === null || x === undefined || !Number.isFinite(x)) return NONE;
   const text = x.toFixed(decimals);
   return Number(text) ? text.replace("-", "−") : text.replace("-", "");
 }
 
-/** A figure of a frame; undefined if it has none. @param {any} head @param {string} name @returns {any} */
+/** Return a figure of a frame, or undefined. @param {any} head @param {string} name @returns {any} */
 export const rowOf = (head, name) => head?.rows?.find((/** @type {any} */ x) => x.name === name);
 
-/** Decimals of a figure with three digits, such as 17.0, of which zeros are left out. @param {string} text @returns {number} */
+/** Count the decimals of a figure with three digits, such as 17.0, whose zeros are omitted. @param {string} text @returns {number} */
 const decimalsOf = (text) => Math.max(text.split(".")[1]?.length ?? 0, Number(text) ? 2 - Math.floor(Math.log10(Math.abs(Number(text)))) : 0);
 
-/** Digits of a figure, with those zeros. @param {string} text @returns {string} */
+/** Return the digits of a figure, with these zeros. @param {string} text @returns {string} */
 export const whole = (text) => (isPlain(text) ? fixed(Number(text), decimalsOf(text)) : text);
 
 /** A figure with its unit. @param {{text: string, unit: string} | undefined} row @returns {string} */
@@ -32,7 +32,7 @@ export const seconds = (s) => fixed(s, 3);
 export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m : 1000 * m, decimals);
 
 /**
- * The difference of two figures as they are shown, with its sign; empty where it is not known.
+ * Return the difference of two figures as shown, with its sign; empty if unknown.
  * @param {{text: string, unit: string} | undefined} a @param {{text: string, unit: string} | undefined} b @returns {string}
  */
 export function difference(a, b) {
@@ -42,7 +42,7 @@ export function difference(a, b) {
   return `${by > 0 && Number(text) ? "+" : ""}${text} ${a.unit}`;
 }
 
-/** A number with about four significant digits, without needless zeros. @param {number} x @param {number} [digits] @returns {string} */
+/** Format a number with about four significant digits, without trailing zeros. @param {number} x @param {number} [digits] @returns {string} */
 export function short(x, digits = 4) {
   if (!Number.isFinite(x)) return NONE;
   return String(Number(x.toPrecision(digits)));

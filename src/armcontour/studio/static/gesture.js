@@ -2,7 +2,7 @@
 
 /** @typedef {import("./connection.js").Link} Link */
 
-/** Browsers hold "pointermove" back for the next frame of the screen; some tell the same at once, too. */
+/** Browsers delay "pointermove" until the next screen frame; some also report the same motion at once. */
 const MOVED = "onpointerrawupdate" in globalThis ? "pointerrawupdate" : "pointermove";
 
 export class Gesture {
@@ -14,7 +14,7 @@ export class Gesture {
     this.edits = [];
   }
 
-  /** What the gesture has changed so far. @param {object[]} edits @param {number} at ms */
+  /** Send all changes of the gesture so far. @param {object[]} edits @param {number} at ms */
   update(edits, at) {
     this.edits = edits;
     this.link.edit(edits, { gesture: this.number, final: false, at });
@@ -25,7 +25,7 @@ export class Gesture {
     if (this.edits.length) this.link.edit(this.edits, { gesture: this.number, final: true });
   }
 
-  /** As if the gesture had not been. */
+  /** Cancel the gesture: its changes are discarded. */
   cancel() {
     if (this.edits.length) this.link.cancelGesture();
     this.edits = [];

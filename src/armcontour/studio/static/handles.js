@@ -1,5 +1,5 @@
-// Handles over the drawing: waypoints, apexes of corners, the middles of lines where a waypoint may be
-// inserted. A handle follows the pointer at once; what the server answers is drawn when it comes.
+// Handles over the drawing: waypoints, corner apexes, and line middles at which a waypoint can be
+// inserted. A handle follows the pointer at once; the server's answer is drawn when it arrives.
 
 import { along, apexAt, beyond, handledOf, LEAST_TOLERANCE, wordsOf } from "./corner.js";
 import { draw, grip, mark } from "./dom.js";
@@ -12,14 +12,14 @@ import { Pointer } from "./pointer.js";
 /** @typedef {[number, number]} Point */
 /** @typedef {import("./pointer.js").Movable} Movable */
 /**
- * Something to drag: `at` says where it is (metres in the plane, null: not there).
+ * A draggable handle; `at` returns its place (metres in the plane), or null if it is not shown.
  * @typedef {Movable & {element: SVGGElement, at: () => Point | null, describe: () => void, corner?: () => any}} Handle
- *   `describe` sets what is read aloud; `corner` is the one whose apex it is
+ *   `describe` sets the text for screen readers; `corner` is the corner whose apex it is
  */
 
-// Beyond this number only handles in view are made.
+// With more handles than this, only those in view are created.
 const MAX_HANDLES = 300;
-/** No waypoint that is to have the focus. */
+/** Value for: no waypoint shall get the focus. */
 const NOTHING = { index: -1, seq: Infinity, count: 0 };
 
 class Handles {
@@ -39,7 +39,7 @@ class Handles {
     view.followers.add(() => this.place());
   }
 
-  /** What can be dragged may be another now, or elsewhere. @param {import("./state.js").Frame | null} frame */
+  /** Update the handles, because a new frame may have other ones or other places. @param {import("./state.js").Frame | null} frame */
   answered(frame) {
     this.build();
     this.place();
@@ -49,12 +49,12 @@ class Handles {
     this.inserted = NOTHING;
   }
 
-  /** A waypoint that is being inserted has the focus once it is there. @param {number} index */
+  /** Give the focus to a new waypoint once it exists. @param {number} index */
   expect(index) {
     this.inserted = { index, seq: this.link.seq, count: this.store.document.waypoints.length };
   }
 
-  /** The handles of the document and the picture: elements stay, so that the focus stays. */
+  /** Create and remove handles; existing elements stay, so that the focus stays. */
   build() {
     const wanted = new Set();
     for (const { index, role } of this.waypoints()) {
@@ -85,7 +85,7 @@ class Handles {
   waypoints() {
     const found = this.store.document;
     if (!found?.path?.editable) return [];
-    // The view is fitted to the first picture: until then a handle would be elsewhere.
+    // Before the view is fitted to the first picture, a handle would be in a wrong place.
     if (!this.store.latest("picture") && !this.store.refusal) return [];
     const movable = found.waypoints.filter((/** @type {any} */ x) => !x.why_not);
     return movable.length <= MAX_HANDLES ? movable : movable.filter((/** @type {any} */ x) => this.inView(x.uv)).slice(0, MAX_HANDLES);
@@ -147,7 +147,7 @@ class Handles {
     }
   }
 
-  /** The middle of the line that ends at a waypoint. @param {number} index @returns {Handle} */
+  /** Make the handle in the middle of the line that ends at a waypoint. @param {number} index @returns {Handle} */
   middle(index) {
     const name = `Insert a waypoint before waypoint ${index + 1}`;
     const plus = draw("path", { d: "M-4 0H4M0-4V4", class: "seen" });
@@ -175,9 +175,9 @@ class Handles {
   corner(index) {
     const element = this.shape("corner", index, [draw("path", { class: "stem" }), draw("path", { d: "M0-6 6 0 0 6-6 0Z", class: "seen" })]);
     const corner = () => this.store.latest("picture")?.head.corners.find((/** @type {any} */ x) => x.index === index);
-    /** The tolerance of the file, which the corner need not use up. */
+    /** Tolerance in the file, which the corner may not use completely. */
     const tolerance = () => this.store.document.values["corners.tolerance"]?.value ?? corner().error;
-    /** The error that is drawn, which the pointer grabs. */
+    /** Drawn error, at which the pointer grabs. */
     const drawn = () => this.pointer.held(handle)?.[0] ?? corner().error;
     const handle = this.movable({
       element,
@@ -209,7 +209,7 @@ class Handles {
   }
 
   /**
-   * By pointer and by keys; without more, its values are its place by the axes of the file.
+   * Make a handle for pointer and keys; by default its values are its place along the axes of the file.
    * @param {Partial<Handle> & Pick<Handle, "element" | "at" | "edits" | "describe"> & {shown?: (values: number[]) => Point}} given @returns {Handle}
    */
   movable({ at, shown = (values) => this.pointer.global(values), ...given }) {
@@ -231,7 +231,7 @@ class Handles {
     return handle;
   }
 
-  /** Every handle at its place on the screen. */
+  /** Move every handle to its place on the screen. */
   place() {
     if ((this.store.document?.waypoints?.length ?? 0) > MAX_HANDLES) this.build();
     const points = this.waypoints().map(({ role, index }) => isOnPath(role) && this.waypointAt(index));
@@ -246,14 +246,14 @@ class Handles {
       const apex = this.pointer.screen(at);
       const [x, y] = corner ? beyond(corner, apex) : apex;
       mark(handle.element, "transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
-      // It belongs to the corner that it does not lie on.
+      // The handle is beyond the apex, so a line connects them.
       if (corner) mark(handle.element.children[1], "d", `M0 0L${(apex[0] - x).toFixed(1)} ${(apex[1] - y).toFixed(1)}`);
     }
   }
 }
 
 /**
- * True if a waypoint can be inserted before that with a number, be it a new last one.
+ * Return whether a waypoint can be inserted before a waypoint, or as the last one.
  * @param {any} document @param {number} index @returns {boolean}
  */
 export function insertable({ waypoints }, index) {
@@ -261,7 +261,7 @@ export function insertable({ waypoints }, index) {
   return index > 0 && index <= ends.length && (ends[index]?.divisible ?? true);
 }
 
-/** True if the path goes through a point; others shape an arc. @param {string} role */
+/** Return whether the path passes through a waypoint; other waypoints shape an arc. @param {string} role */
 export const isOnPath = (role) => role === "point" || role === "end";
 
 /** @param {Store} store @param {Link} link @param {View2d} view @returns {Handles} */

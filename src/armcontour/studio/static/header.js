@@ -9,7 +9,7 @@ import { html, render } from "./vendor/preact.js";
 
 const ON_DISK = /** @type {Record<string, string>} */ ({ changed: "changed on disk", missing: "not on disk", none: "not yet a file" });
 
-/** True if something would be lost; a drawing that was only looked at is in no job file yet. @param {any} head @returns {boolean} */
+/** Return whether unsaved changes exist; a drawing that was only viewed has no job file yet. @param {any} head @returns {boolean} */
 export const hasChanges = (head) => Boolean(head?.dirty && (head.on_disk !== "missing" || head.undo_label));
 
 /** @param {any} head @returns {string} */
@@ -18,7 +18,7 @@ function stateOf(head) {
   return states.filter(Boolean).join(", ");
 }
 
-/** Which button has the focus when one can do nothing any more: else the focus is lost. @type {Record<string, string[]>} */
+/** Button that gets the focus when another button is disabled; otherwise the focus would be lost. @type {Record<string, string[]>} */
 const HEIRS = { undo: ["redo", "save"], redo: ["undo", "save"] };
 
 /** @param {Record<string, HTMLButtonElement>} buttons @param {Record<string, boolean>} dead by name */
@@ -28,7 +28,7 @@ function disable(buttons, dead) {
   if (dead[focused]) buttons[HEIRS[focused].find((name) => !buttons[name].disabled) ?? "save"].focus();
 }
 
-/** Open a tab of the details, and start its task; an export has choices first. @param {Store} store @param {string} name */
+/** Open a tab of the details and start its task; an export first shows its choices. @param {Store} store @param {string} name */
 async function open(store, name) {
   store.setView({ tab: name === "runs" ? name : "tasks", dock: true });
   const form = document.querySelector(`#tasks form[data-task="${name}"]`);

@@ -1,4 +1,4 @@
-// Keyboard control of everything that the mouse does. In fields, keys belong to the field.
+// Keyboard control of everything that the mouse can do. In a field, keys belong to the field.
 
 import { find } from "./dom.js";
 
@@ -6,13 +6,13 @@ import { find } from "./dom.js";
 /** @typedef {import("./connection.js").Link} Link */
 /** @typedef {import("./view2d.js").View2d} View2d */
 
-/** True if keys belong to the element: text is typed there. @param {EventTarget | null} target */
+/** Return whether keys belong to the element, because text is typed there. @param {EventTarget | null} target */
 const isField = (target) => target instanceof Element && target.matches("textarea, select, input:not([type=range], [type=checkbox], [type=radio], [type=button])");
 
 /** @param {KeyboardEvent} event @returns {string} such as "ctrl+shift+z" */
 function nameOf({ key, ctrlKey, metaKey, altKey, shiftKey }) {
   const ctrl = ctrlKey || metaKey;
-  // Shift alone is a part of the sign.
+  // Shift alone is part of the character.
   const shift = shiftKey && (ctrl || key.length > 1);
   return [ctrl && "ctrl", altKey && "alt", shift && "shift", key.toLowerCase()].filter(Boolean).join("+");
 }
@@ -67,13 +67,13 @@ export function init(store, link, { view }) {
     const name = nameOf(event);
     const everywhere = name === "ctrl+s" || name === "ctrl+o";
     if (!act[name] || (isField(event.target) && !everywhere)) return;
-    // Letters and signs of sliders and buttons are free, their arrows are not.
+    // On sliders and buttons, letters and signs are free, but arrows are not.
     if (event.target instanceof HTMLInputElement && event.key.startsWith("Arrow")) return;
     if (name === " " && event.target instanceof Element && event.target.matches("button, summary, a, input, [role]")) return;
     event.preventDefault();
     if (!store.document && name !== "?") return;
     if (!name.startsWith("ctrl+")) return act[name]();
-    // It concerns the job with the keys before it.
+    // The command applies to the job after the earlier keys.
     link.whenKnown(() => {
       store.tell("command");
       link.whenKnown(act[name]);

@@ -1,4 +1,4 @@
-// Cached drawing layers of the newest frames, until the frame, the theme or an option changes.
+// Drawing layers of the newest frames, cached until the frame, the theme or an option changes.
 
 import { largest, magnified, PieceGrid, polyline, scaleOf, startsOf, strokesByHeat, strokesByLimit } from "./polylines.js";
 import { indexAt } from "./state.js";
@@ -7,15 +7,15 @@ import { indexAt } from "./state.js";
 /** @typedef {import("./state.js").Frame} Frame */
 
 const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
-// The magnified error should be about this large on the screen; the factor changes outside of the range.
+// Wished size of the magnified error on the screen; the factor changes if the size leaves the range.
 const WISHED = 34; // px
 const TOO_SMALL = 13;
 const TOO_LARGE = 70;
 
-// A picture with more coordinates is drawn without what cannot be seen, and moved as a bitmap until the view rests.
+// A picture with more coordinates is drawn without invisible details, and moved as a bitmap until the view rests.
 const MANY = 12_000;
 const LEAST = 1.5; // px
-// Lines are at most so far outside of what they mark.
+// Largest distance between a line and the part that it marks.
 const ASIDE = 8; // px
 
 export class Layers {
@@ -29,7 +29,7 @@ export class Layers {
   }
 
   /**
-   * A value, made again only where one of the keys is another one.
+   * Return a cached value, which is made again only if one of its keys has changed.
    * @template T
    * @param {string} name @param {any[]} keys @param {() => T} make @returns {T}
    */
@@ -42,7 +42,7 @@ export class Layers {
   }
 
   /**
-   * Lines of a name: the objective, contours with a kerf as they are drawn, those that are not run, ways between contours.
+   * Return lines by name: the objective, contours with a kerf as drawn, contours that are not run, or rapids.
    * @param {Frame} picture @param {"objective" | "drawn" | "rapid" | "left_out"} name @returns {Path2D}
    */
   lines(picture, name) {
@@ -57,7 +57,7 @@ export class Layers {
     return arrays ? arrays.path.length + arrays.objective.length > MANY : false;
   }
 
-  /** What is drawn of a large picture; null: all of it. @returns {import("./polylines.js").Part | null} */
+  /** Return the drawn part of a large picture; null: all of it. @returns {import("./polylines.js").Part | null} */
   get part() {
     const { width, height, u, v, scale } = this.view;
     if (!this.large) return null;
@@ -68,12 +68,12 @@ export class Layers {
     });
   }
 
-  /** Index of the piece of the path that is nearest to a point, or -1. @param {Frame} picture @param {[number, number]} uv m @param {number} near m */
+  /** Return the index of the path piece nearest to a point, or -1. @param {Frame} picture @param {[number, number]} uv m @param {number} near m */
   nearest(picture, [u, v], near) {
     return this.keep("grid", [picture], () => new PieceGrid(picture.arrays.path, startsOf(picture))).nearest(u, v, near);
   }
 
-  /** The path of a refusal, and its contour at the place of the refusal. @param {Frame} refusal @returns {{path: Path2D, contour: Path2D}} */
+  /** Return a refused path, and its refused contour. @param {Frame} refusal @returns {{path: Path2D, contour: Path2D}} */
   refused(refusal) {
     const { part } = this;
     const isPlaced = String(refusal.head.outline.centre) === String(this.store.latest("picture")?.head.centre);
@@ -88,7 +88,7 @@ export class Layers {
     });
   }
 
-  /** Parts of the tool path that are cut, by kerf. @param {Frame} picture @returns {{kerf: number, path: Path2D}[]} */
+  /** Return the cut parts of the tool path, by kerf. @param {Frame} picture @returns {{kerf: number, path: Path2D}[]} */
   cuts(picture) {
     const { cut, cut_breaks: breaks } = picture.arrays;
     return this.keep("cuts", [picture], () =>
@@ -99,7 +99,7 @@ export class Layers {
     );
   }
 
-  /** The path in its colours. @param {Frame} picture @param {Frame | null} executed */
+  /** Return the path in its colours. @param {Frame} picture @param {Frame | null} executed */
   strokes(picture, executed) {
     const { theme, options } = this.store;
     const errors = options.colour === "error" ? executed : null;
@@ -114,25 +114,25 @@ export class Layers {
     });
   }
 
-  /** A contour of the path; empty where there is none. @param {Frame} picture @param {number} k */
+  /** Return a contour of the path, or an empty path. @param {Frame} picture @param {number} k */
   contour(picture, k) {
     const { path, path_breaks: breaks } = picture.arrays;
     return this.keep("contour", [picture, k], () => polyline(path.subarray(2 * breaks[k], 2 * breaks[k + 1]), []));
   }
 
-  /** The tool of an executed motion. @param {Frame} moved @param {number} factor */
+  /** Return the tool path of an executed motion. @param {Frame} moved @param {number} factor */
   executed(moved, factor) {
     return this.keep(moved.kind, [moved, factor], () => magnified(moved, factor));
   }
 
-  /** Largest value of an array of the newest frame of a kind. @param {string} kind @param {string} name @returns {number} */
+  /** Return the largest value of an array in the newest frame of a kind. @param {string} kind @param {string} name @returns {number} */
   most(kind, name) {
     const frame = this.store.latest(kind);
     return this.keep(`most ${kind} ${name}`, [frame], () => largest(frame?.arrays[name] ?? []));
   }
 
   /**
-   * Factor by which errors are magnified, such that the largest is well seen.
+   * Return the factor by which errors are magnified, so that the largest is well visible.
    * @param {number} scale px per m @returns {number}
    */
   magnification(scale) {

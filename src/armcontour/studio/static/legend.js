@@ -1,4 +1,4 @@
-// Legend of the lines of the drawing, and its scales.
+// Legend of the drawing's lines, and its scales.
 
 import { heat, styleOf, themed } from "./colours.js";
 import { handledOf } from "./corner.js";
@@ -17,14 +17,14 @@ import { scaleBar } from "./viewport.js";
 /** Shades from one text to another. @typedef {{shades: string[], from: string, to: string}} Shades */
 
 const LENGTH = 26; // px
-/** The mark of the tool where two bodies are nearest to each other [px]. */
+/** Mark of the tool at the time when two bodies are nearest to each other [px]. */
 export const NEAREST = [[-7, -5], [7, 5], [7, -5], [-7, 5]];
 const SHADES = 24;
 
 /** @param {string} colour @param {number[]} dash @param {number} width @param {string} text @param {number} [length] @returns {Sample} */
 const sample = (colour, dash, width, text, length = LENGTH) => ({ colour, dash, width, length, text });
 
-/** Limits that take the time; their shares are above the drawing. @param {Store} store @returns {Sample[]} */
+/** Return the samples of active limits; their shares are above the drawing. @param {Store} store @returns {Sample[]} */
 function kindsOf(store) {
   const { kinds } = headOf(store);
   return (kinds?.length ? kinds : [{ kind: "unknown" }]).map((/** @type {any} */ { kind }) => {
@@ -33,11 +33,11 @@ function kindsOf(store) {
   });
 }
 
-/** Colours of the path: kinds of limits, or a scale. @param {Store} store @param {Layers} layers @returns {(Sample | Shades)[]} */
+/** Return the samples of the path's colours: limit kinds, or a scale. @param {Store} store @param {Layers} layers @returns {(Sample | Shades)[]} */
 function colouringOf(store, layers) {
   const { colour } = store.options;
   const executed = store.refusal ? null : store.latest("executed");
-  // Without an execution there are no errors: then limits colour the path.
+  // Without an execution, errors are unknown, so limits colour the path.
   if (colour === "limit" || (colour === "error" && !executed)) return kindsOf(store);
   const shades = Array.from({ length: SHADES }, (_, k) => heat(k / (SHADES - 1), store.theme));
   if (executed && colour === "error") {
@@ -50,7 +50,7 @@ function colouringOf(store, layers) {
 }
 
 /**
- * The legend of the drawing.
+ * Return the legend of the drawing.
  * @param {Store} store @param {Layers} layers @param {Frame} picture
  * @param {number} magnify factor of the executed tool's error; 0: it is not drawn
  * @returns {(Sample | Shades)[]}
@@ -70,7 +70,7 @@ export function legendOf(store, layers, picture, magnify) {
 }
 
 /**
- * Lengths on the screen: of the drawing, and of magnified errors.
+ * Return the scale bars of the drawing, and of magnified errors.
  * @param {number} scale px per m @param {number} magnify factor of errors; 0: they are not drawn
  * @returns {Sample[]}
  */

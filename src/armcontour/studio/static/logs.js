@@ -7,18 +7,18 @@ import { html, signal } from "./vendor/preact.js";
 
 /** All endings of logs, for pickers. */
 export const ENDINGS = ".csv,.txt,.log";
-/** Names of logs, and of tables, which may be drawings as well. */
+/** Endings of logs, and of tables, which can also be drawings. */
 const [LOGS, TABLES] = [/\.log$/i, /\.(csv|txt)$/i];
-/** A column of times, in the first line that is no comment; waypoints have none. */
+/** Time column in the first line that is not a comment; waypoints have none. */
 const TIMES = /(^|[^a-z])(t|time|timestamp|ipoc)([^a-z0-9]|$)/i;
-/** Logs that the server keeps, the oldest first, those that tasks take, and names of columns. */
+/** Stored logs, the oldest first; logs that tasks use; column names. */
 const [all, ticked, columns] = [signal(/** @type {string[]} */ ([])), signal(/** @type {string[]} */ ([])), signal("")];
 
-/** Logs that tasks take. */
+/** Return the logs that tasks use. */
 export const logs = () => all.value.filter((name) => ticked.value.includes(name));
 export const logOptions = () => ({ logs: logs(), columns: columns.value });
 
-/** True if a file is a log of a robot. @param {File} file @returns {Promise<boolean>} */
+/** Return whether a file is a robot log. @param {File} file @returns {Promise<boolean>} */
 export async function isLog(file) {
   if (!TABLES.test(file.name)) return LOGS.test(file.name);
   const first = (await file.slice(0, 4096).text()).split(/\r?\n/).find((line) => /^\s*[^#\s]/.test(line)) ?? "";
@@ -27,7 +27,7 @@ export async function isLog(file) {
 
 /** Listen to new logs. @param {Store} store */
 export function init(store) {
-  /** True if set-points were learned since the last log: the next one is of their run. */
+  /** True if set-points were learned since the last log, so the next log is of the run with them. */
   let learned = false;
   const update = () => (all.value = store.document?.logs ?? []);
   store.on("document", update);
@@ -39,7 +39,7 @@ export function init(store) {
     ticked.value = [...(learned ? ticked.value.filter(other) : []), name];
     learned = false;
     store.setView({ tab: "tasks", dock: true });
-    // Tasks on logs appear with the first one.
+    // Tasks on logs appear with the first log.
     requestAnimationFrame(() => find(".logs").scrollIntoView());
   });
 }

@@ -12,11 +12,11 @@ import { along, indexAt } from "./state.js";
 /** @typedef {import("./state.js").Numbers} Numbers */
 /** @typedef {import("./view2d.js").View2d} View2d */
 
-// How near the pointer is to a point of which it tells.
+// Largest distance from the pointer to a point whose values are shown.
 const NEAR = 14; // px
 // Distance at which a slow point shows its text.
 const BESIDE = 0.002; // m
-/** The cross at the place of a refusal, and at the largest error. */
+/** Cross at a refusal, and at the largest error. */
 const CROSS = "M-9-9 9 9M-9 9 9-9";
 
 class Marks {
@@ -39,7 +39,7 @@ class Marks {
     view.overlay.addEventListener("pointerleave", () => this.leave());
   }
 
-  /** Everything at its place on the screen. */
+  /** Move all marks to their places on the screen. */
   place() {
     const picture = this.store.latest("picture");
     if (!picture) return;
@@ -58,7 +58,7 @@ class Marks {
     this.nearest.toggleAttribute("hidden", typeof near !== "number");
     if (typeof near === "number") move(this.nearest, this.view.view.toScreen(pointOf(picture, near, this.store.placeAt(near))));
     const executed = refusal || options.colour !== "error" || !this.store.isCurrent(this.store.latest("executed")) ? null : this.store.latest("executed");
-    // Between the contours there is no execution.
+    // Between contours, no execution is known.
     const isWorking = executed && !executed.arrays.breaks.includes(indexAt(executed.arrays.t, time) + 1);
     this.tool.toggleAttribute("hidden", !isWorking);
     this.largest.toggleAttribute("hidden", !executed);
@@ -66,7 +66,7 @@ class Marks {
     if (isWorking) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
   }
 
-  /** The executed tool with its error as it is drawn. @param {Frame} executed @param {number} t @returns {[number, number]} m */
+  /** Return the executed tool position, with its error magnified as drawn. @param {Frame} executed @param {number} t @returns {[number, number]} m */
   toolAt(executed, t) {
     const factor = this.view.layers.magnification(this.view.view.scale);
     const [base, offset] = [executed.arrays.base, executed.arrays.offset].map((points) => along(executed.arrays.t, points, t, 2));
@@ -100,7 +100,7 @@ class Marks {
   }
 }
 
-/** Minima of the speed below the assigned one. @param {Frame | null} picture @returns {{s: number, uv: [number, number]}[]} */
+/** List the places where the speed is lowest relative to the assigned velocity. @param {Frame | null} picture @returns {{s: number, uv: [number, number]}[]} */
 const slowest = (picture) => (picture?.head.shortfalls ?? []).filter((/** @type {any} */ x) => x.kind === "slowest");
 
 /** @param {SVGElement} element @param {[number, number]} place px */
@@ -108,7 +108,7 @@ function move(element, [x, y]) {
   mark(element, "transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
 }
 
-/** Place of the tool at a time, on a rapid or at an arc length of the path [m]. @param {Frame} picture @param {number} t @param {number} s @returns {[number, number]} */
+/** Return the tool position at a time, on a rapid or at an arc length of the path [m]. @param {Frame} picture @param {number} t @param {number} s @returns {[number, number]} */
 function pointOf(picture, t, s) {
   const { rapid, rapid_t: times, rapid_breaks: breaks } = picture.arrays;
   const k = breaks ? indexAt(breaks, indexAt(times, t)) : 0;

@@ -9,7 +9,7 @@ import { html, render } from "./vendor/preact.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
 
-/** Work whose progress is shown here: the start, and that on the newest state, with its name in messages. */
+/** Tasks whose progress is shown here: the start, and work on the newest state; with their names in messages. */
 const WORK = /** @type {Record<string, string>} */ ({ start: "Starting", "#": "Preview" });
 const SHOWN_FOR = 9000; // ms
 const MOST = 4;
@@ -34,12 +34,12 @@ function clear(kind) {
   for (const message of document.querySelectorAll(`.message.${kind}`)) message.remove();
 }
 
-/** Say that something cannot be done before a path is shown; this goes with the first path. @param {string} sentence */
+/** Show a sentence on what needs a path; it is closed when the first path is shown. @param {string} sentence */
 export const tellEarly = (sentence) => notify(sentence, "alarm early");
 
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
-  // Messages lie over the drawing, and not over the buttons above it.
+  // Messages cover the drawing, but not the buttons above it.
   const place = () => document.body.style.setProperty("--messages", `${find("#views").getBoundingClientRect().top + 48}px`);
   new ResizeObserver(place).observe(find("#views"));
   store.on("picture", () => clear("early"));
@@ -64,7 +64,7 @@ export function init(store, link) {
     const how = `: ${steps.at(-1) ?? "…"}${share ? `, ${Math.round(100 * share)} %` : ""}`;
     render(html`<span>${name + how}</span><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label="Progress" />`, work);
   });
-  // A job that is refused has started, too.
+  // A refused job has also started.
   for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (work.hidden ||= task === "start" && Boolean(frame)));
   store.on("dropped", (/** @type {any} */ frame) => refuseAt(frame) || notify(`${frame.head.sentence} Nothing was changed.`, "alarm dropped"));
   let rev = -1;
@@ -78,7 +78,7 @@ export function init(store, link) {
   store.on("failed", (/** @type {any} */ { head }) => head.id || notify(head.sentence, "alarm"));
   const state = find("#link-state");
   const banner = make("div", { class: "message alarm" });
-  /** What had the focus before the page could not be used. @type {HTMLElement | null} */
+  /** Element that had the focus before the page became unusable. @type {HTMLElement | null} */
   let focused = null;
   store.on("link", (/** @type {any} */ link) => {
     const gone = link.state === "lost" || link.state === "refused";

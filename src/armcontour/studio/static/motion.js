@@ -17,7 +17,7 @@ import { rowOf } from "./format.js";
  */
 
 /**
- * The planned or the executed motion; null before it is there, or where it is of another plan.
+ * Return the planned or the executed motion; null if it is not known yet, or belongs to another plan.
  * @param {Store} store
  * @param {Which} of
  * @returns {Motion | null}
@@ -29,10 +29,10 @@ export function motionOf(store, of) {
   if (!t?.length || !q?.length) return null;
   const dof = q.length / t.length;
   const trailTimes = of === "planned" ? pathTimes : t;
-  // The last time is in single precision, which may be after the end.
+  // The last time has single precision, so it can be after the end.
   const duration = of === "planned" ? rowOf(frame.head, "duration")?.value : t[t.length - 1];
   return { of, t, q, dof, duration, trail: xyz, trailTimes };
 }
 
-/** The motion that is played; where the executed one is not there, the planned one. @param {Store} store @returns {Motion | null} */
+/** Return the played motion; without the executed one, the planned one. @param {Store} store @returns {Motion | null} */
 export const shownMotion = (store) => motionOf(store, store.options.time) ?? motionOf(store, "planned");

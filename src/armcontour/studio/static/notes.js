@@ -1,4 +1,4 @@
-// Further information of the server: warnings, notes, slow points, time by limit.
+// Further information from the server: warnings, notes, slow points, time per limit.
 
 import { find, say } from "./dom.js";
 import { headOf } from "./figures.js";
@@ -9,7 +9,7 @@ import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 
-/** A list of sentences under a title; nothing without any. @param {{title: string, sentences: any[]}} props */
+/** A titled list of sentences; nothing if it is empty. @param {{title: string, sentences: any[]}} props */
 const Sentences = ({ title, sentences }) => html`${sentences.length > 0 && html`<section><h2>${title}</h2><ul>${sentences.map((text) => html`<li>${text}</li>`)}</ul></section>`}`;
 
 /** @param {Store} store */

@@ -8,8 +8,8 @@ import { tellEarly } from "./messages.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./pointer.js").Pointer} Pointer */
 /**
- * An obstacle of the job on the base, in SI units; the file has another unit. Its outline and its axes in the plane are
- * relative to `uv`, where it is.
+ * An obstacle on the base, in SI units; the file may have another unit. Its outline and axes in the plane are
+ * relative to its position `uv`.
  * @typedef {{type: string, index: number, unit: [string, number], name?: string, at?: number[], size?: number[],
  *   uv: Point, outline: Point[], axes: Point[]}} Obstacle
  */
@@ -18,15 +18,15 @@ import { tellEarly } from "./messages.js";
 
 const NEW_SIDE = 60; // px
 const LEAST_SIZE = 1e-3; // m
-// From the part to a new obstacle: the radius of a wrist of usual arms, and what they may not come nearer than.
+// Distance from the part to a new obstacle: a usual wrist radius plus the clearance.
 const BESIDE = 0.14; // m
-/** Free of rounding errors. @param {number} metres */
+/** Remove rounding errors. @param {number} metres */
 const round = (metres) => Number(metres.toFixed(9));
 
 /** @param {number[]} a @param {number[]} b */
 const dot = (a, b) => a.reduce((sum, x, k) => sum + x * (b[k] ?? 0), 0);
 
-/** Corners of the outline in the plane [m]. @param {Obstacle} obstacle @returns {Point[]} */
+/** Return the corners of the outline in the plane [m]. @param {Obstacle} obstacle @returns {Point[]} */
 const cornersOf = ({ uv, outline }) => outline.map(([u, v]) => [uv[0] + u, uv[1] + v]);
 
 class Obstacles {
@@ -45,12 +45,12 @@ class Obstacles {
     this.view.followers.add(() => this.place());
   }
 
-  /** The plane of the picture in the frame of the base. @returns {any} */
+  /** Return the plane of the picture in the base frame. @returns {any} */
   get plane() {
     return this.store.latest("picture") && this.store.document?.plane;
   }
 
-  /** Obstacles as they are drawn: one that is held where it is held. @returns {Obstacle[]} */
+  /** Return the obstacles as drawn: a dragged one at the pointer. @returns {Obstacle[]} */
   list() {
     const { x, y } = this.plane;
     const all = this.store.document.obstacles.filter((/** @type {Obstacle} */ body) => body.outline);
@@ -63,7 +63,7 @@ class Obstacles {
     });
   }
 
-  /** A box that stands on the plane next to the part, where no other obstacle is. */
+  /** Add a box that stands on the plane next to the part, where no other obstacle is. */
   async add() {
     const { box, view } = this.view;
     if (!this.plane || !box) return tellEarly("No obstacle can be added yet: no path has been shown.");
@@ -79,7 +79,7 @@ class Obstacles {
   }
 
   /**
-   * A place next to the part that is no other obstacle's; the arm has most room where it is far from the base.
+   * Return a free place next to the part, far from the base, because the arm has most room there.
    * @param {import("./viewport.js").Box} box of the part, from its middle @param {number} side m @returns {Point} m
    */
   spotBeside({ left, right, bottom, top }, side) {
@@ -96,7 +96,7 @@ class Obstacles {
   }
 
   /**
-   * Name and height of an obstacle. @param {string} title @param {string} name @param {number} [height] m
+   * Ask for the name and height of an obstacle. @param {string} title @param {string} name @param {number} [height] m
    * @returns {Promise<{name: string, height?: number} | null>} null: cancelled
    */
   async ask(title, name, height) {
@@ -109,7 +109,7 @@ class Obstacles {
     return { name: named.trim() || name, ...(high && { height: Number((Number(high) / 1000).toPrecision(12)) }) };
   }
 
-  /** Name and height of one that is there; its bottom stays. @param {Obstacle} obstacle */
+  /** Ask for another name and height of an obstacle; its bottom stays. @param {Obstacle} obstacle */
   async change({ type, index, name = "", size, at = [0, 0, 0] }) {
     const answer = await this.ask("Obstacle", name, type === "box" ? size?.[2] : undefined);
     if (!answer) return;
@@ -118,7 +118,7 @@ class Obstacles {
     this.link.edit([{ do: "obstacle", action: "change", index, name: answer.name, ...grown }]);
   }
 
-  /** A point in space from one of the plane, which has round numbers there. @param {Point} uv @param {number} above m @param {number} step m @returns {number[]} */
+  /** Return the point in space of a point in the plane, with round coordinates. @param {Point} uv @param {number} above m @param {number} step m @returns {number[]} */
   lift([u, v], above, step) {
     const { origin, x, y, normal } = this.plane;
     return [0, 1, 2].map((k) => round(step * Math.round((origin[k] + u * x[k] + v * y[k]) / step) + above * normal[k]));
@@ -159,7 +159,7 @@ class Obstacles {
     body.append(shape, name);
     const sizer = grip({ class: "handle sizer" }, [draw("rect", { x: -4, y: -4, width: 8, height: 8, class: "seen" })]);
     this.group.append(body, sizer);
-    /** @type {Obstacle} as it was when it was grabbed */
+    /** @type {Obstacle} obstacle when it was grabbed */
     let from;
     const movable = (/** @type {What} */ what, /** @type {string[]} */ names, /** @type {number} */ least, /** @type {(du: number, dv: number) => number[]} */ moved) => ({
       ...(least && { least }),
@@ -193,9 +193,9 @@ class Obstacles {
     return [0, 1, 2].map((k) => round((at[k] ?? 0) + du * x[k] + dv * y[k]));
   }
 
-  /** The middle stays where it is. @param {Obstacle} from @param {number} du @param {number} dv @returns {number[]} m */
+  /** Return the size for a moved grip; the middle stays. @param {Obstacle} from @param {number} du @param {number} dv @returns {number[]} m */
   sized(from, du, dv) {
-    // The grip is at the corner that is farthest to the right and below.
+    // The grip is at the corner farthest to the lower right.
     return from.axes.map(([u, v], k) => (from.size?.[k] ?? 0) + 2 * (du * u + dv * v) * Math.sign(u - v));
   }
 }

@@ -24,7 +24,7 @@ class PlaceHandle {
     this.turner = shape("Turn of the part", "M-6 2.5A6.5 6.5 0 1 1 0 6.5M-3 3.5 0 6.5-3 9.5");
     this.group.append(this.stem, this.mover, this.turner);
     this.view.overlay.append(this.group);
-    /** The point that is turned about, at the start of a gesture. @type {Point} */
+    /** Centre of the rotation, at the start of a gesture. @type {Point} */
     this.about = [0, 0];
     store.on("view", () => this.put());
     this.view.followers.add(() => this.put());
@@ -32,7 +32,7 @@ class PlaceHandle {
       this.about = pointer.centre;
       return { names, unit, values: names.map(() => 0) };
     };
-    // The server turns the part about its centre in the file, which may be newer than the picture.
+    // The server rotates the part about its centre in the file, which may be newer than the picture.
     const edit = (/** @type {Point} */ by, /** @type {number} */ turn) => [{ do: "place", by, turn }];
     /** @type {import("./pointer.js").Movable} */
     this.moving = {
@@ -53,7 +53,7 @@ class PlaceHandle {
     pointer.movable(this.turner, this.turning);
   }
 
-  /** Angle from the handle's rest, straight up, to the pointer. @param {PointerEvent} event @returns {number} rad */
+  /** Return the angle from straight up, where the handle rests, to the pointer. @param {PointerEvent} event @returns {number} rad */
   turnTo(event) {
     const [x, y] = this.pointer.screen(this.about);
     const [px, py] = this.view.within(event);

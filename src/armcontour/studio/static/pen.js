@@ -7,17 +7,17 @@ import { isOnPath } from "./handles.js";
 /** @typedef {import("./pointer.js").Pointer} Pointer */
 /** @typedef {[number, number]} Point */
 /**
- * A shape by the axes of the file [m]: names of its values and how many there are at its beginning, which is at the place of a
- * press; from there and the values its start, its segments, and how it is drawn before the answer: to points, or with a radius.
+ * A shape in coordinates of the file [m]: the names of its values, which are the coordinates of a point if `isPoint`; its start
+ * and segments, computed from the pressed point and the values; and the radius with which it is drawn before the answer.
  * @typedef {{names: string[], isPoint?: boolean, start?: (from: Point, values: number[]) => Point,
  *   segments: (from: Point, values: number[]) => Record<string, Point>[], radius?: (from: Point, values: number[]) => number}} Shape
  */
 
-// A shape that begins so near the end of the path begins there.
+// A shape that starts this near to the end of the path starts at the end.
 const NEAR = 14; // px
-/** Segments and sides that are not longer are none. */
+/** Shorter segments and sides are not drawn. */
 const LEAST = 1e-6; // m
-/** Height of a new arc over its chord, as a share of that; its middle waypoint changes it. */
+/** Height of a new arc divided by its chord; the user changes it with the middle waypoint. */
 const BULGE = 1 / 4;
 /** @type {Record<string, Shape>} */
 const SHAPES = {
@@ -32,7 +32,7 @@ const SHAPES = {
   Rectangle: { names: ["width", "height"], segments: ([a, b], [wide, high]) => [{ to: [a + wide, b] }, { to: [a + wide, b + high] }, { to: [a, b + high] }, { to: [a, b] }] },
 };
 
-/** True if shapes can be added to the path. @param {Store} store @returns {boolean} */
+/** Return whether shapes can be added to the path. @param {Store} store @returns {boolean} */
 export const canDraw = ({ document }) => Boolean(document?.path?.editable);
 
 /** @param {Store} store @param {import("./connection.js").Link} _link @param {Pointer} pointer */
@@ -43,13 +43,13 @@ export function init(store, _link, pointer) {
   const hint = make("p", { class: "hint quiet" });
   view.region.append(hint);
   view.overlay.append(trace, ground);
-  /** The shape that is drawn, and where it begins. */
+  /** The shape being drawn, and its start. */
   let shape = SHAPES.Line;
   /** @type {Point} */
   let from = [0, 0];
   const startOf = (/** @type {number[]} */ values) => shape.start?.(from, values) ?? from;
 
-  /** The end of the path if it is near, or by keys; else a round place. @param {PointerEvent | KeyboardEvent} event @returns {Point} */
+  /** Return the end of the path if it is near, or with keys; otherwise a round position. @param {PointerEvent | KeyboardEvent} event @returns {Point} */
   const placeOf = (event) => {
     const last = store.document.waypoints.findLast((/** @type {any} */ x) => isOnPath(x.role))?.uv;
     const uv = event instanceof KeyboardEvent ? (last ?? pointer.centre) : pointer.plane(event);
@@ -57,7 +57,7 @@ export function init(store, _link, pointer) {
     return Math.hypot(...away) < NEAR ? pointer.local(last) : /** @type {Point} */ (pointer.rounded(pointer.local(uv), event));
   };
 
-  /** A shape as a path on the screen. @param {number[]} values */
+  /** Return a shape as a path on the screen. @param {number[]} values */
   const outline = (values) => {
     const at = (/** @type {Point} */ xy) => pointer.screen(pointer.global(xy)).join(" ");
     const radius = (shape.radius?.(from, values) ?? 0) * view.view.scale;
@@ -93,7 +93,7 @@ export function init(store, _link, pointer) {
       const segments = shape.segments(from, values).map((segment) => Object.fromEntries(Object.entries(segment).map(([key, xy]) => [key, pointer.global(xy)])));
       return [{ do: "draw", start: pointer.global(startOf(values)), segments }];
     },
-    // A path goes on; after a whole shape its handles are wanted.
+    // A path may continue; after a complete shape, the user needs its handles.
     end: (edits) => edits.length && !shape.isPoint && store.setView({ pen: "" }),
   };
   pointer.movable(ground, pen);
@@ -109,14 +109,14 @@ export function init(store, _link, pointer) {
     const isBlank = path.kind === "blank";
     if (now !== id || !canDraw(store)) {
       id = now;
-      // On an empty plane the pen is wanted first.
+      // On an empty plane, the user needs the pen first.
       const first = isBlank ? "Rectangle" : "";
       if (first !== store.options.pen) return store.setView({ pen: first });
     }
     const chosen = store.options.pen;
     hint.hidden = !isBlank;
     say(hint, sentence ?? "");
-    // The pen that is put away leaves the focus at its button.
+    // When the pen is switched off, its button keeps the focus.
     const name = Object.keys(SHAPES).find((x) => SHAPES[x] === shape);
     if (!chosen && document.activeElement === ground) find(`#viewbar [aria-label=${name}]`).focus();
     ground.toggleAttribute("hidden", !chosen);

@@ -13,16 +13,16 @@ import { html, render } from "./vendor/preact.js";
 /** @typedef {import("./motion.js").Which} Which */
 
 const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
-/** How far the arrow keys move [share of the duration]; with Shift ten times as far. */
+/** Step of the arrow keys [share of the duration]; with Shift ten times as long. */
 const STEP = 0.005;
 const WAYS = /** @type {Record<string, number>} */ ({ ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 });
-/** While it plays, numbers change so often at most [ms]. */
+/** Minimum time between changes of numbers while the motion plays [ms]. */
 const PLAYING = 60;
-/** Heights of the strip of limits and of the times below it [px], and the least distance of times. */
+/** Heights of the limit strip and the time labels below it [px], and the minimum distance between labels. */
 const [STRIP, TIMES, APART] = [9, 16, 90];
 
 /**
- * Draw the speed over time, and the strip of the limits in their colours.
+ * Draw the speed over time, and the strip with the limits in their colours.
  * @param {HTMLCanvasElement} canvas @param {Store} store @param {number} duration [s]
  */
 function drawSpeed(canvas, store, duration) {
@@ -69,7 +69,7 @@ function drawSpeed(canvas, store, duration) {
   for (let at = 0; x(at) < width - APART / 2; at += step) context.fillText(`${Number(at.toPrecision(6))} s`, x(at) + 1, height - 3);
 }
 
-/** One of several. @param {{name: string, all: [string, string, boolean?][], chosen: string, choose: (value: string) => void}} props */
+/** A choice of one option. @param {{name: string, all: [string, string, boolean?][], chosen: string, choose: (value: string) => void}} props */
 const Choice = ({ name, all, chosen, choose }) => html`<label class="field">${name} <select value=${chosen} onChange=${(/** @type {any} */ e) => choose(e.target.value)}>
   ${all.map(([value, text, isOff]) => html`<option value=${value} disabled=${isOff} selected=${value === chosen}>${text}</option>`)}</select></label>`;
 
@@ -77,7 +77,7 @@ const Choice = ({ name, all, chosen, choose }) => html`<label class="field">${na
 export function init(store) {
   const region = find("#playback");
   let [rate, playing] = [1, false];
-  /** Time to which it has played [s]; of the last frame, and of the last change of the numbers [ms]. */
+  /** Played time [s]; times of the last frame and the last change of numbers [ms]. */
   let [played, last, shown] = [0, 0, 0];
 
   /** @param {boolean} on */
@@ -91,7 +91,7 @@ export function init(store) {
     show();
     if (on) requestAnimationFrame(advance);
   };
-  /** One frame of the animation. @param {number} now [ms] */
+  /** Draw a frame of the animation. @param {number} now [ms] */
   const advance = (now) => {
     const motion = shownMotion(store);
     if (!playing || !motion) return;
@@ -123,7 +123,7 @@ export function init(store) {
     );
     Object.assign(region.dataset, { state: playing ? "playing" : "paused", time: String(time), of: motion?.of ?? "none" });
   };
-  /** There is another motion, or another choice. */
+  /** Update the controls after another motion or choice. */
   const renew = nowAndThen(READING, () => {
     const motion = shownMotion(store);
     if (!motion) play(false);
@@ -141,7 +141,7 @@ export function init(store) {
     event.preventDefault();
   });
   document.addEventListener("visibilitychange", () => document.hidden && play(false));
-  // Another time than the next one was chosen by the user.
+  // The user chose another time.
   store.on("time", () => {
     if (store.time !== played) play(false);
     if (!playing) show();

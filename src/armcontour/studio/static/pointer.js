@@ -1,5 +1,5 @@
-// Values at the pointer: what is dragged, or moved with the arrow keys, snaps to round values, which are shown next to it
-// together with the seconds that they gain. Digits set them exactly.
+// Values at the pointer: a handle that is dragged, or moved with arrow keys, snaps to round values, which are shown next to it
+// with the time that they save. Digits set values exactly.
 
 import { find, make, say } from "./dom.js";
 import { rowOf, seconds, short } from "./format.js";
@@ -15,14 +15,14 @@ import { oncePerFrame } from "./state.js";
 /**
  * Values that a gesture changes, in SI units.
  * @typedef {Object} Movable
- * @property {(event: PointerEvent | KeyboardEvent) => {names: string[], unit: Unit, values: number[] | null}} start   null: it cannot be moved now
- * @property {(by: Point, start: number[], event: PointerEvent | KeyboardEvent) => number[]} moved   by a way in the plane [m]
+ * @property {(event: PointerEvent | KeyboardEvent) => {names: string[], unit: Unit, values: number[] | null}} start   null if it cannot be moved now
+ * @property {(by: Point, start: number[], event: PointerEvent | KeyboardEvent) => number[]} moved   by a displacement in the plane [m]
  * @property {(values: number[]) => object[]} edits
- * @property {"picture"} [answer]   the frame that has what was changed, by default the document
- * @property {(edits: object[], cancelled: boolean) => unknown} [end]   without edits nothing was changed
- * @property {number} [step]    values are multiples of it; with Alt of a hundredth, with Shift of ten
- * @property {number} [least]   smallest value; those below a step have one digit, and an arrow key moves them by half of it
- * @property {(values: number[]) => string} [lacks]   why values make nothing; keys end such a gesture by Enter or Escape alone
+ * @property {"picture"} [answer]   the frame with the change, by default the document
+ * @property {(edits: object[], cancelled: boolean) => unknown} [end]   empty edits: nothing was changed
+ * @property {number} [step]    values are multiples of it; with Alt of step / 100, with Shift of 10 steps
+ * @property {number} [least]   smallest value; values below a step have one digit, and an arrow key changes them by half a digit's size
+ * @property {(values: number[]) => string} [lacks]   why the values have no effect yet; keys end such a gesture only by Enter or Escape
  */
 
 const STEP = 1e-3; // m
@@ -42,11 +42,11 @@ export class Pointer {
     this.label = make("div", { class: "tip at-pointer", hidden: true, "aria-hidden": "true" });
     view.region.append(this.label);
     /**
-     * The gesture that goes on. @type {{what: Movable, names: string[], unit: Unit, start: number[], values: number[], typed: string,
+     * The active gesture. @type {{what: Movable, names: string[], unit: Unit, start: number[], values: number[], typed: string,
      *   gesture: Gesture, before: import("./state.js").Frame | null} | null}
      */
     this.going = null;
-    /** Where the label is. @type {Point} px */
+    /** Position of the label. @type {Point} px */
     this.near = [0, 0];
     /** Changes without an answer. @type {Map<Movable, {values: number[], seq: number}>} */
     this.changed = new Map();
@@ -57,14 +57,14 @@ export class Pointer {
     store.on("link", (/** @type {any} */ link) => link.state !== "open" && this.changed.size && (this.changed.clear(), this.follow()));
   }
 
-  /** The server knows of a change: its frames are shown again. @param {string} event @param {import("./state.js").Frame | null} frame */
+  /** The server has a change, so show its frames again. @param {string} event @param {import("./state.js").Frame | null} frame */
   answered(event, frame) {
     for (const [what, { seq }] of this.changed)
       if ((event === "refusal" ? frame : event === (what.answer ?? "document")) && (frame?.seq ?? Infinity) >= seq) this.changed.delete(what);
     this.tell();
   }
 
-  /** Values of what was changed, until that is answered. @param {Movable} what @returns {number[] | null} */
+  /** Return changed values until the server has answered. @param {Movable} what @returns {number[] | null} */
   held(what) {
     return this.changed.get(what)?.values ?? null;
   }
@@ -84,25 +84,25 @@ export class Pointer {
     return [u + this.centre[0], v + this.centre[1]];
   }
 
-  /** A place in the plane by the axes of the file. @param {Point} uv m @returns {Point} m */
+  /** Convert a point in the plane to coordinates of the file. @param {Point} uv m @returns {Point} m */
   local([u, v]) {
     const { origin } = this.store.document.path.axes;
     return this.turned([u - origin[0], v - origin[1]]);
   }
 
-  /** A way in the plane by these axes. @param {Point} by m @returns {Point} m */
+  /** Convert a displacement in the plane to coordinates of the file. @param {Point} by m @returns {Point} m */
   turned([u, v]) {
     const { x, y } = this.store.document.path.axes;
     return [u * x[0] + v * x[1], u * y[0] + v * y[1]];
   }
 
-  /** A place by the axes of the file, in the plane. @param {number[]} xy m @returns {Point} m */
+  /** Convert coordinates of the file to a point in the plane. @param {number[]} xy m @returns {Point} m */
   global([a, b]) {
     const { origin, x, y } = this.store.document.path.axes;
     return [origin[0] + a * x[0] + b * y[0], origin[1] + a * x[1] + b * y[1]];
   }
 
-  /** Have an element change values, by drag, by arrow keys and by digits. @param {SVGElement} element @param {Movable} what */
+  /** Let an element change values by drag, arrow keys and digits. @param {SVGElement} element @param {Movable} what */
   movable(element, what) {
     /** @type {Point} */
     let from = [0, 0];
@@ -175,9 +175,9 @@ export class Pointer {
     this.view.putBeside(this.label, place);
     const moved = what.moved(by, start, event);
     const round = this.rounded(moved, event, what);
-    // Values that do not move are not rounded.
+    // Values that do not change are not rounded.
     const values = moved.map((x, k) => (Math.abs(x - start[k]) < SAME ? start[k] : round[k]));
-    // Many motions of a pointer stay within one step, so the values do not change.
+    // Many pointer motions stay within one step, so the values do not change.
     if (!this.changed.has(what) || values.some((x, k) => x !== last[k])) this.set(values, event.timeStamp);
   }
 
@@ -197,7 +197,7 @@ export class Pointer {
     this.tell();
   }
 
-  /** A key of a number, or several. @param {KeyboardEvent} event @returns {boolean} true if it was */
+  /** Handle keys that type a number. @param {KeyboardEvent} event @returns {boolean} true if it was */
   type(event) {
     const { going } = this;
     const isKey = TYPED.test(event.key) && (going?.typed || /[-\d.]/.test(event.key));
@@ -211,7 +211,7 @@ export class Pointer {
     return true;
   }
 
-  /** Why the values, once changed, make nothing. */
+  /** Return why changed values have no effect. */
   get lacking() {
     const { what, values } = this.going ?? {};
     return what && this.changed.has(what) ? (what.lacks?.(values ?? []) ?? "") : "";
@@ -251,16 +251,16 @@ export class Pointer {
   }
 }
 
-/** Free of rounding errors, and of the sign of zero. @param {number} x */
+/** Remove rounding errors, and the sign of zero. @param {number} x */
 const exact = (x) => Number(x.toPrecision(15)) + 0;
 
 /** @param {MouseEvent | KeyboardEvent} event */
 const timesOf = (event) => (event.shiftKey ? 10 : event.altKey ? 0.01 : 1);
 
-/** Size of the first digit of a value, without a smallest value infinite. @param {number} value @param {number} [least] */
+/** Return the size of a value's first digit; infinite without `least`. @param {number} value @param {number} [least] */
 const digitOf = (value, least) => (least ? 10 ** Math.floor(Math.log10(Math.max(value, least)) + SAME) : Infinity);
 
-/** How far an arrow key moves a value. @param {KeyboardEvent} event @param {number} value @param {number} [least] */
+/** Return how far an arrow key moves a value. @param {KeyboardEvent} event @param {number} value @param {number} [least] */
 const keyStep = (event, value, least) => timesOf(event) * Math.min(STEP, digitOf(value, least) / 2);
 
 /** @param {number} value @param {number} step @param {number} [least] @returns {number} */

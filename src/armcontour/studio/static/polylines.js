@@ -8,20 +8,20 @@ import { boxOf } from "./viewport.js";
 /** @typedef {import("./state.js").Numbers} Numbers */
 /** @typedef {"light" | "dark"} Theme */
 /** @typedef {{path: Path2D, colour: string, dash: number[]}} Stroke */
-/** What can be seen of a large picture: a box, without details that are not larger than `least` [m]. @typedef {import("./viewport.js").Box & {least: number}} Part */
+/** Visible part of a large picture: a box, without details up to the size `least` [m]. @typedef {import("./viewport.js").Box & {least: number}} Part */
 
 const SHADES = 16;
-// Dashes cost more than the line itself: long paths are drawn without.
+// Dashes take longer to draw than the line itself, so long paths are drawn solid.
 const MAX_DASHED = 6000;
 /**
- * Lines through points; a new one starts at every break.
+ * Make lines through points; a new line starts at every break.
  * @param {Numbers} points pairs @param {Iterable<number>} [breaks] indices of first points @param {Part | null} [part] @returns {Path2D}
  */
 export function polyline(points, breaks = [], part = null) {
   return buckets(points, () => 0, new Set([0, ...breaks]), part).get(0) ?? new Path2D();
 }
 
-/** Squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */
+/** Return the squared distance to a piece of a polyline. @param {number} u @param {number} v @param {Numbers} points @param {number} k */
 function squaredDistance(u, v, points, k) {
   const [du, dv] = [points[k + 2] - points[k], points[k + 3] - points[k + 1]];
   const square = du * du + dv * dv;
@@ -30,7 +30,7 @@ function squaredDistance(u, v, points, k) {
 }
 
 /**
- * One way per bucket of the pieces between successive points.
+ * Sort the pieces between successive points into one path per bucket.
  * @param {Numbers} points pairs @param {(i: number) => number} bucketOf of the piece from point i to i + 1; below 0: not drawn
  * @param {Set<number>} starts first points of lines @param {Part | null} part
  * @returns {Map<number, Path2D>}
@@ -65,12 +65,12 @@ function buckets(points, bucketOf, starts, part) {
   return all;
 }
 
-/** True if a piece may be in a box. @param {Numbers} points @param {number} k @param {Part} part */
+/** Return whether a piece may be in a box. @param {Numbers} points @param {number} k @param {Part} part */
 const touches = (points, k, { left, right, bottom, top }) =>
   Math.max(points[k], points[k + 2]) >= left && Math.min(points[k], points[k + 2]) <= right &&
   Math.max(points[k + 1], points[k + 3]) >= bottom && Math.min(points[k + 1], points[k + 3]) <= top;
 
-/** Pieces of lines in the cells of a grid: the one that is nearest to a point is found without a scan of all. */
+/** Line pieces by grid cell, so that the piece nearest to a point is found without a scan of all pieces. */
 export class PieceGrid {
   /** @param {Numbers} points pairs @param {Set<number>} starts first points of lines */
   constructor(points, starts) {
@@ -84,7 +84,7 @@ export class PieceGrid {
       if (starts.has(i + 1)) continue;
       const [u, v] = [points[2 * i], points[2 * i + 1]];
       const [du, dv] = [points[2 * i + 2] - u, points[2 * i + 3] - v];
-      // The box of a part that is not longer than a cell has at most four of them.
+      // The box of a part up to the length of a cell covers at most four cells.
       const parts = Math.max(1, Math.ceil(Math.hypot(du, dv) / this.side));
       for (let k = 0; k < parts; k++) {
         const [a, b] = [k / parts, (k + 1) / parts];
@@ -94,7 +94,7 @@ export class PieceGrid {
     }
   }
 
-  /** Cells of a box with two opposite corners [m]. @param {number} u @param {number} v @param {number} x @param {number} y */
+  /** List the cells of a box, given by two opposite corners [m]. @param {number} u @param {number} v @param {number} x @param {number} y */
   *within(u, v, x, y) {
     const { side, box } = this;
     const column = (/** @type {number} */ a) => Math.floor((Math.min(box.right, Math.max(box.left, a)) - box.left) / side);
@@ -103,7 +103,7 @@ export class PieceGrid {
       for (let j = row(Math.min(v, y)); j <= row(Math.max(v, y)); j++) yield 2 ** 20 * i + j;
   }
 
-  /** First point of the piece that is nearest to a point, -1 if none is nearer than `near`. @param {number} u @param {number} v @param {number} near m */
+  /** Return the first point of the piece nearest to a point; -1 if none is nearer than `near`. @param {number} u @param {number} v @param {number} near m */
   nearest(u, v, near) {
     let [best, least] = [-1, near * near];
     for (const cell of this.within(u - near, v - near, u + near, v + near))
@@ -115,18 +115,18 @@ export class PieceGrid {
   }
 }
 
-/** Largest tolerance of a rounded corner. @param {Frame} picture @returns {number} m */
+/** Return the largest tolerance of rounded corners. @param {Frame} picture @returns {number} m */
 export function bandOf(picture) {
   return Math.max(0, ...picture.head.corners.map((/** @type {any} */ c) => c.allowed ?? 0));
 }
 
-/** First points of the contours on the path. @param {Frame} picture @returns {Set<number>} */
+/** Return the first points of the contours on the path. @param {Frame} picture @returns {Set<number>} */
 export function startsOf(picture) {
   return new Set(picture.arrays.path_breaks);
 }
 
 /**
- * Kind of the limit that is active from a point on; "unknown" where nothing is known of limits.
+ * Return the kind of the limit that is active after a point; "unknown" without an explanation.
  * @param {Frame} picture @param {number} i @returns {string}
  */
 export function kindAt(picture, i) {
@@ -134,7 +134,7 @@ export function kindAt(picture, i) {
   return picture.head.limits[picture.arrays.binding[i]]?.kind ?? BETWEEN;
 }
 
-/** Middle of the longest time in which a kind of limit is active [s]. @param {Frame} picture @param {string} kind @returns {number | undefined} */
+/** Return the middle of the longest interval with an active limit kind [s]. @param {Frame} picture @param {string} kind @returns {number | undefined} */
 export function timeOf(picture, kind) {
   const { path_t: t } = picture.arrays;
   const starts = startsOf(picture);
@@ -165,7 +165,7 @@ export function strokesByLimit(picture, theme, part) {
   });
 }
 
-/** The distance from the drawing of 100 % in the scale of colours: the allowed one, or else the largest [m]. @param {Frame | null} executed @returns {number} */
+/** Return the error at 100 % of the colour scale [m]: the allowed one, or else the largest. @param {Frame | null} executed @returns {number} */
 export const scaleOf = (executed) => executed?.head.allowed ?? largest(executed?.arrays.off ?? []);
 
 /**
@@ -183,7 +183,7 @@ export function strokesByHeat(points, values, most, theme, starts, part) {
 }
 
 /**
- * Parts of the path on which the process is off, such as leads and tabs.
+ * Return the parts of the path on which the process is off, such as leads and tabs.
  * @param {Frame} picture @returns {Path2D}
  */
 export function idleOf(picture) {
@@ -204,7 +204,7 @@ export function idleOf(picture) {
 /** @typedef {{at: [number, number], along: [number, number]}} Place a point, and a direction of length 1 */
 
 /**
- * Start and direction of each contour, the way out of it there, its size, and a place farther on.
+ * Return each contour's start and direction, the outward direction there, its size, and a later point.
  * @param {Frame} picture @returns {(Place & {out: [number, number], size: number, inner: Place, number: string, isPierced: boolean})[]}
  */
 export function marksOf({ head, arrays }) {
@@ -230,7 +230,7 @@ function placeOn(line, i) {
 const unit = (u, v) => [u / (Math.hypot(u, v) || 1), v / (Math.hypot(u, v) || 1)];
 
 /**
- * The executed tool with its error magnified, and lines from the path to it.
+ * Return the executed tool path with magnified error, and lines from the path to it.
  * @param {Frame} executed @param {number} magnify @returns {{tool: Path2D, errors: Path2D}}
  */
 export function magnified(executed, magnify) {
@@ -246,13 +246,13 @@ export function magnified(executed, magnify) {
   return { tool: polyline(points, executed.arrays.breaks), errors };
 }
 
-/** Time of the largest error of an execution. @param {import("./state.js").Frame | null} executed @returns {number} s */
+/** Return the time of an execution's largest error. @param {import("./state.js").Frame | null} executed @returns {number} s */
 export function worstTime(executed) {
   const { t, off } = executed?.arrays ?? {};
   return t?.[off.indexOf(largest(off))];
 }
 
-/** Largest positive number, or 0. @param {Iterable<number | null>} values @returns {number} */
+/** Return the largest positive number, or 0. @param {Iterable<number | null>} values @returns {number} */
 export function largest(values) {
   let most = 0;
   for (const x of values) if (x !== null && x > most) most = x;

@@ -1,4 +1,4 @@
-// Table of runs with differences of duration and errors from the shown run.
+// Table of runs, with the differences in duration and errors from the shown run.
 
 import { ask } from "./dialog.js";
 import { verdictOf } from "./colours.js";
@@ -18,7 +18,7 @@ const COLUMNS = ["(name)", "timing", "compensation", "corners", "verdict", "cycl
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   const region = find("#tab-runs");
-  /** Figures of the runs that were shown with this text, by name. @type {Map<string, Known>} */
+  /** Figures of runs that were shown with this text of the job, by name. @type {Map<string, Known>} */
   const known = new Map();
   let text = "";
   /** Keep the figures of the shown run until the text changes. */

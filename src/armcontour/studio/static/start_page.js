@@ -5,16 +5,16 @@ import { find, make } from "./dom.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
 
-/** Location text of an unsaved job of an earlier session. */
+/** Location text for an unsaved job from an earlier session. */
 const UNSAVED = "not saved";
 
-/** The arm that is chosen, while the start page is shown. @returns {string} */
+/** Return the chosen arm, while the start page is shown. @returns {string} */
 export const chosenArm = () => /** @type {HTMLInputElement | null} */ (document.querySelector("#start[open] input:checked"))?.value ?? "";
 
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   const dialog = /** @type {HTMLDialogElement} */ (find("#start"));
-  /** Documents that the start page was shown for by itself. */
+  /** Documents for which the start page was shown automatically. */
   let shown = "";
   find("#new").addEventListener("click", () => link.send({ op: "start" }));
   store.on("document", (/** @type {any} */ { head }) => {
@@ -37,7 +37,7 @@ export function init(store, link) {
     find("#recent-title").hidden = !opened.hasChildNodes();
     const question = /** @type {HTMLDialogElement} */ (find("#question"));
     const open = () => dialog.open || dialog.showModal();
-    // What is asked is answered first.
+    // An open question is answered first.
     if (question.open) question.addEventListener("close", open, { once: true });
     else open();
   });

@@ -1,23 +1,23 @@
-// The store: the newest frames of the server, the shown time, and what the user looks at.
-// Modules read it, listen to it, and never talk to each other in another way.
+// The store: the newest frames of the server, the shown time, and the view options.
+// Modules read it and listen to it; they do not communicate in any other way.
 //
 // A picture always has the arrays of a plan; they are empty for a long drawing without one (head.tier "outline").
 //
 // Events (`store.on(event, listener)` returns a function that ends the listening):
 //   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
-//   refusal                 the newest edit is refused, or no longer: listener(frame | null)
+//   refusal                 the newest edit is refused (frame), or no longer (null): listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
 //   progress, result, cancelled, failed, saved, conflict, download, notice, start    listener(frame)
 //   time                    listener()                the shown time changed
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")
 //   link                    listener(link state)      see connection.js
-//   reset                   another job or drawing is opened; those of a run are told null
-//   command                 a key such as Ctrl+Z or Ctrl+S follows: gestures end
-//   open                    a file is to be opened: listener({file, log})
-//   log                     a log of the robot is kept: listener(its name)
+//   reset                   another job or drawing is opened; frames of a run become null
+//   command                 a key such as Ctrl+Z or Ctrl+S follows, so gestures end
+//   open                    the user opens a file: listener({file, log})
+//   log                     a robot log is stored: listener(its name)
 //   advice                  listener(changes)         changes of the shown job that save time
-//   layout                  listener()                a region may have another size
+//   layout                  listener()                the size of a region may have changed
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
 /**
@@ -38,7 +38,7 @@
  * @property {number} contour       the selected contour, in the order of the motion; -1: none
  */
 
-/** While answers come one after the other, texts change so often at most [ms]. */
+/** Minimum time between changes of texts while answers arrive [ms]. */
 export const READING = 100;
 const OF_A_RUN = new Set(["picture", "executed", "figures"]);
 /** Arrays that a picture of a drawing without a plan lacks. */
@@ -48,7 +48,7 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   pen: "",
   place: false,
   time: "planned",
-  // Beside each other they need a wide page.
+  // Side by side, the views need a wide page.
   stage: globalThis.innerWidth >= 1000 ? "both" : "2d",
   tab: "charts",
   dock: false,
@@ -105,18 +105,18 @@ export class Store {
     return this.latest("document")?.head ?? null;
   }
 
-  /** Take a frame of the server; one that is older than what is shown is dropped. @param {Frame} frame */
+  /** Accept a frame from the server; a frame older than the shown one is dropped. @param {Frame} frame */
   put(frame) {
     if (frame.kind === "picture") for (const name of PLANNED_ARRAYS) frame.arrays[name] ??= new Float32Array(0);
     if (OF_A_RUN.has(frame.kind) || frame.kind === "refusal" || frame.kind === "document") {
       if (this.isOld(frame)) return;
-      // A document that is reported again, as its draft is gone, makes no picture of it old.
+      // If the document is sent again because its draft was dropped, its picture stays valid.
       if (frame.kind !== "document" || frame.rev !== this.newest.rev) this.advance(frame);
     }
     if (frame.kind === "refusal") {
-      // The document is as it was, and so is what is shown.
+      // The document has not changed, so the shown frames stay valid.
       if (frame.head.dropped) return this.tell("dropped", frame);
-      // What cannot be planned stays so, whatever exact figures say of it.
+      // A refused plan stays refused, whatever the exact figures are.
       if (frame.head.tier === 3 && this.refusal?.head.tier === 1) return;
       return this.setRefusal(frame);
     }
@@ -127,17 +127,17 @@ export class Store {
     this.tell(frame.kind, frame);
   }
 
-  /** True if a frame shows that what was refused is no longer so. @param {Frame} frame */
+  /** Return whether a frame shows that a refusal no longer applies. @param {Frame} frame */
   clearsRefusal(frame) {
     const { refusal } = this;
     if (!refusal) return false;
-    // What the full run refuses, such as a collision, stays refused when its preview comes later.
+    // If the full run is refused, for example for a collision, a later preview does not remove the refusal.
     const isSame = refusal.head.tier === 3 && refusal.rev === frame.rev && refusal.seq === frame.seq;
     if (frame.kind === "picture") return !isSame;
     return frame.kind === "executed" && refusal.head.tier === 2;
   }
 
-  /** True if a newer frame is already shown. @param {Frame} frame @returns {boolean} */
+  /** Return whether a newer frame is already shown. @param {Frame} frame @returns {boolean} */
   isOld(frame) {
     if (frame.rev !== this.newest.rev) return frame.rev < this.newest.rev;
     return frame.seq !== null && frame.seq < this.newest.seq;
@@ -146,12 +146,12 @@ export class Store {
   /** @param {Frame} frame */
   advance(frame) {
     const same = frame.rev === this.newest.rev;
-    // A document that is reported again, such as when it is saved, makes no picture old.
+    // If the document is sent again, for example after saving, its picture stays valid.
     const seq = frame.kind === "document" ? null : frame.seq;
     this.newest = { rev: frame.rev, seq: seq ?? (same ? this.newest.seq : -1) };
   }
 
-  /** Another job or drawing is opened: nothing of the one before is shown any more. */
+  /** Forget everything, because another job or drawing is opened. */
   reset() {
     for (const kind of OF_A_RUN) this.frames.delete(kind);
     this.setTime(0);
@@ -159,7 +159,7 @@ export class Store {
     for (const event of [...OF_A_RUN, "reset"]) this.tell(event, null);
   }
 
-  /** The connection is new: frames may count from the start again. */
+  /** Accept frame numbers from the start again, because the connection is new. */
   restart() {
     this.newest = { rev: -1, seq: -1 };
   }
@@ -172,7 +172,7 @@ export class Store {
   }
 
   /**
-   * True if a frame answers the same edit as the shown path (a refused edit has no path of its own).
+   * Return whether a frame answers the same edit as the shown path (a refused edit has no path).
    * @param {Frame | null} frame @returns {boolean}
    */
   isCurrent(frame) {
@@ -194,18 +194,18 @@ export class Store {
     if (arrays?.path_s.length) this.setTime(along(arrays.path_s, arrays.path_t, s)[0]);
   }
 
-  /** Arc length of the path at the shown time, as planned [m]. */
+  /** Planned arc length at the shown time [m]. */
   get place() {
     return this.placeAt(this.time);
   }
 
-  /** Arc length of the path at a time, as planned [m]. @param {number} t [s] */
+  /** Return the planned arc length at a time [m]. @param {number} t [s] */
   placeAt(t) {
     const arrays = this.latest("picture")?.arrays;
     return arrays?.path_t.length ? along(arrays.path_t, arrays.path_s, t)[0] : 0;
   }
 
-  /** The selected contour stays selected in another order of the contours. @param {Frame} next */
+  /** Keep the contour selected if the order of the contours changes. @param {Frame} next */
   keepContour(next) {
     const [selected, old] = [this.options.contour, this.latest("picture")?.head.contours];
     if (selected < 0 || !old) return;
@@ -220,14 +220,14 @@ export class Store {
     if (begin !== undefined) this.setTime(begin);
   }
 
-  /** Select the contour of a piece of the path. @param {number} piece its first point; -1: none */
+  /** Select the contour that contains a path piece. @param {number} piece its first point; -1: none */
   selectAt(piece) {
     const breaks = this.latest("picture")?.arrays.path_breaks;
     const contour = breaks && piece >= 0 ? indexAt(breaks, piece) : -1;
     if (contour !== this.options.contour) this.setView({ contour, ...(contour >= 0 && { side: "contours" }) });
   }
 
-  /** Change what is looked at. @param {Partial<ViewOptions>} changes */
+  /** Change view options. @param {Partial<ViewOptions>} changes */
   setView(changes) {
     this.options = { ...this.options, ...changes };
     this.tell("view", this.options);
@@ -242,7 +242,7 @@ export class Store {
 }
 
 /**
- * Index of the last of increasing numbers that is not above a value; 0 below all of them.
+ * Return the index of the last increasing number that is not above a value; 0 below all numbers.
  * @param {Numbers} increasing @param {number} value @returns {number}
  */
 export function indexAt(increasing, value) {
@@ -257,7 +257,7 @@ export function indexAt(increasing, value) {
 }
 
 /**
- * A row of a table on a straight line between its rows, as at the first or last beyond them.
+ * Interpolate a table linearly; outside, return its first or last row.
  * @param {Numbers} xs increasing @param {Numbers} rows @param {number} x @param {number} [width] numbers of a row
  * @returns {number[]}
  */
@@ -270,7 +270,7 @@ export function along(xs, rows, x, width = 1) {
 }
 
 /**
- * A function that runs another one once in the next animation frame, however often it is called.
+ * Return a function that runs another one once in the next animation frame, however often it is called.
  * @param {() => void} draw @returns {() => void}
  */
 export function oncePerFrame(draw) {
@@ -286,8 +286,8 @@ export function oncePerFrame(draw) {
 }
 
 /**
- * The same, but at most every so many ms: for what is read, and is too much work for every frame. What is there at last
- * is always drawn.
+ * Return a function that runs another one at most every so many ms, for content that is too slow for every frame. The last
+ * state is always drawn.
  * @param {number} every ms @param {() => void} draw @returns {() => void}
  */
 export function nowAndThen(every, draw) {

@@ -14,14 +14,14 @@ const AXES = ["x", "y", "z"];
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   const region = find("#tab-waypoints");
-  /** A waypoint that is to have the focus once there are more than so many. */
+  /** Waypoint that gets the focus once there are more waypoints than this. */
   let inserted = { index: -1, count: Infinity };
   /** Insert one between a waypoint and its neighbour. @param {number} index */
   const insert = (index) => {
     const { waypoints: points } = store.document;
     const [last, a, b] = [index - 1, index, index + 1].map((k) => points[k]?.uv);
     const before = last ?? a;
-    // After the last waypoint the path goes on by half of its last line.
+    // After the last waypoint, the path is extended by half of its last line.
     const at = b ? [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2] : [a[0] + (a[0] - before[0]) / 2, a[1] + (a[1] - before[1]) / 2];
     inserted = { index: index + 1, count: points.length };
     link.edit([{ do: "insert_waypoint", index: index + 1, at }]);

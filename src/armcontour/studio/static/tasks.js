@@ -22,19 +22,19 @@ import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js
  * @typedef {{id: string, task: string, title: string, time: string, state: "running" | "done" | "refused" | "cancelled" | "failed",
  *   text?: string, progress?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
  */
-/** A file of the server, which is kept for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
+/** A file that the server stores for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 
 /** A table as Python gives it; the first row has the columns. @typedef {{title: string, cells: string[][]}} Table */
 
-/** Numbers of kept results, of shown table rows, and of letters of a figure. */
+/** Maximum numbers: kept results, shown table rows, letters per figure. */
 const [MAX_RESULTS, MAX_ROWS, LONG] = [12, 200, 24];
 
 const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
-/** Joints of the arm, whether the server hears, and the text of the job. */
+/** Joints of the arm, whether the server is connected, and the text of the job. */
 const [joints, isOpen, newest] = [signal(0), signal(false), signal("")];
-/** Tasks whose results hold for the job as it was. */
+/** Tasks whose results apply to the job at that time. */
 const OF_JOB = new Set(["certify", "export", "changes", "report", "learn"]);
-/** The newest first. */
+/** Results, the newest first. */
 const results = signal(/** @type {Result[]} */ ([]));
 
 /** All tasks, in the order of their buttons. @returns {Task[]} */
@@ -73,7 +73,7 @@ function Form({ start, ...task }) {
     if (choices) return html`<label class="field">${label} <select name=${name}>${choices.map(([key, text]) => html`<option value=${key}>${text}</option>`)}</select></label>`;
     return html`<label class="field">${label} <input type="number" name=${name} defaultValue=${value} step="any" size="8" ...${more} />${unit && ` ${unit}`}</label>`;
   };
-  // A button that waits keeps the focus.
+  // A disabled button keeps the focus.
   return html`<form class="task" data-task=${task.task} aria-label=${title} onSubmit=${submit}>
     <div class="task-head"><button type="submit" aria-disabled=${String(isBusy.value)} title=${isBusy.value ? "One task at a time: wait, or cancel it" : ""}>${title}</button><p class="quiet">${what}</p></div>
     ${choices.length > 0 && html`<div class="task-fields">${choices.map(choice)}</div>`}
@@ -104,13 +104,13 @@ function Outcome({ result: { id, task, title, time, state, progress, frame, sent
   </article>`;
 }
 
-/** Figures, the longest ones as text. @param {{rows: any[], theme: "light" | "dark"}} props */
+/** Figures; long ones as text. @param {{rows: any[], theme: "light" | "dark"}} props */
 const Tiles = ({ rows, theme }) => html`<dl class="tiles">${rows.map(({ name, label, value, text, unit, note }) => {
   const { colour = "", mark = "" } = name === "kept" ? verdictOf(value, theme) : {};
   return html`<div class=${text.length > LONG ? "long" : ""}><dt>${label}</dt> <dd style=${`color: ${colour}`}>${mark} ${unit ? whole(text) : text} <small>${unit}</small></dd> ${note && html`<dd class="quiet">${note}</dd>`}</div>`;
 })}</dl>`;
 
-/** A file to download, and to open where it can be. @param {{file: Kept, link: Link}} props */
+/** A file to download or, if possible, to open. @param {{file: Kept, link: Link}} props */
 function Download({ file: { file, name, bytes, open, label = `Download ${name}` }, link }) {
   const said = useSignal("");
   const size = `${Math.max(1, Math.round(bytes / 1000))} kB`;
@@ -144,7 +144,7 @@ export function init(store, link) {
   const tell = () => (region.dataset.running = results.value.filter((x) => x.state === "running").map((x) => x.id).join(" "));
   /** @param {Task} task @param {object} options */
   const start = ({ task, title }, options) => {
-    // Several pages may ask at once.
+    // Several pages may start tasks at the same time.
     const id = `t${crypto.randomUUID().slice(0, 8)}`;
     const time = new Date().toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
     const isSent = link.send({ op: "task", id, task, options }) >= 0;

@@ -1,4 +1,4 @@
-// Text of the job file, which is sent when it is applied.
+// Text of the job file, which is sent when the user applies it.
 
 import { find, make, say } from "./dom.js";
 
@@ -11,12 +11,12 @@ export function init(store, link) {
   const state = make("span", { class: "quiet", role: "status" });
   const apply = make("button", { type: "button", text: "Apply (Ctrl+Enter)", disabled: true });
   const back = make("button", { type: "button", text: "Discard", disabled: true });
-  // The document's text, and how the area had it before the user typed.
+  // The document's text, and the text of the area before the user typed.
   let text = "";
   let shown = "";
-  /** Text sent without an answer. @type {string | null} */
+  /** Sent text that has no answer yet. @type {string | null} */
   let sent = null;
-  // The job whose refusal has been shown at its line.
+  // The job whose refusal was shown at its line.
   let marked = "";
   const changed = () => area.value !== shown;
   const take = (/** @type {string} */ fresh) => {
@@ -31,14 +31,14 @@ export function init(store, link) {
     const unsent = newer ? "The job was changed elsewhere meanwhile; applying takes this text." : changed() ? "Not yet applied." : "";
     say(state, unsent || (line ? `Line ${line}: ${sentence}` : ""));
   };
-  /** Select the line of what is refused when a job is opened, so that it can be corrected. @param {any} head */
+  /** When a refused job is opened, select the refused line, so that the user can correct it. @param {any} head */
   const show = ({ id, line }) => {
     if (!line || marked === id) return;
     marked = id;
     store.setView({ tab: "text", dock: true });
     const lines = area.value.split("\n");
     const begin = lines.slice(0, line - 1).join("\n").length + (line > 1 ? 1 : 0);
-    // The selection is seen with the focus only.
+    // The selection is visible only with the focus.
     if (document.activeElement === document.body) area.focus({ preventScroll: true });
     area.setSelectionRange(begin, begin + lines[line - 1].length);
     area.scrollTop = (area.scrollHeight / lines.length) * Math.max(0, line - 4);
@@ -65,7 +65,7 @@ export function init(store, link) {
     update();
     if (!changed()) show(frame.head);
   });
-  // What was refused stays, so that it can be corrected.
+  // Refused text stays, so that the user can correct it.
   store.on("dropped", (/** @type {any} */ frame) => {
     if (sent === null) return;
     sent = null;

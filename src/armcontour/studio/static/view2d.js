@@ -12,7 +12,7 @@ import { boxOf, Viewport } from "./viewport.js";
 /** @typedef {import("./state.js").Frame} Frame */
 
 const REST = 130; // ms
-// A pointer that moves less has clicked, and selects a contour within the other distance.
+// A pointer that moves less than CLICKED is a click, which selects a contour within NEAR.
 export const CLICKED = 4; // px
 const NEAR = 8; // px
 const MAX_MEASURES = 3000;
@@ -32,13 +32,13 @@ export class View2d {
     this.layers = new Layers(store, this.view);
     this.painter = new Painter(store, this.layers);
     this.fitted = "";
-    /** True if all is shown, as it stays when the region is resized. */
+    /** True if everything is shown; it stays so when the region is resized. */
     this.isFitted = false;
-    /** True if something of the newest picture is in the view. */
+    /** True if a part of the newest picture is in the view. */
     this.isSeen = false;
     /** Centre of the shown picture in the plane [m]. @type {[number, number] | null} */
     this.centre = null;
-    /** Place of the last full drawing. */
+    /** Bitmap and place of the last full drawing. */
     this.drawn = this.view.place;
     /** @type {{image: HTMLCanvasElement, u: number, v: number, scale: number} | null} */
     this.bitmap = null;
@@ -52,7 +52,7 @@ export class View2d {
     this.measured = {};
     this.measures = 0;
     this.redraw = oncePerFrame(() => this.drawNow());
-    /** True if an answer was drawn since the last frame of the screen. */
+    /** True if an answer was drawn since the last screen frame. */
     this.isFresh = false;
     this.listen();
   }
@@ -74,7 +74,7 @@ export class View2d {
     this.overlay.addEventListener("pointerdown", (event) => this.grab(event));
   }
 
-  /** An answer came: the first one of a frame is drawn at once, so that the frame itself has less to do. */
+  /** Draw the first answer within a screen frame at once, so that the frame itself has less work. */
   show() {
     if (this.isFresh) return this.rest();
     this.isFresh = true;
@@ -89,7 +89,7 @@ export class View2d {
     this.tell();
   }
 
-  /** Rows of points are relative to a centre that may move with the path; the drawing does not. */
+  /** Keep the drawing in place although points are relative to a centre that may move with the path. */
   stay() {
     const centre = this.store.latest("picture")?.head.centre ?? [0, 0];
     if (this.centre) {
@@ -99,7 +99,7 @@ export class View2d {
     this.centre = centre;
   }
 
-  /** A part that was moved out of the view, by a map of places or by typing, is shown again. */
+  /** Show the part again after it was moved out of the view, by a placement or by typing. */
   follow() {
     // A dragged handle follows the pointer.
     if (this.overlay.querySelector(".dragging")) return;
@@ -108,7 +108,7 @@ export class View2d {
     if (wasSeen && !this.isSeen) this.fit();
   }
 
-  /** The smallest box around the part [m], also if it is refused. */
+  /** Return the smallest box around the part [m], also if it is refused. */
   get box() {
     const picture = this.store.latest("picture");
     if (!picture) return null;
@@ -163,13 +163,13 @@ export class View2d {
     this.isFitted = this.isSeen = true;
   }
 
-  /** Height of the legend, if it lies over the drawing [px]. */
+  /** Return the height of the legend if it covers the drawing [px]. */
   get covered() {
     const [legend, region] = [find("#legend"), this.region].map((x) => x.getBoundingClientRect());
     return Math.max(0, region.bottom - Math.max(legend.top, region.top)) * Number(legend.width > 0 && legend.top < region.bottom);
   }
 
-  /** The view is another one. */
+  /** Draw after a change of the view. */
   moved() {
     this.isFitted = false;
     this.isSeen = this.seesPart();
@@ -196,7 +196,7 @@ export class View2d {
     this.measure();
   }
 
-  /** What lies over the picture goes to its place. */
+  /** Move everything over the picture to its place. */
   place() {
     for (const follow of this.followers) follow();
   }
@@ -207,14 +207,14 @@ export class View2d {
     this.drawn = this.view.place;
   }
 
-  /** The canvas as it is, with its place. */
+  /** Store the canvas with its place. */
   copy() {
     const image = make("canvas", { width: this.canvas.width, height: this.canvas.height });
     image.getContext("2d")?.drawImage(this.canvas, 0, 0);
     return { image, ...this.drawn };
   }
 
-  /** The last full picture at its new place. @param {{image: HTMLCanvasElement, u: number, v: number, scale: number}} bitmap */
+  /** Draw the last full picture at its new place. @param {{image: HTMLCanvasElement, u: number, v: number, scale: number}} bitmap */
   drawBitmap({ image, u, v, scale }) {
     const { context, view } = this;
     const factor = view.scale / scale;
@@ -226,7 +226,7 @@ export class View2d {
     context.drawImage(image, x - wide / 2, y - high / 2, wide, high);
   }
 
-  /** Drawn content, for tests and measurements. */
+  /** Describe the drawn content, for tests and measurements. */
   tell() {
     const { store, region } = this;
     const picture = store.latest("picture");
@@ -245,7 +245,7 @@ export class View2d {
     for (const [name, value] of Object.entries(told)) mark(region, `data-${name}`, String(value));
   }
 
-  /** Note how long new answers took, up to the frame of the screen that has them. */
+  /** Measure how long new answers took until the screen frame that shows them. */
   measure() {
     const { store } = this;
     for (const frame of [store.latest("picture"), store.refusal ? null : store.latest("executed")]) {
@@ -262,7 +262,7 @@ export class View2d {
   wheel(event) {
     event.preventDefault();
     const { left, top } = this.region.getBoundingClientRect();
-    // A pinch on a touchpad comes as a wheel with Ctrl, in smaller steps.
+    // A pinch on a touchpad is reported as a wheel with Ctrl, in smaller steps.
     const lines = event.deltaMode === 1 ? 16 : 1;
     const factor = Math.exp(-event.deltaY * lines * (event.ctrlKey ? 0.01 : 0.0016));
     this.view.zoom(factor, [event.clientX - left, event.clientY - top]);
@@ -312,13 +312,13 @@ export class View2d {
     this.moved();
   }
 
-  /** Place of an event in the region [px]. @param {MouseEvent} event @returns {[number, number]} */
+  /** Return where an event is in the region [px]. @param {MouseEvent} event @returns {[number, number]} */
   within(event) {
     const { left, top } = this.region.getBoundingClientRect();
     return [event.clientX - left, event.clientY - top];
   }
 
-  /** A box next to a place, within the region. @param {HTMLElement} box @param {[number, number]} place px */
+  /** Place a box next to a point, within the region. @param {HTMLElement} box @param {[number, number]} place px */
   putBeside(box, place) {
     const [left, top] = [[this.view.width, box.offsetWidth], [this.view.height, box.offsetHeight]].map(
       ([room, size], k) => Math.max(0, place[k] + ASIDE + size < room ? place[k] + ASIDE : place[k] - ASIDE - size),

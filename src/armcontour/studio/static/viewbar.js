@@ -19,7 +19,7 @@ const BLOCK = "M8 1l6 3v8l-6 3-6-3V4zM2 4l6 3 6-3M8 7v8";
 const LEGEND_EVERY = 250; // ms
 
 /**
- * One of several: buttons of which one is pressed.
+ * A choice of one option: buttons of which one is pressed.
  * @param {{label: string, names: Record<string, string>, now: string, choose: (name: any) => void}} props
  */
 const Choice = ({ label, names, now, choose }) => html`<span class="group choice" role="group" aria-label=${label}>
@@ -29,7 +29,7 @@ const Choice = ({ label, names, now, choose }) => html`<span class="group choice
 const Tool = ({ name, d, title, act, is, id }) => html`<button type="button" id=${id} title=${title} aria-label=${name} aria-pressed=${is === undefined ? undefined : String(is)} onClick=${act}>
   <svg viewBox="0 0 16 16" aria-hidden="true"><path d=${d} /></svg>${name.split(" ").at(-1)}</button>`;
 
-/** A sample with its text, or shades between theirs. @param {{entry: Sample | Shades}} props */
+/** A sample with its text, or shades between two texts. @param {{entry: Sample | Shades}} props */
 function Entry({ entry }) {
   if ("shades" in entry) {
     const { shades, from, to } = entry;
@@ -48,9 +48,9 @@ export function init(store, _link, { view }) {
   const legend = find("#legend");
   const scales = make("div", { class: "scales", "aria-hidden": "true" });
   view.region.append(scales);
-  /** Width of the page for which the legend has its lines [px], and what it shows. */
+  /** Page width for which the legend's lines were counted [px], and what it shows. */
   let [wide, shown] = [0, ""];
-  /** The legend is not made again at every move. */
+  /** Update the legend, but not at every move. */
   const updateLegend = nowAndThen(LEGEND_EVERY, () => {
     const picture = store.latest("picture");
     if (!picture) return;
@@ -61,7 +61,7 @@ export function init(store, _link, { view }) {
     shown = now;
     render(html`${entries.map((entry) => html`<span><${Entry} entry=${entry} /></span>`)}`, legend);
     render(html`${lengths.map((entry) => html`<span class="scale"><${Entry} entry=${entry} /></span>`)}`, scales);
-    // Lines that the legend has needed stay: the drawing above does not change its size with every limit that is active.
+    // The legend keeps its number of lines, so that the drawing does not change its size with every active limit.
     if (innerWidth !== wide) legend.style.minHeight = "";
     wide = innerWidth;
     legend.style.minHeight = `${legend.offsetHeight}px`;

@@ -10,7 +10,7 @@ export class Viewport {
   constructor() {
     this.width = 1;
     this.height = 1;
-    /** Place in the middle of the screen [m]. */
+    /** Point in the middle of the screen [m]. */
     this.u = 0;
     this.v = 0;
     /** px per m */
@@ -33,7 +33,7 @@ export class Viewport {
     this.v += y / this.scale;
   }
 
-  /** Zoom about a place of the screen, which stays. @param {number} factor @param {Point} [about] px */
+  /** Zoom about a point of the screen, which stays in place. @param {number} factor @param {Point} [about] px */
   zoom(factor, about = [this.width / 2, this.height / 2]) {
     const fixed = this.toPlane(about);
     this.scale = Math.min(CLOSEST, Math.max(FARTHEST, this.scale * factor));
@@ -66,7 +66,7 @@ export class Viewport {
 }
 
 /**
- * The smallest box around points; null without points.
+ * Return the smallest box around points; null without points.
  * @param {ArrayLike<number>} points pairs, row by row @returns {Box | null}
  */
 export function boxOf(points) {
@@ -81,14 +81,14 @@ export function boxOf(points) {
   return Number.isFinite(box.left) ? box : null;
 }
 
-/** Round numbers of the decade of a number. @param {number} x @returns {number[]} */
+/** Return the round numbers (1, 2, 5, 10) in a number's decade. @param {number} x @returns {number[]} */
 const roundNumbers = (x) => [1, 2, 5, 10].map((factor) => factor * 10 ** Math.floor(Math.log10(x)));
 
-/** The next of 1, 2, 5 times a power of ten. @param {number} least @returns {number} */
+/** Return the next number that is 1, 2 or 5 times a power of ten. @param {number} least @returns {number} */
 export const roundUp = (least) => roundNumbers(least).find((x) => x >= least) ?? least;
 
 /**
- * A round length near a number of pixels, for a scale bar.
+ * Return a round length near a number of pixels, for a scale bar.
  * @param {number} scale px per m @param {number} [pixels] at most @returns {{length: number, pixels: number}} length [m]
  */
 export function scaleBar(scale, pixels = 90) {

@@ -55,7 +55,7 @@ class TaskInput(NamedTuple):
 
 
 def serve(tasks: Connection, lifeline: Connection, threshold: tuple[int, int, int]) -> None:
-    """Main loop of the task process: run tasks and send their frames."""
+    """Run the main loop of the task process: execute tasks and send their frames."""
     begin_process(lifeline, threshold)
     if hasattr(os, "nice"):
         os.nice(NICE)
@@ -79,7 +79,7 @@ def work(task_input: TaskInput, listener: Listener) -> bytes:
 
 
 def _progress_frames(id: str, task: str, listener: Listener) -> Progress:
-    """Progress callback that sends frames at intervals, with the estimated remaining time."""
+    """Make the callback that sends progress frames, with the estimated remaining time."""
     begin = last = time.monotonic()
 
     def report(step: Step) -> None:

@@ -21,7 +21,7 @@ MAX_PLAN = 200_000_000
 
 
 def figures(request: Request) -> MessageFrame:
-    """Frame with the exact figures and the plan of a run, or a refusal with its position."""
+    """Compute the exact figures and the plan of a run, or a refusal with its position."""
     from armcontour.core.render import frame
     from armcontour.core.result import VERDICT, Row
     from armcontour.jobs.rows import with_worst_execution
@@ -58,7 +58,7 @@ def figures(request: Request) -> MessageFrame:
 
 
 def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance | None:
-    """Nearest pair with an obstacle on the base; pairs of links can be nearer."""
+    """Return the nearest pair with an obstacle on the base; pairs of links can be nearer."""
     scene = request.job.scene
     bodies = () if scene is None else scene.obstacles
     names = {x.name for x in bodies if x.fixed_to == BASE and not isinstance(x.shape, HalfSpace)}

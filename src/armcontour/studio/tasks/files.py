@@ -1,6 +1,6 @@
 """Tasks that create a file, and tasks that read logs of the robot.
 
-Options of tasks with logs: `logs`, the names of the logs of successive runs, and `columns` as in
+Options of tasks with logs: `logs`, names of the logs in the order of the runs, and `columns` as in
 `read_log`.
 """
 
@@ -91,15 +91,13 @@ def export(request: Request) -> MessageFrame:
     from armcontour.files.exports.export_checks import check_export
     from armcontour.files.exports.export_table import make_table
     from armcontour.files.exports.formats import (
-        WITH_ANALOG,
+        ENDINGS,
         format_named,
         outputs_of,
         write_destination,
     )
     from armcontour.files.exports.identifiers import identifier
-    from armcontour.files.exports.template import OUTPUT_EXAMPLES
     from armcontour.jobs import analog_outputs
-    from armcontour.jobs.job import ENDINGS
 
     kind = str(request.option("format", "csv"))
     if kind not in ENDINGS:
@@ -133,16 +131,19 @@ def export(request: Request) -> MessageFrame:
             arm=job.arm,
             cycle=cycle,
             derivatives=job.export.derivatives,
-            analog=analog if isinstance(format, WITH_ANALOG) else None,
+            analog=analog if format.writes_analog else None,
         )
         notes = format.describe(table)
         write_destination(file, lambda path: format.write(table, path))
         content = file.read_bytes()
     switches = dict.fromkeys(x.name for x in table.events if isinstance(x.value, bool))
-    missing = [x for x in switches if kind in OUTPUT_EXAMPLES and x not in outputs_of(format)]
+    changes = []
+    if format.program is not None:
+        missing = [x for x in switches if x not in outputs_of(format)]
+        changes = [_name_output(job, x, kind, format.program.output) for x in missing]
     header = {
         "sentence": f"{len(plan.set_points.q)} set-points.",
-        "changes": [_name_output(job, x, kind, OUTPUT_EXAMPLES[kind]) for x in missing],
+        "changes": changes,
         "warnings": (*plan.warnings, *(f"Format {format.label}: {said}" for said in notes)),
     }
     return MessageFrame.of_file(file.name, content, header)
@@ -183,7 +184,7 @@ def identify(request: Request) -> MessageFrame:
 
 
 def _expected_errors(request: Request, servo: dict[str, Any]) -> list[Row]:
-    """Simulated contour errors of the run on the identified servo, now and if the job uses it."""
+    """Simulate the run on the identified servo: contour errors now, and if the job uses it."""
     plant = {name: x for name, x in servo.items() if name not in IDENTIFIED}
     job = {name: x for name, x in request.data.items() if name not in ("servo", "plant")}
     now = {**job, "servo": request.data["servo"], "plant": plant}
@@ -205,7 +206,7 @@ def _expected_errors(request: Request, servo: dict[str, Any]) -> list[Row]:
 
 
 def _gains(identification: Identification) -> Iterator[Row]:
-    """Rows of the gains, each with its range over the joints."""
+    """Return the rows of the gains, each with its range over the joints."""
     for name in ("kp", "kv"):
         found = [x.parameters[name] for x in identification.joints if name in x.parameters]
         if found:
@@ -262,7 +263,7 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
 
 
 def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
-    """Values, tables and notes of a result, the same as the terminal prints."""
+    """Return a result's values, tables and notes, the same as the terminal prints."""
     from armcontour.report.message_frame import without_options
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]

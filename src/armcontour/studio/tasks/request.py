@@ -94,7 +94,7 @@ class Request:
         return View(handles.plane, handles.centre)
 
     def option(self, name: str, default: Any) -> Any:
-        """Value of an option of the task; the default if it is None or missing."""
+        """Return an option of the task; the default if it is None or missing."""
         value = self.options.get(name)
         return default if value is None else value
 
