@@ -230,7 +230,7 @@ def _remarks(
     clearance: Clearance | None,
     options: Check,
 ) -> list[str]:
-    """Names of the joints, notes on file and arm, the clearance, and a note on undeclared noise."""
+    """Return lines on joint names, file, arm and clearance, and a note on undeclared noise."""
     named = sorted({y.joint + 1 for y in result.uses if y.joint is not None})
     called = [joint_label(y, arm.joint_names) for y in named]
     lines = [f"Joints: {', '.join(called)}."] if called != [str(y) for y in named] else []
@@ -260,7 +260,7 @@ def _remarks(
 
 
 def _noise(q: FloatArray) -> float:
-    """Largest standard deviation of the noise in joint positions [rad]; 0 without noise."""
+    """Estimate the largest standard deviation of noise in joint positions [rad]; 0 without it."""
     third = np.diff(q, n=3, axis=0)
     power = np.sum(third**2, axis=0)
     noise = 0.0

@@ -155,7 +155,7 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
 
 
 def _acceleration_warnings(table: SetPointTable, result: RunResult) -> list[str]:
-    """Warning if exported accelerations exceed command limits, or by far the joint limits."""
+    """Warn if exported accelerations exceed command limits, or by far the joint limits."""
     commands = table.command_limits
     limits = result.run.limits if commands is None else commands
     if table.ddq is None or limits.joint_acceleration is None:

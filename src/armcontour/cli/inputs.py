@@ -100,7 +100,7 @@ def open_job(file: FilePath, options: Any, progress: Progress) -> Job:
 
 
 def find_file(file: FilePath, cell: str | None) -> FilePath:
-    """File of a job or drawing; checks that a drawing has a cell, and that a job has none."""
+    """Check that a drawing has a cell, and a job has none; returns the file."""
     if is_job(file):
         if cell is not None:
             raise InvalidInput(

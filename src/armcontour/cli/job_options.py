@@ -1,4 +1,4 @@
-"""Options of commands that set keys of a job, by topic of the help.
+"""Options that set keys of a job, by their topics in the help.
 
 The option `--set` sets any key. The options here are for the keys that are set most often.
 `tests/cli/test_options.py` compares this table with the keys of a job.
@@ -33,7 +33,7 @@ def to_skip(_: bool) -> str:
 
 
 def to_formats(texts: list[str]) -> list[str]:
-    """Formats of exports; templates are relative to the working folder, not to the job file."""
+    """Resolve templates against the working folder, because in a job the job's folder counts."""
     return [str(FilePath(x).absolute()) if x.endswith(".j2") else x for x in texts]
 
 

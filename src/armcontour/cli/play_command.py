@@ -124,7 +124,7 @@ def write_log(folder: ResultFolder | None, played: Played) -> list[str]:
 
 
 def controller_of(job: Job, options: ControllerOptions) -> Controller:
-    """Controller with the name of `--on`; joints of linuxcnc are simulated without `--hal`."""
+    """Make the controller that `--on` names; without `--hal`, linuxcnc simulates the joints."""
     name = check_choice("--on", str(options.on), ("linuxcnc", "franka", "ur"))
     hal = options.hal
     address = options.address

@@ -29,7 +29,7 @@ from armcontour.files.job_file import read_job
 from armcontour.files.job_patch import Patch, key_of
 from armcontour.jobs import Job, run
 
-# Name of the file with the results of the jobs as lines of JSON, in the order of their completion.
+# Name of the file with a line of JSON per job, in the order in which the jobs are completed.
 LINES = "results.jsonl"
 # Name of the file with the final table.
 TABLE = "results.csv"
@@ -83,13 +83,13 @@ class Batch:
         return dict(Counter({x.job: x.status for x in self.rows}.values()))
 
     def table(self) -> list[dict[str, Any]]:
-        """Rows as mappings with equal keys, for CSV files and pandas; values are in SI units."""
+        """Return rows as mappings with equal keys, for CSV files and pandas, in SI units."""
         rows = [_plain_row(x) for x in self.rows]
         names = sorted(dict.fromkeys(chain.from_iterable(rows)), key="error".__eq__)
         return [{name: x.get(name) for name in names} for x in rows]
 
     def cells(self) -> list[tuple[str, ...]]:
-        """Main results as a table of texts with a header; one column per result that is shown."""
+        """Return the main results as texts in a table with a header; a column per shown result."""
         several = len({x.run for x in self.rows if x.run}) > 1
         results = {}
         for k, x in enumerate(self.rows):
@@ -173,14 +173,20 @@ def batch(
             named = {".".join(map(str, x)): value for x, value in patch.items()}
             add({"job": k, "values": named, **line})
             counts[line["status"]] += 1
-            words = [f"{counts.total()} of {len(tasks)} jobs"]
-            words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
-            report(Step((", ".join(words),), counts.total() / len(tasks)))
+            report(_completed(counts, len(tasks)))
         rows = _collect_rows(keys, tasks, lines)
         result = Batch(title=f"{file.name}: {count_noun(len(tasks), 'job')}", rows=rows)
         if out is not None:
             _write_table(FilePath(out) / TABLE, result.table())
         return result
+
+
+def _completed(counts: Counter[str], total: int) -> Step:
+    """Return the progress of a batch from the numbers of completed jobs by status."""
+    done = counts.total()
+    words = [f"{done} of {total} jobs"]
+    words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
+    return Step((", ".join(words),), done / total)
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,7 @@ def placed_job_text(
 
 
 def _placement_patch(placement: Placement, text: str) -> Patch:
-    """Patch for the best placement: `arm.work` of a serial arm, `path.frame` of a planar arm."""
+    """Return the patch for the best place: `arm.work` (serial arm) or `path.frame` (planar)."""
     job = placement.job
     inside = [] if job.scene is None else [x.fixed_to for x in job.scene.obstacles]
     if placement.moved == BASE and BASE in inside:

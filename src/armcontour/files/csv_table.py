@@ -95,7 +95,7 @@ class Digits:
 
 
 def last_digit(columns: Sequence[Digits]) -> float:
-    """Value of the last printed digit of the largest number in columns with one print format."""
+    """Return the last printed digit's value for the largest number in equally printed columns."""
     # A format that removes trailing zeros does not change the result, because the numbers of
     # decimals and of significant digits are the largest over all numbers.
     decimals = max(x.places for x in columns)
@@ -138,7 +138,7 @@ class CsvTable(Generic[Key]):
         )
 
     def suggest(self, *names: str) -> str:
-        """Text of the option that renames unknown columns to `names` (q1 for q#), for messages."""
+        """Return the option that renames unknown columns to `names` (q1 for q#), for messages."""
         titles = dict.fromkeys(title_pattern(x) for x in self._numeric())
         pairs = []
         for name in map(title_pattern, names):
@@ -160,11 +160,11 @@ class CsvTable(Generic[Key]):
         return f"{self.option} '{new}={old}'"
 
     def file_title(self, key: Key) -> str:
-        """Title that the file has for the column of a quantity, for messages with the option."""
+        """Return the file's title for the column of a quantity, for messages with the option."""
         return self.titles[self.columns[key].index]
 
     def place(self, row: int, *keys: Key) -> str:
-        """Text for messages: the file, the line of a row, and the titles of the given columns."""
+        """Return file, line of a row and titles of the given columns as text for messages."""
         titles = " ".join(self.columns[x].title for x in keys)
         location = f"{self.source}, line {self.numbers[row]}"
         return f"{location}, column {show(titles)}" if keys else location
@@ -205,7 +205,7 @@ class CsvTable(Generic[Key]):
             yield first, [[row[i] for row in rows] for i in indices]
 
     def read(self, keys: Sequence[Key]) -> tuple[FloatArray, list[Digits]]:
-        """Numbers in SI units, (rows, columns), NaN in empty cells; printed digits by column."""
+        """Read numbers in SI units, (rows, columns), NaN in empty cells, and printed digits."""
         if not self.lines:
             raise InvalidInput(f"{self.source} has column names, but no rows with numbers.")
         values = np.empty((len(self.lines), len(keys)))
@@ -254,7 +254,7 @@ class _Heading:
     has_line: bool  # Whether a line of the file has titles
 
     def with_joined_time(self, index: int) -> _Heading:
-        """Heading with one column of time in place of the columns `index` and `index + 1`."""
+        """Replace the columns `index` and `index + 1` by one column of time."""
 
         def join(titles: list[str]) -> list[str]:
             return [*titles[:index], "t [s]", *titles[index + 2 :]]
@@ -390,7 +390,7 @@ def _read_heading(
 
 
 def _find_seconds(titles: Sequence[str]) -> int | None:
-    """Index of a column of seconds that is followed by its nanoseconds; None without one."""
+    """Find a column of seconds before its nanoseconds; returns its index, None without one."""
     pairs = zip(titles, titles[1:], strict=False)
     found = (i for i, (x, y) in enumerate(pairs) if _SECONDS.fullmatch(f"{x} {y}"))
     return next(found, None)
@@ -407,7 +407,7 @@ def _join_seconds(line: str, separator: str, index: int) -> str:
 
 
 def _find_titles(lines: Sequence[str], count: int | None) -> int:
-    """Index of the line of titles; if `count` titles are known, of the first line of numbers."""
+    """Find the line of titles, or the first line of numbers if `count` titles are known."""
     if count is not None:
         every = (re.split(r"\s*[,;\t]\s*|\s+", line.strip()) for line in lines)
         of_count = (len(x) == count and any(map(NUMBER.fullmatch, x)) for x in every)
@@ -429,7 +429,7 @@ def _is_blank_separated(lines: Sequence[str]) -> bool:
 
 
 def _split(line: str, separator: str | None) -> list[str]:
-    """Cells of a line without surrounding blanks; blanks separate cells if `separator` is None."""
+    """Split a line into cells without surrounding blanks; None: blanks separate the cells."""
     if separator is None or '"' not in line:
         # Most lines of large files have no blanks, so that stripping is not necessary.
         cells = line.split(separator)
@@ -439,7 +439,7 @@ def _split(line: str, separator: str | None) -> list[str]:
 
 
 def _split_any(line: str, separator: str | None) -> list[str]:
-    """Cells of a line above the rows; a line with wrong quotes is split at each separator."""
+    """Split a line above the rows; with wrong quotes, it is split at each separator."""
     try:
         return _split(line, separator)
     except csv.Error:
@@ -485,7 +485,7 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
 def _read_titles(
     heading: _Heading, title_of: Callable[[str], Title[Key] | None], example: str, option: str
 ) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
-    """Recognized columns by quantity, in the order of the file, and titles of other columns."""
+    """Recognize columns; returns them by quantity in their order, and titles of the others."""
     titles = heading.titles
     location = heading.location
     if len(titles) > 1 and all(map(NUMBER.fullmatch, titles[:2])):
@@ -524,12 +524,12 @@ def _read_titles(
 
 
 def title_pattern(title: str) -> str:
-    """Pattern of a title for the option that renames columns, with # instead of its last number."""
+    """Replace the last number of a title by #, as in the option that renames columns."""
     return re.sub(r"\d+(?=\D*$)", "#", title)
 
 
 def _unit_factor(unit: str, si: str | None, title: str, location: str) -> tuple[float, bool]:
-    """Conversion factor from the unit of a column to an SI unit, or to that of prismatic joints."""
+    """Return the factor to the SI unit of a column, and whether it is that of prismatic joints."""
     plain = unit.strip().replace("²", "^2").replace("°", "deg")
     linear = si is not None and "rad" in si and not _ANGLE.search(plain)
     try:

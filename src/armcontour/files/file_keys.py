@@ -229,7 +229,7 @@ def _read_leaf(leaf: Any, data: Any, keys: Keys) -> Any:
 
 
 def _in_si(data: Any, quantity: Quantity, keys: Keys, depth: int = 0) -> Any:
-    """Numbers in SI units; of a list with their range, unless they are lower and upper bounds."""
+    """Convert data to numbers in SI units; the range applies unless they are a pair of bounds."""
     if isinstance(data, list):
         return [_in_si(x, quantity, (*keys, i), depth + 1) for i, x in enumerate(data)]
     if isinstance(data, bool) or not isinstance(data, int | float | str):
@@ -335,7 +335,7 @@ def key_fields(kind: Any) -> dict[str, KeyField]:
 
 
 def quantity_of(kind: type, keys: Sequence[str | int]) -> Quantity | None:
-    """Quantity that the value of a key represents; None if the value is not a quantity."""
+    """Return the quantity that a key's value represents; None if it is not a quantity."""
     hints: Sequence[Any] = (kind,)
     for key in keys:
         hints = _inside(hints, key)
@@ -396,7 +396,7 @@ def _keys_of(hints: Sequence[Any]) -> list[str]:
 
 
 def _suggest_key(hint: Any, keys: Keys) -> str:
-    """Suggestion for an unknown key: advice, the most similar known key, or all known keys."""
+    """Suggest a key for an unknown one: advice, the most similar known key, or all keys."""
     *outer, name = keys
     hints = tuple(leaves(hint))
     top = _keys_of(hints)

@@ -73,7 +73,7 @@ def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
 
 
 def _with_external_axes(arm: Arm, model: ArmModel, part: Frame) -> Arm:
-    """Arm with the rail and the positioner of its model, whose load is in the frame `part`."""
+    """Add rail and positioner to an arm; the positioner's load is in the frame `part`."""
     if model.rail is None and model.positioner is None:
         return arm
     if not isinstance(arm, SerialArm):

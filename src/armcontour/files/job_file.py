@@ -154,7 +154,7 @@ def job_of(
 
 
 def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
-    """Joint positions of the key `seed` in the order of the arm's joints [rad], (dof,)."""
+    """Return the key `seed` as positions in the order of the arm's joints [rad], (dof,)."""
     if isinstance(seed, list):
         with error_context("", "seed"):
             return checks.per_joint("seed", seed, arm.dof, "rad")
@@ -213,7 +213,7 @@ def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
 
 
 def _plant(parameters: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
-    """Servo model of the plant: the nominal servo with the values of `plant` that are not null."""
+    """Make the plant's servo: the nominal servo with the values of `plant` that are not null."""
     differs = {key: value for key, value in parameters.items() if value is not None}
     if differs.get("order") == "first":
         differs.setdefault("kv", None)
@@ -341,7 +341,7 @@ def read_cell(
 
 
 def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
-    """Arm (None if not specified) and scene of a cell or job file; other keys may be missing."""
+    """Read arm (None if not specified) and scene of a cell or job; other keys may be missing."""
     opened = _open_cell(str(cell))
     data = read_data(opened.text, opened.source)
     with file_context(opened.text, opened.source):

@@ -70,7 +70,7 @@ def parse_set(text: str) -> Patch:
 
 
 def key_of(key: Any) -> Keys:
-    """Key path, from a text such as `limits.speed` or a list of keys; digits are an index."""
+    """Convert a text such as `limits.speed`, or a list, to a key path; digits are an index."""
     parts = key
     if isinstance(key, str):
         parts = [int(x) if x.isdecimal() else x for x in key.split(".")]
@@ -81,7 +81,7 @@ def key_of(key: Any) -> Keys:
 
 
 def full_key(keys: Keys) -> Keys:
-    """Key path from the root of a job file; for a key that only runs have, in an unnamed run."""
+    """Return the key path from the root; for a key that only runs have, in an unnamed run."""
     return ("runs", "", *keys) if keys[0] in IN_RUN - IN_JOB else keys
 
 

@@ -108,7 +108,7 @@ def _set_contour_limits(program: Program, model: PathModel) -> Program:
 
 
 def find_contours(program: Program, model: PathModel) -> tuple[dict[int, int | str], list[str]]:
-    """Key of `path.contours` by the number of a contour, and notes on contours that are not run."""
+    """Find the key of each contour in `path.contours`; returns also notes on unused keys."""
     contours = program.contours
     notes = list[str]()
     found = dict[int, int | str]()
@@ -334,7 +334,7 @@ def _segment(start: list[float], segment: SegmentModel, keys: Keys) -> Line | Ar
 
 
 def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
-    """Path with one tool orientation for its whole length; `location` is for messages."""
+    """Give a path one tool orientation for its whole length; `location` is for messages."""
     _check_single_rotation(("path", "orientation"), orientation)
     follow = orientation.follow_tangent
     key = "path.orientation" if follow is None else "path.orientation.follow_tangent"

@@ -61,7 +61,7 @@ def _set_contour_values(program: Program, process: Process, drawing: PathModel) 
 
 
 def _note_unused_keys(process: Process, program: Program) -> list[str]:
-    """Notes on process keys that have no effect on the drawing; a cell often has such keys."""
+    """Note process keys that have no effect on the drawing; a cell often has such keys."""
     layers = {x.layer for x in program.contours}
     notes = [
         f"process.by_layer has the layer {x!r}, but no contour is on this layer."
@@ -93,7 +93,7 @@ def _switched(program: Program, process: Process) -> set[str]:
 
 
 def _on_drawing(process: Process, drawing: PathModel, existing: Collection[str]) -> Process:
-    """Process with the vertical direction and the limits of layers from the key `path`."""
+    """Add the vertical direction and the limits of layers, from the key `path`, to a process."""
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
     # The reader of the drawing has already reported layers that are missing in the file.
     layer_limits = {name: x for name, x in layers.items() if name in existing}

@@ -72,7 +72,7 @@ def _locate_key(name: str, run: RunModel, job: JobModel) -> Iterator[None]:
 
 
 def _limits(name: str, run: RunModel, job: JobModel, arm: Arm) -> Limits:
-    """Limits of a run: those of the arm, replaced by those of the job, then by those of the run."""
+    """Return the arm's limits, replaced by those of the job, then by those of the run."""
     with key_context("limits"):
         limits = resolve_limits("A job", arm, Limits(**job.limits))
     with key_context("runs", name, "limits"):

@@ -176,7 +176,7 @@ def _file_names(data: Any, keys: Keys = (), name: Any = None) -> Iterator[tuple[
 
 
 def line_of(text: str, keys: Sequence[Key]) -> int | None:
-    """Number of the line, from 1, of the value at a key path, or of its nearest outer key.
+    """Return the line number, from 1, of the value at a key path, or of its nearest outer key.
 
     None if the text has no such key.
     """

@@ -181,7 +181,7 @@ def read_csv_text(file: str | FilePath, kind: str) -> str:
 
 
 def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
-    """Joints with a column of a kind and role: numbers in increasing order, or else names."""
+    """Return the joints with a column of a kind and role: increasing numbers, or names."""
     every = [x.joint for x in table.columns if (x.kind, x.role) == (kind, role)]
     numbers = sorted((x for x in every if x.isdigit()), key=lambda x: (len(x), x))
     return numbers or every
@@ -238,7 +238,7 @@ def read_samples(
 
 
 def _filled_rows(table: CsvTable[Key], values: FloatArray, keys: Sequence[Key]) -> IntArray:
-    """Indices of the rows with values in `keys`; omits rows with values in other columns only."""
+    """Find the rows with values in `keys`; rows with values in other columns only are omitted."""
     used = {table.columns[x].index for x in keys}
     spare = []
     for i in np.flatnonzero(np.isnan(values[:, 1:]).all(axis=1)).tolist():

@@ -1,4 +1,4 @@
-"""Text of a job file with a measured frame: of the part, of the work frame, or of the tool."""
+"""Text of a job file with a measured frame: of part, work frame or tool."""
 
 from __future__ import annotations
 

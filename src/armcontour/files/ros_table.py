@@ -17,7 +17,7 @@ from armcontour.motion.log import is_same_joint
 _NAME_TITLE = re.compile(r"(?:.*[./ ])?(?:joint_)?names?[_ ]?\[?\d+\]?", re.IGNORECASE)
 # The last number of a title is the index of a joint.
 _INDEX = re.compile(r".*?(\d+)\D*")
-# Number of columns before the names of the joints: seconds, nanoseconds and name of the frame.
+# Number of columns before the joint names: seconds, nanoseconds and frame name.
 _HEADER = 3
 
 

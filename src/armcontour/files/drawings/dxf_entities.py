@@ -242,7 +242,7 @@ def check_required(entity: Any) -> None:
 
 
 def insert_grid(entity: Any) -> tuple[int, int]:
-    """Return the numbers of rows and columns of the copies of an INSERT; 1 if the spacing is 0."""
+    """Return the numbers of rows and columns of INSERT copies; 1 if the spacing is 0."""
     dxf = entity.dxf
     rows, columns = (max(int(x), 1) for x in (dxf.row_count, dxf.column_count))
     return rows if dxf.row_spacing else 1, columns if dxf.column_spacing else 1

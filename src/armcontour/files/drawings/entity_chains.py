@@ -46,7 +46,7 @@ class DrawnEntity:
 def chain_pieces(
     pieces: Sequence[DrawnEntity], tolerance: float, *, counted: bool = False
 ) -> tuple[list[Contour], list[str]]:
-    """Contours of the pieces, chained if their ends are closer than a tolerance [m], and notes.
+    """Chain pieces whose ends are closer than a tolerance; returns contours and notes.
 
     Only pieces of the same layer are chained. Pieces can be reversed. The first piece of a contour
     determines the direction, the name and the position in the order. With `counted`, contours are
@@ -59,6 +59,11 @@ def chain_pieces(
     Pieces that coincide with others of their layer are omitted, as are contours whose width and
     height are at most the tolerance, and lines up to this length at which a contour that crosses
     itself turns back.
+
+    Args:
+        pieces: The pieces.
+        tolerance: Largest distance of ends that are joined [m].
+        counted: Whether contours are named by layer and number.
     """
     if not pieces:
         return [], []
@@ -80,24 +85,22 @@ def chain_pieces(
     counts = Counter[str]()
     for chain, closed in _chains(partner, repeated):
         first = pieces[min(chain) // 2]
-        path = None
-        if lengths[np.array(chain) // 2].sum() > tolerance:
-            alone = len(chain) == 1 and not closed
-            path = first.path if alone else table.join(chain, closed, tolerance)
-        if path is None or (
-            (path is not first.path or small[chain[0] // 2])
-            and np.ptp(path.segments.extent, axis=0).max() <= tolerance
-        ):
+        if lengths[np.array(chain) // 2].sum() <= tolerance:
+            short.append(first.name)
+            continue
+        alone = len(chain) == 1 and not closed
+        path = first.path if alone else table.join(chain, closed, tolerance)
+        may_be_small = path is not first.path or small[chain[0] // 2]
+        if may_be_small and np.ptp(path.segments.extent, axis=0).max() <= tolerance:
             short.append(first.name)
             continue
         straight = _remove_hooks(path, tolerance)
         if straight is not path:
             hooked.append(first.name)
-        number = len(contours) + 1
         layer = first.layer
         counts[layer] += 1
-        suffix = f"-{counts[layer]}"
-        name = shorten(layer, LONGEST_NAME - len(suffix)) + suffix if counted else first.name
+        name = _counted_name(layer, counts[layer]) if counted else first.name
+        number = len(contours) + 1
         contours.append(Contour(path=straight, name=name, number=number, layer=layer))
     limit = f"the join tolerance of {1e3 * tolerance:g} mm"
     reasons = {
@@ -106,6 +109,12 @@ def chain_pieces(
         f"Removed lines up to {limit} at which the contour turns back": hooked,
     }
     return contours, [f"{why}: {list_some(x, 6)}." for why, x in reasons.items() if x]
+
+
+def _counted_name(layer: str, number: int) -> str:
+    """Return the name of a contour by its layer and its number on it, such as `CUT-3`."""
+    suffix = f"-{number}"
+    return shorten(layer, LONGEST_NAME - len(suffix)) + suffix
 
 
 def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:

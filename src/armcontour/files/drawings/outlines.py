@@ -28,7 +28,7 @@ SMALL_GAP = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BezierSpline:
-    """A sequence of rational Bézier curves of one degree, each from the end of the previous one."""
+    """Rational Bézier curves with the same degree, each from the end of the previous one."""
 
     # Control points, (curves * degree + 1, dimension). Neighbouring curves share one point.
     points: FloatArray

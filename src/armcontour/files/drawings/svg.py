@@ -98,9 +98,9 @@ def read_svg(
     tangent arcs within `options.chord_tolerance`.
     """
     root = parse_tree(data, source)
-    page, view, notes = _page(root, options, data)
+    page = _page(root, options, data)
     walk = SvgWalk(root, options, progress)
-    return walk.program(walk.shapes(page, view), notes)
+    return walk.program(walk.shapes(page.to_world, page.view), page.notes)
 
 
 def _writers(root: Element, data: bytes) -> list[tuple[str, float]]:
@@ -115,10 +115,17 @@ def _writers(root: Element, data: bytes) -> list[tuple[str, float]]:
     return [*writers, ("CSS", PIXEL), ("CSS", PIXEL)]
 
 
-def _page(
-    root: Element, options: ReadOptions, data: bytes
-) -> tuple[Affine, ViewBox | None, list[str]]:
-    """The map from user units to metres with y up, the viewport (None if unknown), and notes."""
+@dataclass(frozen=True, slots=True)
+class _Page:
+    """The page of a drawing."""
+
+    to_world: Affine  # Map from user units to metres with y up
+    view: ViewBox | None  # Viewport; None if it is unknown
+    notes: list[str]
+
+
+def _page(root: Element, options: ReadOptions, data: bytes) -> _Page:
+    """Read size and units of the page."""
     if root.get("transform"):
         root.refuse(
             "a transform of the outermost svg element is not supported. Move the transform to a "
@@ -131,15 +138,8 @@ def _page(
     notes = []
     absolute = any(ABSOLUTE.search(root.get(x)) for x in ("width", "height"))
     if options.unit is None and not (box is not None and absolute):
-        (program, unit), (other, other_unit), *_ = _writers(root, data)
-        if unit != other_unit:
-            span = width or (box.width if box else 100.0)
-            notes.append(
-                f"{root.source} was written by {program}, whose px is 1/{INCH / unit:.0f} inch "
-                f"instead of the 1/{INCH / other_unit:.0f} inch of {other}, so {span:g} px are "
-                f"{1e3 * span * unit:.5g} mm. If they are {1e3 * span * other_unit:.5g} mm, "
-                f"specify units: {other_unit:.9g}."
-            )
+        unit, note = _pixel(root, data, span=width or (box.width if box else 100.0))
+        notes += [note] if note else []
         if absolute:
             # Absolute lengths of the page do not depend on the size of a px.
             width, height = (x and x * PIXEL / unit for x in (width, height))
@@ -150,15 +150,34 @@ def _page(
         wide = width if width is not None else (height or 0.0) * box.width / box.height
         high = height if height is not None else wide * box.height / box.width
         inner = viewbox_transform(root, box, ViewBox(0.0, 0.0, wide, high))
-        return _to_world(high, unit) @ inner, box, notes
+        return _Page(_to_world(high, unit) @ inner, box, notes)
     if height is None:
         notes.append(
             f"{root.source} has no page height, so y is 0 at the upper edge of the page and "
             "negative below."
         )
-        return _to_world(0.0, unit), None, notes
+        return _Page(_to_world(0.0, unit), None, notes)
     view = ViewBox(0.0, 0.0, width, height) if width is not None else None
-    return _to_world(height, unit), view, notes
+    return _Page(_to_world(height, unit), view, notes)
+
+
+def _pixel(root: Element, data: bytes, span: float) -> tuple[float, str]:
+    """Return the px of the program that wrote a file [m], and a note if it differs from others.
+
+    Args:
+        root: Root of the drawing.
+        data: Content of the file.
+        span: Length that the note has as an example [px].
+    """
+    (program, unit), (other, other_unit), *_ = _writers(root, data)
+    if unit == other_unit:
+        return unit, ""
+    return unit, (
+        f"{root.source} was written by {program}, whose px is 1/{INCH / unit:.0f} inch "
+        f"instead of the 1/{INCH / other_unit:.0f} inch of {other}, so {span:g} px are "
+        f"{1e3 * span * unit:.5g} mm. If they are {1e3 * span * other_unit:.5g} mm, "
+        f"specify units: {other_unit:.9g}."
+    )
 
 
 def _page_extent(root: Element, key: str) -> float | None:

@@ -25,7 +25,7 @@ from armcontour.program.moves import events_of
 
 # Name of the exported plan, without compensation.
 REFERENCE = "reference"
-# Number of points of a trial; a spline of KUKA needs two.
+# Number of points in a trial; a KUKA spline needs two.
 TRIAL_POINTS = 3
 
 

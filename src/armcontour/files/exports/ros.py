@@ -34,7 +34,7 @@ SECOND = 1_000_000_000
 MAX_DURATION = 2**31 - 1
 # Fields of `SetPointTable` by the names of the fields of a JointTrajectoryPoint.
 FIELDS = {"positions": "q", "velocities": "dq", "accelerations": "ddq"}
-# Number of bisections for the smallest tolerance of a number of points.
+# Number of bisections for the smallest tolerance that a number of points allows.
 BISECTIONS = 12
 # Smallest tolerance [rad]; encoder errors and a delay of one controller cycle are smaller.
 MIN_TOLERANCE = 1e-3
@@ -185,7 +185,7 @@ def select_points(table: SetPointTable, most: int, tolerance: float) -> SetPoint
 def _rows_within(
     t: FloatArray, given: Sequence[FloatArray], printed: Sequence[FloatArray], tolerance: float
 ) -> IntArray:
-    """Rows of few points whose interpolation stays within `tolerance` [rad] of that of all rows."""
+    """Select few rows; their interpolation stays within `tolerance` [rad] of that of all rows."""
     rows = [0]
     last = len(t) - 1
     while rows[-1] < last:
@@ -204,7 +204,7 @@ def _rows_within(
 def _deviation(
     t: FloatArray, given: Sequence[FloatArray], printed: Sequence[FloatArray], i: int, j: int
 ) -> float:
-    """Bound of the distance of the interpolation from row i to j from that of all rows [rad]."""
+    """Bound how far the interpolation from row i to j is from that of all rows [rad]."""
     width = t[j : j + 1] - t[i]
     ends = [[x[k : k + 1] for x in printed] for k in (i, j)]
     slope = (ends[1][0] - ends[0][0]) / width

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -106,13 +107,11 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     moving = turning + moving
     description = Description(tree, route, moving, start, len(turning))
     chain = description.chain()
-    limits, lacking, assumed = _limits(
-        tree, moving, options.joint_limits, has_bodies=chain.masses is not None
-    )
+    described = _limits(tree, moving, options.joint_limits, has_bodies=chain.masses is not None)
+    limits = described.limits
     if options.part is not None:
         chain = description.cell(chain, limits, options.part, options.tilt)
-    missing = missing_meshes(tree)
-    notes = (*description.notes, lacking, missing)
+    notes = (*description.notes, described.note, missing_meshes(tree))
     arm = SerialArm(
         name=tree.name,
         chain=chain,
@@ -120,7 +119,7 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
         source=tree.file,
         limits_hint="" if limits.joint_acceleration is not None else HINT,
         notes=tuple(f"{file.name}: {x}." for x in notes if x),
-        assumed_limits=assumed,
+        assumed_limits=described.assumed,
     )
     if all(x.find("collision") is None for x in tree.links.values()):
         return arm
@@ -201,12 +200,25 @@ def _check_moving_joints(tree: Tree, moving: list[Joint], end: str = "tip") -> N
             )
 
 
+@dataclass(frozen=True, slots=True)
+class _DescribedLimits:
+    """Limits of a description."""
+
+    limits: Limits
+    note: str  # On missing and assumed limits; empty without them
+    assumed: Limits | None = None  # Limits that are assumed for all joints; None without them
+
+
 def _limits(
     tree: Tree, moving: list[Joint], file: str | FilePath | None, *, has_bodies: bool
-) -> tuple[Limits, str, Limits | None]:
-    """Limits of the moving joints, a note on missing limits, and those assumed for all joints.
+) -> _DescribedLimits:
+    """Read the limits of the moving joints.
 
-    `file` is a `joint_limits.yaml`; torque limits are used only if `has_bodies`.
+    Args:
+        tree: The description.
+        moving: The joints.
+        file: A joint_limits.yaml, whose limits replace those of the description.
+        has_bodies: Whether the links have masses. Otherwise torque limits are not used.
     """
     names = [joint.name for joint in moving]
     table = _table(tree, moving)
@@ -224,8 +236,9 @@ def _limits(
     missing = _missing_limits_note(limits, moving, has_bodies=has_bodies)
     note = "; ".join(x for x in (missing, assumed_note) if x)
     if not assumed_note or described.joint_acceleration is not None:
-        return limits, note, None
-    return limits, note, Limits(joint_acceleration=limits.joint_acceleration)
+        return _DescribedLimits(limits, note)
+    assumed = Limits(joint_acceleration=limits.joint_acceleration)
+    return _DescribedLimits(limits, note, assumed)
 
 
 def assume_accelerations(limits: Limits, joints: Sequence[str]) -> tuple[Limits, str]:

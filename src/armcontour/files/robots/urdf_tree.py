@@ -232,7 +232,7 @@ def _check_attributes(file: str, element: ET.Element, version: str) -> None:
 def _joints(
     file: str, robot: ET.Element, links: Mapping[str, ET.Element]
 ) -> tuple[dict[str, Joint], dict[str, Joint]]:
-    """Return joints of a robot by name, and the parent joint of each link by name of the link."""
+    """Return a robot's joints by name, and the parent joint of each link by the link's name."""
     joints: dict[str, Joint] = {}
     above: dict[str, Joint] = {}
     for element in robot.findall("joint"):
