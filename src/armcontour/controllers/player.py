@@ -38,10 +38,10 @@ from armcontour.core.text import list_some
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.rows import reason_of
+from armcontour.jobs.run_job import run
 from armcontour.jobs.run_learning import measured_pieces
 from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
-from armcontour.jobs.study import run
 from armcontour.jobs.verdict import Errors
 from armcontour.motion import Execution, JointPath, Log, SetPoints, Trajectory
 from armcontour.planning import at_speed, plan

@@ -26,6 +26,7 @@ from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
+from armcontour.jobs.run_job import compute_set_points, simulate_experiment
 from armcontour.jobs.run_plan import (
     explain_plan,
     explained_reach,
@@ -36,7 +37,6 @@ from armcontour.jobs.run_plan import (
     trace_run,
 )
 from armcontour.jobs.run_result import RunResult
-from armcontour.jobs.study import compute_set_points, simulate_experiment
 from armcontour.jobs.verdict import BODIES, SERVO, Errors, judging, judging_executions
 from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of

@@ -166,7 +166,7 @@ def test_a_failed_experiment_does_not_affect_other_results(job, monkeypatch):
     def fails(*_, **__):
         raise ac.ExecutionError("Joint 1 does not rest.", joint=0)
 
-    monkeypatch.setattr("armcontour.jobs.study.simulate_rigid_bodies", fails)
+    monkeypatch.setattr("armcontour.jobs.run_job.simulate_rigid_bodies", fails)
     experiment_run = changed(job.runs[0], experiment=Experiment())
     results = ac.run(with_runs(job, experiment_run, job.runs[1])).runs
     assert results["proposed"].experiment is None
