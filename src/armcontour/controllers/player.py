@@ -45,7 +45,7 @@ from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
 from armcontour.jobs.verdict import Errors
 from armcontour.motion import Execution, JointPath, Log, SetPoints, Trajectory
 from armcontour.planning import at_speed, plan
-from armcontour.planning.early_stop import plan_stop
+from armcontour.planning.stop_in_play import plan_stop
 from armcontour.planning.timing_options import Optimal
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of

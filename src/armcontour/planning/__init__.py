@@ -3,7 +3,7 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "early_stop": "stop",
+    "stop_in_play": "stop",
     "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
     "timing_options": "Conventional METHODS Optimal Paper PlanOptions Shaped",
     "planner": "check_duration intervals_of plan",

@@ -1,4 +1,3 @@
-from armcontour.planning.early_stop import stop as stop
 from armcontour.planning.explanation import Binding as Binding
 from armcontour.planning.explanation import Explanation as Explanation
 from armcontour.planning.explanation import Shortfall as Shortfall
@@ -13,6 +12,7 @@ from armcontour.planning.program_tracing import Tracing as Tracing
 from armcontour.planning.program_tracing import trace_program as trace_program
 from armcontour.planning.program_tracing import turn_along as turn_along
 from armcontour.planning.shaping import shape as shape
+from armcontour.planning.stop_in_play import stop as stop
 from armcontour.planning.timing_options import Conventional as Conventional
 from armcontour.planning.timing_options import METHODS as METHODS
 from armcontour.planning.timing_options import Optimal as Optimal
