@@ -66,7 +66,7 @@ def lines() -> list[Line]:
 
 
 def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool = True) -> Pair:
-    from armcontour.report.plan_frames import picture_frame
+    from armcontour.studio.plan_frames import picture_frame
     from armcontour.report.view import View
     from armcontour.studio.execution_frame import execution_frame
     from armcontour.studio.handles import handles_of

@@ -15,7 +15,7 @@ import yaml
 
 import armcontour as ac
 from armcontour.core.result import nest
-from armcontour.report.plan_frames import picture_frame
+from armcontour.studio.plan_frames import picture_frame
 from armcontour.report.view import View
 from armcontour.studio.handles import handles_of
 from armcontour.studio.preview import CoarsePlanner

@@ -19,7 +19,7 @@ from armcontour.core.render import LIMITS
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.report.message_frame import TYPES, MessageFrame
-from armcontour.report.plan_frames import (
+from armcontour.studio.plan_frames import (
     NO_LIMIT,
     drawing_frame,
     picture_frame,

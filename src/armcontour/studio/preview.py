@@ -41,9 +41,9 @@ from armcontour.jobs.verdict import BODIES, SERVO, Errors, judging, judging_exec
 from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
-from armcontour.report.plan_frames import Preview, Tier
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
+from armcontour.studio.plan_frames import Preview, Tier
 from armcontour.studio.step_cache import LARGE_RESULTS, StepCache
 from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import ContourExecution, pieces_of, settling_time
