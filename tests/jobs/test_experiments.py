@@ -37,7 +37,7 @@ def test_failed_experiment_does_not_affect_other_results(paper_job, monkeypatch)
     def fail(*_, **__):
         raise ac.ExecutionError("Joint 1 does not rest.", joint=0)
 
-    monkeypatch.setattr("armcontour.jobs.study.simulate_rigid_bodies", fail)
+    monkeypatch.setattr("armcontour.jobs.run_job.simulate_rigid_bodies", fail)
     results = ac.run(with_experiment(paper_job, Experiment())).runs
     failed = results["proposed"]
     assert failed.experiment is None

@@ -38,15 +38,15 @@ from armcontour.core.text import list_some
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.rows import reason_of
+from armcontour.jobs.run_job import run
 from armcontour.jobs.run_learning import measured_pieces
 from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
-from armcontour.jobs.study import run
 from armcontour.jobs.verdict import Errors
 from armcontour.motion import Execution, JointPath, Log, SetPoints, Trajectory
 from armcontour.motion.log import FEWEST
 from armcontour.planning import Optimal, at_speed, plan
-from armcontour.planning.early_stop import plan_stop
+from armcontour.planning.stop_in_play import plan_stop
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import use_of

@@ -16,10 +16,10 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import split
 from armcontour.jobs.job import Job, Run, default_compensation
 from armcontour.jobs.rows import ASSIGNED, weave_speed
+from armcontour.jobs.run_job import compute_set_points, expect_errors, simulate_experiment
 from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.run_record import Advice, Improvement
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
 from armcontour.jobs.verdict import EXPECTED, Errors, judging_executions
 from armcontour.motion import Method
 from armcontour.planning.explanation import DWELLS, RAPIDS

@@ -14,8 +14,8 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import number
 from armcontour.core.result import Data, Row
 from armcontour.jobs.job import Job, choose_run
+from armcontour.jobs.run_job import run
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.jobs.study import run
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.execution import describe_excess
 from armcontour.verification import ErrorProfile

@@ -27,8 +27,8 @@ from armcontour.jobs.job import (
     build_plant,
     choose_run,
 )
+from armcontour.jobs.run_job import evaluate_run, simulate_rigid_bodies
 from armcontour.jobs.run_plan import explained_reach, plan_one
-from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.jobs.verdict import Deviation
 from armcontour.planning import Optimal, explain
 from armcontour.program import Program, contour_called

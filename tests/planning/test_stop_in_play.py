@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.planning import stop
-from armcontour.planning.early_stop import ShortenedLaw, plan_stop
+from armcontour.planning.stop_in_play import ShortenedLaw, plan_stop
 
 POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
 TIMES = np.linspace(0.02, 0.98, 17)
