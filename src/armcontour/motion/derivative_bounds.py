@@ -67,7 +67,7 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
 
 
 def largest_accelerations(motion: Execution) -> FloatArray:
-    """Bounds of the joint accelerations of an executed motion [rad/s²], (dof,)."""
+    """Bound the joint accelerations of an executed motion [rad/s²], (dof,)."""
     demanded = np.abs(motion.demand_range).max(axis=0)
     had = np.abs(motion.ddq).max(axis=0)
     return np.asarray(np.maximum(demanded, had))
@@ -158,7 +158,7 @@ def _ratios(
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Ratios to limits in the middle of n parts of intervals, then bounds in each part, (n, 12).
+    """Ratios to limits in the middle of n parts, then bounds in each part, (n, 12).
 
     The bounds of a joint's velocity and acceleration and of the path speed are those of quadratics
     about the middle, plus the terms of third order.
@@ -238,7 +238,7 @@ def _bound_derivatives(values: Derivatives, reach: FloatArray) -> Derivatives:
 
 
 def _bound_quadratics(f: Derivatives, half: FloatArray) -> FloatArray:
-    """Largest values of f0 + f1 u + f2 u² / 2 for u from -half to half, of the shape of f0."""
+    """Return the largest `f0 + f1 u + f2 u² / 2` for u from -half to half, shaped like f0."""
     f0, f1, f2 = f
     ends = f0 + np.abs(f1) * half + f2 * half**2 / 2
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -246,7 +246,7 @@ def _bound_quadratics(f: Derivatives, half: FloatArray) -> FloatArray:
 
 
 def _fifth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
-    """Fifth time derivative of q(s(t)), from the derivatives `q` of q(s) and `v` of s(t)."""
+    """Return the fifth time derivative of q(s(t)); `q`: derivatives of q(s), `v`: of s(t)."""
     return np.asarray(
         q[5] * v[1] ** 5
         + 10 * q[4] * v[1] ** 3 * v[2]
@@ -257,7 +257,7 @@ def _fifth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
 
 
 def _fourth_derivative(q: Derivatives, v: Derivatives) -> FloatArray:
-    """Fourth time derivative of q(s(t)), from the derivatives `q` of q(s) and `v` of s(t)."""
+    """Return the fourth time derivative of q(s(t)); `q`: derivatives of q(s), `v`: of s(t)."""
     return np.asarray(
         q[4] * v[1] ** 4
         + 6 * q[3] * v[1] ** 2 * v[2]

@@ -236,7 +236,7 @@ class LineLaw(LapLaw, LawAlongPath):
         return high
 
     def _along(self, q: FloatArray) -> FloatArray:
-        """Arc lengths of the points of the line nearest to the tool [m], (n,)."""
+        """Return the arc lengths of the line's points nearest to the tool [m], (n,)."""
         return np.asarray(self.ends[0] + (self.arm.tool_position(q) - self.point) @ self.direction)
 
 

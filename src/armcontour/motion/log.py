@@ -307,7 +307,7 @@ def _roughness(positions: FloatArray, t: FloatArray) -> float:
 
 
 def _find_repeats(q: FloatArray) -> BoolArray:
-    """Mask of the positions of a moving joint that were not renewed, (n,)."""
+    """Mask the positions of a moving joint that were not renewed, (n,)."""
     repeated = np.full(len(q), False)
     steps = np.abs(np.diff(q))
     changes = np.flatnonzero(steps > LOG_ROUNDING * np.ptp(q))

@@ -670,7 +670,7 @@ def _stretch_spans(spans: tuple[Span, ...], speed_factor: float) -> tuple[Span, 
 
 
 def _laws_of_spans(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> list[Law]:
-    """Laws of the trajectories of spans; dwells have their laws in `laws`."""
+    """Laws of all spans' trajectories; dwells have their laws in `laws`."""
     chosen = list[Law]()
     for span in spans:
         if span.trajectory is None:

@@ -35,7 +35,7 @@ FAR_OUT = 20.0
 
 
 def unit_hint(gap: float) -> str:
-    """Message suffix that suggests a missing unit for a point `gap` [m] out of reach, or ""."""
+    """Suggest a missing unit for a point `gap` [m] out of reach, as the end of a message, or ""."""
     if gap < FAR_OUT:
         return ""
     return (
@@ -85,7 +85,7 @@ def unit_of(arm: Arm | None, unit: str, joint: int | None = None) -> str:
 
 
 def compare_limits(limits: Limits, arm: Arm) -> str:
-    """Warning about limits (one value per joint) that exceed the arm's; empty if none does."""
+    """Warn about limits (one value per joint) that exceed the arm's; empty if none does."""
     # Lifted limits are None and are skipped.
     above = []
     for name, unit in UNITS.items():
@@ -479,7 +479,7 @@ class Arm(Immutable, ABC):
         return self.poses(q)[..., : self.dimension, 3].copy()
 
     def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Points of all joints and of the tool, (n, dof + 1, dimension) [m].
+        """Return the positions of all joints and of the tool, (n, dof + 1, dimension) [m].
 
         Args:
             q: Joint positions [rad], (..., dof).
@@ -576,7 +576,7 @@ class Arm(Immutable, ABC):
         return self._motion(q).reshape(*np.shape(q)[:-1], 3, 4)
 
     def _frames(self, q: npt.ArrayLike) -> FloatArray:
-        """Frames of all joints and of the tool in the work frame, (..., dof + 1, 3, 4)."""
+        """Return the frames of joints and tool in the work frame, (..., dof + 1, 3, 4)."""
         from armcontour.robot.kernels import frames_of
 
         leading, (rows,) = state_rows(self.dof, q)

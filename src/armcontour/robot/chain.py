@@ -330,7 +330,7 @@ def state_rows(dof: int, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[
 
 
 def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
-    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4), at q, (n, dof)."""
+    """Return the frames of base and links in the work frame, (n, dof + 1, 3, 4), at q, (n, dof)."""
     from armcontour.robot.kernels import frames_of
 
     joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
@@ -342,7 +342,7 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
 
 
 def joint_rows(chain: Chain, joints: IntArray) -> dict[str, Any]:
-    """Fields of a chain with one value per joint, for some of the joints, by their indices."""
+    """Select joints by their indices in all fields of a chain with one value per joint."""
     rows = {x: getattr(chain, x) for x in PER_JOINT}
     chosen: dict[str, Any] = {x: y[joints] for x, y in rows.items() if y is not None}
     for name in ("joints", "prismatic"):

@@ -99,7 +99,7 @@ class Dynamics:
         _, states = state_rows(len(unit), q, dq, ddq)
 
         def change(order: int, step: float) -> FloatArray:
-            """Half the change of the torque from -step to step of a joint, (n, dof, joints)."""
+            """Half the torque change between -step and step of each joint, (n, dof, joints)."""
             ends = []
             for end in (-step, step):
                 moved = [x[:, None] + (k == order) * end * unit for k, x in enumerate(states)]

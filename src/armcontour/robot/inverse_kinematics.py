@@ -119,7 +119,7 @@ def nearest_reached(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> Flo
 def _approach(
     arm: Arm, pose: FloatArray, task: int, q: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Final joint positions of the searches [rad], (k, dof); tool distances from the pose [m]."""
+    """Return where the searches end [rad], (k, dof), and the tool's distances from the pose [m]."""
     tried = q.copy()
     parameters = tried, REACH_WEIGHT, MAX_SEARCH_STEPS
     residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)

@@ -58,7 +58,7 @@ class Use:
         return np.asarray(self.ratio.max(axis=0))
 
     def ratios(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Ratios of values to limits, lower bounds of the ratios, and bounds on their errors."""
+        """Return the ratios to limits, lower bounds of the ratios, and bounds on their errors."""
         error = np.asarray(self.error)
         used = self.value
         room = np.asarray(self.limit)

@@ -40,7 +40,7 @@ class Bodies(NamedTuple):
 
 
 class Loops(NamedTuple):
-    """Parameters and integrals of the loops of the drives, see `RigidBodyPlant`."""
+    """Parameters and integrals of the drives' loops, see `RigidBodyPlant`."""
 
     kp: FloatArray  # Gains of the position loops [1/s], (dof,)
     kv: FloatArray  # Gains of the velocity loops [1/s], (dof,)

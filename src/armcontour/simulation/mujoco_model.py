@@ -50,7 +50,7 @@ def import_mujoco() -> Any:
 
 
 def function_addresses() -> Functions:
-    """Addresses of the functions of MuJoCo that compiled code calls."""
+    """Addresses of MuJoCo's functions that compiled code calls."""
     # On Linux and macOS, symbols of a module include the symbols of its libraries.
     module = FilePath(import_mujoco()._functions.__file__)
     library = ctypes.CDLL(str(module.with_name("mujoco.dll") if os.name == "nt" else module))

@@ -295,7 +295,7 @@ class RigidBodyPlant(LimitedPlant):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _DriveRecord:
-    """Results of n successive steps of the drives."""
+    """Results of n successive drive steps."""
 
     q: FloatArray  # Positions at the starts of the steps [rad], (n, dof)
     dq: FloatArray  # Velocities at the starts of the steps [rad/s], (n, dof)
@@ -329,7 +329,7 @@ class _DriveRecord:
         )
 
     def moved(self, step: float) -> FloatArray:
-        """Range of motion of the joints, also within steps [rad], (dof,)."""
+        """Motion range of the joints, also within steps [rad], (dof,)."""
         return np.asarray(np.ptp(self.q, axis=0) + np.abs(self.dq).max(axis=0) * step)
 
     def thinned(self, every: int) -> _DriveRecord:
