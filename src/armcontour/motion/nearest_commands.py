@@ -43,7 +43,7 @@ BOUND_SIGNS = np.array([[1.0], [-1.0]])
 
 
 def check_command_limits(limits: Limits, dof: int) -> Limits:
-    """Checked limits of commands, with one value per joint."""
+    """Check the limits of commands; return them with one value per joint."""
     names = [x for x in UNITS if getattr(limits, x) is not None]
     if others := [x for x in names if x not in COMMAND_LIMITS]:
         raise InvalidInput(
@@ -54,12 +54,12 @@ def check_command_limits(limits: Limits, dof: int) -> Limits:
 
 
 def command_bounds(limits: Limits, dof: int) -> FloatArray:
-    """Lower and upper bounds of set-points and their derivatives of orders 1 to 3, (4, 2, dof)."""
+    """Return lower and upper bounds of set-points and of their derivatives 1 to 3, (4, 2, dof)."""
     return np.array([limits.joint_range(dof), *(limits.bounds(x, dof) for x in BY_ORDER[1:])])
 
 
 def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatArray]:
-    """Largest ratio of set-points to each limit, {name of `BY_ORDER`: ratio per joint, (dof,)}.
+    """Return the largest ratio to each limit, {name of `BY_ORDER`: ratio per joint, (dof,)}.
 
     - `q`: set-points [rad], (n, dof), constant before and after.
     - `cycle`: cycle [s].
@@ -86,7 +86,7 @@ class Excess(NamedTuple):
 def find_excess(
     q: FloatArray, cycle: float, bounds: FloatArray, share: float = 0.0
 ) -> Excess | None:
-    """The largest excess of set-points over their bounds; None if all bounds are satisfied.
+    """Find the largest excess of set-points over their bounds; None if there is none.
 
     - `q`: set-points [rad], (n, dof).
     - `cycle`: cycle [s].
@@ -129,7 +129,7 @@ def _excess_of(
 
 
 def find_range_or_speed_excess(q: FloatArray, cycle: float, limits: Limits) -> Excess | None:
-    """The largest excess of set-points over the joint ranges, or else over the joint velocities."""
+    """Find the largest excess over the joint ranges, or else over the joint velocities."""
     bounds = command_bounds(limits, q.shape[1])[:2]
     return find_excess(q, cycle, bounds[:1]) or find_excess(q, cycle, bounds)
 
@@ -137,7 +137,7 @@ def find_range_or_speed_excess(q: FloatArray, cycle: float, limits: Limits) -> E
 def nearest_commands(
     q: FloatArray, cycle: float, bounds: FloatArray, otherwise: FloatArray | None = None
 ) -> tuple[FloatArray, int | None]:
-    """Set-points within bounds, with the smallest mean squared difference from `q`.
+    """Return set-points within bounds, with the smallest mean squared difference from `q`.
 
     The set-points of joints within their bounds are not changed. Other set-points are rounded to
     DECIMALS, and satisfy the bounds after this rounding.
@@ -299,7 +299,7 @@ class _Conditions(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """Changes of the arrays of an iterate."""
+    """Newton's step: changes of x, s and y."""
 
     change: FloatArray
     slacks: FloatArray

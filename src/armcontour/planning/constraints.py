@@ -98,7 +98,7 @@ class IntervalEnds:
 
     @cached_property
     def places(self) -> tuple[IntArray, FloatArray]:
-        """Interval indices and times [s] of the samples of all intervals, (5 n,) each."""
+        """Return the interval index and the time [s] of every sample, (5 n,) each."""
         breaks = self.law.breaks
         t = breaks[:-1] + INSIDE * np.diff(breaks)
         t[-1] = breaks[1:]
@@ -146,7 +146,7 @@ class Constraint:
 
     @property
     def names(self) -> list[tuple[str, int | None]]:
-        """Name of the limit and joint index (None for the tool) of each column of `usage`."""
+        """Return limit name and joint index (None for the tool) for each column of `usage`."""
         if not self.joints:
             return [(self.name, None)]
         return [(self.name, k) for k in range(np.size(self.limit))]

@@ -20,7 +20,7 @@ PART_TURN = 0.1
 
 @compiled(inner=True, allocates=True)
 def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
-    """Number of equal parts of each piece, at whose ends the limits are evaluated, (n,)."""
+    """Choose how many equal parts each piece has; limits are evaluated at their ends, (n,)."""
     n = len(coefficients)
     dof = coefficients.shape[2]
     parts = np.empty(n, dtype=np.intp)
@@ -137,7 +137,7 @@ def least_duration(
     ceilings: FloatArray,
     bounds: FloatArray,
 ) -> float:
-    """Lower bound of the duration of any motion along a joint path [s]; 0 if no limit applies.
+    """Bound the duration of any motion along a joint path from below [s]; 0 if no limit applies.
 
     The method is a forward and a backward pass over points of the path, as in `topp`. The result is
     a lower bound, because limits are evaluated at points only, and between two points ds² may
@@ -277,7 +277,7 @@ def _limit_falls(parts: _PathParts, low: FloatArray, high: FloatArray, down: Flo
 
 
 def bound_duration(joint_path: JointPath, limits: Limits) -> float:
-    """Lower bound of the duration of any motion from rest to rest along a joint path [s]."""
+    """Bound the duration of any motion from rest to rest along a joint path from below [s]."""
     # The bound includes joint velocities and accelerations, tool speed, and the centripetal
     # acceleration on arcs. Torques and all other limits are ignored.
     breaks = joint_path.breaks

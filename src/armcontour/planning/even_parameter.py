@@ -326,7 +326,7 @@ def _keep_slopes(
 
 
 def _find_turns(pieces: FloatArray, direction: FloatArray) -> FloatArray:
-    """Ends of a line, and the points at which it turns back, (n, dof).
+    """Find the ends of a line and the points at which it turns back, (n, dof).
 
     - `pieces`: coefficients of the pieces of the line, (k, 6, dof).
     - `direction`: unit vector along the line, (dof,).
@@ -348,7 +348,7 @@ def _find_turns(pieces: FloatArray, direction: FloatArray) -> FloatArray:
 
 
 def _roots(c: FloatArray) -> FloatArray:
-    """Real parts of the roots of polynomials of degree 4 or less, (n, 4); NaN for missing roots.
+    """Return the real parts of quartics' roots, (n, 4); NaN where the degree is lower.
 
     `c` are the coefficients of powers 0 to 4, (n, 5).
     """
@@ -364,7 +364,7 @@ def _roots(c: FloatArray) -> FloatArray:
 
 
 def _find_reversals(values: FloatArray) -> list[int]:
-    """Indices of both ends of a line, and of the positions at which it turns back."""
+    """Return the indices at which positions along a line begin, turn back and end."""
     small = SHORTEST_MOTION * float(np.abs(np.diff(values)).sum())
     kept = [0]
     for k in range(1, len(values)):

@@ -379,13 +379,13 @@ def _find_active(shares: FloatArray, threshold: float) -> IntArray:
 
 
 def _runs(values: IntArray) -> tuple[IntArray, IntArray]:
-    """Start indices and lengths of runs of equal values."""
+    """Find runs of equal values; return where each starts and how long it is."""
     starts = np.append(0, np.flatnonzero(np.diff(values)) + 1)
     return starts, np.diff(np.append(starts, len(values)))
 
 
 def find_jerk_stops(trajectory: Trajectory) -> FloatArray:
-    """Arc lengths of the full stops that limits of jerk add to those of the joint paths [m]."""
+    """Return the arc lengths of full stops that only the jerk limits cause [m]."""
     stops = [np.empty(0)]
     for span in trajectory.contour_spans:
         if span.trajectory is not None and isinstance(law := span.trajectory.laws[0], PathLaw):

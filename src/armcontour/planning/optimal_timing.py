@@ -301,7 +301,7 @@ def _affordable_intervals(limits: GridLimits) -> int:
 
 
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
-    """Number of parts of each interval for a total loss of at most `max_loss`."""
+    """Choose how many parts each interval needs for a total loss of at most `max_loss`."""
     parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MAX_PARTS_AT_ONCE**2))
     return _round_parts(parts, max(MAX_REFINED, len(loss)))
 

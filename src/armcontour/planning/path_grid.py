@@ -94,7 +94,7 @@ def _make_grid(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
 
 @compiled()
 def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
-    """Mean rate of change of the direction in joint space on each piece [1/m], (pieces,).
+    """Return the mean rate at which each piece turns in joint space [1/m], (pieces,).
 
     Returns the mean of |d2q_ds2| / |dq_ds| at both ends and the middle of each piece; an empty
     array if no joint moves.
@@ -176,7 +176,7 @@ def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArr
 
 @compiled()
 def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
-    """Mask of breaks at which dq_ds of all joints vanishes, so they rest at any ds, (n + 1,).
+    """Return the mask of breaks at which dq_ds is zero, so joints rest at any ds, (n + 1,).
 
     - `coefficients`: coefficients of the joint path, (n, 6, dof).
     - `vanished`: dq_ds counts as zero below this fraction of the sum of its terms.

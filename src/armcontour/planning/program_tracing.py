@@ -57,7 +57,7 @@ LOOK_AHEAD = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TracedMove:
-    """Joint path of a move of a program, or of the rapid from one move to the next."""
+    """Joint path of a program's move, or of the rapid to the next move."""
 
     move: int | None  # Index of the move; None for a rapid between two moves that do not meet
     joint_path: JointPath | None = None  # The joint path; None for dwells and events
@@ -325,7 +325,7 @@ class _Tracer:
         return [as_fast[k] for k in np.argsort(durations, kind="stable")]
 
     def _look_ahead(self, joint_path: JointPath, i: int) -> float:
-        """Lower bound of the duration of the moves after move i [s]; infinite if infeasible."""
+        """Bound the duration of the moves after move i from below [s]; infinite if infeasible."""
         done = sum(isinstance(x, Contour) for x in self.program.moves[: i + 1])
         trial = replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
         for k, move in enumerate(self.program.moves[i + 1 :], i + 1):
@@ -365,7 +365,7 @@ def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
 
 
 def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
-    """Arguments of `trace` for the configuration of joint positions [rad], (dof,)."""
+    """Return the arguments of `trace` for the configuration at joint positions [rad], (dof,)."""
     return (
         {"configuration": arm.configuration_of(q)}
         if isinstance(arm, PlanarTwoLink)
@@ -506,7 +506,7 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
 def _compare_on_parts(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Sums of bounds and durations of parts of a long path [s], (solutions,) each.
+    """Sum bounds and durations over parts of a long path [s], (solutions,) each.
 
     A configuration without a plan has its bound as its duration. A configuration that does not
     complete the parts has an infinite duration.

@@ -141,7 +141,7 @@ def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
 
 @compiled(inner=True)
 def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
-    """Write the frames of all joints and of the tool in the work frame for one state.
+    """Write the frames of joints and tool in the work frame for one state.
 
     - `links`: (dof + 1, 13).
     - `q`: joint positions [rad or m], (dof,).
@@ -170,7 +170,7 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
 
 @compiled()
 def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
-    """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4).
+    """Return the frames of joints and tool for many states, (n, dof + 1, 3, 4).
 
     `q` are the joint positions [rad or m], (n, dof).
     """
@@ -182,7 +182,7 @@ def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
 
 @compiled()
 def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
-    """Tool velocity and angular velocity per joint velocity for many states, (n, 6, dof)."""
+    """Return tool velocity and angular velocity per joint velocity for many states, (n, 6, dof)."""
     n, dof = q.shape
     out = np.empty((n, 6, dof))
     frames = np.empty((dof + 1, 3, 4))
@@ -438,7 +438,7 @@ def put_wrenches(
 
 @compiled(inner=True)
 def body_of(links: FloatArray, j: int) -> Body:
-    """Mass, first moment and columns of the inertia about the joint of link j."""
+    """Return mass, first moment and inertia columns of link j about its joint."""
     x = links
     return (
         x[j, 12],

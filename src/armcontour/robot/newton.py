@@ -116,7 +116,7 @@ class PoseEquations(NamedTuple):
 def write_equations(
     links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: PoseEquations
 ) -> None:
-    """Write the pose error of the tool, and the derivative of the tool pose by joint positions.
+    """Write the tool's pose error, and the derivative of its pose by the joint positions.
 
     The first 3 values are the position error [m]. For task 6 the others are the rotation vector
     from the pose to the target [rad]. For task 5 they are the components of the rotation vector
@@ -329,7 +329,7 @@ def write_second_task(
 
 @compiled()
 def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
-    """Orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof).
+    """Return an orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof).
 
     For task 5 the tool may rotate about its axis, for task 3 about the tool point.
 

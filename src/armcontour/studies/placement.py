@@ -68,7 +68,7 @@ class Placement(Result):
     Args:
         job: The job, with part and base where it defines them (its own place).
         run: The planned run.
-        axes: Values of the axes of the grid [m, rad], (n,) each.
+        axes: Values on the grid's axes [m, rad], (n,) each.
         moved: "part" or "base".
         about: Centre of yaw, in the coordinates of the path [m], (3,).
         places: All places; the last axis changes fastest.

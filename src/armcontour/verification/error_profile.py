@@ -85,7 +85,7 @@ def error_rows(
     rms_level: int = TABLE,
     max_level: int = TABLE,
 ) -> tuple[Row, ...]:
-    """Rows of RMS and largest value of an error, at the levels `rms_level` and `max_level`."""
+    """Make the rows of an error's RMS and maximum, at the levels `rms_level` and `max_level`."""
     if error is None:
         return (Row(name, None),)
     key = f"{name}." if name else ""
@@ -319,7 +319,7 @@ def _search_interval(
 def maximize_smooth(
     first: FloatArray, last: FloatArray, measure: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """Largest value of each of m smooth functions between its two times, (m,), by parabolas.
+    """Maximize each of m smooth functions between its two times, (m,), by parabolas.
 
     `measure` maps times, (m, n), to the values of each function at them, (m, n).
     """

@@ -39,7 +39,7 @@ AT_LIMIT = 0.99
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evaluation(Result, Frozen):
-    """Errors, speeds and use of limits of an execution.
+    """Errors, speeds and limit use of an execution.
 
     Args:
         duration: Planned time of the motion [s].
@@ -230,28 +230,28 @@ def tool_speeds(motion: Execution) -> ToolSpeeds:
 
 
 def duration_row(duration: float, level: int = FIRST) -> Row:
-    """Row of the duration of a plan [s]."""
+    """Make the row of a plan's duration [s]."""
     return Row("duration", duration, "s", "motion", level=level)
 
 
 def settled_row(settled: float) -> Row:
-    """Row of the time after which the tool is at rest [s]."""
+    """Make the row of the time after which the tool rests [s]."""
     return Row("settled", settled, "s", "at rest after")
 
 
 def demand_row(shares: FloatArray) -> Row:
-    """Row of the largest demanded fraction of each joint's acceleration limit, (dof,)."""
+    """Make the row of `demand_ratio`, (dof,)."""
     return _joint_row("demand_ratio", shares, "joint demand")
 
 
 def saturated_row(shares: FloatArray) -> Row:
-    """Row of the fraction of time for which each joint is saturated, (dof,)."""
+    """Make the row of `saturated`, (dof,)."""
     joints = [f"joint {j + 1} {number(x, '1')}" for j, x in enumerate(shares) if x > 0]
     return Row("saturated", shares, "1", "saturated", ", ".join(joints) or "no joint", VERDICT)
 
 
 def _joint_row(name: str, shares: FloatArray, label: str) -> Row:
-    """Row of one ratio per joint, with the joint of the largest ratio; no label if all are 0."""
+    """Make a row of one ratio per joint that names the largest; without a label if all are 0."""
     if not shares.any():
         return Row(name, shares, "1")
     return Row(name, shares, "1", label, f"joint {int(shares.argmax()) + 1}")
@@ -395,12 +395,12 @@ def _planned_times(executed: Execution) -> BoolArray:
 
 
 def demand_ratio(executed: Execution, limits: Limits) -> FloatArray:
-    """Largest demanded fraction of each joint's acceleration limit, (dof,)."""
+    """Return the largest demanded fraction of each joint's acceleration limit, (dof,)."""
     return use_of("joint_acceleration", limits, executed.demand_range).largest
 
 
 def saturated_fractions(executed: Execution, end: float) -> FloatArray:
-    """Per joint, saturated fraction of the time to the last sample or a later `end` [s], (dof,)."""
+    """Return the saturated share of the time to the last sample or a later `end` [s], (dof,)."""
     time = max(end, float(executed.t[-1])) - float(executed.t[0])
     return np.asarray(executed.saturated_time / time)
 
@@ -431,7 +431,7 @@ def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float
 
 
 def _time_at_limit(executed: Execution, limits: Limits) -> float:
-    """Fraction of the planned time in which a joint uses at least the share AT_LIMIT of a limit."""
+    """Return the share of the planned time in which a joint uses at least AT_LIMIT of a limit."""
     moved = _planned_times(executed)
     values = {"joint_acceleration": executed.ddq, "joint_velocity": executed.dq}
     if executed.torque is not None:

@@ -176,7 +176,7 @@ class PathDeviation:
 
 
 class LimitUseAccumulator:
-    """Accumulator of the largest uses of every limit; `limits` must have one value per joint."""
+    """Accumulates the largest use of every limit; `limits` must have one value per joint."""
 
     # deviation: permitted distance from the path [m]; orientation_deviation: permitted angle from
     # the required tool orientation [rad].

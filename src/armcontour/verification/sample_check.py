@@ -255,7 +255,7 @@ def _components(columns: list[Column], along: FloatArray) -> list[Column]:
 def _smallest_factor(
     shift: FloatArray, change: Column, span: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """Smallest factor of the bounds of a rate that a shift and a change within its error need.
+    """Find the smallest factor of a rate's bounds for a shift and a change within its error.
 
     The integral of the rate is `change`, and its double integral differs from that of a constant
     rate by `shift`. Among all rates from f low to f high, the shift is largest if the rate is

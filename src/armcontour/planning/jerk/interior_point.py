@@ -81,7 +81,7 @@ class JerkSection(NamedTuple):
 
 
 class _Blocks(NamedTuple):
-    """Plain and curved rows of blocks of LANES parts, which are processed together."""
+    """Plain and curved rows in blocks: LANES parts are processed together."""
 
     # Parts that are missing in the last block have rows without bounds. All arrays are flat.
     near: FloatArray  # Control points of a in the rows of each part, (blocks, 3, LANES)
@@ -185,7 +185,7 @@ def _new_blocks(p: JerkSection) -> _Blocks:
 
 @compiled(inner=True)
 def _spread(p: JerkSection, d: FloatArray, near: FloatArray) -> None:
-    """Write the control points of a that the rows of each part multiply."""
+    """Write, for each part, the three control points that its rows multiply."""
     for c in range(len(p.cell)):
         at = c // LANES * 3 * LANES + c % LANES
         for k in range(3):
@@ -204,7 +204,7 @@ def _dot(row: Any, near: Any) -> Any:
 
 @compiled(inner=True)
 def _tangent_row(p: JerkSection, tangents: FloatArray, b: int, r: int) -> Any:
-    """Level, slope and raised row of the tangent that bounds curved row r."""
+    """Return level, slope and raised row of the tangent that bounds curved row r."""
     at = b * (RAISED + 3 * p.raised.shape[1] * LANES)
     row = _load_row(tangents, at + RAISED + 3 * p.curved_points[r] * LANES)
     return p.jerk[r] * load(tangents, at + LEVEL), p.jerk[r] * load(tangents, at + SLOPE), row
@@ -212,7 +212,7 @@ def _tangent_row(p: JerkSection, tangents: FloatArray, b: int, r: int) -> Any:
 
 @compiled(inner=True)
 def _slacks(p: JerkSection, blocks: _Blocks, b: int, r: int, near: Any) -> Any:
-    """Slacks of both bounds of row r of a block."""
+    """Return the slacks below and above row r in block b."""
     plain = p.plain.shape[1]
     at = (b * (plain + p.curved.shape[1]) + r) * ROW
     f = _dot(_load_row(blocks.rows, at), near)
@@ -256,7 +256,7 @@ def limit_steps(values: FloatArray, steps: FloatArray) -> None:
 
 @compiled()
 def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
-    """Smallest relative slack of d in each cell, (n,); positive if d satisfies all rows."""
+    """Return the smallest relative slack in each cell, (n,); positive if d satisfies all rows."""
     # Tangents are moved to d, from where `improve` starts.
     shares = np.ones(len(p.width))
     for c in range(len(p.cell)):
@@ -422,7 +422,7 @@ def _add_barriers(
 
 @compiled(inner=True, inline="always")
 def _round_slope(p: JerkSection, c: int, r: int, vector: Any) -> Any:
-    """Derivatives of the slack `radius - |vector|² / radius` of a vector row, (x, y, z)."""
+    """Return the derivatives of a vector row's slack `radius - |vector|² / radius`, (x, y, z)."""
     u = vector[0] / p.radius[c, r]
     v = vector[1] / p.radius[c, r]
     rows = p.round
@@ -446,7 +446,7 @@ def _longest_steps(slack: float, dual: float, rise: float, change: float, reach:
 
 @compiled(inner=True, inline="always")
 def _longest_round_step(bound: float, vector: Any, change: Any, slack: float) -> float:
-    """Longest step that uses at most the share ROUND_STEP_SHARE of the slack of a vector row."""
+    """Return the longest step that keeps 1 - ROUND_STEP_SHARE of a vector row's slack."""
     # With the remaining slack `left`, `bound² - |vector|² - left bound >= 0` is quadratic in the
     # step.
     start = ROUND_STEP_SHARE * bound * slack

@@ -72,7 +72,7 @@ class End:
     even: float  # Length over which the joint path is nearly straight near this end [m]
 
     def first_cell(self, length: float) -> float:
-        """Length of the cell of uniform jerk at this end [m], in a section of a given length."""
+        """Length of the uniform-jerk cell at this end [m], in a section of a given length."""
         shortest = SHORTEST_FIRST * length
         longest = min(LONGEST_FIRST * length, self.even)
         longest = max(shortest, longest)

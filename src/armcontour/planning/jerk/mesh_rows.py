@@ -35,7 +35,7 @@ LEAST_TANGENT_SHARE = 0.25
 
 
 class Basis(NamedTuple):
-    """ds², dds and slope on parts of cells, as rows of the three control points of a cell."""
+    """ds², dds and slope on parts of cells, as rows that multiply a cell's three control points."""
 
     # Coefficients of ds² in powers of x, from 0 to 1 on each part, (m, 3 control points, 3)
     square: FloatArray
@@ -68,7 +68,7 @@ def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
 
 
 def raised(basis: Basis, degree: int) -> FloatArray:
-    """Control points of ds² as a polynomial of a degree of at least 2, (m, degree + 1, 3)."""
+    """Return the control points of ds² as a polynomial of a degree >= 2, (m, degree + 1, 3)."""
     return np.asarray(np.einsum("cm,pbm->pcb", to_bernstein(degree)[:, :3], basis.square))
 
 
@@ -309,7 +309,7 @@ class MeshRows:
         return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
 
     def allowed_slopes(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Slopes of ds^1.5 and ds² that use half of the limits of jerk and acceleration."""
+        """Return the slopes of ds^1.5 and ds² that use half of the jerk and acceleration limits."""
         # The slopes assume a straight path. They are returned for the cells of a section except its
         # cells of uniform jerk, (n,) each.
         mesh = self.mesh
@@ -351,7 +351,7 @@ class MeshRows:
         )
 
     def _motion_rows(self, cells: _Cells) -> tuple[FloatArray, FloatArray]:
-        """Rows of the accelerations and jerks of the limited joints, in the order of the joints."""
+        """Return the rows of acceleration and of jerk for all limited joints, in joint order."""
         dof = self.mesh.grid.joint_path.dof
         sizes = (self.degree + 1, self.degree)
         first = np.full((2, dof), -1)
@@ -424,7 +424,7 @@ class MeshRows:
         return np.concatenate(vectors, axis=1), np.repeat(rounds.radius, 2, axis=1)
 
     def _speed_ceiling(self) -> FloatArray:
-        """Bounds of the control points of ds² under joint velocity limits, (n, 3)."""
+        """Bound the control points of ds² by the joint velocity limits, (n, 3)."""
         limited = np.isfinite(self.speeds).any(axis=0)
         if not limited.any():
             return np.full((len(self.mesh.grid), 3), np.inf)
@@ -468,7 +468,7 @@ class MeshRows:
         top[last, 2] = np.minimum(top[last, 2], largest[ramps < 0])
 
     def _largest_at_ramps(self, parts: IntArray) -> FloatArray:
-        """Largest ds² that parts of cells of uniform jerk allow at the moving end, (m,)."""
+        """Return the largest ds² that parts of uniform-jerk cells allow at the moving end, (m,)."""
         # On a cell of length h from a rest, `ds² = A (s / h)^(4/3)`, where A is ds² at the moving
         # end. At this end dds is `2 A / (3 h)`, and the jerk is `2 A^1.5 / (9 h²)`. Each part is
         # bounded as if it had the speed and acceleration of the moving end.
@@ -508,7 +508,7 @@ class MeshRows:
 
 
 def _localize(cells: _Cells, points: FloatArray) -> FloatArray:
-    """Convert rows of control points of ds² on each cell to rows of the unknowns."""
+    """Convert rows that multiply a cell's control points to rows of the unknowns."""
     cell, begin, end = cells
     index = (cell,) + (None,) * (points.ndim - 2)
     rows = points[..., :1] * begin[index] + points[..., 2:] * end[index]

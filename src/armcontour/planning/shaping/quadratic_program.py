@@ -147,7 +147,7 @@ def _pack(rows: FloatArray, bounds: FloatArray) -> _Rows:
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
 def _row_product(rows: _Rows, x: FloatArray, r: int) -> float:
-    """Product of row r and the unknowns x."""
+    """Return the product of row r and the unknowns x."""
     value = 0.0
     shift = rows.first[r] - rows.ends[r]
     for p in range(rows.ends[r], rows.ends[r + 1]):
@@ -223,7 +223,7 @@ def _write_step(
 
 @compiled(inner=True, fastmath=FUSED)
 def _gap_after(point: _Iterate, step: _Iterate, length: float) -> float:
-    """Average product s y after a step of a length."""
+    """Return the average product s y after a step of a given length."""
     count = len(point.slack)
     after = 0.0
     for r in range(count):
@@ -282,7 +282,7 @@ def _solve(matrix: FloatArray, x: FloatArray) -> None:
 
 @compiled(inner=True, fastmath=FUSED)
 def _longest_step(point: _Iterate, step: _Iterate) -> float:
-    """Longest step, at most 1, that keeps slacks and multipliers nonnegative."""
+    """Return the longest step, at most 1, that keeps slacks and multipliers nonnegative."""
     length = 1.0
     for r in range(len(point.slack)):
         if step.slack[r] < 0.0:

@@ -74,7 +74,7 @@ def is_long(group: IntArray) -> bool:
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
-    """Index of the first of both fixed nodes between chunks, (m,); empty for a single chunk.
+    """Return the first of the two fixed nodes between chunks, (m,); empty for a single chunk.
 
     - `group`: index of the corner or rest nearest to each node, ascending, (n,).
     - `whole`: true for a single chunk, also on long paths.
@@ -149,7 +149,7 @@ class ShapeSearch:
 
     @property
     def size(self) -> float:
-        """Number of joint values of the control points per corner or rest."""
+        """Return the number of joint values in the control points per corner or rest."""
         return self.nodes.q.size / float(self.nodes.group[-1] + 1)
 
     def __post_init__(self) -> None:

@@ -74,7 +74,7 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
 
 
 def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
-    """Bound the distance of every point of a path from the objective near its matching point."""
+    """Bound how far each point of a path is from the objective near its matching point."""
     last = len(tube) - 1
     piece = np.clip(np.searchsorted(tube.breaks, matches[:, 0], side="right") - 1, 0, last)
     return tube.prove(path, matches, MATCH_TOLERANCE * tube.tolerance[piece])

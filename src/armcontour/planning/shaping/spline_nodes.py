@@ -138,7 +138,7 @@ class NearPath:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Nodes:
-    """The n nodes along the path of a start, one for each control point of the joint spline."""
+    """The n nodes along a start's path, one for each control point of the joint spline."""
 
     s_objective: FloatArray  # Arc lengths on the objective [m], (n,)
     points: FloatArray  # Points on the path of the start [m], (n, dimension)
@@ -276,7 +276,7 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
 
 @dataclass(frozen=True, slots=True)
 class _Marks:
-    """The m rests and corners of the path of a start."""
+    """The m rests and corners of a start's path."""
 
     s: FloatArray  # Arc lengths on the path of the start, ascending [m], (m,)
     rest: BoolArray  # True at rests, (m,)

@@ -60,7 +60,7 @@ class JointSpline:
 
 @dataclass(slots=True)
 class SpanRows:
-    """Limits of all spans as functions of the velocities at both ends and of the span time."""
+    """Limits of all spans, as functions of span time and velocities at both ends."""
 
     value: FloatArray  # Values of the functions, at most zero if a limit is satisfied, (n, m)
     before: FloatArray  # Derivatives with respect to the velocity at the start, (n, m, dof)
@@ -118,7 +118,7 @@ def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray)
 
 
 def _join_groups(groups: Sequence[SpanRows]) -> SpanRows:
-    """Join groups of rows of the same spans."""
+    """Join groups of rows that belong to the same spans."""
     return SpanRows(
         value=np.concatenate([x.value for x in groups], axis=1),
         before=np.concatenate([x.before for x in groups], axis=1),
@@ -255,7 +255,7 @@ def _torque_rows(
 def _derivatives_at_ends(
     by_change: FloatArray, by_end: FloatArray, last: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives by the velocities at both ends, from those by their change and by one of them."""
+    """Convert derivatives by velocity change and one velocity to derivatives by both velocities."""
     return (-by_change, by_change + by_end) if last else (by_end - by_change, by_change)
 
 

@@ -80,7 +80,7 @@ def draw(
 def _refinement_factor(
     arcs: Segments, spreads: FloatArray, count: IntArray, tolerance: FloatArray
 ) -> FloatArray:
-    """Factor by which the number of parts of each span must increase, (m,); 1 or less if enough.
+    """Return the factor by which each span needs more parts, (m,); 1 or less if it has enough.
 
     `arcs` has two arcs for each part; `spreads` is the distance of the arcs of each part from the
     curve [m]. `count` and `tolerance` [m] belong to the spans, (m,).
@@ -138,7 +138,7 @@ def _draw(
 
 
 def _count_parts(spline: JointSpline) -> IntArray:
-    """Number of parts of each span, so that the velocity changes little along a part, (n,)."""
+    """Choose how many parts each span needs so that velocity changes little along a part, (n,)."""
     e = np.linalg.norm(spline.velocities, axis=1)
     change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
     slow = np.maximum(np.minimum(e[1:], e[:-1]), 0.2 * np.maximum(e[1:], e[:-1]))
@@ -174,7 +174,7 @@ def _evaluate_spline(spline: JointSpline, arm: Arm, span: IntArray, share: Float
 
 
 def _with_columns(arcs: Segments, objective: Path, s_parts: FloatArray) -> Segments:
-    """Arcs with assigned velocities, tolerances and tags of their parts of the objective."""
+    """Copy assigned velocities, tolerances and tags from the objective to the arcs."""
     last = len(objective) - 1
     first = np.clip(np.searchsorted(objective.breaks, s_parts[:, 0], side="right") - 1, 0, last)
     end = np.clip(np.searchsorted(objective.breaks, s_parts[:, 1], side="left") - 1, first, last)

@@ -92,7 +92,7 @@ def _choose_slopes(
 def _motion_extent(
     width: FloatArray, x: FloatArray, k: FloatArray, i: int
 ) -> tuple[float, float, float]:
-    """Largest and smallest x, and largest |u|, of a motion on interval i."""
+    """Return the largest x, the smallest x and the largest |u| of a motion on interval i."""
     w = width[i]
     first = x[i]
     last = x[i + 1]
@@ -156,7 +156,7 @@ def _prove_or_widen(
 
 @compiled(inner=True)
 def _largest_margin(lost: FloatArray) -> int:
-    """Index of the interval whose margins take the largest fraction of a limit."""
+    """Return the interval whose margins take the largest fraction of a limit."""
     worst = 0
     for i in range(len(lost)):
         if lost[i] > lost[worst]:
@@ -166,7 +166,7 @@ def _largest_margin(lost: FloatArray) -> int:
 
 @compiled(inner=True)
 def _duration(width: FloatArray, x: FloatArray, k: FloatArray) -> float:
-    """Duration of a motion with ds² at the ends of the intervals and slopes k [s]."""
+    """Return the duration [s] of a motion, from ds² at all grid points and the slopes k."""
     total = 0.0
     for i in range(len(width)):
         total += interval_time(width[i], math.sqrt(x[i]), math.sqrt(x[i + 1]), k[i])

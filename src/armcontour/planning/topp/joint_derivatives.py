@@ -13,7 +13,7 @@ Vector = Any  # SIMD vector of LANES numbers
 
 @compiled(inner=True)
 def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
-    """Coefficients of x^power of LANES joints on the piece of an interval."""
+    """Load the coefficients of x^power for LANES joints on the interval's piece."""
     return load(grid.coefficients, (6 * grid.piece[i] + power) * grid.dof + joint)
 
 

@@ -85,7 +85,7 @@ class Squares(NamedTuple):
 
 
 class Rounds(NamedTuple):
-    """Limits `|a u + b x| <= radius` of the norms of vectors."""
+    """Limits `|a u + b x| <= radius` on vector norms."""
 
     # Vectors a and b at the starts and ends of the intervals, (n, 2, rounds, 2, 3). Their products
     # would lose the difference of two vectors that are almost equal.
@@ -184,7 +184,7 @@ def combine_forms(forms: Iterable[Form], n: int) -> GridLimits:
 
 
 def _concatenate(kind: type, tables: list[tuple[FloatArray, ...]] | None, n: int) -> Any:
-    """One form with the rows of all forms of a class."""
+    """Join all forms of one class to one form."""
     if tables is None:
         return _without_rows(kind, n)
     if len(tables) == 1:

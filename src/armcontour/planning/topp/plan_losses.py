@@ -94,14 +94,14 @@ class _Motion(NamedTuple):
 
 
 class _Unused(NamedTuple):
-    """Unused shares of the ranges of u at both ends of an interval."""
+    """Unused shares of the u ranges at both ends of an interval."""
 
     up: tuple[float, float]  # Up to the upper bound
     down: tuple[float, float]  # Down to the lower bound
 
 
 class PlanLosses(NamedTuple):
-    """Estimated losses of time of a plan by its grid and its slopes."""
+    """Time that a plan is estimated to lose by its grid and its slopes."""
 
     duration: float  # Duration of the plan [s]
     time: FloatArray  # Time lost on each interval [s], (n,)

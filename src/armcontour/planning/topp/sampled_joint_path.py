@@ -219,7 +219,7 @@ class SampledJointPath:
         return Squares(ends[..., None], (ends.max(axis=1) + deviation)[:, None], rise)
 
     def _chord_deviations(self, values: FloatArray) -> FloatArray:
-        """Bounds of the distances of vectors at all samples from their chords, (n,)."""
+        """Bound how far vectors at all samples are from their chords, (n,)."""
         n = len(self)
         square = self.grid.width**2
         piece = self.grid.piece

@@ -371,7 +371,7 @@ def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntAr
 
 
 def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
-    """Sum of the shortest times between knots [s]; without velocity limits, of the steps [rad]."""
+    """Sum the shortest times between knots [s]; without velocity limits, the steps [rad]."""
     steps = np.diff(q, axis=0)
     if arm.limits.joint_velocity is None:
         return float(np.abs(steps).max(axis=1).sum())
@@ -463,7 +463,7 @@ def _reach_gap(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> fl
 def _largest_reach_gap(
     arm: SerialArm, poses: FloatArray, task: int, q: FloatArray
 ) -> tuple[float, int]:
-    """Distance of the tool from the pose farthest out of reach [m], and its index; or 0, 0."""
+    """Return distance from the tool [m] and index of the pose farthest out of reach, or 0, 0."""
     indices = spread_indices(len(poses), MANY_POSES)
     gaps = out_of_reach(arm, poses[indices], task, q)
     more_seeds = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])

@@ -150,7 +150,7 @@ def _cells(path: Path) -> Knots:
 
 
 def task_dimension(path: Path, arm: SerialArm) -> int:
-    """Number of the 6 degrees of freedom of the tool that the path prescribes."""
+    """Return how many of the tool's 6 degrees of freedom the path prescribes."""
     # The task dimension is 6 (position and orientation), 5 (position and tool axis) or 3
     # (position).
     if path.dimension != 3:

@@ -41,7 +41,7 @@ def chord_of(tilt: float) -> float:
 
 
 def turn_down(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Direction of gravity in the frame of the part, and its derivatives by the joints.
+    """Return the direction of gravity in the part's frame, and its derivatives by the joints.
 
     Returns unit vectors, (n, 3), and derivatives, (n, floor_link, 3).
 
@@ -69,7 +69,7 @@ def _angles(axes: FloatArray, down: FloatArray) -> FloatArray:
 
 
 def level_positions(arm: SerialArm, axis: FloatArray) -> FloatArray:
-    """Positions of a positioner with the smallest angle of the tool axis, (k, floor_link) [rad].
+    """Find positions of a positioner with the smallest tool tilt, (k, floor_link) [rad].
 
     - `axis`: tool axis in the frame of the part, (3,).
     """

@@ -233,7 +233,7 @@ def smooth(
 
 
 class _Cost:
-    """Sum of squares of the weighted joint steps and of the excess over inner ranges."""
+    """Cost of a joint path: squares of weighted joint steps, and of excesses over inner ranges."""
 
     # The weight of a step decreases with its fraction of the tool path and of the initial joint
     # path, because at a tight corner the joints move far on a short path, which must not outweigh
@@ -340,7 +340,7 @@ class _Cost:
         return excess, slopes
 
     def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Equations of the null-space motion that minimizes the linearized cost."""
+        """Write the equations whose solution is the null-space motion of least linearized cost."""
         # Returns the matrices in the form of `solve_banded`, (paths, n free, 2 free), and half the
         # negative gradients, (paths, n free).
         count, n, free, _ = w.shape

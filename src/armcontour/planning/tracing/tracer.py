@@ -272,7 +272,7 @@ class NumericSolver(Solver[SerialArm]):
         return q, dq_ds, d2q_ds2
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
-        """Largest ratio of the tool's position and orientation errors to their tolerances, (n,)."""
+        """Return the larger ratio of position and orientation error to its tolerance, (n,)."""
         difference = self.arm.poses(q) - poses_at(self.path, knots, u)
         error: FloatArray = np.linalg.norm(difference[:, :, 3], axis=1) / self.tolerance
         if self.task == 3:
@@ -433,7 +433,7 @@ def _moving(arm: SerialArm) -> tuple[SerialArm, IntArray]:
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
-    """Indices of knots at steps of `step` [m] or rotations of CHORD_TURN, and of the last knot."""
+    """Return indices of knots every `step` [m] or CHORD_TURN of rotation, and of the last knot."""
     from armcontour.planning.tracing.branch_solutions import CHORD_TURN
 
     turn = np.linalg.norm(np.diff(row_of_poses(path, knots)[:, :, :3], axis=0), axis=(1, 2))
@@ -620,7 +620,7 @@ def _with_held(joint_path: JointPath, chain: Chain, joints: IntArray) -> JointPa
 
 
 def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -> list[JointPath]:
-    """Joint paths of configurations that complete a path; raises the first error if none does."""
+    """Trace a path in all configurations that complete it; raise the first error if none does."""
     joint_paths: list[JointPath] = []
     refusals: list[Unreachable] = []
     for attempt in tries:

@@ -135,7 +135,7 @@ class LinearMaps(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def shift(u: Command, t: float) -> Command:
-    """The same command with its time origin moved to t."""
+    """Return the same command with its time origin moved to t."""
     value = u.value + t * (u.rate + t * (u.second + t * u.third))
     rate = u.rate + t * (2 * u.second + t * 3 * u.third)
     return Command(value, rate, u.second + 3 * u.third * t, u.third, u.lead)
@@ -143,7 +143,7 @@ def shift(u: Command, t: float) -> Command:
 
 @compiled(inner=True, fastmath=FUSED)
 def command_at(pieces: FloatArray, starts: FloatArray, piece: int, now: float) -> Command:
-    """Command in its piece `piece`, with the time origin at `now` [s]."""
+    """Return the command of a piece, with its time origin at `now` [s]."""
     # Without views of rows, because counting references to arrays takes time.
     u = Command(
         pieces[piece, 0], pieces[piece, 1], pieces[piece, 2], pieces[piece, 3], pieces[piece, 4]
@@ -154,7 +154,7 @@ def command_at(pieces: FloatArray, starts: FloatArray, piece: int, now: float) -
 
 @compiled(inner=True, fastmath=FUSED)
 def fastest_rate(servo: Servo) -> float:
-    """Upper bound of the inverse of the shortest time constant [1/s]."""
+    """Bound the fastest rate of a servo, 1 / shortest time constant, from above [1/s]."""
     kp = servo.kp
     kv = servo.kv
     ki = servo.ki
@@ -182,7 +182,7 @@ def demand(servo: Servo, u: Command, q: float, w: float, x: float) -> tuple[floa
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def series_of_map(servo: Servo) -> FloatArray:
-    """Taylor coefficients of the linear map of a motion over time t, (MAP_TERMS, 3, COLUMNS).
+    """Return the Taylor coefficients in t of a motion's linear map, (MAP_TERMS, 3, COLUMNS).
 
     The state `(q - u, w, du, d2u / 2, d3u / 6, x, lead)` has the derivative `matrix state`, so its
     map over t is the matrix exponential with the coefficients `matrix^k / k!`.
@@ -266,7 +266,7 @@ def write_map(
 def apply_map(
     servo: Servo, f: FloatArray, i: int, u: Command, end: Command, q: float, w: float, x: float
 ) -> tuple[float, float, float]:
-    """Position, velocity and integral after a step without saturation, by the map f[i].
+    """Return position, velocity and integral after a step without saturation, by the map f[i].
 
     `end` is the command at the end.
     """
@@ -288,7 +288,7 @@ def apply_map(
 
 @compiled(inner=True, fastmath=FUSED)
 def evaluate(a: FloatArray, terms: int, order: int, t: float) -> float:
-    """Derivative of an order of a polynomial at time t."""
+    """Evaluate a polynomial's derivative of a given order at time t."""
     value = 0.0
     for k in range(terms - 1, order - 1, -1):
         factor = a[k]
@@ -302,7 +302,7 @@ def evaluate(a: FloatArray, terms: int, order: int, t: float) -> float:
 def find_passage(
     a: FloatArray, terms: int, order: int, low: float, high: float, level: float
 ) -> float:
-    """Time at which a derivative of a polynomial crosses `level`; `high` if it does not.
+    """Return when a polynomial's derivative crosses `level`; `high` if it does not.
 
     Newton's method, which bisects the bracket from `low` to `high` if a step leaves it.
     """
@@ -331,7 +331,7 @@ def find_passage(
 
 @compiled(inner=True, fastmath=FUSED)
 def count_terms(x: float) -> int:
-    """Number of Taylor terms if the terms decrease like `x^k / k!`."""
+    """Count the Taylor terms that matter if they decrease like `x^k / k!`."""
     term = 1.0
     n = 0
     while term > NOTHING and n < MAX_TERMS - 3:
@@ -513,7 +513,7 @@ def respond(
 
 @compiled(inner=True, fastmath=FUSED)
 def find_piece(starts: FloatArray, now: float) -> int:
-    """Number of pieces of the command that have begun before `now` [s], by bisection."""
+    """Count the command's pieces that have begun before `now` [s], by bisection."""
     piece = 0
     high = len(starts)
     while piece < high:
@@ -533,7 +533,7 @@ def begins(starts: FloatArray, piece: int, now: float) -> bool:
 
 @compiled(inner=True, fastmath=FUSED)
 def stop_before(starts: FloatArray, piece: int, until: float) -> float:
-    """Start of the next piece of the command, or an earlier time `until` [s]."""
+    """Return when the command's next piece starts, or the earlier time `until` [s]."""
     if piece < len(starts) and starts[piece] < until - SAME_INSTANT:
         return float(starts[piece])
     return until

@@ -1,4 +1,4 @@
-"""Largest contour errors of the robots of a box: joint ranges, a bound, and the worst robots.
+"""Largest contour errors of all robots in a box: joint ranges, a bound, and the worst robots.
 
 The servos of different joints are independent. Over the box, the positions of joint j at a time
 therefore fill an interval, and the positions of all robots fill the product of these intervals: 8
@@ -74,7 +74,7 @@ class BoxErrors(Result):
         max: Largest contour error of each executed robot, of both directions [m], (n,).
         names: Names of the uncertain parameters.
         deviations: Errors of these parameters (relative, or in s), (n, len(names)).
-        robots: Errors of all parameters of the robots, (n, 3 dof), as for `servo_with`.
+        robots: Parameter errors of the robots, (n, 3 dof), as for `servo_with`.
         demand: Largest ratio of a commanded acceleration to its limit on each robot, (n,).
     """
 
@@ -169,7 +169,7 @@ class JointRanges:
 
 
 def combine_ends(has_range: BoolArray) -> BoolArray:
-    """Combinations of both ends of the joints that have a range, (2^k, dof); True for the high."""
+    """Combine both ends of all joints that have a range, (2^k, dof); True for the high."""
     combinations = list(product((False, True), repeat=int(has_range.sum())))
     ends = np.zeros((len(combinations), len(has_range)), dtype=np.bool_)
     ends[:, has_range] = combinations

@@ -110,7 +110,7 @@ class Case:
         return np.asarray(np.max([commanded_acceleration / x for x in bounds], axis=0))
 
     def command_ratios(self, set_points: SetPoints) -> FloatArray:
-        """Ratios of velocities of set-points to limits, (n,); infinite outside joint ranges."""
+        """Return velocity ratios of set-points to limits, (n,); infinite outside joint ranges."""
         q = set_points.q
         lower, upper = self.limits.joint_range(self.arm.dof)
         rate = np.diff(q, axis=0, append=q[-1:]) / set_points.cycle

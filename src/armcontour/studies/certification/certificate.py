@@ -181,7 +181,7 @@ class ContourCertificate(Result):
     trials: int
 
     def to_data(self) -> Data:
-        """Data of the error of the contour, its parts, and the derating."""
+        """Data of the contour's error, its parts, and the derating."""
         optimum = number(self.optimum, "s")
         robots = [Row("robots", None)]
         if self.robots is not None:
@@ -213,7 +213,7 @@ class ContourCertificate(Result):
 
     @property
     def shape(self) -> str | None:
-        """Shape of the corners of the path: "free", "arc", or None if no corner was changed."""
+        """Corner shape of the path: "free", "arc", or None if no corner was changed."""
         if isinstance(self.path, ShapedPath):
             return FREE
         return ARC if isinstance(self.path, RoundedPath) and len(self.path.corners) else None
@@ -432,7 +432,7 @@ class Certificate(Result):
 
     @property
     def budget(self) -> Budget:
-        """Parts of the contour error of the worst contour."""
+        """Parts of the worst contour's error."""
         return self.worst.budget
 
     @property

@@ -156,7 +156,7 @@ def _choose_run(job: Job, goal: CertificateGoal, name: str | None) -> Run:
 
 
 def _build_plant(job: Job, run: Run) -> RigidBodyPlant | None:
-    """Build the plant of the experiment of a run; None if it has none."""
+    """Build the plant for a run's experiment; None if it has none."""
     if run.experiment is None:
         return None
     return build_plant(
@@ -216,7 +216,7 @@ def _find_fastest_shape(job: Job, run: Run, goal: CertificateGoal, report: Progr
 
 
 def goal_of(job: Job, run: str | None, /, **overrides: Any) -> CertificateGoal:
-    """Goal of the job, or the accuracy of a run (of all) as tolerance, with fields replaced."""
+    """Return the job's goal, or the accuracy of its runs as tolerance, with fields replaced."""
     if job.certificate is not None:
         return replace(job.certificate, **overrides)
     if overrides.get("tolerance") is None and overrides.get("servo_error") is None:
@@ -289,7 +289,7 @@ def _split_tolerance(base: Case, run: Run, tolerance: float) -> Verdict:
 
 
 def find_verdict(case: Case) -> Verdict:
-    """Verdict on the fastest attempt that is certified.
+    """Find the fastest attempt that is certified; return its verdict.
 
     Raises NotRealizable if no plan satisfies the goal; the message names the contour.
     """
@@ -450,7 +450,7 @@ def _execute_uncertified(case: Case) -> Uncertified:
 
 
 def describe_model(case: Case) -> str:
-    """Description of the robot model for which a certificate is valid."""
+    """Describe the robot model for which a certificate is valid."""
     servo = case.servo
     order = " of order second" * (servo.order == "second")
     held = {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}
@@ -466,7 +466,7 @@ def describe_model(case: Case) -> str:
 
 
 def bound_deviation(path: Path, objective: Path) -> Deviation:
-    """Bound of the distances between a path and its objective path, in both directions.
+    """Bound the distances between a path and its objective path, in both directions.
 
     That of a path with the shape "free" is its tolerance, within which it is proven to be.
     """

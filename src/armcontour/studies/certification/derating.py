@@ -52,7 +52,7 @@ class Derating:
 
     @classmethod
     def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Derating:
-        """Derating without any reduction; cells are the intervals of the first grid of a plan."""
+        """Derating that reduces nothing; cells are the intervals of a plan's first grid."""
         cells = place_grid(joint_path, intervals).s
         ones = np.ones((len(cells) - 1, joint_path.dof))
         caps = dict.fromkeys(CAUSES, np.full(len(ones), np.inf))
@@ -83,7 +83,7 @@ class Derating:
         return np.diff(self.cells)
 
     def cell_of(self, grid: Grid) -> IntArray:
-        """Index of the cell that contains the middle of each interval of a grid, (intervals,)."""
+        """Return the cell in which the middle of each grid interval lies, (intervals,)."""
         middle = (grid.s[:-1] + grid.s[1:]) / 2
         cells = np.searchsorted(self.cells, middle) - 1
         return np.asarray(np.clip(cells, 0, len(self.cap) - 1))

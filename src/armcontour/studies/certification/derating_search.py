@@ -250,7 +250,7 @@ def attempts(case: Case) -> Generator[Attempt, Verdict, None]:
 
 
 def _corner_robots(case: Case) -> FloatArray:
-    """Errors of robots in the corners of the box, (m, 3, dof); none without a box."""
+    """Return the errors of the robots in the box's corners, (m, 3, dof); none without a box."""
     if case.goal.box is None:
         return np.empty((0, 3, case.arm.dof))
     return same_corner_robots(independent_half_widths(case))
@@ -409,7 +409,7 @@ def _largest_in_cells(
     around: float,
     before: float,
 ) -> FloatArray:
-    """Largest values between the times of the ends of cells, (cells,) or (cells, dof).
+    """Return the largest values between the times of the cells' ends, (cells,) or (cells, dof).
 
     Only times in `window` count. Values up to `around` [s] before and after a cell count for it,
     and values up to `before` [s] after it.

@@ -76,7 +76,7 @@ class Pair:
 
 
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
-    """Pairs of bodies of an arm and its cell: the pairs to check, and the excluded pairs."""
+    """Body pairs of an arm and its cell: the pairs to check, and the excluded pairs."""
     chain, shapes = _parts(arm)
     bodies = shapes.shapes
     _check_obstacles(bodies, scene)
@@ -251,7 +251,7 @@ def _radii(chain: Chain, body: LinkShape) -> FloatArray:
 
 
 class Distances:
-    """Distances of pairs of bodies of a chain."""
+    """Body-pair distances along a chain."""
 
     def __init__(self, chain: Chain, pairs: Sequence[Pair]) -> None:
         self._coal = _coal()
@@ -405,7 +405,7 @@ def _geometry(coal: Any, shape: Shape) -> Any:
 
 
 def _mesh(coal: Any, shape: Mesh) -> Any:
-    """Make the library object of the triangles of a mesh, or of its convex hull without them."""
+    """Convert a mesh's triangles to the library's object, or of its convex hull without them."""
     triangles = shape.triangles
     model = coal.BVHModelOBBRSS()
     model.beginModel(0 if triangles is None else len(triangles), len(shape.points))

@@ -539,7 +539,7 @@ class _ClearanceSearch:
         )
 
     def _measure(self, pair: IntArray, t: FloatArray) -> FloatArray:
-        """Lower bounds of distances of pairs at times [m], (n,); records the smallest distances."""
+        """Bound pair distances at times from below [m], (n,); records the smallest distances."""
         times, index = np.unique(t, return_inverse=True)
         distances = self._distances.measure(self._positions(times), index, pair)
         self.evaluations += len(pair)
