@@ -2,7 +2,8 @@
 
 The rows of a table of segments are those of `projection.pack_segments`: start (3), tangent (3),
 normal (3), curvature, length, arc length at the start, end (3). Points are tuples of three
-coordinates.
+coordinates. In the formulas, a segment has the start `a`, unit tangent `T` and unit normal `N`
+there, curvature `k` and, if it is an arc, the radius `R = 1/k`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ FINE = 50
 
 
 class Foot(NamedTuple):
-    """Position of a point relative to the line or full circle of a segment."""
+    """Position of a point relative to the line or full circle of a segment; see `find_foot`."""
 
     off2: float  # Squared distance from the segment's line or full circle [m²]
     # Distance of the nearest point along a line [m]; for a circle the sine of the angle around the
@@ -41,13 +42,25 @@ class Foot(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED, forceinline=True)
 def find_foot(p: Point, g: FloatArray) -> Foot:
-    """Position of a point relative to the line or full circle of segment `g`."""
+    """Position of a point p relative to the line or full circle of segment `g`.
+
+    With v = p - a, for a line
+
+        along = v . T,  off² = |v - along T|²
+
+    and for a circle, with A = k v . T and B = 1 - k v . N, the point is at the angle atan2(A, B)
+    from the start, at the distance R_p = R sqrt(A² + B²) from the axis of the circle, and
+
+        off² = |v - (v . T) T - (v . N) N|² + (R - R_p)²
+    """
+    # Components of the vector from the start.
     x = p[0] - g[0]
     y = p[1] - g[1]
     z = p[2] - g[2]
     along = x * g[3] + y * g[4] + z * g[5]
     k = g[9]
     if k == 0.0:
+        # Line: remove the component along it.
         x = x - along * g[3]
         y = y - along * g[4]
         z = z - along * g[5]
@@ -55,8 +68,9 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
     across = x * g[6] + y * g[7] + z * g[8]
     a = k * along
     b = 1 - k * across
-    # Difference of the radii of point and circle, without cancellation.
+    # R - R_p = (1 - A² - B²) / (k (1 + sqrt(A² + B²))), without cancellation.
     radial = (2 * across - k * (along * along + across * across)) / (1 + math.sqrt(a * a + b * b))
+    # Component out of the plane of the circle.
     x -= along * g[3] + across * g[6]
     y -= along * g[4] + across * g[7]
     z -= along * g[5] + across * g[8]
@@ -67,12 +81,16 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
 def distance2(foot: Foot, k: float, away: float) -> float:
     """Squared distance [m²] from a point to a segment point at distance `away` from the foot.
 
+    For a line this is off² + away², and for a circle, by the law of cosines,
+
+        off² + 4 R R_p sin²(k away / 2)
+
     - `k`: the curvature [1/m].
     - `away`: distance along the line or circle from the foot [m].
     """
     if k == 0.0:
         return foot.off2 + away**2
-    # Product of the radii of circle and point.
+    # R R_p
     product = math.sqrt(foot.along * foot.along + foot.across * foot.across) / (k * k)
     return foot.off2 + 4 * product * math.sin(k * away / 2) ** 2
 
@@ -83,13 +101,18 @@ def nearest_within(
 ) -> tuple[float, float]:
     """Squared distance [m²] to the nearest point of a part of `g`, and distance along `g` [m].
 
+    The nearest point is the foot if it lies in the part. Else it is the nearer end, because the
+    distance along a line or an arc of at most a full turn has no other local minimum.
+
     `low`, `high`: ends of the part along the segment [m]. A squared distance that is at least
     `limit` [m²] is only a lower bound.
     """
+    # Foot on the line or circle.
     foot = find_foot(p, g)
     k = g[9]
     if foot.off2 >= limit:
         return foot.off2, low
+    # Its distance along the segment; on a circle, modulo a full turn.
     u = foot.along
     if k != 0.0:
         u = math.atan2(foot.along, foot.across) / k
@@ -97,6 +120,7 @@ def nearest_within(
             u += 2 * math.pi / k
     if low <= u <= high:
         return foot.off2, u
+    # The nearer end.
     at_low = distance2(foot, k, u - low)
     at_high = distance2(foot, k, u - high)
     return (at_high, high) if at_high < at_low else (at_low, low)
@@ -104,7 +128,11 @@ def nearest_within(
 
 @compiled(inner=True)
 def point_at(g: FloatArray, u: float) -> Point:
-    """The point at distance u along segment `g` [m]."""
+    """The point at distance u along segment `g` [m].
+
+    It is a + u T on a line, and a + sin(k u) / k T + (1 - cos(k u)) / k N on an arc, where
+    1 - cos(k u) = 2 sin²(k u / 2) has no cancellation.
+    """
     along = u
     across = 0.0
     k = g[9]
@@ -121,7 +149,7 @@ def point_at(g: FloatArray, u: float) -> Point:
 
 @compiled(inner=True, forceinline=True)
 def box_gap2(p: Point, boxes: FloatArray, k: int) -> float:
-    """Squared distance from a point to box k [m²], 0 inside the box."""
+    """Squared distance from a point to the box `boxes[k]` [m²], 0 inside the box."""
     x: float = max(boxes[k, 0] - p[0], p[0] - boxes[k, 3], 0.0)
     y: float = max(boxes[k, 1] - p[1], p[1] - boxes[k, 4], 0.0)
     z: float = max(boxes[k, 2] - p[2], p[2] - boxes[k, 5], 0.0)
@@ -133,6 +161,10 @@ def search_tree(
     queries: FloatArray, rows: FloatArray, pieces: IntArray, boxes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Distance and arc length of the nearest point for each query, by a tree of boxes.
+
+    A depth-first search with pruning (Roussopoulos, Kelley and Vincent, "Nearest neighbor queries",
+    SIGMOD 1995): it visits the nearer child first, and skips nodes whose boxes are farther than the
+    nearest point found so far.
 
     - `queries`: points in space [m], (n, 3).
     - `rows`: segments from `pack_segments`.
@@ -155,6 +187,7 @@ def search_tree(
         stack[0] = 0
         bound[0] = 0.0
         while depth >= 0:
+            # Take the last waiting node.
             node = stack[depth]
             gap2 = bound[depth]
             depth -= 1
@@ -171,6 +204,7 @@ def search_tree(
                     bound[depth] = far2
             if gap2 >= best:
                 continue
+            # Compare the segments of the leaf; consecutive pieces can belong to one segment.
             leaf = node - (leaves - 1)
             previous = -1
             for j in range(leaf * len(pieces) // leaves, (leaf + 1) * len(pieces) // leaves):
@@ -199,8 +233,10 @@ class TubePieces(NamedTuple):
 
 @compiled(inner=True)
 def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tuple[float, float]:
-    """Distance from a part of piece j minus tolerance; distance along j of the nearest point."""
-    # The distance is infinite if the part is empty or the point belongs to a neighbouring piece.
+    """Distance from a part of piece j minus tolerance; distance along j of the nearest point.
+
+    The distance is infinite if the part is empty or the point belongs to a neighbouring piece.
+    """
     if low > high:
         return math.inf, 0.0
     g = pieces.rows[j]
@@ -216,6 +252,8 @@ def find_excess(
 ) -> tuple[FloatArray, FloatArray]:
     """Smallest distance minus tolerance in the range of each point, and arc length there [m].
 
+    It compares all pieces of the range; a range has few.
+
     - `ranges`: arc lengths of start and end of each point's range [m], (n, 2).
     - `windows`: indices of the first and last piece of each range, (n, 2).
     """
@@ -224,6 +262,7 @@ def find_excess(
     for i in range(len(points)):
         p = points[i, 0], points[i, 1], points[i, 2]
         for j in range(windows[i, 0], windows[i, 1] + 1):
+            # The part of the piece within the range.
             g = pieces.rows[j]
             low = min(max(ranges[i, 0] - g[11], 0.0), g[10])
             high = min(max(ranges[i, 1] - g[11], low), g[10])
@@ -236,18 +275,27 @@ def find_excess(
 
 @compiled()
 def bound_bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: float) -> Any:
-    """Bound of the distance between matched parts, minus the larger distance at their ends [m]."""
-    # One part runs evenly from u0 to u1 along g, and the other from v0 to v1 along h. The bound is
-    # an eighth of the largest second derivative of their difference; see tube.py.
+    """Bound of the distance between matched parts, minus the larger distance at their ends [m].
+
+    One part runs evenly from u0 to u1 along `g`, and the other from v0 to v1 along `h`. With their
+    lengths l and l', the bound is an eighth of the largest second derivative of their difference,
+
+        (|k l² - k' l'²| + min(k l², k' l'²) max |n - n'|) / 8
+
+    where max |n - n'| is at most its larger value at the ends plus the smaller of
+    ((k l)² + (k' l')²) / 8 and 2 k' l' |b - b'|; see tube.py. Without a useful bound of |n - n'| it
+    is (k l² + k' l'²) / 8.
+    """
+    # Turns k l and second derivatives k l² of both parts.
     turn_g = g[9] * (u1 - u0)
     turn_h = h[9] * (v1 - v0)
     bend_g = turn_g * (u1 - u0)
     bend_h = turn_h * (v1 - v0)
     if bend_g == 0.0 or bend_h == 0.0 or abs(turn_g) + abs(turn_h) > 1.0:
         return (bend_g + bend_h) / 8
-    # Squared difference of the unit normals, the larger one of both ends.
+    # Squared difference |n - n'|² of the unit normals, the larger one of both ends.
     apart2 = 0.0
-    # Squared difference of the axes about which the tangents turn.
+    # Squared difference |b - b'|² of the axes about which the tangents turn.
     plane2 = 0.0
     for u, v in ((u0, v0), (u1, v1)):
         cg = math.cos(g[9] * u)
@@ -269,6 +317,63 @@ def bound_bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v
     return (abs(bend_g - bend_h) + min(bend_g, bend_h) * apart) / 8
 
 
+class PartBound(NamedTuple):
+    """Distance minus tolerance on a part of a path [m]."""
+
+    at_ends: float  # Larger of the values at both ends
+    bound: float  # Upper bound of the values on the whole part
+    tolerance: float  # Tolerance of the piece to which the bound belongs [m]
+
+
+@compiled(inner=True)
+def _bound_part(
+    g: FloatArray, part: FloatArray, first: int, last: int, pieces: TubePieces
+) -> PartBound:
+    """Bound of distance minus tolerance on a part of segment `g` [m].
+
+    For every piece, the bound is the larger value at the ends plus `bound_bulge`; the smallest
+    bound of a piece is that of the part.
+
+    - `part`: as in `bound_excess`, (6,).
+    - `first`, `last`: first and last piece within reach.
+    """
+    u0 = part[0]
+    u1 = part[3]
+    p = point_at(g, u0)
+    q = point_at(g, u1)
+    at_start = np.inf
+    at_end = np.inf
+    bound = np.inf
+    tolerance = 0.0
+    for j in range(first, last + 1):
+        # The parts of the piece within reach of the start and of the end.
+        h = pieces.rows[j]
+        low = max(part[1] - part[2] - h[11], 0.0), max(part[4] - part[5] - h[11], 0.0)
+        high = min(part[1] + part[2] - h[11], h[10]), min(part[4] + part[5] - h[11], h[10])
+        # Values at the start and at the end.
+        d0, v0 = _excess(p, pieces, j, low[0], high[0])
+        d1, v1 = _excess(q, pieces, j, low[1], high[1])
+        at_start = min(at_start, d0)
+        at_end = min(at_end, d1)
+        # Bound between them.
+        if max(d0, d1) < bound:
+            candidate = max(d0, d1) + bound_bulge(g, u0, u1, h, v0, v1)
+            if candidate < bound:
+                bound = candidate
+                tolerance = pieces.tolerance[j]
+    return PartBound(max(at_start, at_end), bound, tolerance)
+
+
+@compiled(inner=True)
+def _halve(stack: FloatArray, top: int, part: FloatArray) -> None:
+    """Write the halves of `part`, which is `stack[top + 1]`, to the stack: the first one on top."""
+    for c in range(3):
+        middle = (part[c] + part[3 + c]) / 2
+        stack[top + 2, c] = part[c]
+        stack[top + 2, 3 + c] = middle
+        stack[top + 1, c] = middle
+
+
 @compiled()
 def bound_excess(
     rows: FloatArray,  # Segments of the path from `pack_segments`, (n, 15)
@@ -279,6 +384,10 @@ def bound_excess(
     slack: float,  # A bound up to this is not refined [m]
 ) -> FloatArray:
     """Bounds of distance minus tolerance on parts of a path [m], (k,).
+
+    Adaptive bisection: a part is halved until its bound is proven, that is not above `slack` or the
+    largest value found at points so far, or near enough to the value at its ends. The bound and its
+    proof are in tube.py.
 
     `parts` are the distance along the segment, arc length on the objective and reach at the start
     of each part, then at its end [m], (k, 6).
@@ -291,53 +400,28 @@ def bound_excess(
     remaining = FINE * (n + 1000)
     for i in range(n):
         g = rows[segment[i]]
-        # Numba compiles an assigned row for seconds.
+        # Start with the whole part. Numba compiles an assigned row for seconds.
         for c in range(6):
             stack[0, c] = parts[i, c]
         depths[0] = 0
         top = 0
         count = 0
         while top >= 0:
+            # Take the last waiting part, and bound it.
             part = stack[top]
             depth = depths[top]
             top -= 1
             count += 1
-            u0 = part[0]
-            u1 = part[3]
-            p = point_at(g, u0)
-            q = point_at(g, u1)
-            # The excess at both ends, a bound over the whole part and the tolerance of its piece.
-            at_start = np.inf
-            at_end = np.inf
-            bound = np.inf
-            tolerance = 0.0
-            for j in range(windows[i, 0], windows[i, 1] + 1):
-                h = pieces.rows[j]
-                low = max(part[1] - part[2] - h[11], 0.0), max(part[4] - part[5] - h[11], 0.0)
-                high = min(part[1] + part[2] - h[11], h[10]), min(part[4] + part[5] - h[11], h[10])
-                d0, v0 = _excess(p, pieces, j, low[0], high[0])
-                d1, v1 = _excess(q, pieces, j, low[1], high[1])
-                at_start = min(at_start, d0)
-                at_end = min(at_end, d1)
-                if max(d0, d1) < bound:
-                    candidate = max(d0, d1) + bound_bulge(g, u0, u1, h, v0, v1)
-                    if candidate < bound:
-                        bound = candidate
-                        tolerance = pieces.tolerance[j]
-            at_ends = max(at_start, at_end)
-            enough = max(enough, at_ends)
+            found = _bound_part(g, part, windows[i, 0], windows[i, 1], pieces)
+            # Accept its bound, or halve the part.
+            enough = max(enough, found.at_ends)
             remaining -= 1
-            fine = at_ends <= slack / 2 and remaining > 0
-            close = bound - at_ends <= (slack / 2 if fine else CLOSE * tolerance)
-            if bound <= enough or close or depth == DEPTH or count > PARTS:
-                bounds[i] = max(bounds[i], bound)
+            fine = found.at_ends <= slack / 2 and remaining > 0
+            close = found.bound - found.at_ends <= (slack / 2 if fine else CLOSE * found.tolerance)
+            if found.bound <= enough or close or depth == DEPTH or count > PARTS:
+                bounds[i] = max(bounds[i], found.bound)
                 continue
-            # The second half replaces the whole part on the stack; the first half is pushed.
-            for c in range(3):
-                middle = (part[c] + part[3 + c]) / 2
-                stack[top + 2, c] = part[c]
-                stack[top + 2, 3 + c] = middle
-                stack[top + 1, c] = middle
+            _halve(stack, top, part)
             depths[top + 1] = depths[top + 2] = depth + 1
             top += 2
     return bounds

@@ -404,5 +404,8 @@ def evaluate_polynomials(c: FloatArray, u: FloatArray, order: int = 0) -> FloatA
 
 
 def copy_pieces(orientation: Orientation, pieces: IntArray) -> dict[str, Any]:
-    """Copies of the rotations and polynomials of some pieces, by the names of the fields."""
+    """Copy the rotations and polynomials of some pieces, {name of the field: array}.
+
+    - `pieces`: indices of the pieces, (m,).
+    """
     return {x: getattr(orientation, x)[pieces] for x in (*ROTATIONS, *POLYNOMIALS)}

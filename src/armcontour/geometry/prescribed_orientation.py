@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -338,11 +339,9 @@ def _turn_axes_smoothly(
     knots = []
     tables: list[dict[str, FloatArray]] = []
     for run in _splines_between_corners(smooth):
-        s_run, axis, slope, bend = _spline_of_axes(s[run], axes[run])
-        rates = np.cross(axis, slope), np.cross(axis, bend)
-        begin, end = ((axis[x], rates[0][x], rates[1][x]) for x in (slice(-1), slice(1, None)))
-        tables.append(_two_turns(np.diff(s_run), begin, end))
-        knots.append(s_run[:-1])
+        motion = _spline_of_axes(s[run], axes[run])
+        tables.append(_two_turns(motion))
+        knots.append(motion.s[:-1])
     breaks = np.concatenate([*knots, s[-1:]])
     columns = {x: np.concatenate([table[x] for table in tables]) for x in tables[0]}
     lengths = np.diff(breaks)
@@ -381,10 +380,9 @@ def _turn_smoothly(
     knots = []
     tables: list[dict[str, FloatArray]] = []
     for run in _splines_between_corners(smooth):
-        s_run, *motion = _spline_of_rotations(s[run], matrices[run])
-        begin, end = (tuple(x[part] for x in motion) for part in (slice(-1), slice(1, None)))
-        tables.append(_three_turns(np.diff(s_run), begin, end))
-        knots.append(s_run[:-1])
+        motion = _spline_of_rotations(s[run], matrices[run])
+        tables.append(_three_turns(motion))
+        knots.append(motion.s[:-1])
     columns = {x: np.concatenate([table[x] for table in tables]) for x in tables[0]}
     return Orientation(
         breaks=np.concatenate([*knots, s[-1:]]), **columns, axis_only=axis_only, follows=False
@@ -411,10 +409,18 @@ def _subdivide(s: FloatArray, angles: FloatArray) -> FloatArray:
     return np.concatenate([*inner, s[-1:]])
 
 
-def _spline_of_rotations(
-    s: FloatArray, matrices: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Knots [m], (k,), and at them the rotation, (k, 3, 3), its rate and its change, (k, 3) each.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Motion:
+    """An axis or a rotation that turns smoothly, at k knots."""
+
+    s: FloatArray  # Arc lengths of the knots [m], (k,)
+    poses: FloatArray  # Unit vectors of the axis, (k, 3), or rotation matrices, (k, 3, 3)
+    rates: FloatArray  # Angular rates [rad/m], (k, 3)
+    changes: FloatArray  # Derivatives of the angular rates [rad/m²], (k, 3)
+
+
+def _spline_of_rotations(s: FloatArray, matrices: FloatArray) -> _Motion:
+    """A spline through rotations, with knots between which the tool turns little.
 
     With a cubic spline p(s) through the unit quaternions at the points `s` and q = p / |p|, the
     angular rate is the vector part of 2 q' q* = 2 p' p* / |p|², where * conjugates. Its derivative
@@ -428,7 +434,7 @@ def _spline_of_rotations(
     if len(s) == 2:
         rates = np.tile(turns / (s[1] - s[0]), (len(knots), 1))
         rotation = exp((knots - s[0])[:, None] * rates) @ matrices[0]
-        return knots, rotation, rates, np.zeros_like(rates)
+        return _Motion(s=knots, poses=rotation, rates=rates, changes=np.zeros_like(rates))
     points = quaternions(matrices)
     # A quaternion and its negative are the same rotation. The shortest turn keeps the sign.
     flips = np.sum(points[1:] * points[:-1], axis=1) < 0
@@ -438,7 +444,8 @@ def _spline_of_rotations(
     norm2 = np.sum(value * value, axis=1, keepdims=True)
     rate = 2 * _quotient(first, value) / norm2
     change = (2 * _quotient(second, value) - 2 * dot(first, value)[:, None] * rate) / norm2
-    return knots, Rotation.from_quat(value).as_matrix(), rate, change
+    rotation = Rotation.from_quat(value).as_matrix()
+    return _Motion(s=knots, poses=rotation, rates=rate, changes=change)
 
 
 def _quotient(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -448,22 +455,17 @@ def _quotient(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(b[:, 3:] * v - a[:, 3:] * w - np.cross(v, w))
 
 
-def _three_turns(
-    lengths: FloatArray, begin: Sequence[FloatArray], end: Sequence[FloatArray]
-) -> dict[str, FloatArray]:
-    """Rotations and polynomials of an `Orientation` for rotations at the ends of pieces.
+def _three_turns(motion: _Motion) -> dict[str, FloatArray]:
+    """Rotations and polynomials of an `Orientation` between the knots of a motion.
 
     The third axis c is that of the whole turn, and the axes a and b of the first and second
     rotation complete it to a right-handed frame. At the start and at the end of a piece, where
     f = g = 0, the rate w and its derivative d in this frame, turned by the third rotation, are
 
         w = (f', g', h'),  d = (f'' - g' h', g'' + h' f', h'' - f' g').
-
-    - `lengths`: lengths of the pieces [m], (n,).
-    - `begin`, `end`: rotation matrices, (n, 3, 3), their angular rates [rad/m] and the derivatives
-      of these rates [rad/m²], (n, 3) each, at the starts and at the ends.
     """
-    turn = log(end[0] @ np.swapaxes(begin[0], 1, 2))
+    lengths = np.diff(motion.s)
+    turn = log(motion.poses[1:] @ np.swapaxes(motion.poses[:-1], 1, 2))
     angle = np.linalg.norm(turn, axis=1)
     # Without a turn, any axes serve.
     third = np.where(angle[:, None] > NO_TURN, turn, [0.0, 0.0, 1.0])
@@ -474,23 +476,21 @@ def _three_turns(
     rates = []
     changes = []
     turned = axes @ np.swapaxes(exp(angle[:, None] * third), 1, 2)
-    for frame, motion in ((axes, begin), (turned, end)):
-        w = rotate(frame, motion[1])
+    for frame, knots in ((axes, slice(-1)), (turned, slice(1, None))):
+        w = rotate(frame, motion.rates[knots])
         products = np.stack([w[:, 1] * w[:, 2], -w[:, 2] * w[:, 0], w[:, 0] * w[:, 1]], axis=1)
         rates.append(w)
-        changes.append(rotate(frame, motion[2]) + products)
+        changes.append(rotate(frame, motion.changes[knots]) + products)
     none = np.zeros_like(third)
     angles = np.where([False, False, True], angle[:, None], none)
     turns = quintic(lengths, (none, rates[0], changes[0]), (angles, rates[1], changes[1]))
     f, g, h = np.moveaxis(turns, 2, 0) / lengths[:, None] ** np.arange(6)
     axes_by_name = {"first": first, "second": second, "third": third}
-    return {"starts": begin[0], **axes_by_name, "f": f, "g": g, "h": h}
+    return {"starts": motion.poses[:-1], **axes_by_name, "f": f, "g": g, "h": h}
 
 
-def _spline_of_axes(
-    s: FloatArray, axes: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Knots [m], and at them the unit vectors of a spline and their derivatives, (n, 3) each.
+def _spline_of_axes(s: FloatArray, axes: FloatArray) -> _Motion:
+    """A spline through unit vectors, with knots between which the axis turns little.
 
     The knots are the points `s`, (k,), with the unit vectors `axes`, (k, 3), and points between
     them, so that the axis turns by LARGEST_STEP at most. Between two points only, the axis turns in
@@ -504,7 +504,7 @@ def _spline_of_axes(
         rate = turn / (s[1] - s[0])
         axis = np.squeeze(exp((knots - s[0])[:, None] * rate) @ axes[0][:, None], axis=-1)
         slope = np.cross(rate, axis)
-        return knots, axis, slope, np.cross(rate, slope)
+        return _axis_motion(knots, axis, slope, np.cross(rate, slope))
     curve = CubicSpline(s, axes)
     value, first, second = (curve(knots, order) for order in range(3))
     size = np.linalg.norm(value, axis=1, keepdims=True)
@@ -514,25 +514,25 @@ def _spline_of_axes(
     slope = (first - growth * axis) / size
     bending = dot(axis, second)[:, None] + (slope * first).sum(axis=1, keepdims=True)
     bend = (second - bending * axis - 2 * growth * slope) / size
-    return knots, axis, slope, bend
+    return _axis_motion(knots, axis, slope, bend)
 
 
-def _two_turns(
-    lengths: FloatArray,
-    begin: tuple[FloatArray, FloatArray, FloatArray],
-    end: tuple[FloatArray, FloatArray, FloatArray],
-) -> dict[str, FloatArray]:
-    """Columns `first`, `second`, `f` and `g` of an `Orientation` for directions at both ends.
+def _axis_motion(
+    knots: FloatArray, axis: FloatArray, slope: FloatArray, bend: FloatArray
+) -> _Motion:
+    """The motion of a unit vector, from its first and second derivative [1/m, 1/m²], (k, 3)."""
+    return _Motion(s=knots, poses=axis, rates=np.cross(axis, slope), changes=np.cross(axis, bend))
+
+
+def _two_turns(motion: _Motion) -> dict[str, FloatArray]:
+    """Columns `first`, `second`, `f` and `g` of an `Orientation` between the knots of an axis.
 
     The second rotation turns from the first direction to the last, and the first rotation tilts
     out of this plane, as in `tangent_turns`.
-
-    - `lengths`: lengths of the pieces [m], (n,).
-    - `begin`, `end`: unit vectors, their angular rates [rad/m] and the derivatives of these rates
-      [rad/m²] at the starts and the ends, (n, 3) each.
     """
-    start = begin[0]
-    last = end[0]
+    lengths = np.diff(motion.s)
+    start = motion.poses[:-1]
+    last = motion.poses[1:]
     axis = np.cross(start, last)
     size = np.linalg.norm(axis, axis=1, keepdims=True)
     # Without a turn, any axis across the direction serves.
@@ -542,8 +542,8 @@ def _two_turns(
     turn = np.arctan2(dot(last, tilt), dot(last, start))[:, None]
     out = -np.arcsin(dot(last, axis).clip(-1, 1))[:, None]
     tilts = tilt, np.cos(turn) * tilt - np.sin(turn) * start
-    rate = _along_tilt_and_axis((begin[1], end[1]), tilts, axis)
-    change = _along_tilt_and_axis((begin[2], end[2]), tilts, axis)
+    rate = _along_tilt_and_axis((motion.rates[:-1], motion.rates[1:]), tilts, axis)
+    change = _along_tilt_and_axis((motion.changes[:-1], motion.changes[1:]), tilts, axis)
     angles = np.hstack([out, turn])
     none = np.zeros_like(angles)
     turned = quintic(lengths, (none, rate[0], change[0]), (angles, rate[1], change[1]))

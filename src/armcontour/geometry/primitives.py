@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import field
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray, check_number, check_numbers
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import NO_KEY, Distance, Speed
-from armcontour.geometry.segments import Segments
+from armcontour.geometry.segments import LimitColumns, Segments
 
 # Start, tangent, normal, curvature and length of a segment.
 Row = tuple[FloatArray, FloatArray, FloatArray, float, float]
@@ -37,8 +37,8 @@ class SegmentLimits(Checked):
     tolerance: Distance | None = None
     tag: Annotated[str | None, NO_KEY] = None
 
-    def columns(self, n: int) -> dict[str, Any]:
-        """The requirements as columns of a table of segments.
+    def columns(self, n: int) -> LimitColumns:
+        """The requirements as columns of a table of n segments.
 
         Args:
             n: Number of segments.

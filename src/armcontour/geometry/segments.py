@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,14 @@ COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
 SECOND_DERIVATIVE = checks.frozen_array([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
 NOT_GIVEN = checks.frozen_array([])
 NO_TAGS = checks.freeze(np.empty(0, dtype=object))
+
+
+class LimitColumns(TypedDict):
+    """Columns of a table of n segments with their process requirements, as in `Segments`."""
+
+    speeds: FloatArray
+    tolerances: FloatArray
+    tags: ObjectArray
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, kw_only=True, eq=False)
@@ -164,9 +172,9 @@ class Segments:
         return np.asarray(self.quintics[:, 0, 0] == 0)
 
     @property
-    def limit_columns(self) -> dict[str, Any]:
+    def limit_columns(self) -> LimitColumns:
         """Columns of the speeds, tolerances and tags."""
-        return {name: getattr(self, name) for name in LIMITS}
+        return {"speeds": self.speeds, "tolerances": self.tolerances, "tags": self.tags}
 
     @property
     def breaks(self) -> FloatArray:
@@ -429,10 +437,10 @@ def _unit_or_zero(v: FloatArray) -> FloatArray:
     return np.asarray(np.divide(v, size, out=np.zeros_like(v), where=size > 0))
 
 
-def combine_limits(before: Segments, after: Segments) -> dict[str, Any]:
-    """Limits of segments that replace parts of two segments: the smaller speed and tolerance.
+def combine_limits(before: Segments, after: Segments) -> LimitColumns:
+    """Combine the limits at vertices: the smaller speed and tolerance, and the tag before it.
 
-    Tags are those of `before`, the segments before the vertices.
+    - `before`, `after`: segments before and after n vertices, n rows each.
     """
     return {
         "speeds": np.fmin(before.speeds, after.speeds),

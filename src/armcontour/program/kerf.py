@@ -324,14 +324,15 @@ def _put_on_part(contour: Contour, path: Path, *, ring: bool) -> Contour:
 
 def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
     """The path of an offset part, with speeds, tolerances, tags and orientation of its source."""
-    rows = part.segments
-    columns = source.segments[part.rows].limit_columns
+    rows = part.segments.replace(**source.segments[part.rows].limit_columns)
     if source.dimension == 3:
         axes = perpendicular_axes(up)
         height = float(source.starts[0] @ up) * up
-        columns["starts"] = rows.starts @ axes.T + height
-        columns |= {x: getattr(rows, x) @ axes.T for x in ("tangents", "normals")}
-    rows = rows.replace(**columns)
+        rows = rows.replace(
+            starts=rows.starts @ axes.T + height,
+            tangents=rows.tangents @ axes.T,
+            normals=rows.normals @ axes.T,
+        )
     if part.closed:
         # The path starts with the segment whose start is nearest to the start of the source.
         distances = np.linalg.norm(rows.starts - source(0.0), axis=1)

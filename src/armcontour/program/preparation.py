@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -70,32 +70,72 @@ def prepare(
     known = len(program.left_out)
     program = arrange_contours(program, process)
     departing_rapids = find_departing_rapids(program.moves)
+    started = _start_contours(program, process)
+    placement = None
+    if process.leads:
+        from armcontour.program.leads import LeadPlacement
+
+        placement = LeadPlacement(started.drawn, process, program.left_out[known:])
+    program = replace(program, moves=started.moves)
+    program, run_in = resume_program(program, process)
+    _check_lengths(program, process, lengths)
+    contours = _add_all_leads(program, process, lengths, run_in, placement, len(started.drawn))
+    moves = _link_moves(program.moves, contours, process, departing_rapids)
+    if process.off:
+        moves = _without_outputs(moves)
+    if process.rapid_speed is not None:
+        moves = _limit_rapids(moves, process.rapid_speed)
+    notes = list(program.notes)
+    if placement is not None:
+        notes += placement.notes
+    if started.tool_changes:
+        notes.append(_describe_tool_changes(started.tool_changes))
+    program = replace(
+        program, moves=tuple(moves), notes=tuple(notes), rapid_speed=process.rapid_speed
+    )
+    return program.placed(process.lift * process.up) if process.lift else program
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _StartedProgram:
+    """A program whose contours begin at their start points.
+
+    Args:
+        moves: The moves, without the events that were added to contours.
+        drawn: The contours before start points and overlaps were applied, one per pass.
+        tool_changes: Number of tool changes after the first contour.
+    """
+
+    moves: tuple[Move, ...]
+    drawn: list[Contour]
+    tool_changes: int
+
+
+def _start_contours(program: Program, process: Process) -> _StartedProgram:
+    """Apply passes, start points, overlaps and events to the contours of a program."""
     output_states = OutputStates(program.moves, process)
     moves: list[Move] = []
     drawn: list[Contour] = []
-    changes = 0
+    tool_changes = 0
     for i, move in enumerate(program.moves):
         if isinstance(move, Contour):
             contour_process = process.of_contour(move)
             called = contour_called(move, len(drawn))
             passes = _repeat_open_contour(move, contour_process.passes)
             drawn += passes
-            move = _start_contour(
-                move, contour_process, has_intended_start(program.moves, i), called, output_states
-            )
-            moves += [replace(move, name=y.name) for y in passes]
+            led = has_intended_start(program.moves, i)
+            contour = _start_contour(move, contour_process, led, called, output_states)
+            moves += [replace(contour, name=one.name) for one in passes]
         elif isinstance(move, Event) and move.changes_tool:
             moves.append(move)
-            changes += bool(drawn)
+            tool_changes += bool(drawn)
         elif not (isinstance(move, Event) and output_states.record_event(move)):
             moves.append(move)
-    placement = None
-    if process.leads:
-        from armcontour.program.leads import LeadPlacement
+    return _StartedProgram(moves=tuple(moves), drawn=drawn, tool_changes=tool_changes)
 
-        placement = LeadPlacement(drawn, process, program.left_out[known:])
-    program = replace(program, moves=tuple(moves))
-    program, run_in = resume_program(program, process)
+
+def _check_lengths(program: Program, process: Process, lengths: Sequence[Leads] | None) -> None:
+    """Raise InvalidInput unless there are lengths of automatic leads for all contours."""
     count = 0 if lengths is None else len(lengths)
     if count != len(program.contours) and (process.automatic or lengths is not None):
         raise InvalidInput(
@@ -103,32 +143,50 @@ def prepare(
             f"but got {count}. Run a job, which determines the lengths, or specify the length of "
             "the leads."
         )
+
+
+def _add_all_leads(
+    program: Program,
+    process: Process,
+    lengths: Sequence[Leads] | None,
+    run_in: Contour | None,
+    placement: LeadPlacement | None,
+    drawn: int,
+) -> list[Contour]:
+    """Add leads to all contours of a program.
+
+    - `lengths`: lengths of automatic leads, one item per contour.
+    - `run_in`: part of the first contour before the point at which the program resumes.
+    - `drawn`: number of contours before the program was resumed.
+    """
     contours: list[Contour] = []
-    for k, move in enumerate(program.contours, len(drawn) - len(program.contours)):
-        contour_process = process.of_contour(move)
-        leads = _lead_lengths(contour_process, lengths, len(contours))
-        contours.append(
-            _add_leads(move, contour_process, leads, run_in if not contours else None, placement, k)
-        )
-    result = _link_moves(program.moves, contours, process, departing_rapids)
-    if process.off:
-        result = _without_outputs(result)
-    notes = (*program.notes, *(() if placement is None else placement.notes))
-    if changes:
-        note = (
-            f"the program has {count_noun(changes, 'tool change')}. The tool stops there, but the "
-            "plan contains no time for the change, and the same tool frame before and after it. "
-            "For other tools, divide the program into one file per tool."
-        )
-        notes = (*notes, note)
-    speed = process.rapid_speed
-    if speed is not None:
-        limit = SegmentLimits(speed=speed)
-        for i, move in enumerate(result):
-            if isinstance(move, Rapid) and move.path is not None:
-                result[i] = Rapid(path=set_limits(move.path, limit))
-    program = replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
-    return program.placed(process.lift * process.up) if process.lift else program
+    skipped = drawn - len(program.contours)
+    for k, contour in enumerate(program.contours):
+        contour_process = process.of_contour(contour)
+        leads = _lead_lengths(contour_process, lengths, k)
+        begin = run_in if k == 0 else None
+        contours.append(_add_leads(contour, contour_process, leads, begin, placement, skipped + k))
+    return contours
+
+
+def _limit_rapids(moves: Sequence[Move], speed: float) -> list[Move]:
+    """Set the speed [m/s] of all rapids whose path is specified."""
+    limit = SegmentLimits(speed=speed)
+    limited = list[Move]()
+    for move in moves:
+        if isinstance(move, Rapid) and move.path is not None:
+            move = Rapid(path=set_limits(move.path, limit))
+        limited.append(move)
+    return limited
+
+
+def _describe_tool_changes(count: int) -> str:
+    """Return the note on tool changes between contours."""
+    return (
+        f"the program has {count_noun(count, 'tool change')}. The tool stops there, but the plan "
+        "contains no time for the change, and the same tool frame before and after it. For other "
+        "tools, divide the program into one file per tool."
+    )
 
 
 def check_process(program: Program, process: Process) -> None:

@@ -6,19 +6,19 @@ replaces at most half of a segment, so the moves must be one segment.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.frames import angle_between, exp, shortest
 from armcontour.geometry.biarcs import dot, length
 from armcontour.geometry.orientation import SAME_ORIENTATION, copy_pieces
 from armcontour.geometry.path import Path
 from armcontour.geometry.prescribed_orientation import carry_frame
 from armcontour.geometry.rounding.rounded_orientation import SLIVER
-from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
+from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 # A vertex with a larger turn [rad] is a corner, whose turn may increase. Rounding errors of short
 # moves can explain smaller turns.
@@ -31,79 +31,203 @@ NOISE = 0.25
 MAX_SPLITS = 40
 
 
-def merge_lines(path: Path, allowed: FloatArray) -> tuple[Path, IntArray, FloatArray]:
-    """Replace nearly collinear lines with equal limits, tag and angular rate by one line.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MergedLines:
+    """A path in which lines replace runs of nearly collinear lines, with m segments."""
 
-    The turns at the ends of such a run must not increase, unless a corner is there. Tessellated
-    curves are therefore not changed.
-    """
-    # `allowed`: largest distance of each vertex between segments from its line [m], (n - 1,).
-    # Returns the path with m segments; the index of each of its inner vertices among those of the
-    # given path, (m - 1,); and the distance of the given path from each of its segments [m], (m,).
-    rows = path.segments
-    points = path.vertices
-    turns = path.turns
-    orientation = path.orientation
-    curved = (rows.curvatures > 0) | rows.is_transition
-    # A movement of both ends of a line by `allowed` cannot explain the turn of a corner.
-    corner = np.minimum(rows.lengths[1:], rows.lengths[:-1]) * np.sin(turns) > 4 * allowed
-    corner |= turns >= np.pi / 2
-    split = corner | curved[1:] | curved[:-1] | (rows.tags[1:] != rows.tags[:-1])
-    for column in (rows.speeds, rows.tolerances):
-        split |= np.diff(np.nan_to_num(column, nan=-1.0)) != 0
-    carried = orientation is not None and orientation.follows and turns.max() < np.pi - SHARP
-    if orientation is not None and carried:
-        # Joined paths can have an orientation that turns about the tangent where they meet.
-        frames = carry_frame(rows, orientation.starts[0]).starts
-        carried = bool(np.abs(frames - orientation.starts).max() < SAME_ORIENTATION)
-    if orientation is not None and not carried:
-        split |= (orientation.kinks > 0) | (orientation.jumps > SAME_ORIENTATION)
-    for k in count():
-        if split.all():
-            return path, np.arange(len(split)), np.zeros(len(path))
+    path: Path
+    vertex: IntArray  # Index of each inner vertex among those of the given path, (m - 1,)
+    deviation: FloatArray  # Distance of the given path from each segment [m], (m,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Runs:
+    """Runs of the n segments of a path between splits; columns have a value per segment, (n,)."""
+
+    first: IntArray  # Index of the first segment of each of the m runs, (m,)
+    run: IntArray  # Index of the run of each segment
+    number: IntArray  # Number of segments in the run of each segment
+    lines: FloatArray  # Unit vectors along the line of the run, (n, dimension)
+    lengths: FloatArray  # Lengths of the line of the run [m]
+    distances: FloatArray  # Distance of the segment's start from the line of its run [m]
+    deviations: FloatArray  # Largest of these distances in the run [m]
+
+    @classmethod
+    def between(cls, points: FloatArray, split: BoolArray) -> _Runs:
+        """The runs between splits, with the lines from their first points to their last.
+
+        - `points`: vertices of the path [m], (n + 1, dimension).
+        - `split`: mask of the inner vertices at which a run ends, (n - 1,).
+        """
         first = np.flatnonzero(np.append(True, split))
         run = np.cumsum(np.append(0, split))
         chords = np.append(points[first[1:]], points[-1:], axis=0) - points[first]
         lengths = length(chords)[run]
-        number = np.bincount(run)[run]
         lines = chords[run] / np.maximum(lengths, REPEATED_POINT)[:, None]
         offsets = points[:-1] - points[first[run]]
         distances = length(offsets - dot(offsets, lines)[:, None] * lines)
-        deviations = np.maximum.reduceat(distances, first)[run]
-        before = np.where(number[:, None] > 1, lines, rows.end_tangents)[:-1]
-        after = np.where(number[:, None] > 1, lines, rows.tangents)[1:]
-        inner = np.maximum.reduceat(np.append(np.where(split, 0.0, turns), 0.0), first)[run]
-        largest = np.maximum(inner[:-1], inner[1:])
-        largest = np.maximum(turns + NOISE * largest, largest) + TANGENT_TOLERANCE
-        sharper = (angle_between(before, after) > largest) & split & ~corner & (turns < SHARP)
-        wrong = (distances > np.append(0.0, allowed)) | (dot(rows.tangents, lines) <= 0)
-        # A single vertex with a turn is a corner, and not a sign of a divided line.
-        wrong |= (number == 2) & (distances > SLIVER)
-        # The run that deviates more is the cause of a sharper turn.
-        wrong[:-1] |= sharper & (deviations[:-1] >= deviations[1:])
-        wrong[1:] |= sharper & (deviations[:-1] < deviations[1:])
-        # A split at a vertex without a turn has no effect.
-        bent = distances * np.append(False, turns > TANGENT_TOLERANCE)
-        far = (bent >= np.maximum.reduceat(bent, first)[run]) | (k > MAX_SPLITS)
-        far = (far & np.logical_or.reduceat(wrong, first)[run])[1:] & ~split
+        return cls(
+            first=first,
+            run=run,
+            number=np.bincount(run)[run],
+            lines=lines,
+            lengths=lengths,
+            distances=distances,
+            deviations=np.maximum.reduceat(distances, first)[run],
+        )
+
+    def is_farthest(self, turns: FloatArray, *, everywhere: bool) -> BoolArray:
+        """Mask of the segments that start at the farthest vertex of their run, (n,).
+
+        - `turns`: turns at the inner vertices [rad]. A split at a vertex without a turn has no
+          effect, so its distance counts as 0.
+        - `everywhere`: choose all vertices instead of the farthest.
+        """
+        bent = self.distances * np.append(False, turns > TANGENT_TOLERANCE)
+        farthest = bent >= np.maximum.reduceat(bent, self.first)[self.run]
+        return np.asarray(farthest | everywhere)
+
+    def any_in_run(self, mask: BoolArray) -> BoolArray:
+        """Mask of the segments in whose run `mask`, (n,), is true for a segment, (n,)."""
+        return np.asarray(np.logical_or.reduceat(mask, self.first)[self.run])
+
+
+def merge_lines(path: Path, allowed: FloatArray) -> MergedLines:
+    """Replace nearly collinear lines with equal limits, tag and angular rate by one line.
+
+    The turns at the ends of such a run must not increase, unless a corner is there. Tessellated
+    curves are therefore not changed. Runs begin as long as possible. As long as a run is not
+    acceptable, it is split at the vertex that is farthest from its line.
+
+    - `allowed`: largest distance of each inner vertex from its line [m], (n - 1,).
+    """
+    segments = path.segments
+    points = path.vertices
+    turns = path.turns
+    carried = _carries_frame(path, turns)
+    corner = _find_corners(segments, turns, allowed)
+    split = corner | _find_changes(path, carried=carried)
+    for k in count():
+        if split.all():
+            unchanged = np.arange(len(split))
+            return MergedLines(path=path, vertex=unchanged, deviation=np.zeros(len(path)))
+        runs = _Runs.between(points, split)
+        wrong = _find_wrong(segments, turns, runs, split, corner, allowed)
+        far = runs.is_farthest(turns, everywhere=k > MAX_SPLITS)
+        far = (far & runs.any_in_run(wrong))[1:] & ~split
         if not far.any():
             break
         split = split | far
-    table = rows.replace(
-        tangents=np.where(number[:, None] > 1, lines, rows.tangents),
-        lengths=np.where(number > 1, lengths, rows.lengths),
-    )[first]
+    return MergedLines(
+        path=_draw_lines(path, runs, carried=carried),
+        vertex=runs.first[1:] - 1,
+        deviation=runs.deviations[runs.first],
+    )
+
+
+def _find_corners(segments: Segments, turns: FloatArray, allowed: FloatArray) -> BoolArray:
+    """Mask of the inner vertices that are corners, (n - 1,).
+
+    A movement of both ends of a line by `allowed` [m] cannot explain the turn of a corner [rad].
+    """
+    shorter = np.minimum(segments.lengths[1:], segments.lengths[:-1])
+    corner = shorter * np.sin(turns) > 4 * allowed
+    return np.asarray(corner | (turns >= np.pi / 2))
+
+
+def _carries_frame(path: Path, turns: FloatArray) -> bool:
+    """Return whether the orientation follows the tangent and never turns about it."""
+    orientation = path.orientation
+    if orientation is None or not orientation.follows or not turns.max() < np.pi - SHARP:
+        return False
+    # Joined paths can have an orientation that turns about the tangent where they meet.
+    frames = carry_frame(path.segments, orientation.starts[0]).starts
+    return bool(np.abs(frames - orientation.starts).max() < SAME_ORIENTATION)
+
+
+def _find_changes(path: Path, *, carried: bool) -> BoolArray:
+    """Mask of the inner vertices next to a curve, or where limits, tag or rate change, (n - 1,).
+
+    - `carried`: true if the orientation follows the tangent, so that its rate is not compared.
+    """
+    segments = path.segments
+    curved = (segments.curvatures > 0) | segments.is_transition
+    changes = curved[1:] | curved[:-1] | (segments.tags[1:] != segments.tags[:-1])
+    for column in (segments.speeds, segments.tolerances):
+        changes |= np.diff(np.nan_to_num(column, nan=-1.0)) != 0
+    orientation = path.orientation
+    if orientation is not None and not carried:
+        changes |= (orientation.kinks > 0) | (orientation.jumps > SAME_ORIENTATION)
+    return np.asarray(changes)
+
+
+def _find_wrong(
+    segments: Segments,
+    turns: FloatArray,
+    runs: _Runs,
+    split: BoolArray,
+    corner: BoolArray,
+    allowed: FloatArray,
+) -> BoolArray:
+    """Mask of the segments because of which their run must be split, (n,).
+
+    - `turns`, `split`, `corner`, `allowed`: turns of the given path [rad], ends of runs, corners
+      and largest distances from the lines [m] at the inner vertices, (n - 1,) each.
+    """
+    sharper = _find_sharper_turns(segments, turns, runs, split) & ~corner
+    wrong = (runs.distances > np.append(0.0, allowed)) | (dot(segments.tangents, runs.lines) <= 0)
+    # A single vertex with a turn is a corner, and not a sign of a divided line.
+    wrong |= (runs.number == 2) & (runs.distances > SLIVER)
+    # The run that deviates more is the cause of a sharper turn.
+    deviations = runs.deviations
+    wrong[:-1] |= sharper & (deviations[:-1] >= deviations[1:])
+    wrong[1:] |= sharper & (deviations[:-1] < deviations[1:])
+    return wrong
+
+
+def _find_sharper_turns(
+    segments: Segments, turns: FloatArray, runs: _Runs, split: BoolArray
+) -> BoolArray:
+    """Mask of the ends of runs where the turn between their lines is too large, (n - 1,).
+
+    It may exceed the turn of the given path by a share of the largest turn inside the runs.
+    """
+    several = runs.number[:, None] > 1
+    before = np.where(several, runs.lines, segments.end_tangents)[:-1]
+    after = np.where(several, runs.lines, segments.tangents)[1:]
+    inner_turns = np.append(np.where(split, 0.0, turns), 0.0)
+    inner = np.maximum.reduceat(inner_turns, runs.first)[runs.run]
+    largest = np.maximum(inner[:-1], inner[1:])
+    largest = np.maximum(turns + NOISE * largest, largest) + TANGENT_TOLERANCE
+    return np.asarray((angle_between(before, after) > largest) & split & (turns < SHARP))
+
+
+def _draw_lines(path: Path, runs: _Runs, *, carried: bool) -> Path:
+    """The path with one line per run.
+
+    - `carried`: true if the orientation follows the tangent and never turns about it.
+    """
+    segments = path.segments
+    several = runs.number > 1
+    table = segments.replace(
+        tangents=np.where(several[:, None], runs.lines, segments.tangents),
+        lengths=np.where(several, runs.lengths, segments.lengths),
+    )[runs.first]
+    orientation = path.orientation
     if orientation is not None and carried:
-        frame = exp(shortest(rows.tangents[0], table.tangents[0])) @ orientation.starts[0]
-        orientation = carry_frame(table, frame, axis_only=orientation.axis_only)
+        # The frame turns with the first tangent.
+        turn = exp(shortest(segments.tangents[0], table.tangents[0]))
+        orientation = carry_frame(
+            table, turn @ orientation.starts[0], axis_only=orientation.axis_only
+        )
     elif orientation is not None:
-        columns = copy_pieces(orientation, first)
-        columns["first"] *= (np.add.reduceat(rows.lengths, first) / table.lengths)[:, None]
+        columns = copy_pieces(orientation, runs.first)
+        replaced = np.add.reduceat(segments.lengths, runs.first)
+        columns["first"] *= (replaced / table.lengths)[:, None]
         orientation = replace(orientation, breaks=table.breaks, **columns)
-    merged = Path(
+    return Path(
         segments=table,
         merged=path.merged,
         orientation=orientation,
         smoothing=path.smoothing,
     )
-    return merged, first[1:] - 1, deviations[first]

@@ -7,7 +7,8 @@ and the neighbours allow. `bound_deviation` proves that the deviation is within 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -82,13 +83,12 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
         _draw_within_tolerance(path, vertex[x : x + BATCH], w[x : x + BATCH], limits[x : x + BATCH])
         for x in range(0, len(vertex), BATCH)
     ]
-    if not any(len(x[0]) for x in parts):
+    if not any(len(x.rows) for x in parts):
         return path, np.array([[0.0, 0.0], [path.length, path.length]])
-    drawn = Segments.join([x[0] for x in parts])
-    after, first, w = (np.concatenate([x[k] for x in parts]) for k in (1, 2, 3))
-    largest = max(x[4] for x in parts)
-    smooth, pairs = _insert_transitions(path, vertex[w > 0], w[w > 0], drawn, after, first)
-    return replace(smooth, smoothing=path.smoothing + largest), pairs
+    drawn = _Transitions.join(parts)
+    used = drawn.sizes > 0
+    smooth, pairs = _insert_transitions(path, vertex[used], drawn.sizes[used], drawn)
+    return replace(smooth, smoothing=path.smoothing + drawn.deviation), pairs
 
 
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -113,48 +113,88 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
     return vertex, limits, w
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Transitions:
+    """Transitions at n vertices, within the tolerance."""
+
+    rows: Segments  # The m transitions
+    vertex: IntArray  # Index of the segment before the vertex of each transition, (m,)
+    before: BoolArray  # Mask of the transitions on the side before their vertex, (m,)
+    sizes: FloatArray  # Length that is replaced on either side of each vertex [m]; 0 if none, (n,)
+    deviation: float  # Upper bound of their distances from the path [m]
+
+    @classmethod
+    def join(cls, parts: Sequence[_Transitions]) -> _Transitions:
+        """The transitions at consecutive vertices."""
+        return cls(
+            rows=Segments.join([x.rows for x in parts]),
+            vertex=np.concatenate([x.vertex for x in parts]),
+            before=np.concatenate([x.before for x in parts]),
+            sizes=np.concatenate([x.sizes for x in parts]),
+            deviation=max(x.deviation for x in parts),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Trial:
+    """Drawn transitions at n vertices, not yet compared with the tolerance."""
+
+    rows: Segments  # The m transitions
+    owner: IntArray  # Index of the vertex of each transition among the n vertices, (m,)
+    before: BoolArray  # Mask of the transitions on the side before their vertex, (m,)
+    # Upper bound of the distance from the path at each vertex [m], infinite with a loop, (n,)
+    deviations: FloatArray
+
+
 def _draw_within_tolerance(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
-) -> tuple[Segments, IntArray, BoolArray, FloatArray, float]:
-    """Transitions within the tolerance, their vertices and sides, and lengths per vertex [m].
+) -> _Transitions:
+    """Draw transitions within a tolerance.
 
-    The last value is a bound of their distances from the path [m].
+    - `vertex`: index of the segment before each vertex, (n,).
+    - `w`: largest length on either side of each vertex [m], (n,).
+    - `allowed`: largest distance from the path at each vertex [m], (n,).
     """
     # Connections outside the tolerance are shortened and drawn again; length 0 means that a vertex
     # has no connection.
     w = np.where(w < SHORTEST, 0.0, w)
     done = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
-    first = [np.zeros(0, dtype=bool)]
+    before = [np.zeros(0, dtype=bool)]
     largest = 0.0
     remaining = np.flatnonzero(w > 0)
     for _ in range(MAX_ITERATIONS):
         if not len(remaining):
             break
-        rows, owners, before, deviations = _draw_transitions(
-            path, vertex[remaining], w[remaining], allowed[remaining]
-        )
-        good = deviations <= allowed[remaining]
-        keep = good[owners]
-        drawn = [*drawn, rows[keep]]
-        done = [*done, vertex[remaining[owners[keep]]]]
-        first = [*first, before[keep]]
-        largest = max(largest, float(deviations[good].max(initial=0.0)))
+        trial = _draw_transitions(path, vertex[remaining], w[remaining], allowed[remaining])
+        good = trial.deviations <= allowed[remaining]
+        keep = good[trial.owner]
+        drawn.append(trial.rows[keep])
+        done.append(vertex[remaining[trial.owner[keep]]])
+        before.append(trial.before[keep])
+        largest = max(largest, float(trial.deviations[good].max(initial=0.0)))
         remaining = remaining[~good]
-        deviations = deviations[~good]
+        deviations = trial.deviations[~good]
         shorter = np.minimum(LARGEST_FACTOR, SAFETY * np.sqrt(allowed[remaining] / deviations))
         w[remaining] *= np.where(np.isfinite(deviations), shorter, LOOP_FACTOR)
         w[remaining[w[remaining] < SHORTEST]] = 0.0
         remaining = remaining[w[remaining] > 0]
     w[remaining] = 0.0
-    return Segments.join(drawn), np.concatenate(done), np.concatenate(first), w, largest
+    return _Transitions(
+        rows=Segments.join(drawn),
+        vertex=np.concatenate(done),
+        before=np.concatenate(before),
+        sizes=w,
+        deviation=largest,
+    )
 
 
-def _draw_transitions(
-    path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
-) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions of given lengths, their vertices and sides, and bounds of the deviations [m]."""
-    # The deviation is infinite if a connection has a loop or a cusp.
+def _draw_transitions(path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray) -> _Trial:
+    """Draw transitions with given lengths, and bound their distances from the path.
+
+    A deviation is infinite if the connection has a loop or a cusp; bounds above `allowed` are
+    refined. The arguments are those of `_draw_within_tolerance`.
+    """
     rows = path.segments
     connections = connect(rows[vertex], rows[vertex + 1], w)
     sound = connections.valid
@@ -176,13 +216,25 @@ def _draw_transitions(
     )
     deviations = np.zeros(len(vertex))
     np.maximum.at(deviations, owners, bounds)
-    return drawn, owners, before, np.where(sound, deviations, np.inf)
+    return _Trial(
+        rows=drawn,
+        owner=owners,
+        before=before,
+        deviations=np.where(sound, deviations, np.inf),
+    )
 
 
 def _insert_transitions(
-    path: Path, vertex: IntArray, w: FloatArray, drawn: Segments, after: IntArray, first: BoolArray
+    path: Path, vertex: IntArray, w: FloatArray, transitions: _Transitions
 ) -> tuple[Path, FloatArray]:
-    """Insert transitions; returns the path, and corresponding arc lengths on both paths [m]."""
+    """Insert transitions; returns the path, and corresponding arc lengths on both paths [m].
+
+    - `vertex`: index of the segment before each replaced vertex, (k,).
+    - `w`: length that is replaced on either side of each of them [m], (k,).
+    """
+    drawn = transitions.rows
+    after = transitions.vertex
+    first = transitions.before
     # A transition has the speed, tolerance and tag of the segment on its side of the vertex.
     originals = path.segments[np.where(first, after, after + 1)]
     cut = np.zeros(len(path) + 1)

@@ -135,8 +135,12 @@ class LineCorner(CornerKind):
         shrunk = tangent < radius * stretch * (1 - 1e-12)
         radius = np.where(shrunk, tangent / stretch, radius)
         rows, corner = self.draw_with_radius(bounds, radius)
-        segment_limits = combine_limits(bounds.before, bounds.after)
-        rows = rows.replace(**{name: column[corner] for name, column in segment_limits.items()})
+        limits = combine_limits(bounds.before, bounds.after)
+        rows = rows.replace(
+            speeds=limits["speeds"][corner],
+            tolerances=limits["tolerances"][corner],
+            tags=limits["tags"][corner],
+        )
         error = radius * self.gap(bounds.half)
         return CornerCurves(rows=rows, corner=corner, radius=radius, error=error, shrunk=shrunk)
 

@@ -23,18 +23,21 @@ from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray, Obje
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.text import short_repr
-from armcontour.geometry.orientation import SAME_ORIENTATION
+from armcontour.geometry.orientation import SAME_ORIENTATION, Orientation
 from armcontour.geometry.path import EVERY_VERTEX, Path
-from armcontour.geometry.rounding.collinear_lines import merge_lines
+from armcontour.geometry.rounding.collinear_lines import MergedLines, merge_lines
+from armcontour.geometry.rounding.corner_curves import (
+    choose_curves,
+    draw_curves,
+    insert_curves,
+    share_segments,
+)
 from armcontour.geometry.rounding.line_corners import (
     ARC,
     PARABOLA,
     SMOOTH,
     CornerBounds,
-    CornerKind,
     LineCorner,
-    fit_lengths,
-    replace_vertices,
 )
 from armcontour.geometry.rounding.rounded_orientation import (
     NO_VERTICES,
@@ -54,9 +57,6 @@ CURVES: dict[Curve, LineCorner] = {"arc": ARC, "smooth": SMOOTH, "parabola": PAR
 SAMPLES = 65
 # Corner tolerances up to this are not compared with the extent of the path [m].
 LARGE = 0.02
-# Smallest tangent length of a blend with continuous curvature [m]. A shorter blend has too few
-# significant digits and saves no time compared with a full stop.
-SHORTEST_SMOOTH = 1e-6
 # Planes whose normals differ by less than this angle [rad] count as equal.
 SAME_PLANE = 1e-9
 # Largest distance of vertices from a line that replaces nearly collinear lines [m]: the rounding
@@ -237,33 +237,46 @@ def round_path(
         # This shortcut saves time, because a program can have thousands of circles.
         return _without_corners(path)
     error = np.minimum(error, path.vertex_tolerances)
-    merged = path
-    vertex = np.arange(n)
-    moved = np.zeros(n + 1)
-    if (rounds := sharp & (error > 0)).any():
-        largest = min(PRINTED, PRINTED_SHARE * error[rounds].min())
-        merged, vertex, moved = merge_lines(path, np.where(sharp & ~rounds, 0.0, largest))
-    if merged is not path:
-        turn = merged.turns
+    merged = _merge_printed_lines(path, sharp, error)
+    if merged.path is not path:
+        turn = merged.path.turns
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
     if len(kinked):
-        kinked = np.setdiff1d(np.searchsorted(vertex, kinked), corner)
-    each = vertex[corner]
+        kinked = np.setdiff1d(np.searchsorted(merged.vertex, kinked), corner)
+    each = merged.vertex[corner]
     # A corner and the lines next to it deviate by at most the corner error together.
-    near = np.maximum(moved[corner], moved[corner + 1])
+    near = np.maximum(merged.deviation[corner], merged.deviation[corner + 1])
     error = np.maximum(error[each] - near, 0.0)
-    none = np.full(len(corner), np.inf)
-    enough = none if speed is None else slowest[each] ** 2 / accelerations[each]
-    requirements = error, enough, none, accelerations[each]
-    rounded = _round(merged, corner, turn[corner], requirements, CURVES[curve], kinked, angle)
-    if merged is path:
+    infinite = np.full(len(corner), np.inf)
+    requirements = _Requirements(
+        error=error,
+        radius=infinite if speed is None else slowest[each] ** 2 / accelerations[each],
+        tangent=infinite,
+        acceleration=accelerations[each],
+    )
+    rounded = _round(merged.path, corner, turn[corner], requirements, CURVES[curve], kinked, angle)
+    if merged.path is path:
         return rounded
     return replace(
         rounded,
         objective=path,
         corners=replace(rounded.corners, vertex=each + 1),
-        deviation=float(np.max(rounded.corners.error + near, initial=moved.max())),
+        deviation=float(np.max(rounded.corners.error + near, initial=merged.deviation.max())),
     )
+
+
+def _merge_printed_lines(path: Path, sharp: BoolArray, error: FloatArray) -> MergedLines:
+    """Merge lines that are collinear up to the rounding of their coordinates.
+
+    - `sharp`: mask of the inner vertices that are corners, (n,).
+    - `error`: largest corner errors [m], (n,).
+    """
+    n = len(sharp)
+    rounds = sharp & (error > 0)
+    if not rounds.any():
+        return MergedLines(path=path, vertex=np.arange(n), deviation=np.zeros(n + 1))
+    largest = min(PRINTED, PRINTED_SHARE * error[rounds].min())
+    return merge_lines(path, np.where(sharp & ~rounds, 0.0, largest))
 
 
 def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
@@ -315,17 +328,14 @@ def blend_vertices(
     - `turn`: turn of the path at each vertex [rad], (n,).
     - `tolerance`: largest distance of each vertex from the new path [m], (n,).
     """
-    none = np.full(len(vertex), np.inf)
-    tangent_limits = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
-    return _round(
-        path,
-        vertex,
-        turn,
-        (tolerance, none, tangent_limits, np.nan * none),
-        ARC,
-        NO_VERTICES,
-        np.inf,
+    n = len(vertex)
+    requirements = _Requirements(
+        error=tolerance,
+        radius=np.full(n, np.inf),
+        tangent=np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2,
+        acceleration=np.full(n, np.nan),
     )
+    return _round(path, vertex, turn, requirements, ARC, kinked=NO_VERTICES, angle=np.inf)
 
 
 def _turns_smoothly(path: Path) -> bool:
@@ -351,11 +361,44 @@ def _without_corners(path: Path) -> RoundedPath:
     return RoundedPath(**attributes, objective=path, corners=corners)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Requirements:
+    """Requirements at n corners."""
+
+    error: FloatArray  # Largest corner errors [m], (n,)
+    radius: FloatArray  # Radii that the corner speeds require [m], infinite without a speed, (n,)
+    tangent: FloatArray  # Largest tangent lengths [m], (n,)
+    acceleration: FloatArray  # Centripetal accelerations [m/s²], NaN without one, (n,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Obstacles:
+    """Masks of the corners that no curve can replace, (n,) each."""
+
+    no_tolerance: BoolArray
+    out_of_plane: BoolArray
+    turns_back: BoolArray
+
+    @property
+    def free(self) -> BoolArray:
+        """Mask of the corners that a curve may replace, (n,)."""
+        return ~(self.no_tolerance | self.out_of_plane | self.turns_back)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _BlendedVertices:
+    """The vertices at which the orientation is blended: n corners, then k kinks."""
+
+    vertex: IntArray  # Index of the segment before each vertex, (n + k,)
+    tangent: FloatArray  # Length that the blend replaces on either side [m], (n + k,)
+    length: FloatArray  # Lengths of the blends [m], (n + k,)
+
+
 def _round(
     path: Path,
     corner: IntArray,
     turn: FloatArray,
-    requirements: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    requirements: _Requirements,
     curve: LineCorner,
     kinked: IntArray,
     angle: float,
@@ -364,126 +407,128 @@ def _round(
 
     - `corner`: index of the segment before each corner, (n,).
     - `turn`: turns [rad], (n,).
-    - `requirements`: largest corner errors [m], radii that the corner speeds require [m], largest
-      tangent lengths [m] and accelerations [m/s²], (n,) each.
-    - `kinked`: vertices without a corner at which the angular rate jumps.
+    - `kinked`: vertices without a corner at which the angular rate jumps, (k,).
     - `angle`: angular tolerance [rad].
     """
-    n = len(corner)
-    rows = path.segments
-    *limits, acceleration = requirements
     bounds = CornerBounds(
-        before=rows[corner],
-        after=rows[corner + 1],
+        before=path.segments[corner],
+        after=path.segments[corner + 1],
         half=turn / 2,
-        **dict(zip(("error", "radius", "tangent"), limits, strict=True)),
+        error=requirements.error,
+        radius=requirements.radius,
+        tangent=requirements.tangent,
         turn=largest_blend(path, corner, angle),
     )
-    follows = path.orientation is not None and path.orientation.follows
-    turns_back = np.pi - 2 * bounds.half <= TANGENT_TOLERANCE
-    # If the segments at a corner lie in different planes, a frame that follows the tangent along
-    # the curve has an additional rotation about the tangent at the end of the curve.
-    flat = _in_plane(bounds) if follows else np.ones(n, dtype=bool)
-    free = (bounds.error > 0) & (bounds.radius > 0) & flat & ~turns_back
-    bent = (bounds.before.curvatures > 0) | (bounds.after.curvatures > 0)
-    # Where a connection is too short or not possible, a pair of arcs replaces the corner.
-    kinds: list[tuple[CornerKind, float]] = [(curve, 0.0)]
-    if (free & bent).any():
-        from armcontour.geometry.rounding.arc_corners import CONNECTION, PAIR
-
-        kinds += [(CONNECTION, SHORTEST_SMOOTH)] if curve.smooth else []
-        kinds.append((PAIR, 0.0))
-    fitted = np.zeros(n)
-    minimum = np.zeros(n)
-    parts = []
-    for kind, shortest in kinds:
-        part = np.flatnonzero(free & (bent != isinstance(kind, LineCorner)))
-        if len(part):
-            candidates = kind.fit(bounds[part])
-            small = kind.shortest(bounds.half[part])
-            fits = candidates > np.maximum(small, shortest)
-            part = part[fits]
-            fitted[part] = candidates[fits]
-            minimum[part] = small[fits]
-            free[part] = False
-        parts.append(part)
-    # Lengths of curves at corners and of blends at kinks are fitted together, because both replace
-    # parts of the same segments.
-    vertices = np.concatenate([corner, kinked])
-    middle = middle_fraction(curve.smooth)
-    order = np.argsort(vertices)
-    tangents = np.empty(len(vertices))
-    kinks = largest_blend(path, kinked, angle) / (0.5 - 2 * middle)
-    tangents[order] = fit_lengths(
-        np.concatenate([fitted, kinks])[order], vertices[order], rows.lengths
+    obstacles = _find_obstacles(path, bounds)
+    choice = choose_curves(bounds, curve, obstacles.free)
+    largest = largest_blend(path, kinked, angle) / (0.5 - 2 * middle_fraction(curve.smooth))
+    fitted = share_segments(path.segments, corner, choice, kinked, largest)
+    drawn = draw_curves(bounds, choice, fitted.tangent)
+    table, source = insert_curves(path.segments, corner, fitted.tangent, drawn)
+    blended = _BlendedVertices(
+        vertex=np.concatenate([corner, kinked]),
+        tangent=np.concatenate([fitted.tangent, fitted.blend]),
+        length=np.concatenate([drawn.length, 2 * fitted.blend]),
     )
-    # On a very short segment between two corners, a curve can be too small; then the corner stays
-    # sharp.
-    tangent = tangents[:n]
-    tangent[tangent <= minimum / 4] = 0.0
-    radius = np.zeros(n)
-    error = np.zeros(n)
-    length = np.zeros(n)
-    shrunk = fitted > 0
-    tables = [rows[:0]]
-    after = [NO_VERTICES]
-    for (kind, _), part in zip(kinds, parts, strict=True):
-        part = part[tangent[part] > 0]
-        if len(part):
-            drawn = kind.draw(bounds[part], tangent[part])
-            radius[part] = drawn.radius
-            error[part] = drawn.error
-            shrunk[part] = drawn.shrunk
-            length[part] = np.bincount(drawn.corner, drawn.rows.lengths, minlength=len(part))
-            tables = [*tables, drawn.rows]
-            after = [*after, corner[part[drawn.corner]]]
-    cut = np.zeros(len(path) + 1)
-    cut[vertices + 1] = np.append(tangent, np.zeros(len(kinked)))
-    table, source, _ = replace_vertices(rows, cut, Segments.join(tables), np.concatenate(after))
-    table = table.check()
+    orientation, angular_errors = _blend_orientation(
+        path, table, source, blended, angle, smooth=curve.smooth
+    )
     ends = np.append(0.0, table.breaks[1:])[np.searchsorted(source, corner, side="right")]
-    lengths = np.append(length, 2 * tangents[n:])
-    orientation = path.orientation
-    angular_errors = np.zeros(len(vertices))
-    if follows:
-        cut[vertices + 1] = tangents
-        orientation = follow_rounded(table, path, source, cut[:-1], angle, smooth=curve.smooth)
-    elif orientation is not None:
-        whole = table.breaks[-1]
-        orientation, angular_errors = round_orientation(
-            path, vertices, tangents, lengths, whole, smooth=curve.smooth
-        )
-    reasons = np.full(n, NO_ROOM, dtype=object)
-    reasons[(angle == 0) & (bounds.turn == 0)] = NO_ANGLE
-    reasons[(bounds.error == 0) | (bounds.radius == 0)] = NO_TOLERANCE
-    reasons[~flat] = OUT_OF_PLANE
-    if path.orientation is not None and not follows:
-        reasons[path.orientation.jumps[corner] > SAME_ORIENTATION] = ORIENTATION
-    reasons[turns_back] = TURN_BACK
-    reasons[radius > 0] = None
+    rounded = drawn.radius > 0
     return RoundedPath(
         segments=table,
         merged=path.merged,
         # An arc does not pass through the waypoint at its corner, so all vertices become waypoints.
-        waypoints=EVERY_VERTEX if (radius > 0).any() else path.waypoints,
+        waypoints=EVERY_VERTEX if rounded.any() else path.waypoints,
         orientation=orientation,
         smoothing=path.smoothing,
         objective=path,
-        deviation=float(error.max(initial=0.0)),
+        deviation=float(drawn.error.max(initial=0.0)),
         corners=Corners(
             vertex=corner + 1,
             point=path.starts[corner + 1],
             turn=2 * bounds.half,
-            radius=radius,
-            error=error,
-            tangent=tangent,
-            start=ends - length,
+            radius=drawn.radius,
+            error=drawn.error,
+            tangent=fitted.tangent,
+            start=ends - drawn.length,
             end=ends,
-            shrunk=shrunk,
-            speed=np.sqrt(acceleration * radius),
-            angular_error=angular_errors[:n],
-            reason=reasons,
+            shrunk=drawn.shrunk,
+            speed=np.sqrt(requirements.acceleration * drawn.radius),
+            angular_error=angular_errors[: len(corner)],
+            reason=_find_reasons(path, corner, bounds, obstacles, angle, rounded),
         ),
+    )
+
+
+def _find_obstacles(path: Path, bounds: CornerBounds) -> _Obstacles:
+    """Find the corners that no curve can replace."""
+    orientation = path.orientation
+    if orientation is not None and orientation.follows:
+        # If the segments at a corner lie in different planes, a frame that follows the tangent
+        # along the curve has an additional rotation about the tangent at the end of the curve.
+        out_of_plane = ~_in_plane(bounds)
+    else:
+        out_of_plane = np.zeros(len(bounds.half), dtype=bool)
+    return _Obstacles(
+        no_tolerance=(bounds.error == 0) | (bounds.radius == 0),
+        out_of_plane=out_of_plane,
+        turns_back=np.pi - 2 * bounds.half <= TANGENT_TOLERANCE,
+    )
+
+
+def _find_reasons(
+    path: Path,
+    corner: IntArray,
+    bounds: CornerBounds,
+    obstacles: _Obstacles,
+    angle: float,
+    rounded: BoolArray,
+) -> ObjectArray:
+    """Reason why each corner stays sharp; None if a curve replaces it, (n,).
+
+    - `angle`: angular tolerance [rad].
+    - `rounded`: mask of the corners that a curve replaces, (n,).
+    """
+    orientation = path.orientation
+    # Later reasons replace earlier ones.
+    reasons = np.full(len(corner), NO_ROOM, dtype=object)
+    reasons[(angle == 0) & (bounds.turn == 0)] = NO_ANGLE
+    reasons[obstacles.no_tolerance] = NO_TOLERANCE
+    reasons[obstacles.out_of_plane] = OUT_OF_PLANE
+    if orientation is not None and not orientation.follows:
+        reasons[orientation.jumps[corner] > SAME_ORIENTATION] = ORIENTATION
+    reasons[obstacles.turns_back] = TURN_BACK
+    reasons[rounded] = None
+    return reasons
+
+
+def _blend_orientation(
+    path: Path,
+    table: Segments,
+    source: IntArray,
+    blended: _BlendedVertices,
+    angle: float,
+    *,
+    smooth: bool,
+) -> tuple[Orientation | None, FloatArray]:
+    """Orientation along a rounded path, and its deviation at each blended vertex [rad].
+
+    - `table`: segments of the rounded path.
+    - `source`: index of the segment of `path` that contains each of them, or is before its corner.
+    - `angle`: angular tolerance [rad].
+    - `smooth`: true if the derivative of the angular rate must not jump.
+    """
+    orientation = path.orientation
+    none = np.zeros(len(blended.vertex))
+    if orientation is None:
+        return None, none
+    if orientation.follows:
+        cut = np.zeros(len(path))
+        cut[blended.vertex + 1] = blended.tangent
+        return follow_rounded(table, path, source, cut, angle, smooth=smooth), none
+    return round_orientation(
+        path, blended.vertex, blended.tangent, blended.length, table.breaks[-1], smooth=smooth
     )
 
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.frames import angle_between
 from armcontour.geometry.biarcs import biarc_distance, make_biarcs, unit
 from armcontour.geometry.path import Path
 from armcontour.geometry.rounding.arc_corners import WIDEST
-from armcontour.geometry.rounding.collinear_lines import merge_lines
+from armcontour.geometry.rounding.collinear_lines import MergedLines, merge_lines
 from armcontour.geometry.rounding.rounded_path import blend_vertices
 from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
 
@@ -62,46 +62,14 @@ def repair_tangents(
     # A corner error of 0 bounds no repair, because a repaired vertex is no corner.
     corner_errors = np.where(path.vertex_tolerances > 0, path.vertex_tolerances, np.inf)
     allowed = np.minimum(corner_errors, largest_deviation)
-    merged, remaining, moved = merge_lines(path, allowed)
-    # A vertex and the lines next to it move by at most the tolerance together.
-    near = np.maximum(moved[:-1], moved[1:])
-    allowed = allowed[remaining] - near
-    rows = merged.segments
-    turns = merged.turns
-    size = np.minimum(rows.lengths, 1 / np.maximum(rows.curvatures, 1 / rows.lengths))
-    possible_turns = 2 * tolerance / size
-    largest = np.minimum(possible_turns[:-1] + possible_turns[1:], LARGEST_KINK)
-    vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= largest) & (allowed > 0))
-    repaired = path.turns > TANGENT_TOLERANCE
-    inner = None
-    if len(vertex) or merged is not path:
-        blended = blend_vertices(merged, vertex, turns[vertex], allowed[vertex])
-        corners = blended.corners
-        done = ~blended.corners.stopped
-        repaired[np.delete(remaining, vertex[done])] = False
-        if repaired.any():
-            error = (corners.error + near[vertex])[done]
-            ends = np.concatenate([[0], remaining + 1, [len(path)]])
-            after = np.minimum(blended.place(merged.breaks), blended.length)
-            # Waypoints keep their numbers. They are no vertices if a line or an arc replaced them.
-            still = np.isin(path.waypoints, np.delete(ends, vertex[done] + 1))
-            middles = (blended.breaks[1:] + blended.breaks[:-1]) / 2
-            s = after[np.searchsorted(ends, path.waypoints[still])]
-            points = np.arange(len(path.waypoints) + len(path.merged))
-            gone = np.delete(points, path.merged)[~still].tolist()
-            inner = RepairedPath(
-                path=Path(
-                    segments=blended.segments,
-                    merged=tuple(sorted([*path.merged, *gone])),
-                    waypoints=np.searchsorted(middles, s),
-                ),
-                before=path.breaks[ends],
-                after=after,
-                count=int(repaired.sum()),
-                kink=float(path.turns[repaired].max()),
-                deviation=float(np.max(error, initial=moved.max())),
-            )
-    start, near_ends = (path, 0.0) if inner is None else (inner.path, max(moved[0], moved[-1]))
+    merged = merge_lines(path, allowed)
+    possible_turns = _possible_turns(merged.path.segments, tolerance)
+    inner = _repair_inner_vertices(path, merged, possible_turns, allowed)
+    start = path
+    near_ends = 0.0
+    if inner is not None:
+        start = inner.path
+        near_ends = max(merged.deviation[0], merged.deviation[-1])
     seam = _repair_closure(
         start,
         min(possible_turns[0] + possible_turns[-1], LARGEST_KINK),
@@ -119,6 +87,71 @@ def repair_tangents(
     )
 
 
+def _possible_turns(segments: Segments, tolerance: float) -> FloatArray:
+    """Angles by which segments turn if their ends move by `tolerance` [m], (n,)."""
+    longest = 1 / np.maximum(segments.curvatures, 1 / segments.lengths)
+    return np.asarray(2 * tolerance / np.minimum(segments.lengths, longest))
+
+
+def _repair_inner_vertices(
+    path: Path, merged: MergedLines, possible_turns: FloatArray, allowed: FloatArray
+) -> RepairedPath | None:
+    """Repair the vertices between segments; None if no vertex is repaired.
+
+    - `merged`: the path in which lines replace nearly collinear lines, m segments.
+    - `possible_turns`: turns of its segments that moved points explain [rad], (m,).
+    - `allowed`: largest deviations at the inner vertices of `path` [m], (n - 1,).
+    """
+    # A vertex and the lines next to it move by at most the tolerance together.
+    near = np.maximum(merged.deviation[:-1], merged.deviation[1:])
+    allowed = allowed[merged.vertex] - near
+    turns = merged.path.turns
+    largest = np.minimum(possible_turns[:-1] + possible_turns[1:], LARGEST_KINK)
+    vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= largest) & (allowed > 0))
+    if not len(vertex) and merged.path is path:
+        return None
+    blended = blend_vertices(merged.path, vertex, turns[vertex], allowed[vertex])
+    done = ~blended.corners.stopped
+    repaired = path.turns > TANGENT_TOLERANCE
+    repaired[np.delete(merged.vertex, vertex[done])] = False
+    if not repaired.any():
+        return None
+    ends = np.concatenate([[0], merged.vertex + 1, [len(path)]])
+    after = np.minimum(blended.place(merged.path.breaks), blended.length)
+    error = (blended.corners.error + near[vertex])[done]
+    return RepairedPath(
+        path=_keep_waypoints(path, blended, ends, after, vertex[done] + 1),
+        before=path.breaks[ends],
+        after=after,
+        count=int(repaired.sum()),
+        kink=float(path.turns[repaired].max()),
+        deviation=float(np.max(error, initial=merged.deviation.max())),
+    )
+
+
+def _keep_waypoints(
+    path: Path, blended: Path, ends: IntArray, after: FloatArray, replaced: IntArray
+) -> Path:
+    """The repaired path, with the waypoints of the path before the repair.
+
+    Waypoints keep their numbers. They are no vertices if a line or an arc replaced them.
+
+    - `ends`: vertices of `path` at the ends of merged lines, (m + 1,).
+    - `after`: arc lengths of these vertices on the repaired path [m], (m + 1,).
+    - `replaced`: indices in `ends` of the vertices that an arc replaced.
+    """
+    still = np.isin(path.waypoints, np.delete(ends, replaced))
+    middles = (blended.breaks[1:] + blended.breaks[:-1]) / 2
+    s = after[np.searchsorted(ends, path.waypoints[still])]
+    points = np.arange(len(path.waypoints) + len(path.merged))
+    gone = np.delete(points, path.merged)[~still].tolist()
+    return Path(
+        segments=blended.segments,
+        merged=tuple(sorted([*path.merged, *gone])),
+        waypoints=np.searchsorted(middles, s),
+    )
+
+
 def _closing_errors(path: Path) -> FloatArray:
     """Corner errors above 0 of the first and the last segment [m], (k,)."""
     errors = path.tolerances[[0, -1]]
@@ -126,9 +159,13 @@ def _closing_errors(path: Path) -> FloatArray:
 
 
 def _repair_closure(path: Path, largest_turn: float, allowed: float) -> RepairedPath | None:
-    """Replace both ends of a closed path by two arcs each, which are tangent where it closes."""
-    # The replaced length starts at half of the shorter segment, and is halved until the deviation
-    # is within the tolerance. Returns None if the path has no such vertex, or if this fails.
+    """Replace both ends of a closed path by two arcs each, which are tangent where it closes.
+
+    Returns None if the path has no almost tangent closing vertex, or no arcs within the tolerance.
+
+    - `largest_turn`: largest turn of a repaired vertex [rad].
+    - `allowed`: largest deviation from the path [m].
+    """
     rows = path.segments
     first = rows[:1]
     last = rows[-1:]
@@ -137,6 +174,50 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
         return None
     if not TANGENT_TOLERANCE < kink <= largest_turn:
         return None
+    closure = _fit_closure(first, last, allowed)
+    if closure is None:
+        return None
+    t = closure.size
+    total = path.length
+    begin = np.zeros(len(rows))
+    end = rows.lengths.copy()
+    begin[0] = t
+    end[-1] -= t
+    kept = rows.cut(np.arange(len(rows)), begin, end)
+    opening = [x.replace(**first.limit_columns) for x in closure.leaving]
+    closing = [x.replace(**last.limit_columns) for x in closure.arriving]
+    table = Segments.join([*opening, kept, *closing])
+    new = [float(sum(x.lengths[0] for x in arcs)) for arcs in (closure.leaving, closure.arriving)]
+    waypoints = np.concatenate([[0], path.waypoints[1:-1] + 2, [len(table)]])
+    return RepairedPath(
+        path=Path(segments=table, merged=path.merged, waypoints=waypoints),
+        before=np.array([0.0, t, total - t, total]),
+        after=np.cumsum([0.0, new[0], total - 2 * t, new[1]]),
+        count=1,
+        kink=kink,
+        deviation=closure.deviation,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Closure:
+    """Arcs that are tangent at the closing vertex of a closed path."""
+
+    size: float  # Length that the arcs replace on either side of the vertex [m]
+    leaving: tuple[Segments, Segments]  # The two arcs after the vertex
+    arriving: tuple[Segments, Segments]  # The two arcs before the vertex
+    deviation: float  # Largest distance of the path from the arcs [m]
+
+
+def _fit_closure(first: Segments, last: Segments, allowed: float) -> _Closure | None:
+    """Fit arcs at a closing vertex; None if the deviation does not become small enough.
+
+    The replaced length starts at half of the shorter segment, and is halved until the deviation is
+    within the tolerance.
+
+    - `first`, `last`: the first and the last segment of the path.
+    - `allowed`: largest deviation [m].
+    """
     middle = unit(first.tangents + last.end_tangents)
     size = np.minimum(first.lengths, last.lengths) / 2
     size = np.minimum(
@@ -155,27 +236,8 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
             for row, start, arcs in ((first, 0.0, leaving), (last, begin, arriving))
         )
         if deviation <= allowed:
-            break
+            return _Closure(
+                size=float(size[0]), leaving=leaving, arriving=arriving, deviation=deviation
+            )
         size = size / 2
-    else:
-        return None
-    t = float(size[0])
-    total = path.length
-    begin = np.zeros(len(rows))
-    end = rows.lengths.copy()
-    begin[0] = t
-    end[-1] -= t
-    kept = rows.cut(np.arange(len(rows)), begin, end)
-    opening = [x.replace(**first.limit_columns) for x in leaving]
-    closing = [x.replace(**last.limit_columns) for x in arriving]
-    table = Segments.join([*opening, kept, *closing])
-    new = [float(sum(x.lengths[0] for x in arcs)) for arcs in (leaving, arriving)]
-    waypoints = np.concatenate([[0], path.waypoints[1:-1] + 2, [len(table)]])
-    return RepairedPath(
-        path=Path(segments=table, merged=path.merged, waypoints=waypoints),
-        before=np.array([0.0, t, total - t, total]),
-        after=np.cumsum([0.0, new[0], total - 2 * t, new[1]]),
-        count=1,
-        kink=kink,
-        deviation=deviation,
-    )
+    return None
