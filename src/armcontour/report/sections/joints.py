@@ -75,7 +75,9 @@ def draw_joints(name: str, result: RunResult) -> Figure:
                     max_points=MAX_POINTS,
                 )
             )
-    titles = tuple(x.replace("rad", "rad, m") for x in QUANTITIES) if slides.any() else QUANTITIES
+    titles: tuple[str, ...] = QUANTITIES
+    if slides.any():
+        titles = tuple(x.replace("rad", "rad, m") for x in QUANTITIES)
     return Figure(title=f"Run {name}: joints", plots=tuple(plots), columns=titles)
 
 
