@@ -123,8 +123,19 @@ class Key(NamedTuple):
     place: str = ""
 
 
-# A tab: contour, arc length of its start, and arc lengths of the tab on it [m].
-Tab = tuple[Contour, float, float, float]
+class Tab(NamedTuple):
+    """A part at work on which the process is off.
+
+    Args:
+        contour: The contour.
+        offset: Arc length over all contours at which the contour starts [m].
+        start, end: Arc lengths of the tab on the contour [m].
+    """
+
+    contour: Contour
+    offset: float
+    start: float
+    end: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +173,7 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         lines.append(sheet.line(rapids, f'class="limit" {look_of(RAPIDS)}'))
     for kind, curves in pieces_of(result, SHORTEST / sheet.size).items():
         lines.append(sheet.line(curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
-    gaps = [drawn_curve(contour.path, a, b) for contour, _, a, b in tabs]
+    gaps = [drawn_curve(x.contour.path, x.start, x.end) for x in tabs]
     if gaps:
         lines.append(sheet.line(gaps, 'class="tab"', "tab, not cut"))
     prefix = slug(job.name)
@@ -460,8 +471,8 @@ def _output_marks(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[M
     """Mark the points at which outputs are switched, without those of tabs."""
     words = {True: "on", False: "off"}
     ends = list[float]()
-    for _, offset, begin, end in tabs:
-        ends += [offset + begin, offset + end]
+    for tab in tabs:
+        ends += [tab.offset + tab.start, tab.offset + tab.end]
     marks = []
     for event in result.trajectory.events:
         if (event.value is not False) != on:
@@ -475,13 +486,13 @@ def _output_marks(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[M
 
 
 def _tabs(result: RunResult, process: Process) -> list[Tab]:
-    """List the tabs of all contours: parts at work on which the process is off."""
+    """List the tabs of all contours."""
     tabs = []
     for k, start, end in idle_parts(result.path, process):
         contour = result.path.contours[k]
         first, last = contour.at_work
         if first < start and end < last:
-            tabs.append((contour, float(result.path.breaks[k]), start, end))
+            tabs.append(Tab(contour, float(result.path.breaks[k]), start, end))
     return tabs
 
 
