@@ -1,1 +1,1 @@
-"""Speed, as ratios against a peer in the same run and against a baseline of such ratios."""
+"""Speed as ratios to peers in the same run, compared with a baseline of such ratios."""

@@ -1,4 +1,4 @@
-"""Measure the lines, and say what became slower than the baseline."""
+"""Measure the benchmark lines, and report which became slower than the baseline."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The baseline: what was measured before, kept in a file, and what became slower than that."""
+"""Store measurements in a baseline file, and find lines that became slower than it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Certifying the paper's job, and how many plain rounds of it that is.
+"""Certify the paper's job, compared with plain rounds of planning, execution and evaluation.
 
-A round plans, compensates, executes and evaluates. It is no peer: as it gets faster, certifying
-would seem slower.
+A round plans, compensates, executes and evaluates. It is not a peer: if rounds become faster,
+certifying seems slower.
 """
 
 from __future__ import annotations

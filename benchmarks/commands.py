@@ -1,7 +1,7 @@
-"""Whole commands in processes of their own: long programs, drawings, the paper's job, a first run.
+"""Time commands in their own processes: long programs, drawings, the paper's job, a first run.
 
-They start warm, after a command of their kind, or cold, with an empty folder for what numba
-compiles. Their peak memory is that of the largest process.
+Warm commands run after a command of their kind. Cold commands start with an empty folder for
+numba's compiled functions. The peak memory is that of the largest process.
 """
 
 from __future__ import annotations

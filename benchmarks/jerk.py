@@ -1,7 +1,7 @@
-"""Plans with limits of jerk: against IPOPT, and many cells against few.
+"""Plan with jerk limits: compare with IPOPT, and many grid cells with few.
 
-Six joints, the first of the splines that `tests.oracle.jerk_optimum` solves; for many cells a
-spline through many waypoints.
+The plan follows a spline of six joints, the first one that `tests.oracle.jerk_optimum` solves. The
+plan with many cells follows a spline through many waypoints.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
-"""Inverse kinematics and path derivatives at 2,000 places, against forward kinematics of pinocchio.
+"""Inverse kinematics and path derivatives at 2,000 places, against pinocchio's forward kinematics.
 
-The UR5e follows the rounded square, once with its tool held in one way and once with a way of its
-own at every corner. Ours is what tracing does at its knots: the path's poses and rates, Newton's
-method to the joint positions, dq_ds and d2q_ds2. The peer calls `pin.framesForwardKinematics` once
-a place from a Python loop, on a model with 18 frames, fewer than that of a description with meshes.
+The UR5e follows the rounded square, once with a constant tool orientation and once with another
+one at every corner. Our side does what tracing does at its knots: poses and rates of the path,
+Newton's method for the joint positions, dq_ds and d2q_ds2. The peer calls
+`pin.framesForwardKinematics` once per place from a Python loop, on a model with 18 frames, which is
+fewer than a description with meshes has.
 
-Newton's method starts from a guess. Tracing guesses knots from quintics through the knots beside
-them; here all places are guessed from quintics through the first knots, the farthest apart that
-tracing has. Two more lines have worse guesses than tracing has: the joint positions of the place
-before.
+Newton's method starts from a guess. Tracing guesses a knot from a quintic through its neighbours.
+Here all places are guessed from quintics through the first knots, which are the farthest apart in
+tracing. Two more lines have worse guesses than tracing: the joint positions of the previous place.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Learning from a run, the first call."""
+"""Time the first call that learns from a run."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Lines of the table: what is timed against what, how times are taken, and what was found.
+"""Lines of the table: what is compared with what, how times are taken, and the results.
 
-Times are those of the processor, in rounds in which both sides take turns. The ratio is that of the
-least times: what other work on the machine takes from the caches makes times longer, never shorter,
-and medians of short calls twice as long. Bars are of medians, as a quiet machine has them. Those in
-seconds are for a machine of one speed, to which times are converted by the reference work.
+Times are processor times, taken in rounds in which both sides alternate. A ratio divides the
+shortest times, because other work on the machine empties the caches, which makes times longer but
+never shorter, and can double the median of short calls. Bars limit medians on a quiet machine. Bars
+in seconds are for a machine of one speed, to which the reference work converts times.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""The optimal planner against TOPP-RA, in Python and in C++: time, duration, largest violation.
+"""The optimal planner against TOPP-RA in Python and C++: time, duration, largest violation.
 
-Six joints, limits of joint velocity and acceleration, the same number of grid points for all. Our
-time is that of the public calls, as a reader of the documentation writes them, with all checks and
-with new arrays. Every time includes the spline, the constraints, the solution and the law. The
-peers use what is best in them: Seidel's solver, the interpolation scheme, a path acceleration that
-is uniform on every interval, and a path parameter from 0 to 1.
+All plan six joints with velocity and acceleration limits on the same number of grid points. We time
+public calls as in the documentation, with all checks and new arrays. Every time includes the
+spline, the constraints, the solution and the law. The peers use their best options: Seidel's
+solver, the interpolation scheme, a constant path acceleration in every interval, and a path
+parameter from 0 to 1.
 """
 
 from __future__ import annotations

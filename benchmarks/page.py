@@ -4,9 +4,9 @@ A mark is a comment of HTML, `<!-- KIND: ARGUMENT -->`. The text between it and 
 `<!-- end -->` is replaced:
 
 - `lines: BEGIN ...`: a table of the lines whose names begin so;
-- `answers: BEGIN ...`: a table of what both sides of these lines computed;
-- `faster: NAME`: the reciprocal of the ratio of a line, in words;
-- `times: NAME`: the times of both sides of a line, in words;
+- `answers: BEGIN ...`: a table with the results of both sides of these lines;
+- `faster: NAME`: the reciprocal of a line's ratio, in words;
+- `times: NAME`: a line's times of both sides, in words;
 - `sessions: all`: dates, machines and versions of all measurements.
 """
 

@@ -1,4 +1,4 @@
-"""The paper's job at set-points every 4 ms: its evaluation, and the loop of a dragged corner."""
+"""Evaluate the paper's job every 4 ms, and repeat all of it while a corner is dragged."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
-"""Polylines of 10,000 segments, from their points to the law, against toppra's solver alone.
+"""Plan polylines of 10,000 segments from their points, against toppra's solver alone.
 
-Two of them in the plane of the PMK-3s: a zigzag along a Lissajous curve, with corners of 24° to
-169°, and a wavy curve with corners of about a degree. Ours is all of it, by default settings:
-polyline, rounded corners, inverse kinematics, grid, timing, law. toppra is given the rounded path
-in joint space, the joints' limits and 5 grid points a segment; only its solver's run is timed,
-neither the path nor the constraints nor the law.
+The PMK-3s follows a zigzag along a Lissajous curve, with corners of 24° to 169°, and a wavy curve
+with corners of about 1°. Our time includes polyline, rounded corners, inverse kinematics, grid,
+timing and law, with default settings. toppra gets the rounded path in joint space, the joint limits
+and 5 grid points per segment. Only its solver is timed, without path, constraints and law.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Nearest points: 100,000 queries on 10,000 segments against one vectorised distance."""
+"""Find nearest points: 100,000 queries on 10,000 segments, against one vectorised distance."""
 
 from __future__ import annotations
 

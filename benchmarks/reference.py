@@ -1,7 +1,7 @@
-"""Fixed work for lines without a natural peer, so that they have a ratio too.
+"""Fixed work that gives lines without a natural peer a ratio, too.
 
-It never changes with this project: a plain loop of Python, calls of numpy on small arrays, and some
-on large ones, about a third of the time each; and a function for numba to compile.
+This work never changes with the project: a plain Python loop, numpy calls on small arrays and numpy
+calls on large arrays, each about a third of the time; and a function for numba to compile.
 """
 
 from __future__ import annotations

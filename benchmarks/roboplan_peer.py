@@ -1,6 +1,6 @@
-"""roboplan's Cartesian planner, in a Python of its own: it plans and times itself on demand.
+"""Serve roboplan's Cartesian planner in its own Python: it plans and times itself on request.
 
-It is told what to do by one line of JSON at a time on its standard input, and answers each by one.
+A request is one line of JSON on the standard input, and so is its answer on the standard output.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The fastest path within a tolerance, against arcs, its bars and what IPOPT finds."""
+"""Shape the fastest path within a tolerance, against arcs and the optimum that IPOPT finds."""
 
 from __future__ import annotations
 

@@ -1,22 +1,21 @@
-"""A square of 100 mm at 0.25 m/s with corner errors of 0.25 mm, against roboplan's plan.
+"""Plan a square of 100 mm at 0.25 m/s with corner errors of 0.25 mm, against roboplan.
 
-A UR5e holds its tool in one way, starts and ends at rest on a corner, with the same limits of joint
-velocity and acceleration and the same start for both. Ours is all of it: rounded corners, inverse
-kinematics, timing. roboplan's planner is made before it is timed. Times are those of the
-processor, as plans are as short as the time slices of a machine with other work. roboplan runs in a
-process of its own, with this Python or, as it asks for one version of pinocchio, with that named by
+A UR5e holds its tool in one way, and starts and ends at rest on a corner. Joint velocity limits,
+joint acceleration limits and start are the same for both. Our time includes rounded corners,
+inverse kinematics and timing. roboplan's planner is created before it is timed. Times are processor
+times, because plans are as short as the time slices of a busy machine. roboplan runs in its own
+process, with this Python or, because it requires one version of pinocchio, with the Python in
 ARMCONTOUR_ROBOPLAN_PYTHON:
 
     python -m venv roboplan && roboplan/bin/pip install roboplan
     ARMCONTOUR_ROBOPLAN_PYTHON=roboplan/bin/python python -m benchmarks
 
-Its settings are the fastest of those that keep the corner error, of a sweep over
-`max_position_error`, `toppra_blend_deviation`, `dt`, both modes, and the corners or the rounded
-path as waypoints; what its inverse kinematics weighs made no difference. The error is measured, as
-what it does not promise it may still keep: a tolerance of its own of 0.25 mm has a line too. Its
-mode Bounded slows all of the motion until the tool is slow enough where it is fastest; its mode
-TimeOptimal knows no tool speed, so `velocity_scale` is bisected until the tool keeps it, which is
-not timed.
+Its settings are the fastest that keep the corner error, from a sweep over `max_position_error`,
+`toppra_blend_deviation`, `dt`, both modes, and corners or rounded path as waypoints. The weights of
+its inverse kinematics made no difference. The corner error is measured, because a plan may keep
+more than it promises; another line sets its own tolerance to 0.25 mm. Its mode Bounded slows the
+whole motion down until the tool is slow enough at its fastest point. Its mode TimeOptimal does not
+know the tool speed, so `velocity_scale` is bisected until the tool keeps it; this is not timed.
 """
 
 from __future__ import annotations

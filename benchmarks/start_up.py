@@ -1,4 +1,4 @@
-"""`armcontour --help` against importing numba and scipy.interpolate."""
+"""Start `armcontour --help`, against importing numba and scipy.interpolate."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""What the Studio computes when the mouse moves, from the data of the job to bytes for the page.
+"""Compute what the Studio does when the mouse moves, from the job's data to bytes for the page.
 
-The waypoint is elsewhere in every call, so that nothing of the path is kept from the one before.
-Bars leave the rest of the time from the event to the picture to the page. In executions of the
-paper's job, the experiment on rigid bodies takes two thirds of the time.
+Every call moves the waypoint, so no result for the path can be reused. The bars leave the page the
+rest of the time from the event to the picture. In executions of the paper's job, the experiment
+with rigid bodies takes two thirds of the time.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""How fast the Studio answers in a browser: `python -m benchmarks.studio_page [--only NAME ...]`.
+"""Measure the Studio's answers in a browser: `python -m benchmarks.studio_page [--only NAME]`.
 
-From an event of the mouse to the end of the drawing that shows its answer, as the page measures it
-itself; what the screen needs after that is not in it. A quiet machine is needed: the bars are by
-the clock, on two processors. The exit code is 1 if a bar is missed.
+A time runs from the mouse event to the end of the drawing that shows its answer. The page measures
+it itself, without the time that the screen needs after it. The machine must be quiet, because bars
+are wall-clock times on two processors. The exit code is 1 if a bar is missed.
 """
 
 from __future__ import annotations

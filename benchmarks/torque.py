@@ -1,8 +1,8 @@
-"""Plans with torque limits against toppra with pinocchio's RNEA, on 1,000 points.
+"""Plan with torque limits, against toppra with pinocchio's RNEA, on 1,000 points.
 
-A UR5e along a spline through random joint positions, with limits of joint velocity and of torque,
-which bind. Every time includes the spline, the constraints, the solution and the
-law. toppra calls `pin.rnea` for every point, as its users do.
+A UR5e follows a spline through random joint positions. Joint velocity and torque limits are active.
+Every time includes the spline, the constraints, the solution and the law. toppra calls `pin.rnea`
+for every point, as its users do.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The arm of the benchmarks in space, its square, and its description for other libraries."""
+"""The UR5e of the benchmarks, its square, and its description for other libraries."""
 
 from __future__ import annotations
 

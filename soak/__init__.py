@@ -1,4 +1,4 @@
-"""Random problems in large numbers, each judged by code that the package does not share."""
+"""Many random problems, each judged by code that shares nothing with the package."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Judge random problems of a topic: `python -m soak TOPIC [--count N]`; without one, of all.
+"""Judge random problems: `python -m soak [TOPIC] [--count N]`; without a topic, of all topics.
 
-Each wrong outcome is printed with its seed, which repeats it. Exit code 1 if there is one.
+Each wrong outcome is printed with its seed, which reproduces it. The exit code is then 1.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def main() -> int:
     unknown = sorted(set(options.topics) - set(TOPICS))
     if unknown:
         parser.error(f"there is no topic {unknown[0]}: they are {', '.join(TOPICS)}")
-    # Threads of the linear algebra would only wait for each other.
+    # Linear algebra uses one thread, because several would only wait for each other.
     os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
     return int(sum(soak(x, options) for x in options.topics or TOPICS) > 0)
 

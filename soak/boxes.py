@@ -1,6 +1,6 @@
-"""Attacks on certificates of boxes: climbs, robots inside of the box, and an own envelope.
+"""Attack certificates of boxes: by climbing, by robots inside the box, and by another envelope.
 
-The attacks integrate the servos, and measure distances, with code of their own.
+The attacks have their own integration of servos and their own distances.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Calls of the public functions, classes and methods with arguments that they cannot take.
+"""Call public functions, classes and methods with arguments that they must refuse.
 
-Each call is right but for one argument, or for two. It may give a result, or raise an error of
-armcontour whose message is one sentence. Any other error shows that an argument was not checked.
+In each call, one or two arguments are wrong. The call may return a result, or raise an error of
+armcontour with a message of one sentence. Any other error shows that an argument was not checked.
 """
 
 from __future__ import annotations

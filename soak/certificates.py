@@ -19,7 +19,7 @@ SERVO = 1e-4
 TIMES = 1_000_000
 # A certified error may be exceeded by this [m]: rounding, and peaks between samples of the search.
 ROUNDED = 1e-9
-# Joints may take this much more than their limits: rounding.
+# Joints may exceed their limits by this share, due to rounding.
 KEPT = 1e-9
 
 

@@ -1,10 +1,11 @@
-"""Verdicts of `check` on random printed trajectories that break a limit or keep all of them.
+"""Verdicts of `check` on random printed trajectories that violate a limit or keep all limits.
 
-The oracle proves violations by intervals: every printed number stands for an interval, half of its
-last digit wide to either side. A motion through any values in these intervals has, between two
-samples, the mean velocity of the chord, and over three samples twice the difference of two chords
-by their common time as a mean acceleration. `check` must never say "kept" of samples that prove a
-violation, and never "violated" of samples that do not prove one, or of a motion that keeps limits.
+The oracle proves violations by interval arithmetic: a printed number stands for the interval of
+half its last digit to either side. Between two samples, any motion through values in these
+intervals has the chord's mean velocity. Over three samples, its mean acceleration is twice the
+difference of two chord velocities divided by their total time. `check` must never say "kept" if
+samples prove a violation, and never "violated" if they do not prove one or the motion keeps all
+limits.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from armcontour.core.errors import InvalidInput
 from armcontour.files import parse_trajectory
 from soak import Outcome
 
-# A proof counts from this part above the limit on, and what is below it by this part is no proof:
-# between them floating point decides.
+# A violation is proven above the limit by this fraction, and not proven below the limit by this
+# fraction. Between them rounding errors decide.
 HAIR = 1e-6
-# Motion of the joints that determines the direction of the tool [rad].
+# Joint motion that determines the direction of the tool [rad].
 SMALL = 1e-5
 
 
@@ -139,11 +140,11 @@ def proven_speed(log, forward, reach):
 def _sample_speeds(log, q, forward, reach):
     """Return the tool speeds at the samples, and a bound on their errors [m/s], (n,)."""
     dq = (log.dq.low + log.dq.high) / 2
-    # Steps of the same length in joint positions, whatever the velocities.
+    # Steps of equal length in joint positions, independent of the velocities.
     step = SMALL / np.maximum(np.abs(dq).max(axis=1), 1e-12)[:, None]
     speed = np.linalg.norm(forward(q + dq * step) - forward(q - dq * step), axis=1)
     angle = ((log.q.high - log.q.low) / 2).sum(axis=1)
-    # A joint that is off turns the tool's velocity with it, and moves the axes of those after it.
+    # An error of a joint turns the tool's velocity, and moves the axes of the later joints.
     uncertainty = ((log.dq.high - log.dq.low) / 2 * reach).sum(axis=1)
     uncertainty += (
         2 * angle * (np.maximum(np.abs(log.dq.low), np.abs(log.dq.high)) * reach.max()).sum(axis=1)
@@ -190,7 +191,7 @@ LIMITS = ("joint_velocity", "joint_acceleration", "joint_upper", "speed")
 LEAST = 1.01
 # Largest ratio of a violation to its limit.
 MOST = 1e6
-# Numbers that no joint and no clock has.
+# Numbers that are impossible for joints and clocks.
 WILD = ("1e308", "-1e308", "1e200", "-1e30", "9e9", "1e-308", "5e-324", "1e999", "-0.0")
 # How far each joint's axis may be from the tool [m]: all links stretched.
 REACH = {"pmk3s": np.array([0.465, 0.215]), "ur5e": np.array([1.1, 1.1, 0.7, 0.35, 0.2, 0.1])}
@@ -224,7 +225,7 @@ class Motion:
         """Return the largest amount of what a limit bounds, per joint or of the tool."""
         q, dq, ddq = self(self.extremes())
         if limit == "speed":
-            # Dense and a little more: the tool's speed has no closed form.
+            # The tool's speed has no closed form, so it is sampled densely and enlarged.
             t = np.linspace(self.breaks[0], self.breaks[-1], 20_001)
             points = forward(self(t)[0])
             speed = np.linalg.norm(np.diff(points, axis=0), axis=1).max() / (t[1] - t[0])

@@ -1,10 +1,10 @@
-"""Motions that are certified clear touch nothing, and MuJoCo agrees on contacts.
+"""Motions with certified clearance touch nothing, and MuJoCo confirms contacts.
 
-Random motions of three arms between random obstacles are checked. Of those that are certified
-clear, the bodies are looked at 100 times as often as the certificate did, at random times: by other
-kinematics (rotations of scipy), and with triangles instead of hulls. Random postures are given to
-MuJoCo, which has kinematics and collisions of its own. Where one says that two bodies touch and the
-other does not, they are as near as EXCESS.
+Random motions of three arms between random obstacles are checked. If a motion is certified clear,
+its bodies are examined at 100 times as many random times, with other kinematics (scipy's rotations)
+and with triangles instead of hulls. Random postures are also given to MuJoCo, which has its own
+kinematics and collisions. If only one of the programs says that two bodies touch, their distance
+must be at most EXCESS.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ POSTURES = 50  # given to MuJoCo per seed
 LAPS = 4
 # Duration of a lap [s].
 LAP = 0.3
-# How far apart bodies may be that touch for one of two programs only [m]: tolerances of both.
+# Largest distance between bodies that touch for only one of two programs [m], due to tolerances.
 EXCESS = 5e-6
 FloatArray = npt.NDArray[np.float64]
 

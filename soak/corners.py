@@ -14,7 +14,7 @@ SAMPLES = np.linspace(0.0, 1.0, 41)
 ROUNDING = 1e-12
 TANGENT = 1e-9
 SAME_POINT = 1e-9
-# Corners that turn back within this may have no room [rad].
+# Corners that reverse up to this angle may have too little room [rad].
 NEARLY_BACK = 1e-3
 
 
@@ -173,7 +173,7 @@ def judge(case):
             return "a gap", False
     corner = case.away[0].start[None]
     allowed = case.tolerance + ROUNDING
-    # A long arc comes back to its corner: only what replaces the corner counts.
+    # A long arc returns to its corner, so only the rounded part counts.
     (begin,) = rounded.corners.start
     (end,) = rounded.corners.end
     middles = (rounded.breaks[1:] + rounded.breaks[:-1]) / 2

@@ -1,4 +1,4 @@
-"""The recipe of the guide on identification: does the error to expect hold on another program?
+"""Test the identification guide's recipe: does the expected error hold for another program?
 
 Each robot of `soak.loops` records a multisine and the lines of a program. `identify` determines its
 servo, and a run of another program expects an error, which is compared with the true motion.

@@ -1,10 +1,11 @@
-"""Processes that are halted or killed while `armcontour play` moves joints of a HAL file.
+"""Halt or kill processes while `armcontour play` moves joints of a HAL file.
 
 A second sampler, which armcontour does not know, records the commands and whether the drives are
-enabled. Each trial needs a HAL apart from that of the machine, so it is run by root (`unshare`).
+enabled. Each trial needs its own HAL, separate from that of the machine, so it runs as root
+(`unshare`).
 
-The seed modulo 35 chooses the processes and what happens to them, the rest of the division the
-moment, of 12 in the motion. `python -m soak failures --jobs 2 --count 420` tries all.
+The seed modulo 35 selects the processes and what happens to them; the seed divided by 35 selects
+one of 12 moments. `python -m soak failures --jobs 2 --count 420` tries all.
 """
 
 from __future__ import annotations

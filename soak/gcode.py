@@ -1,7 +1,7 @@
-"""`python -m soak.gcode`: random G-code programs, read and interpreted a second time.
+"""Read random G-code programs, and interpret them a second time: `python -m soak.gcode [FILE ...]`.
 
-With files named, these are read and compared instead. Exit code 1 if a program is refused that is
-valid by construction, or if any point, speed, tolerance or event differs.
+Files that are specified are compared instead. The exit code is 1 if a program is refused although
+it is valid by construction, or if a point, speed, tolerance or event differs.
 """
 
 from __future__ import annotations

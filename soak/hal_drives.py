@@ -1,4 +1,4 @@
-"""The paper's job on drives of LinuxCNC's HAL: their law, kinematics and distances, in NumPy."""
+"""The paper's job on drives of LinuxCNC's HAL, in NumPy: control law, kinematics, distances."""
 
 from __future__ import annotations
 

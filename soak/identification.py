@@ -1,7 +1,7 @@
-"""Identification of simulated joints and robots: do intervals of 95 % contain the true values?
+"""Identify simulated joints and robots: do 95 % intervals contain the true values?
 
-The logs come from a simulation that shares nothing with the estimator: Runge and Kutta's steps, far
-below a sample, with white noise. Another program of the same joint is predicted, too.
+The logs come from a simulation that shares nothing with the estimator: Runge-Kutta steps far
+shorter than a sample, with white noise. Another program of the same joint is also predicted.
 """
 
 from __future__ import annotations

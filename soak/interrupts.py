@@ -1,9 +1,9 @@
-"""Signals, kills and races at random moments of every command.
+"""Send signals, kills and races at random moments of every command.
 
-A command that gets a signal must end within a second, with the old result, the new one or none,
-and nothing else left. After `kill -9` the same command gives a clean result, unless the kill came
-while files were renamed: then it names the folder of the earlier result. Of two runs at once into
-one folder one succeeds and one is refused.
+After a signal, a command must end within a second and leave the old result, the new result or none,
+and nothing else. After `kill -9`, the same command must succeed, unless files were being renamed;
+it then names the folder of the earlier result. If two runs start at once into one folder, one
+succeeds and the other one is refused.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Plans with limits of jerk, judged by formulas of their own and by Ruckig.
+"""Plans with jerk limits, judged by independent formulas and by Ruckig.
 
-`run` judges plans of random joint paths, `run_tool` those with limits of the tool, whose motion is
-a power series of the forward kinematics up to the third power, without a Jacobian. `run_move`
-compares straight moves with Ruckig. `tests.oracle.jerk_optimum` has the fastest timing by IPOPT.
+`run` judges plans of random joint paths. `run_tool` judges plans with tool limits; it computes the
+tool's motion as a power series of the forward kinematics up to the third power, without a Jacobian.
+`run_move` compares straight moves with Ruckig. `tests.oracle.jerk_optimum` has the fastest timing
+by IPOPT.
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ INTERVALS = (60, 200, 1000, 4000)
 LEAK = 1e-9
 # Places in every interval of a law, its ends among them.
 PLACES = 11
-# What may jump where intervals meet, as a share of the largest value.
+# Allowed jump of values where intervals meet, as a share of the largest value.
 STEP = 1e-9
-# A bend q'' jumps where its jump is this share of its largest value there.
+# q'' counts as jumping if its jump is at least this share of its largest value there.
 BEND = 1e-6
 # Sampling rates at which third differences of the positions are compared with the jerk limit [Hz].
 RATES = (1000.0, 8000.0)
@@ -42,7 +43,7 @@ SLACK = 5e-3
 NOISE = 2e-3
 # Maximum number of samples per plan; a longer plan is sampled at a lower rate.
 MOST_SAMPLES = 40_000
-# One problem in so many is planned again with searches that end early.
+# One problem out of this many is planned again with searches that end early.
 AGAIN = 10
 # Numbers of iterations after which these searches end.
 EARLY = (1, 3, 8, 20)
@@ -331,12 +332,12 @@ def differences(planned: ac.Trajectory, limits: ac.Limits) -> list[str]:
 
 # Limits of the tool, with arms of random paths; a tool that uses less than LEAST has no limit.
 ARMS = ("ur5e", "pmk3s")
-# Limits of the tool, and what they are of the speed of a joint or less at the path's size.
+# Names of the tool limits that are drawn.
 TOOL = ("speed", "tool_acceleration", "centripetal_acceleration")
 ANGULAR = ("angular_speed", "angular_acceleration")
 CHANCE = 0.35
 LEAST = 1e-6
-# How a tool is held that looks down.
+# Orientation of a tool that points downwards.
 DOWN = np.diag([1.0, -1.0, -1.0])
 # Share of the seeds that have a tool that turns.
 TURNING = 0.2

@@ -1,13 +1,13 @@
-"""Kerf: offsets of random contours judged by distances, and parts that tool paths cut out.
+"""Kerf: judge offsets of random contours by distances, and parts that tool paths cut out.
 
-The judge of offsets samples the contours, has its own distance to lines and arcs, and asks of each
-offset: is every point of it at the distance d from the contour; does it cover every point at
-distance d on its side that no other place of the contour is nearer to; and does it wind around just
-those random points that lie at this side, farther than d away.
+The judge of offsets samples the contours, and has its own distances to lines and arcs. For each
+offset it asks: Does every point have the distance d from the contour? Does the offset cover every
+point at the distance d on its side to which no other part of the contour is nearer? Does it wind
+around exactly those random points that are on this side and farther away than d?
 
-The judge of parts cuts drawings with the planned tool path, and compares the parts with the
-drawings. It has its own plates, of lines and arcs that it writes to DXF files and samples itself,
-its own kinematics of an arm with two links, and its own distances and insides.
+The judge of parts cuts drawings with the planned tool path and compares the parts with the
+drawings. It writes its own plates of lines and arcs to DXF files and samples them itself. It has
+its own kinematics of a two-link arm, its own distances and its own inside test.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from armcontour.program import Lead
 from soak import Outcome
 from soak.corners import Piece
 
-# What is allowed between an offset and its distance [m].
+# Largest difference between an offset's distance and the required one [m].
 OFFSET = 1e-6
 # Steps along a contour between samples, as a share of its length.
 STEPS = 200
@@ -151,7 +151,7 @@ def judge_offset(rng: np.random.Generator, source: ac.Path, side: str, kerf: flo
         missed = np.min([distances(targets, x) for x in contours], axis=0).max()
         assert missed <= OFFSET, f"{missed:.3g} m missed"
     elif len(targets):
-        # Where the offset shrinks to a point, rounding may leave one.
+        # If the offset shrinks to a point, rounding may leave this point.
         apart = np.linalg.norm(targets - targets[0], axis=1).max()
         assert apart <= OFFSET, "vanished, but should not"
     return ("vanished", "offset")[len(contours)] if len(contours) < 2 else "parts"

@@ -1,8 +1,8 @@
 """Learning on random robots, judged by their true motion.
 
-Every robot differs from its model: payload, friction, loop gains, dead time, noise. Its logs have a
-sample per millisecond, the noise of its encoders, and a clock of their own. Friction and payload of
-the UR5e are those of the reference problem, those of others in proportion to torque and mass.
+Every robot differs from its model in payload, friction, loop gains, dead time and noise. Its logs
+have one sample per millisecond, encoder noise, and their own clock. The UR5e has the friction and
+payload of the reference problem; other robots have them in proportion to torque and mass.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ INTERVAL = 1e-3
 # Drives that never saturate: saturation is another topic.
 STRONG = ac.Limits(joint_torque=1e5)
 RUNS = 8
-# The error at last over that of noise, which nearly all robots keep.
+# Final error divided by the error due to noise, which nearly all robots achieve.
 OVER_NOISE = 2.0
 # The error of the last run may exceed LAST_TO_BEST times that of the best run by so many standard
 # deviations of noise.

@@ -1,7 +1,7 @@
-"""Learning on robots with drive loops of other kinds than the servo of the job.
+"""Learning on robots whose drive loops are of another kind than the job's servo.
 
 The robots are simulated here in steps of 0.1 ms and share no code with the package. Their joints
-are independent, although the arm has masses. Each robot is judged by the true motion of its tool.
+are independent, although the arm has masses. Each robot is judged by its tool's true motion.
 """
 
 from __future__ import annotations

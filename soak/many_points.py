@@ -1,4 +1,4 @@
-"""Plans of joint paths through very many points, with their memory."""
+"""Plan joint paths through very many points, and measure the memory."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The distance between tool and drawing of random jobs, measured from dense points.
+"""The distance between tool and drawing in random jobs, measured from dense points.
 
-Both are sampled as chords that are at most 10 nm from them, and the nearest chord is found with a
-k-d tree of scipy. Neither the evaluation nor the geometry's distances are used.
+Tool and drawing are sampled as chords with errors of at most 10 nm, and scipy's k-d tree finds the
+nearest chord. The package's evaluation and geometry are not used.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SLACK = 1e-7
 SAME = 0.01
 # Time between samples of the tool [s].
 RESOLUTION = 1e-4
-# Largest distance between samples of a path [m], and smallest number of samples of a segment, so
+# Largest distance between samples of a path [m], and smallest number of samples per segment, so
 # that chords are about 10 nm from the path at most.
 STEP = 5e-6
 SAMPLES = 17

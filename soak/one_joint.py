@@ -1,4 +1,4 @@
-"""Plans of one joint along random paths that turn back, against the closed form."""
+"""Plan one joint along random paths that reverse, and compare with the closed form."""
 
 from __future__ import annotations
 

@@ -1,15 +1,15 @@
-"""Outputs of random programs and jobs, judged against the joints' positions over time.
+"""Outputs of random programs and jobs, judged by the joint positions over time.
 
-Programs of lines and circles get leads, tabs, passes, overlaps, dwells, gaps of their own, several
-outputs and a place from which they are resumed. The judge takes the positions of the joints at
-every sample of the plan, its own arc length along each line and circle, and the gaps as they were
-drawn. An output must be off wherever the tool does no work by more than the leads, and on wherever
-it works; events and analog values are judged alike.
+Programs of lines and circles get leads, tabs, passes, overlaps, dwells, gaps, several outputs and a
+place at which they are resumed. The judge takes the joint positions at every sample of the plan,
+and computes its own arc length along each line and circle. It knows the gaps as they were drawn. An
+output must be off wherever the tool does not work, except for its lead times, and on wherever it
+works. Events and analog values are judged in the same way.
 
-Jobs are polygons on the PMK-3s, each written twice, in SI and in other units. The judge has the
-arm's kinematics of its own: is the tool at work within the tolerance of the polygon, does it cover
-it, are leads as long as asked, does the tool rest in dwells, are outputs switched where the tool
-is, and do analog outputs follow its speed.
+Jobs are polygons on the PMK-3s, each written twice, in SI units and in other units. The judge has
+its own kinematics. It asks: Is the tool at work within the tolerance of the polygon, and does it
+cover the polygon? Do leads have the required length? Does the tool rest in dwells? Are outputs
+switched where the tool is, and do analog outputs follow its speed?
 """
 
 from __future__ import annotations

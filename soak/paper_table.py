@@ -1,7 +1,7 @@
-"""Table I of the paper on LinuxCNC: `python -m soak.paper_table`.
+"""Measure the paper's Table I on LinuxCNC: `python -m soak.paper_table`.
 
-Plays the conventional and the proposed run on simulated drives of LinuxCNC's HAL, each in its time.
-Exit code 1 if a figure is not the one that docs/paper.md has in the row "controller: LinuxCNC".
+This plays the conventional and the proposed run in real time on simulated drives of LinuxCNC's HAL.
+The exit code is 1 if a figure differs from the row "controller: LinuxCNC" of docs/paper.md.
 """
 
 from __future__ import annotations

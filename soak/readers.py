@@ -1,6 +1,6 @@
-"""Broken files: a reader reads them, or refuses them with a sentence that names the file.
+"""Broken files: a reader must read them, or refuse them with a sentence that names the file.
 
-It does so soon, and with little memory.
+It must do so quickly and with little memory.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ KINDS = {
 }
 # Files of bodies, which are read from a folder.
 BODIES = ("stl", "obj", "urdf", "Srdf")
-# A file of a few kilobytes is not worth more [s], [bytes].
+# Largest time [s] and memory [bytes] for a file of a few kilobytes.
 LONGEST = 20.0
 LARGEST = 600e6
 # How often each kind of change is made.
@@ -44,7 +44,7 @@ CHANGES = (0.06, 0.02, 0.1, 0.06, 0.12, 0.12, 0.38, 0.1, 0.02, 0.02)
 # Characters of a piece that is repeated until a pattern that goes back would not end.
 LONGEST_REPEAT = 60_000
 LARGEST_FILE = 200_000
-# What breaks readers, beside noise.
+# Texts that often break readers.
 TOKENS = (
     b"1e308", b"-1e308", b"nan", b"inf", b"1e-320", b"0", b"-1", b"99999999999999999999", b"\0",
     b"\xff\xfe", b"\n", b"\r\n", b"<", b">", b"&amp;", b"(", b")", b"[", b"%", b";", b",", b"#",

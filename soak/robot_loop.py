@@ -1,7 +1,7 @@
-"""Identification and learning on LinuxCNC: `python -m soak.robot_loop`.
+"""Identify and learn on LinuxCNC: `python -m soak.robot_loop`.
 
-The job has other gains than the drives. Errors are computed by `soak.hal_drives`. Exit code 1 if
-one is too large.
+The job's gains differ from those of the drives. `soak.hal_drives` computes the errors. The exit
+code is 1 if one is too large.
 """
 
 from __future__ import annotations

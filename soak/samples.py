@@ -1,4 +1,4 @@
-"""Small files of every kind that is read, for the readers' soak to change."""
+"""Small files of every kind that readers support, which `soak.readers` damages."""
 
 from __future__ import annotations
 

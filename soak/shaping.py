@@ -1,7 +1,7 @@
-"""Shaped motions, judged by joint positions alone and against other shapes.
+"""Shaped motions, judged by joint positions alone and compared with other shapes.
 
-A monotone matching of the motion with the objective path decides which pieces of the path are a
-point's own (after Alt and Godau, "Computing the Fréchet distance between two polygonal curves").
+A monotone matching of the motion with the objective path decides which pieces of the path belong to
+a point (after Alt and Godau, "Computing the Fréchet distance between two polygonal curves").
 `tests.oracle.shaped_optimum` has the fastest motion by IPOPT.
 """
 
@@ -25,11 +25,11 @@ from soak.kerf import shape
 from soak.timing import limit_ratios
 
 LEAK = 1e-9
-# Beside its share of the tolerance, a tool may be off by what tracing leaves [m].
+# Tracing error by which the tool may be off in addition to its share of the tolerance [m].
 TRACED = 1.5e-10
-# A tool may be turned by what tracing leaves [rad].
+# Tracing error by which the tool may be turned [rad].
 TURNED = 2e-9
-# Places this near to each other are one [m].
+# Places nearer to each other than this count as one [m].
 SAME_PLACE = 1e-9
 # Places per segment of the path at which a motion is judged.
 PLACES = 96
@@ -43,10 +43,10 @@ MOST_POINTS = 30_000
 STEPS = 20_000
 # Share of the centripetal limit by which differences may be off, beside rounding errors.
 CURVED = 5e-3
-# A tool this slow [m/s] has no direction; and none that differences would show.
+# Below this speed the tool's direction is undefined, also from differences [m/s].
 SLOW = 2e-3
 PMK = ac.load_arm("pmk3s")
-# Orientation of a tool that looks down, as a rotation matrix.
+# Orientation of a tool that points downwards, as a rotation matrix.
 DOWN = np.diag([1.0, -1.0, -1.0])
 # Axis of a tilted tool, of any length.
 AXIS = np.array([0.2, 0.1, -1.0])
@@ -58,7 +58,7 @@ BOX = np.array([(0.35, -0.25, 0.1), (0.65, 0.25, 0.4)])
 # Vertices between two stretches of which a tolerance is at most half [rad].
 SHARP = np.radians(30)
 Random = np.random.Generator
-# Arcs of fewer than so many radians meet a disc in one stretch at most, near enough.
+# An arc shorter than this angle is assumed to meet a disc in at most one stretch [rad].
 QUARTER = np.pi / 2
 
 
@@ -339,7 +339,7 @@ def judge(planned: ac.Trajectory, problem: Problem) -> list[str]:
     """List what is wrong with a motion, in words."""
     t = _times(planned, problem)
     states = [planned(t, order) for order in (0, 1, 2)]
-    # Also what holds just before every break.
+    # Times just before every break are judged, too.
     left_limits = [planned(planned.breaks[1:], order, side="left") for order in (0, 1, 2)]
     both = [np.concatenate(x) for x in zip(states, left_limits, strict=True)]
     notes = _exceeded(problem, np.append(t, planned.breaks[1:]), both)
@@ -385,7 +385,7 @@ def _differences(planned: ac.Trajectory, problem: Problem) -> list[str]:
     change = np.diff(tool, 2, axis=0) / h**2
     speed = np.linalg.norm(velocity, axis=1)
     low, high = limits.acceleration_bounds(q.shape[1])
-    # How far each is above its limit, and what rounding and the differences themselves may add.
+    # Excess over each limit, and the errors of rounding and of the differences themselves.
     excesses = {"acceleration": (np.maximum(second - high, low - second).max(), rounding / h**2)}
     if limits.joint_velocity is not None:
         low, high = limits.velocity_bounds(q.shape[1])
@@ -604,7 +604,7 @@ def _free(x, start, tangent, normal, bend, length, band):
     w = x - start
     along = np.dot(w, tangent)
     if bend == 0.0:
-        # As a difference of squares, a small distance is lost in a large one.
+        # A difference of squares would lose a small distance in a large one.
         normal_part = w - along * tangent
         room = band * band - np.dot(normal_part, normal_part)
         if room < 0:

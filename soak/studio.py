@@ -1,8 +1,8 @@
-"""A monkey at the Studio: random input at 60 Hz, and then everything is undone.
+"""Random input for the Studio at 60 Hz, after which every step is undone.
 
-Nothing may fail: no exception in the page or the server, no message in the console, no request to
-anybody else. Server and page grow by less than 50 MB. At the end every step is undone, the text has
-the bytes that it had, and the figures are those of the start.
+Nothing may fail: no exception in page or server, no message in the console, no request to another
+server. Server and page may grow by at most 50 MB. After every step is undone, the text must have
+its original bytes, and the figures their original values.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from tools.studio_page import Server, Studio, browsing, serving, write_job
 
 from soak import Outcome
 
-# How often something is done [Hz].
+# Rate of actions [Hz].
 RATE = 60.0
 # How much the memory of server and page may grow, each [bytes].
 GROWTH = 50e6
 SECONDS = 300.0
 # The share of the time after which memory is measured first: by then all is loaded.
 WARM = 0.2
-# In a shorter time not all is loaded, so that memory is only told [s].
+# In a shorter run not everything is loaded, so memory is reported but not judged [s].
 LONG = 40.0
 HANDLES = ("g.handle.waypoint", "g.handle.corner", "g.handle.middle", "g.place .handle")
 BUTTONS = "#viewbar button, #tabs [role=tab], #playback button, #undo, #redo"
@@ -65,7 +65,7 @@ class Monkey:
         while (now := time.perf_counter() - begin) < seconds:
             next(steps)
             self.done += 1
-            # Behind time it goes on at once, but does not make up for what it has missed.
+            # If it is late, it continues at once, but does not catch up.
             time.sleep(max(0.0, 1 / RATE - (time.perf_counter() - begin - now)))
         self.studio.page.mouse.up()
 
@@ -82,7 +82,7 @@ class Monkey:
 
     def _one(self, selector: str) -> tuple[float, float] | None:
         """Return the middle of one of the visible elements [px]."""
-        # All at once: a handle may be gone in the next moment.
+        # All boxes are read at once, because a handle may disappear at any moment.
         centers = [
             (x + wide / 2, y + high / 2)
             for x, y, wide, high in self.studio.page.locator(selector).evaluate_all(BOXES)
@@ -166,7 +166,7 @@ def undo_all(studio: Studio) -> int:
     """Undo until nothing is left; returns the number of steps."""
     steps = 0
     studio.page.keyboard.press("Escape")
-    # What was typed into the text of the job and not applied is no step.
+    # Text that was typed but not applied is not a step of undo.
     studio.page.evaluate("() => [...document.querySelectorAll('#tab-text button')].at(-1).click()")
     while not studio.find("#undo").is_disabled():
         with studio.renewing():

@@ -1,4 +1,4 @@
-"""Time-optimal plans of random paths, judged by the law's own values and forward kinematics."""
+"""Time-optimal plans of random paths, judged by the values of the law and forward kinematics."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ LEAK = 1e-9
 PLACES = 8
 # Position and path speed may jump at a break by this part of their largest values.
 STEP = 1e-9
-# A tool this slow [m/s] has no direction, so no centripetal acceleration either.
+# Below this speed the tool's direction and its centripetal acceleration are undefined [m/s].
 SLOWEST = 1e-6
-# Nearer than this to the edge of the reach [m] a path may be refused.
+# A path nearer to the edge of the reach than this may be refused [m].
 EDGE = 2e-9
 # A motion that takes longer is refused [s].
 LONGEST = 1e6
@@ -300,7 +300,7 @@ def answer(problem: Any, judge: Callable[..., Any]) -> tuple[str, list[str], flo
     """Return the planner's answer, what is wrong with it, and the largest ratio to a limit."""
     options = dict(problem.options)
     refused = ""
-    # Each end's speed may be refused once, and what is then said to be allowed can be had.
+    # The speed at each end may be refused once; the allowed speed that the error states must work.
     for _ in range(3):
         try:
             planned = ac.plan(problem.path, problem.arm, problem.limits, ac.Optimal(**options))

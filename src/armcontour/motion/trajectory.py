@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import accumulate
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -131,6 +131,22 @@ class TimedEvent:
     def shifted(self, by: float) -> TimedEvent:
         """Return the event delayed by a time [s]."""
         return replace(self, t=self.t + by, due=self.due + by) if by else self
+
+
+class TimesOfLaw(NamedTuple):
+    """The requested times, or arc lengths, that belong to one law of a trajectory.
+
+    Args:
+        law: Index of the law.
+        indices: Where they are among all requested ones, (m,).
+        intervals: Their intervals of the law, (m,).
+        t: Their times since the start of the law [s], (m,).
+    """
+
+    law: int
+    indices: IntArray
+    intervals: IntArray
+    t: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -546,18 +562,12 @@ class Trajectory(Checked):
             values.setflags(write=False)
         return Samples(t=t, q=orders[0], dq=orders[1], ddq=orders[2])
 
-    def locate(
-        self, t: FloatArray, side: str = "right"
-    ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
+    def locate(self, t: FloatArray, side: str = "right") -> Iterator[TimesOfLaw]:
         """Group times by law.
 
         Args:
             t: Times from 0 to `duration` [s], (n,).
             side: "right" or "left": the interval to which a break belongs.
-
-        Yields:
-            Index of the law, indices of its times in `t`, their intervals, and their times since
-            the start of the law [s].
         """
         law_index = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
         for k, indices in _group_by_law(np.clip(law_index, 0, len(self.laws) - 1)):
@@ -567,7 +577,8 @@ class Trajectory(Checked):
             # compared with `start + breaks`, the sums that the property `breaks` also returns.
             i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
             i = np.clip(i, 0, len(breaks) - 2)
-            yield k, indices, i, np.clip(t[indices] - start, breaks[i], breaks[i + 1])
+            local = np.clip(t[indices] - start, breaks[i], breaks[i + 1])
+            yield TimesOfLaw(k, indices, i, local)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         """Clip times to the trajectory [s]; raise InvalidInput for times outside."""
@@ -582,9 +593,7 @@ class Trajectory(Checked):
         high = float(self._ends[-1, 1])
         return checks.clip_within("arc length", s, low, high, "m", "the motion")
 
-    def _by_length(
-        self, s: FloatArray, side: str
-    ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
+    def _by_length(self, s: FloatArray, side: str) -> Iterator[TimesOfLaw]:
         """Group arc lengths by law, with their times in the law, like `locate`."""
         ends = self._ends
         if checks.check_side(side) == "left":
@@ -596,9 +605,10 @@ class Trajectory(Checked):
             if part.law is None:
                 still = 0.0 if side == "left" else self.laws[k].breaks[-1]
                 first = np.zeros(len(indices), dtype=np.intp)
-                yield k, indices, first, np.full(len(indices), still)
+                yield TimesOfLaw(k, indices, first, np.full(len(indices), still))
             else:
-                yield k, indices, *part.law.reach(s[indices] - part.offset, side)
+                i, local = part.law.reach(s[indices] - part.offset, side)
+                yield TimesOfLaw(k, indices, i, local)
 
     def _check_arc_length(self) -> None:
         """Raise InvalidInput unless the laws follow each other along one path."""

@@ -41,14 +41,18 @@ TINY = re.compile(r"(?<![\d.])-?0\.000\d{3}(?= [\w%])")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Picture:
-    """A figure or a drawing of a report, which can also be a page of its own."""
+    """A figure or a drawing of a report, which can also be a page of its own.
+
+    Args:
+        title: Title.
+        half: True if it takes half the width of a wide page.
+        frames: Data of the picture that are not figures.
+    """
 
     # Template that renders the picture, with the id `key` of its element
     template: ClassVar[str]
     title: str
-    # True if it takes half the width of a wide page
     half: bool = False
-    # Data of the picture that are not figures
     frames: tuple[MessageFrame, ...] = ()
 
     def write_html(self, file: str | FilePath) -> None:
@@ -67,26 +71,42 @@ class Picture:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Curve:
-    """A curve of a plot in the units of its axes; NaN is a gap."""
+    """A curve of a plot in the units of its axes; NaN is a gap.
+
+    Args:
+        x: Abscissae, (n,).
+        y: Values, (n,).
+        name: Entry in the legend; curves with one name share it.
+        colour: Colour of the line.
+        width: Width of the line [px].
+        dash: Lengths of dashes and gaps [px]; empty for a solid line.
+        marked: True to mark the points.
+    """
 
     x: FloatArray
     y: FloatArray
     name: str
     colour: str
-    # Width of the line [px], and lengths of its dashes and gaps [px]
     width: float = 2.0
     dash: tuple[float, ...] = ()
-    # True to mark the points
     marked: bool = False
 
 
 class Bar(NamedTuple):
-    """An interval of time [s] in a row of a plot."""
+    """An interval of time [s] in a row of a plot.
+
+    Args:
+        start: Start of the interval [s].
+        end: End of the interval [s].
+        row: Index of the row.
+        kind: Entry in the legend.
+        name: Text under the pointer.
+        colour: Colour of the bar.
+    """
 
     start: float
     end: float
     row: int
-    # Kind, which is its entry in the legend, and text under the pointer
     kind: str
     name: str
     colour: str
@@ -94,37 +114,48 @@ class Bar(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
-    """A plot with curves, or with bars in rows."""
+    """A plot with curves, or with bars in rows.
 
-    # Label of the vertical axis, and of the horizontal one, with their units
+    Args:
+        label: Label of the vertical axis, with its unit.
+        x_label: Label of the horizontal axis, with its unit.
+        curves: The curves.
+        bars: The bars.
+        rows: Row names for bars.
+        limits: Range of the vertical axis; None for that of the values.
+        lines: Values at which horizontal lines are drawn.
+        also: Factor to a second unit that is shown under the pointer, and the unit.
+        logarithmic: True if the vertical axis is logarithmic.
+        counts: True if the horizontal values are integers, such as run numbers.
+        height: Height [px].
+        max_points: Approximate maximum number of points per curve.
+    """
+
     label: str
     x_label: str = "time [s]"
     curves: tuple[Curve, ...] = ()
     bars: tuple[Bar, ...] = ()
-    # Row names for bars
     rows: tuple[str, ...] = ()
-    # Range of the vertical axis; None for that of the values
     limits: tuple[float, float] | None = None
-    # Values at which horizontal lines are drawn
     lines: tuple[float, ...] = ()
-    # Factor to a second unit that is shown under the pointer, and the unit
     also: tuple[float, str] | None = None
     logarithmic: bool = False
-    # True if the horizontal values are integers, such as run numbers
     counts: bool = False
-    # Height [px]
     height: int = HEIGHT
-    # Approximate maximum number of points per curve
     max_points: int = MAX_POINTS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figure(Picture):
-    """Plots in rows and columns, which share the pointer, the zoom and the legend."""
+    """Plots in rows and columns, which share the pointer, the zoom and the legend.
+
+    Args:
+        plots: The plots, row by row.
+        columns: Titles of the columns.
+    """
 
     template: ClassVar[str] = "figure.html"
     plots: tuple[Plot, ...]
-    # Titles of the columns
     columns: tuple[str, ...] = ("",)
 
 

@@ -58,71 +58,101 @@ CLOSER = 5
 
 
 class LegendEntry(NamedTuple):
-    """An entry in a drawing's legend: one limit kind."""
+    """An entry in a drawing's legend: one limit kind.
 
-    # Name of the limit kind
+    Args:
+        word: Name of the limit kind.
+        time: Time in which this kind restricts the speed [s].
+        share: This time divided by the duration.
+        look: SVG attributes of the line.
+        names: Limits of this kind with their times, such as single joint limits.
+        place: Id of the place at which this kind is active longest; "" between contours.
+    """
+
     word: str
-    # Time in which this kind of limit restricts the speed [s], and its fraction of the duration
     time: float
     share: float
-    # SVG attributes of the line
     look: str
-    # Limits of this kind with their times, such as the limits of single joints
     names: str
-    # Id of the place at which this kind is active longest; "" between contours
     place: str = ""
 
 
 class Mark(NamedTuple):
-    """A mark at a point in a drawing."""
+    """A mark at a point in a drawing.
 
-    # Position [m], (dimension,)
+    Args:
+        point: Position [m], (dimension,).
+        words: Tooltip.
+        along: Direction, (dimension,); None if the mark has no direction.
+        place: Id of the mark, to which the page links.
+        window: Size of what a link to the mark shows [m]; 0 for a fraction of the drawing.
+    """
+
     point: FloatArray
-    # Tooltip
     words: str
-    # Direction, (dimension,); None if the mark has no direction
     along: FloatArray | None = None
-    # Id of the mark, to which the page links
     place: str = ""
-    # Size of what a link to the mark shows [m]; 0 for a fraction of the drawing
     window: float = 0.0
 
 
 class Line(NamedTuple):
-    """A line in a drawing."""
+    """A line in a drawing.
 
-    # SVG attributes
+    Args:
+        look: SVG attributes.
+        d: Points as the SVG attribute `d`.
+        words: Tooltip.
+    """
+
     look: str
-    # Points as the SVG attribute `d`
     d: str
-    # Tooltip
     words: str = ""
 
 
 class Key(NamedTuple):
-    """An entry below a drawing."""
+    """An entry below a drawing.
 
-    # Symbol as HTML, and its meaning
+    Args:
+        symbol: Symbol as HTML.
+        words: Meaning of the symbol.
+        place: Id of the mark; "" without a link.
+    """
+
     symbol: str
     words: str
-    # Id of the mark; "" without a link
     place: str = ""
 
 
-# A tab: contour, arc length of its start, and arc lengths of the tab on it [m].
-Tab = tuple[Contour, float, float, float]
+class Tab(NamedTuple):
+    """A part at work on which the process is off.
+
+    Args:
+        contour: The contour.
+        offset: Arc length over all contours at which the contour starts [m].
+        start, end: Arc lengths of the tab on the contour [m].
+    """
+
+    contour: Contour
+    offset: float
+    start: float
+    end: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing(Picture):
-    """A drawing with its legends."""
+    """A drawing with its legends.
+
+    Args:
+        svg: The drawing as SVG.
+        keys: Entries below the drawing.
+        legend: Limit kinds, the longest active one first.
+        places: Ids of marks, by names of the values that they show.
+    """
 
     template: ClassVar[str] = "drawing.html"
     svg: str
     keys: tuple[Key, ...]
-    # Limit kinds, the longest active one first
     legend: tuple[LegendEntry, ...] = ()
-    # Ids of marks, by names of the values that they show
     places: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -143,7 +173,7 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         lines.append(sheet.line(rapids, f'class="limit" {look_of(RAPIDS)}'))
     for kind, curves in pieces_of(result, SHORTEST / sheet.size).items():
         lines.append(sheet.line(curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
-    gaps = [drawn_curve(contour.path, a, b) for contour, _, a, b in tabs]
+    gaps = [drawn_curve(x.contour.path, x.start, x.end) for x in tabs]
     if gaps:
         lines.append(sheet.line(gaps, 'class="tab"', "tab, not cut"))
     prefix = slug(job.name)
@@ -209,15 +239,18 @@ def look_of(kind: str) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sheet:
-    """Projection of path points into the drawing."""
+    """Projection of path points into the drawing.
 
-    # Unit vectors to the right and up in the coordinates of the path, (2, dimension)
+    Args:
+        axes: Unit vectors to the right and up in the coordinates of the path, (2, dimension).
+        origin: Coordinates of the lower left corner along these axes [m], (2,).
+        size: Scale [px/m].
+        extent: Width and height of the drawing [px], (2,).
+    """
+
     axes: FloatArray
-    # Coordinates of the lower left corner along these axes [m], (2,)
     origin: FloatArray
-    # Scale [px/m]
     size: float
-    # Width and height of the drawing [px], (2,)
     extent: FloatArray
 
     @classmethod
@@ -304,8 +337,11 @@ def pieces_of(result: RunResult, shortest: float) -> dict[str, list[FloatArray]]
     """
     explanation = result.explanation
     pieces: defaultdict[str, list[FloatArray]] = defaultdict(list)
-    starts = np.array([0.0] if explanation is None else [x.s[0] for x in explanation.bindings])
-    kinds = ["unknown"] if explanation is None else [kind_of(x.limit) for x in explanation.bindings]
+    starts = np.array([0.0])
+    kinds = ["unknown"]
+    if explanation is not None:
+        starts = np.array([x.s[0] for x in explanation.bindings])
+        kinds = [kind_of(x.limit) for x in explanation.bindings]
     names = list(dict.fromkeys(kinds))
     kind_of_part = np.array([names.index(x) for x in kinds])
     for contour, offset in zip(result.path.contours, result.path.breaks, strict=False):
@@ -435,8 +471,8 @@ def _output_marks(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[M
     """Mark the points at which outputs are switched, without those of tabs."""
     words = {True: "on", False: "off"}
     ends = list[float]()
-    for _, offset, begin, end in tabs:
-        ends += [offset + begin, offset + end]
+    for tab in tabs:
+        ends += [tab.offset + tab.start, tab.offset + tab.end]
     marks = []
     for event in result.trajectory.events:
         if (event.value is not False) != on:
@@ -450,13 +486,13 @@ def _output_marks(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[M
 
 
 def _tabs(result: RunResult, process: Process) -> list[Tab]:
-    """List the tabs of all contours: parts at work on which the process is off."""
+    """List the tabs of all contours."""
     tabs = []
     for k, start, end in idle_parts(result.path, process):
         contour = result.path.contours[k]
         first, last = contour.at_work
         if first < start and end < last:
-            tabs.append((contour, float(result.path.breaks[k]), start, end))
+            tabs.append(Tab(contour, float(result.path.breaks[k]), start, end))
     return tabs
 
 

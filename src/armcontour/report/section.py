@@ -21,76 +21,102 @@ LONGEST = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextTable:
-    """Rows of text with a header; the first column names the row."""
+    """Rows of text with a header; the first column names the row.
+
+    Args:
+        header: Column heads.
+        rows: The rows.
+        caption: Title; empty without one.
+        half: True if two tables are next to each other on a wide page.
+    """
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     caption: str = ""
-    # True if two tables are next to each other on a wide page
     half: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tile:
-    """One important value in large print."""
+    """One important value in large print.
+
+    Args:
+        label: Name of the value.
+        value: The value as text.
+        note: A remark below the value; empty without one.
+        place: Id of the mark in the drawing that shows the value.
+    """
 
     label: str
     value: str
     note: str = ""
-    # Id of the mark in the drawing that shows the value
     place: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A section of the report, which is folded at first."""
+    """A section of the report, which is folded at first.
 
-    # Anchor in the address
+    Args:
+        key: Anchor in the address.
+        title: Title.
+        summary: One line that is shown while the section is folded.
+        text: Introduction.
+        parts: Figures and tables.
+        choices: Groups of figures and tables by name; a selector shows one group.
+        notes: Sentences at the end of the section.
+        opened: True if the section is unfolded at first.
+    """
+
     key: str
     title: str
-    # One line that is shown while the section is folded
     summary: str = ""
-    # Introduction
     text: str = ""
-    # Figures and tables
     parts: tuple[Any, ...] = ()
-    # Groups of figures and tables by name; a selector shows one group
     choices: tuple[tuple[str, tuple[Any, ...]], ...] = ()
-    # Sentences at the end of the section
     notes: tuple[str, ...] = ()
-    # True if the section is unfolded at first
     opened: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Front:
-    """The first screen of a report."""
+    """The first screen of a report.
 
-    # One sentence
+    Args:
+        verdict: The verdict, one sentence.
+        good: True if the verdict is positive; None if there is no criterion.
+        doubtful: True if the verdict is a warning, whether positive or negative.
+        tiles: The most important values.
+        tables: Tables below the tiles.
+        drawing: `Drawing` of the path; None if `parts` replace it.
+        arm: `MovingArm` next to the drawing.
+        parts: Figures and tables that replace the drawing.
+        sentences: Headings and their sentences.
+    """
+
     verdict: str = ""
-    # True if the verdict is positive; None if there is no criterion
     good: bool | None = None
-    # True if the verdict is a warning, whether positive or negative
     doubtful: bool = False
-    # The most important values
     tiles: tuple[Tile, ...] = ()
     tables: tuple[TextTable, ...] = ()
-    # `Drawing` of the path; None if figures and tables (`parts`) replace it
     drawing: Any = None
-    # `MovingArm` next to the drawing
     arm: Any = None
     parts: tuple[Any, ...] = ()
-    # Headings and their sentences
     sentences: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chapter:
-    """A first screen and the sections below it."""
+    """A first screen and the sections below it.
+
+    Args:
+        front: The first screen.
+        sections: The sections.
+        title: Title if the page has several chapters.
+    """
 
     front: Front
     sections: Sequence[Section] = ()
-    # Title if the page has several chapters
     title: str = ""
 
 

@@ -34,7 +34,12 @@ def make_token() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Address of the server, and the token that gives access to it."""
+    """Address of the server, and the token that gives access to it.
+
+    Args:
+        port: Port on this machine.
+        token: The token; random by default.
+    """
 
     port: int
     token: str = field(default_factory=make_token, repr=False)
@@ -80,7 +85,12 @@ class Endpoint:
 
 
 class RefusedRequest(Exception):
-    """Refusal of a request, with the HTTP status of the response."""
+    """Refusal of a request.
+
+    Args:
+        status: HTTP status of the response.
+        sentence: Text of the response.
+    """
 
     def __init__(self, status: int, sentence: str) -> None:
         super().__init__(sentence)
@@ -88,7 +98,12 @@ class RefusedRequest(Exception):
 
 
 class AccessControl:
-    """ASGI middleware that accepts requests only from the Studio's own page."""
+    """ASGI middleware that accepts requests only from the Studio's own page.
+
+    Args:
+        app: The application that answers accepted requests.
+        endpoint: Address and token of the server.
+    """
 
     def __init__(self, app: App, endpoint: Endpoint) -> None:
         self.app = app

@@ -61,7 +61,11 @@ class OpenPage:
 
 
 class SessionHost:
-    """Creates the session; pages that open earlier join it later."""
+    """Creates the session; pages that open earlier join it later.
+
+    Args:
+        make: Function that creates the session, and sends frames of the start by its argument.
+    """
 
     def __init__(self, make: Callable[[Callable[..., None]], Session]) -> None:
         self._make = make

@@ -95,12 +95,17 @@ def _row(keys: Keys, value: float | None, written: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class JobState:
-    """The job of the document without the edits of active gestures."""
+    """The job of the document without the edits of active gestures.
+
+    Args:
+        data: Data of the document.
+        job: The job; None if the data are not a valid job.
+        handles: Handles of the last valid job; None if no job was valid yet.
+        error: Why the data are not a valid job; None if they are.
+    """
 
     data: Mapping[str, Any]
-    # None if the data are not a valid job.
     job: Job | None
-    # Handles of the last valid job; None if no job was valid yet.
     handles: Handles | None
     error: InvalidInput | None = None
 

@@ -26,7 +26,13 @@ MAX_HISTORY = 50_000_000
 
 
 class HistoryEntry(NamedTuple):
-    """Text and data before (undo) or after (redo) a change, and the label of the change."""
+    """Text and data before (undo) or after (redo) a change, and the label of the change.
+
+    Args:
+        label: Label of the change.
+        text: Text before or after the change.
+        data: Data before or after the change.
+    """
 
     label: str
     text: str
@@ -34,7 +40,17 @@ class HistoryEntry(NamedTuple):
 
 
 class Document:
-    """Text of a job file with its undo history; undoing all changes restores the original bytes."""
+    """Text of a job file with its undo history; undoing all changes restores the original bytes.
+
+    Args:
+        text: The text.
+        source: Name of the document in messages; by default the file name.
+        folder: Folder to which file names in the job are relative; by default that of the file.
+        file: File to which changes are saved; None without one.
+        saved: Content of the file; None if it does not exist yet.
+        origin: Job file, or drawing and cell, that opens the document again; None for an upload.
+        is_start: True if the Studio shows the document because it was started without a file.
+    """
 
     def __init__(
         self,

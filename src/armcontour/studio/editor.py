@@ -28,15 +28,28 @@ NOTHING_DRAWN = "The job has no path yet. Draw with the pen, or open a drawing."
 
 @dataclass(frozen=True, slots=True)
 class Revision:
-    """Data of the document after edits."""
+    """Data of the document after edits.
+
+    Args:
+        data: Data of the job.
+        text: New text; None if keys are changed.
+    """
 
     data: Mapping[str, Any]
-    # New text; None if keys are changed.
     text: str | None = None
 
 
 class Editor:
-    """Edits a document. `state` is its job without an unfinished drag, `run` the displayed run."""
+    """Edits a document, independent of pages.
+
+    Args:
+        document: The document.
+        previewer: Planner that reads the job.
+
+    Attributes:
+        state: The job without an unfinished drag.
+        run: Name of the shown run.
+    """
 
     def __init__(self, document: Document, previewer: CoarsePlanner) -> None:
         self.document = document

@@ -60,19 +60,22 @@ COMPUTED = "The centre and the angle of its arc determine this end. Move the cen
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Waypoint:
-    """A point of the path in the job file: end of a segment, via point or centre of an arc."""
+    """A point of the path in the job file: end of a segment, via point or centre of an arc.
 
-    # Index in `Handles.waypoints`.
+    Args:
+        index: Index in `Handles.waypoints`.
+        keys: Keys in the file; () if the point is computed.
+        point: Position in the work frame [m], (3,).
+        uv: Position in the picture [m], (2,).
+        written: Coordinates as written in the file.
+        role: "point"; "via" or "center" of an arc; "end" of an arc around a centre.
+    """
+
     index: int
-    # Keys in the file; () if the point is computed.
     keys: Keys
-    # Position in the work frame [m], (3,)
     point: FloatArray
-    # Position in the picture [m], (2,)
     uv: FloatArray
-    # Coordinates as written in the file.
     written: tuple[Any, ...]
-    # "point"; "via" or "center" of an arc; "end" of an arc around a centre.
     role: str = POINT
 
     @property
@@ -83,21 +86,26 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Handles:
-    """Waypoints of a job in the plane of the picture."""
+    """Waypoints of a job in the plane of the picture.
+
+    Args:
+        job: The job.
+        kind: Kind of the path: "points", "segments", "file" or "blank".
+        file: Drawing of the path, as named in the job.
+        frame: Part frame.
+        plane: Plane of the picture.
+        centre: Centre of the path in the picture [m], (2,).
+        waypoints: Segment ends in path order, then via points and centres of arcs.
+        why_not: Reason why no point can be moved; None if points can be moved.
+    """
 
     job: Job
-    # "points", "segments", "file" or "blank"
     kind: str
-    # Drawing of the path, as named in the job.
     file: str | None
-    # Part frame.
     frame: Frame
     plane: Plane
-    # Centre of the path in the picture [m], (2,)
     centre: FloatArray
-    # Ends of segments in path order, then via points and centres of arcs.
     waypoints: tuple[Waypoint, ...]
-    # Reason why no point can be moved; None if points can be moved.
     why_not: str | None
 
     @property
@@ -150,10 +158,13 @@ class Handles:
         back = self.frame.inverse
         new_values = (back.position + back.rotation @ moved)[: len(like.written)]
         old_values = (back.position + back.rotation @ like.point)[: len(like.written)]
-        return tuple(
-            text if abs(new - was) <= EXACT else write_like(float(new), text, LENGTH, within=within)
-            for new, was, text in zip(new_values, old_values, like.written, strict=True)
-        )
+        coordinates = []
+        for new, old, text in zip(new_values, old_values, like.written, strict=True):
+            if abs(new - old) <= EXACT:
+                coordinates.append(text)
+            else:
+                coordinates.append(write_like(float(new), text, LENGTH, within=within))
+        return tuple(coordinates)
 
 
 def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
@@ -337,7 +348,13 @@ def _vertices(program: Program) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EditState:
-    """Data, shown run and handles before an edit."""
+    """Data, shown run and handles before an edit.
+
+    Args:
+        data: Data of the document.
+        run: Name of the shown run.
+        handles: Handles of the job.
+    """
 
     data: Mapping[str, Any]
     run: str

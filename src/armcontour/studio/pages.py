@@ -33,7 +33,12 @@ Answers: TypeAlias = Mapping[Page, int | None]
 
 @dataclass(frozen=True, slots=True)
 class File:
-    """A file for download."""
+    """A file for download.
+
+    Args:
+        name: File name for the browser.
+        data: Content.
+    """
 
     name: str
     data: bytes = field(repr=False)

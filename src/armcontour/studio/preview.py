@@ -68,17 +68,23 @@ MIN_STEP = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreviewExecution:
-    """Simulated execution of a plan; the worst one if several judge the run."""
+    """Simulated execution of a plan; the worst one if several judge the run.
+
+    Args:
+        planned: The simulated plan.
+        execution: The execution.
+        pieces: Execution along each contour.
+        errors: Contour error over time.
+        settled: Time at which the tool comes to rest [s].
+        judged_errors: Largest errors in all executions that judge the run, by name of the
+            execution.
+    """
 
     planned: Preview
     execution: Execution
-    # Execution along each contour.
     pieces: tuple[ContourExecution, ...]
-    # Contour error over time.
     errors: ErrorProfile
-    # Time at which the tool comes to rest [s].
     settled: float
-    # Largest errors in all executions that judge the run, by name of the execution.
     judged_errors: Mapping[str, Errors]
 
     @classmethod
@@ -101,6 +107,9 @@ class CoarsePlanner:
     """Planner with a cache for the states of a document; not thread-safe.
 
     The caller must not modify data after passing them.
+
+    Args:
+        folder: Folder to which file names in the job are relative; None for the current folder.
     """
 
     def __init__(self, folder: FilePath | None = None) -> None:

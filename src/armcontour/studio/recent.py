@@ -34,18 +34,25 @@ def make_private(folder: FilePath) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recent:
-    """A document that was edited in a session."""
+    """A document that was edited in a session.
 
-    # Identity of the document. Each session has its own, so that sessions keep their drafts apart.
+    Args:
+        id: Identity of the document. Each session has its own, so that sessions keep their drafts
+            apart.
+        name: Name of the document.
+        folder: Folder to which file names in the job are relative.
+        file: Job file or drawing that opens the document; None for an upload.
+        cell: Cell of a drawing; None for a job.
+        opened: Text of the document when it was opened.
+        text: Unsaved text; None without unsaved changes.
+    """
+
     id: str
     name: str
     folder: str
-    # Job file or drawing that opens the document, and the cell of a drawing; None for an upload.
     file: str | None
     cell: str | None
-    # Text of the document when it was opened.
     opened: str
-    # Unsaved text; None without unsaved changes.
     text: str | None
 
     def write(self) -> bool:

@@ -71,31 +71,43 @@ class Superseded(Exception):
 
 @dataclass(slots=True, eq=False)
 class ShownResults:
-    """Newest results of a document that the pages show."""
+    """Newest results of a document that the pages show.
+
+    Args:
+        planned: Newest plan; None without one.
+        sent_parts: Arm and scene that the pages show.
+        plan_times: Computing times of the last two plans [s].
+        drawn: Path that the pages show without a plan.
+    """
 
     planned: Preview | None = None
-    # Arm and scene that the pages show.
     sent_parts: tuple[Arm, Scene | None] | None = None
-    # Computing times of the last two plans [s].
     plan_times: tuple[float, float] = (0.0, 0.0)
-    # Path that the pages show without a plan.
     drawn: Program | None = None
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class DocumentState:
-    """Document state that the pages show next."""
+    """Document state that the pages show next.
+
+    Args:
+        data: Data of the job.
+        run: Name of the shown run.
+        view: View of the picture.
+        document: Identity of the document.
+        rev: Revision of the document.
+        answers: Messages that the frames of this state answer.
+        request: Function that creates the request for exact figures.
+        waypoints: Waypoints in the plane of the picture [m], (n, 2).
+    """
 
     data: Mapping[str, Any]
     run: str
     view: View
-    # Identity of the document.
     document: str
     rev: int
     answers: Answers
-    # Function that creates the request for exact figures.
     request: Callable[[], Mapping[str, Any]]
-    # Waypoints in the plane of the picture [m], (n, 2).
     waypoints: FloatArray | None = None
     # Results of the document.
     results: ShownResults = field(default_factory=ShownResults, init=False)
@@ -114,7 +126,13 @@ FiguresRequest: TypeAlias = tuple[DocumentState, Mapping[str, Any]]
 
 @dataclass(frozen=True, slots=True)
 class SchedulerOptions:
-    """Factories of the workers, and the time without changes before exact figures [s]."""
+    """Factories of the workers, and the time without changes before exact figures [s].
+
+    Args:
+        preview_worker: Factory of the preview worker.
+        task_worker: Factory of the worker for exact figures and tasks.
+        rest_time: Time without changes before exact figures are computed [s].
+    """
 
     preview_worker: Callable[[Callable[[MessageFrame], None]], PreviewWorker] = PreviewWorker
     task_worker: TaskWorkerFactory = TaskWorker
@@ -122,7 +140,13 @@ class SchedulerOptions:
 
 
 class Scheduler:
-    """Shows the newest document state with increasing accuracy (tiers), and starts tasks."""
+    """Shows the newest document state with increasing accuracy (tiers), and starts tasks.
+
+    Args:
+        previewer: Planner of previews.
+        deliver: Function that sends a frame of a state to the pages; False if it is obsolete.
+        options: Workers and waiting times.
+    """
 
     def __init__(
         self,

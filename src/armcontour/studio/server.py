@@ -63,7 +63,12 @@ REFUSED_CODE = 1008
 
 
 class Server:
-    """ASGI application that serves the page, its websocket, uploads and downloads."""
+    """ASGI application that serves the page, its websocket, uploads and downloads.
+
+    Args:
+        endpoint: Address and token of the server.
+        session_host: Creates the session that pages join.
+    """
 
     def __init__(self, endpoint: Endpoint, session_host: SessionHost) -> None:
         self.endpoint = endpoint

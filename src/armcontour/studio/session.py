@@ -39,7 +39,14 @@ MAX_EDITS = 100
 
 
 class Session:
-    """A document and the pages that show it; executes messages of the pages one at a time."""
+    """A document and the pages that show it; executes messages of the pages one at a time.
+
+    Args:
+        document: The document that is shown first.
+        previewer: Planner of previews.
+        scheduling: Workers and waiting times; None for the usual ones.
+        progress: Callback for the progress of the start.
+    """
 
     def __init__(
         self,

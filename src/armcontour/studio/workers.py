@@ -26,7 +26,11 @@ Work: TypeAlias = Callable[[StaleCheck], None]
 
 
 class PreviewWorker:
-    """A thread for previews that executes only the newest submitted function."""
+    """A thread for previews that executes only the newest submitted function.
+
+    Args:
+        deliver: Function that sends the frame of an error.
+    """
 
     def __init__(self, deliver: Callable[[MessageFrame], None]) -> None:
         self._deliver = deliver
@@ -109,7 +113,11 @@ class TaskProcess:
 
 
 class TaskWorker:
-    """A process that runs tasks in order; started by the first task and after a cancellation."""
+    """A process that runs tasks in order; started by the first task and after a cancellation.
+
+    Args:
+        deliver: Function that sends the frames of tasks.
+    """
 
     def __init__(self, deliver: Callable[[MessageFrame], None]) -> None:
         self._deliver = deliver

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,8 +57,15 @@ def draw_joints(name: str, result: RunResult) -> Figure:
         for order, both in enumerate(bounds):
             low, high = (float(x[j]) for x in both)
             curves = tuple(
-                Curve(x=t, y=values[order][:, j], name=label, **look)
-                for label, t, values, look in motions
+                Curve(
+                    x=motion.t,
+                    y=motion.derivatives[order][:, j],
+                    name=motion.name,
+                    colour=LINES[motion.name],
+                    width=motion.width,
+                    dash=motion.dash,
+                )
+                for motion in motions
             )
             # A limit of positions is far away, so that it would flatten the curves.
             nearby = (low, high) if order else (-np.inf, np.inf)
@@ -75,21 +82,40 @@ def draw_joints(name: str, result: RunResult) -> Figure:
                     max_points=MAX_POINTS,
                 )
             )
-    titles = tuple(x.replace("rad", "rad, m") for x in QUANTITIES) if slides.any() else QUANTITIES
+    titles: tuple[str, ...] = QUANTITIES
+    if slides.any():
+        titles = tuple(x.replace("rad", "rad, m") for x in QUANTITIES)
     return Figure(title=f"Run {name}: joints", plots=tuple(plots), columns=titles)
 
 
-def _motions(result: RunResult) -> Iterator[tuple[str, FloatArray, Sequence[FloatArray], Any]]:
-    """Yield name, times, positions with two derivatives, and look of the curves."""
+class DrawnMotion(NamedTuple):
+    """A motion in the figure.
+
+    Args:
+        name: "planned", "executed" or "experiment", which also determines the colour.
+        t: Times [s], (n,).
+        derivatives: Joint positions, velocities and accelerations, (n, dof) each.
+        width: Width of the curves [px].
+        dash: Dashes of the curves, as in `Curve`.
+    """
+
+    name: str
+    t: FloatArray
+    derivatives: Sequence[FloatArray]
+    width: float
+    dash: tuple[float, ...] = ()
+
+
+def _motions(result: RunResult) -> Iterator[DrawnMotion]:
+    """Yield the experiment, the executed and the planned motion of a run, if they exist."""
     if result.experiment is not None:
         done = result.experiment.execution
-        look = {"colour": LINES["experiment"], "width": 1.2}
-        yield "experiment", done.t, (done.q, done.dq, done.ddq), look
+        yield DrawnMotion("experiment", done.t, (done.q, done.dq, done.ddq), width=1.2)
     if (moved := result.execution) is not None:
-        yield "executed", moved.t, (moved.q, moved.dq, moved.ddq), {"colour": LINES["executed"]}
+        yield DrawnMotion("executed", moved.t, (moved.q, moved.dq, moved.ddq), width=2.0)
     t = np.linspace(0, result.trajectory.duration, MAX_POINTS)
     planned = [result.trajectory(t, order) for order in range(3)]
-    yield "planned", t, planned, {"colour": LINES["planned"], "width": 1.5, "dash": (2.0, 3.0)}
+    yield DrawnMotion("planned", t, planned, width=1.5, dash=(2.0, 3.0))
 
 
 def _range(curves: list[FloatArray], low: float, high: float) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from armcontour.report.figure import Curve, Figure, Plot
 from armcontour.report.moving_arm import draw_arm
 from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, text_table, tiles
-from armcontour.report.sections.motion import error_axis
+from armcontour.report.sections.motion import scale_errors
 from armcontour.report.style import LIMIT_DASH, MAX_SENTENCES
 
 if TYPE_CHECKING:
@@ -50,7 +50,9 @@ def learning(study: LearningStudy) -> Section:
 
 def _introduction(study: LearningStudy) -> str:
     """Define the errors in the figures."""
-    error = "contour error" if study.has_path else "distance of the tool from its planned position"
+    error = "contour error"
+    if not study.has_path:
+        error = "distance of the tool from its planned position"
     return (
         f"The error is the {error} according to the logs of the robot, without measurement noise. "
         "Each run executes the set-points learned from the previous runs. The error does not "
@@ -75,11 +77,11 @@ def _over_runs(study: LearningStudy) -> Figure:
     plot = Plot(
         label="error of the tool [mm]",
         x_label="run",
+        curves=tuple(curves),
         counts=True,
         height=HEIGHT,
-        **error_axis(curves),
     )
-    return Figure(title="Error of the tool from run to run", plots=(plot,))
+    return Figure(title="Error of the tool from run to run", plots=(scale_errors(plot),))
 
 
 def _over_time(study: LearningStudy) -> Figure:
@@ -94,5 +96,5 @@ def _over_time(study: LearningStudy) -> Figure:
         label = f"{name}: RMS {number(rms, 'm')}, largest {number(largest, 'm')}"
         y = profile.values * 1e3
         curves.append(Curve(x=profile.t, y=y, name=label, colour=colour, width=1.5))
-    plot = Plot(label="contour error [mm]", height=HEIGHT, **error_axis(curves))
-    return Figure(title="Contour error as measured, over time", plots=(plot,))
+    plot = Plot(label="contour error [mm]", curves=tuple(curves), height=HEIGHT)
+    return Figure(title="Contour error as measured, over time", plots=(scale_errors(plot),))

@@ -132,22 +132,23 @@ def plot_error(study: JobResult) -> Plot | None:
             curves.append(Curve(x=e.t, y=y, name=name, colour=colours[run], dash=dash))
     largest = [float(np.nanmax(x.y)) for x in curves]
     label = f"contour error [% of {number(limit, 'm')}]" if limit else "contour error [mm]"
-    return Plot(
+    plot = Plot(
         label=label,
+        curves=tuple(curves),
         lines=(100.0,) if limit and max(largest) > 100 * WORTH_SHOWING else (),
         also=(1e3 * unit, "mm") if limit else None,
-        **error_axis(curves, max(largest) > VARIED * min(largest)),
     )
+    return scale_errors(plot, max(largest) > VARIED * min(largest))
 
 
-def error_axis(curves: Sequence[Curve], logarithmic: bool = True) -> dict[str, Any]:
-    """Return error curves and their axis range, which ends above noise if logarithmic."""
-    largest = max(float(np.nanmax(x.y)) for x in curves) or 1.0
+def scale_errors(plot: Plot, logarithmic: bool = True) -> Plot:
+    """Return a plot of errors with its axis from 0 or, if logarithmic, from above the noise."""
+    largest = max(float(np.nanmax(x.y)) for x in plot.curves) or 1.0
     if not logarithmic:
-        return {"curves": tuple(curves), "limits": (0.0, 1.1 * largest)}
+        return replace(plot, limits=(0.0, 1.1 * largest))
     least = 10.0 ** np.floor(np.log10(largest / DECADES))
-    raised = tuple(replace(x, y=np.maximum(x.y, least)) for x in curves)
-    return {"curves": raised, "limits": (float(least), 1.3 * largest), "logarithmic": True}
+    raised = tuple(replace(x, y=np.maximum(x.y, least)) for x in plot.curves)
+    return replace(plot, curves=raised, limits=(float(least), 1.3 * largest), logarithmic=True)
 
 
 def _plans(study: JobResult) -> dict[str, RunResult]:

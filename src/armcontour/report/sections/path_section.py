@@ -53,7 +53,14 @@ def paths(study: JobResult) -> Section:
 
 
 class Tool(NamedTuple):
-    """The executed tool path of a run or an experiment."""
+    """The executed tool path of a run or an experiment.
+
+    Args:
+        name: Name of the run or experiment.
+        result: The run.
+        execution: Its execution; None for a plan.
+        evaluation: Its evaluation; None for a plan.
+    """
 
     name: str
     result: RunResult

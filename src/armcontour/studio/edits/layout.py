@@ -68,14 +68,14 @@ def _vector(
     kind: Quantity,
     within: float,
 ) -> Change:
-    """Change of a vector; components that differ by at most `within` stay as they are written."""
+    """Change a vector; components that differ by at most `within` stay as they are written."""
     written = frame_data.get(str(keys[-1])) or [None] * len(new)
-    values = [
-        write_like(float(value), text, kind, within=within)
-        if text is None or abs(value - before) > within
-        else text
-        for value, before, text in zip(new, old, written, strict=False)
-    ]
+    values = []
+    for value, before, text in zip(new, old, written, strict=False):
+        if text is not None and abs(value - before) <= within:
+            values.append(text)
+        else:
+            values.append(write_like(float(value), text, kind, within=within))
     return Change(keys, values)
 
 

@@ -47,7 +47,13 @@ TASKS: dict[str, Callable[[Request], MessageFrame]] = {
 
 
 class TaskInput(NamedTuple):
-    """A task for the task process; `id` identifies the task for `cancel`."""
+    """A task for the task process; `id` identifies the task for `cancel`.
+
+    Args:
+        id: Identifier for `cancel`.
+        task: Name of the task.
+        request: Fields of a `Request`.
+    """
 
     id: str
     task: str

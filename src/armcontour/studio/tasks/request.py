@@ -18,22 +18,27 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class Request:
-    """A task for a document; its properties are computed once."""
+    """A task for a document; its properties are computed once.
 
-    # Text of the job.
+    Args:
+        text: Text of the job.
+        source: Name of the document in messages.
+        folder: Folder to which file names in the job are relative.
+        run: Name of the shown run.
+        options: Options of the task.
+        logs: Files of the selected logs.
+        allowed: Folders from which files may be read; empty: no restriction.
+        named: Further files that may be read.
+        progress: Callback for the progress.
+    """
+
     text: str
-    # Name of the document in messages.
     source: str = "job"
-    # Folder to which file names in the job are relative.
     folder: str = ""
     run: str | None = None
-    # Options of the task.
     options: Mapping[str, Any] = field(default_factory=dict)
-    # Files of the selected logs.
     logs: Sequence[str] = ()
-    # Folders from which files may be read; empty: no restriction.
     allowed: Sequence[str] = ()
-    # Further files that may be read.
     named: Sequence[str] = ()
     progress: Progress = lambda step: None
 
