@@ -66,10 +66,10 @@ def lines() -> list[Line]:
 
 
 def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool = True) -> Pair:
-    from armcontour.report.plan_frames import picture_frame
     from armcontour.report.view import View
     from armcontour.studio.execution_frame import execution_frame
     from armcontour.studio.handles import handles_of
+    from armcontour.studio.plan_frames import picture_frame
     from armcontour.studio.preview import CoarsePlanner
 
     data = load(text, "job")

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
+from armcontour.jobs.methods import COMPENSATIONS
 from soak import Outcome
 
 NAMES = ("none", "inverse", "pole_placement", "inverse_dynamics")
@@ -47,7 +47,7 @@ def run(seed: int) -> Outcome:
         return Outcome(kind=name, result="not planned")
     errors = []
     for method in ("none", "inverse"):
-        set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm, cycle=CYCLE)
+        set_points = ac.compensate(plan, servo, COMPENSATIONS[method](), arm=arm, cycle=CYCLE)
         execution = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
         errors.append(ac.evaluate(execution, path).contour_error)
     none, default = errors
@@ -67,11 +67,12 @@ def square() -> tuple[ac.Arm, ac.Path]:
 def rows(reserve: float) -> Iterator[str]:
     """Yield the rows of the table for one reserve of the plan."""
     arm, path = square()
-    allowed = (1 - reserve) * arm.limits.joint_acceleration
-    limits = {"speed": 0.1, "centripetal_acceleration": 1.0}
-    plan = ac.plan(path, arm, arm.limits.replace(joint_acceleration=allowed, **limits))
+    limits = arm.limits.replace(speed=0.1, centripetal_acceleration=1.0)
+    plan = ac.plan(path, arm, limits, ac.Optimal(reserve=reserve))
     nominal = ac.ServoModel(kp=KP, kv=KV)
-    set_points = [ac.compensate(plan, nominal, METHODS[x](), cycle=CYCLE, arm=arm) for x in NAMES]
+    set_points = [
+        ac.compensate(plan, nominal, COMPENSATIONS[x](), cycle=CYCLE, arm=arm) for x in NAMES
+    ]
     loaded = arm.with_dynamics(payload=ac.Payload(mass=0.2, center=(0.0, 0.0, 0.05)))
     rough = arm.with_dynamics(coulomb=1.0, viscous=1.0)
     robots: dict[str, list[ac.ServoModel]] = {

@@ -76,7 +76,7 @@ def test_the_table_of_contour_errors_is_computed_again(plans):
     is_printed([OTHER.kp, OTHER.kv], numbers(servo))
 
 
-def test_the_numbers_of_learning_equal_those_of_the_example():
+def test_learning_figures_in_readme_equal_output_of_example():
     printed = yaml.safe_load(page("docs/gallery/printed.yaml"))["07_learning"]
     runs = [x for x in printed.splitlines() if x.startswith("run ")]
     (line,) = (x for x in page("README.md").splitlines() if "in the first run" in x)
@@ -95,7 +95,7 @@ def test_the_readme_states_the_error_of_its_example_without_compensation():
     is_printed([error.rms * 1e3], printed.groups())
 
 
-def test_the_numbers_without_a_reserve_are_computed_again(plans):
+def test_figures_without_reserve_in_guide_equal_computed_errors(plans):
     words = " ".join(page("docs/guides/compensations.md").split())
     at_full = re.search(r"error is ([\d.]+) mm RMS at the full limit", words)
     reserved = re.search(r"and ([\d.]+) mm with a reserve of 0\.5 %", words)
@@ -113,7 +113,7 @@ def test_the_numbers_without_a_reserve_are_computed_again(plans):
 
 
 def test_the_table_of_poles_is_computed_again(plans):
-    lines = page("docs/guides/compensations.md").splitlines()
+    lines = page("docs/concepts/compensation.md").splitlines()
     for line in (x for x in lines if x.startswith("| $(-")):
         pole, *printed = numbers(line.replace(")^3", ""))
         poles = [float(pole)] * 3
@@ -123,7 +123,7 @@ def test_the_table_of_poles_is_computed_again(plans):
         is_printed([*demand, error.rms * 1e3, error.max * 1e3], printed)
 
 
-def test_the_table_of_toppra_is_that_of_the_baseline():
+def test_toppra_table_in_docs_equals_measured_baseline():
     known = baseline.baselines_by_name(baseline.read(baseline.FILE))
     rows = [x for x in page("docs/start/coming_from.md").splitlines() if re.match(r"\| \d+ \|", x)]
     assert len(rows) == 3
@@ -140,7 +140,7 @@ BRACKET = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20), (0.40, 0.30)])
 SLOW = ARM.limits.replace(speed=0.10, centripetal_acceleration=0.09)
 
 
-def test_the_explanation_of_the_bracket_is_computed_again():
+def test_explanation_of_bracket_in_guide_equals_computed_one():
     block = page("docs/guides/optimal.md").split("```text\n")[1].split("```")[0]
     plan = ac.plan(ac.round_corners(BRACKET, tolerance=2e-3), ARM, SLOW)
     text = str(ac.explain(plan, ARM, SLOW))

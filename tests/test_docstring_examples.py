@@ -1,6 +1,7 @@
 """Examples in docstrings of public names run and print what they state."""
 
 import doctest
+import importlib
 import inspect
 import shutil
 from itertools import chain
@@ -35,6 +36,17 @@ def examples_of_methods():
 
 
 METHODS = examples_of_methods()
+# Modules whose functions have examples although they are not public.
+EXPLAINED = (
+    "core.frames",
+    "core.quantities",
+    "core.render",
+    "core.result",
+    "core.sampled_data",
+    "core.text",
+    "jobs.certificate_goal",
+    "jobs.job",
+)
 FLAGS = doctest.ELLIPSIS
 FILES = {
     "job.yaml": """
@@ -95,3 +107,13 @@ def test_the_docstring_example_of_a_public_name_runs(name, names, folder, monkey
 def test_the_docstring_example_of_a_method_runs(name, names, folder, monkeypatch):
     monkeypatch.chdir(folder)
     run(name, METHODS[name], dict(names))
+
+
+@pytest.mark.parametrize("module", EXPLAINED)
+def test_docstring_examples_of_a_module_run(module):
+    explained = importlib.import_module(f"armcontour.{module}")
+    examples = doctest.DocTestFinder(exclude_empty=True).find(explained)
+    own = [x for x in examples if x.examples and x.name.rsplit(".", 1)[1] not in PUBLIC]
+    assert own
+    for example in own:
+        run(example.name, example.docstring, {**vars(explained), "ac": ac})

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import armcontour as ac
 
-ENGINE = "core geometry robot motion program planning verification control simulation jobs studies"
+ENGINE = (
+    "core geometry robot motion program planning verification control simulation paper jobs studies"
+)
 UPPER = tuple(f"armcontour.{x}" for x in ("files", "report", "cli", "studio", "controllers"))
 
 

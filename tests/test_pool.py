@@ -83,7 +83,7 @@ def test_packed_arrays_are_read_only():
 @pytest.fixture
 def eager(monkeypatch):
     """Processes are worth their start after the first item."""
-    monkeypatch.setattr(pool, "START", 1e-9)
+    monkeypatch.setattr(pool, "PROCESS_START_TIME", 1e-9)
     monkeypatch.setattr(pool, "processors", lambda: 2)
 
 

@@ -32,7 +32,7 @@ def test_every_public_name_exists():
         ac.does_not_exist  # noqa: B018
 
 
-def test_names_of_a_package_are_not_repeated_in_armcontour():
+def test_each_public_name_belongs_to_one_package():
     assert len(ac.__all__) <= 80
     for package, names in OWNED.items():
         names = names.split()

@@ -11,7 +11,7 @@ from tests.properties.number_cases import PLANE, put
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
-from armcontour.core.yaml_loader import MAX_CHARACTERS, load
+from armcontour.core.yaml_loader import MAX_YAML_LENGTH, load
 from armcontour.files import parse_job
 from armcontour.files.job_file import read_cell
 from armcontour.jobs import Experiment, run
@@ -56,7 +56,7 @@ HOSTILE = {
     "block": ("- " * 100_000, "nested too deeply"),
     "keys": ("? " * 10_000, "nested too deeply"),
     "size": (
-        "#" * (MAX_CHARACTERS + 1),
+        "#" * (MAX_YAML_LENGTH + 1),
         "16 million characters, more than the limit of 16 million",
     ),
     "object": ("a: !!python/object:os.system 1", "could not determine a constructor"),

@@ -1,79 +1,24 @@
-"""Write the data of the Studio's settings form and of the command line's short options."""
+"""Write the data of the Studio's settings form."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from typing import Any, TypeAlias
 
 from tools.job_schema import schema_text
 
-from armcontour.core.fields import parts_of
-from armcontour.core.quantities import About, AtLeast, Quantity
-from armcontour.core.text import capitalise
 from armcontour.files.drawings.path_reader import READERS, YAML
-from armcontour.files.exports.formats import format_named
+from armcontour.files.exports.formats import ENDINGS, format_named
 from armcontour.files.job_file import GEOMETRY_KEYS, cell_names
 from armcontour.files.job_model import RunModel, SharedModel
 from armcontour.files.job_patch import MERGED
-from armcontour.files.job_text_edits import Keys
 from armcontour.files.robots.arm_loading import arm_names
-from armcontour.jobs.job import ENDINGS
 from armcontour.robot.limits import TOOL_LIMITS
-from armcontour.studio.description import settings, usual_ranges
-
-# Topics of short options in the help of commands, by the first key of the option's key path.
-TOPICS = {
-    "path": "Drawing",
-    **dict.fromkeys(("limits", "corners", "process"), "Speed, corners and start"),
-    "certificate": "Certificate",
-}
-# Help texts omit these parts of a description: "Whether to", units, shapes, backticks, and all
-# sentences after the first.
-OMITTED_TEXT = re.compile(r"^Whether to | \[\S*\](, \(\w*,?\))?(?=[.,;:]?( |$))|`|\.( .*)?$")
-
-
-def options_text() -> str:
-    """Return the short options as JSON text, one per line, which the command line reads."""
-    rows = (json.dumps(_option(*x)) for x in settings() if x[1].option)
-    return "[\n" + ",\n".join(rows) + "\n]\n"
-
-
-def _option(keys: Keys, about: About, hint: Any, text: str) -> dict[str, Any]:
-    """Return a short option's data: name, key, help text, and conversion of its value."""
-    parts = tuple(parts_of(hint))
-    read = about.read
-    example = ""
-    suffix = ""
-    quantity = next((x for x in parts if isinstance(x, Quantity)), None)
-    whole = next((x for x in parts if isinstance(x, AtLeast)), None)
-    if bool in parts or read == "to_skip":
-        kind = "flag"
-    elif Mapping in parts or (Sequence in parts and read in ("", "to_formats")):
-        kind = "texts"
-        suffix = "; may be repeated"
-    elif quantity is not None and quantity.unit == "1" and not read:
-        kind = "number"
-    elif quantity is not None:
-        kind = "text"
-        read = "to_quantity"
-        example = f", such as '{quantity.example}'"
-    else:
-        kind = "whole" if whole else "text"
-    head, colon, details = capitalise(OMITTED_TEXT.sub("", text)).partition(";")
-    return {
-        "option": about.option,
-        "key": ".".join(map(str, (*keys, about.key) if about.key else keys)),
-        "topic": about.topic or TOPICS[str(keys[0])],
-        "kind": kind,
-        "read": read,
-        "least": whole.least if whole else None,
-        "help": about.help or f"{head}{example}{colon}{details}{suffix}.",
-    }
-
+from armcontour.studio.slider_ranges import SLIDER_RANGES
 
 # Keys in each group of the form. A key belongs to the group that lists the longest prefix of its
 # key path.
@@ -144,7 +89,9 @@ def _groups() -> dict[str, list[Field]]:
     tree = _fields(schema, schema["$defs"])
     run = _fields(schema["$defs"]["RunModel"], schema["$defs"])
     tree += [x for x in run if x["name"] not in {y["name"] for y in tree}]
-    ranges = {".".join(map(str, keys)): x for keys, x in usual_ranges().items()}
+    ranges = {".".join(map(str, keys)): x for keys, x in SLIDER_RANGES.items()}
+    # The plant has the gains of the servo, but no sliders.
+    ranges |= {x.replace("servo", "plant"): y for x, y in ranges.items() if x.startswith("servo.")}
     for key in OMITTED:
         _remove_field(tree, key.split("."))
     listed = {key: title for title, keys in GROUPS.items() for key in keys}

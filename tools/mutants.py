@@ -27,7 +27,7 @@ LONGEST = 1200  # timeout for a mutant's tests; the mutant then counts as killed
 # Tests by package, the nearest first. Names are patterns.
 TESTS = {
     "planning": (
-        *("planning", "golden", "oracle/test_optimal_*.py", "oracle/test_jerk_*.py"),
+        *("planning", "paper", "golden", "oracle/test_optimal_*.py", "oracle/test_jerk_*.py"),
         *("oracle/test_torque_*.py", "oracle/test_laps.py", "properties/test_*timing.py"),
     ),
     "geometry": (
@@ -38,7 +38,8 @@ TESTS = {
         "properties/test_rounding*.py",
     ),
     "robot/servo": (
-        *("robot/servo", "simulation", "control/compensation", "golden", "oracle/test_servo*.py"),
+        *("robot/servo", "simulation", "control/compensation", "paper", "golden"),
+        "oracle/test_servo*.py",
     ),
     "files/drawings": ("files/drawings", "oracle/test_gcode.py", "properties/test_broken_files.py"),
     "files/robots": ("files/robots", "robot", "properties/test_broken_files.py"),

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
-from armcontour.planning.paper_timing import PaperLine
+from armcontour.jobs.methods import COMPENSATIONS
+from armcontour.paper.timing import PaperLine
 from armcontour.verification import Evaluation
 
 FINE = 2e-4  # s: nearly a continuous command
@@ -61,7 +61,7 @@ def conventional() -> Result:
 @cache
 def proposed(method: str = "pole_placement", fill: str = "linear", cycle: float = FINE) -> Result:
     """The realizable trajectory, compensated, on a servo with an interpolation."""
-    set_points = ac.compensate(planned(), SERVO, METHODS[method](), cycle=cycle)
+    set_points = ac.compensate(planned(), SERVO, COMPENSATIONS[method](), cycle=cycle)
     plant = ac.ServoPlant(ARM, SERVO.replace(interpolation=fill), LIMITS)
     executed = ac.simulate(set_points, plant)
     return Result(executed, ac.evaluate(executed, ROUNDED, objective=OBJECTIVE, limits=LIMITS))

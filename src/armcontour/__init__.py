@@ -25,7 +25,7 @@ from armcontour.core.lazy import METHODS, lazy_names
 
 # The public names by their modules; `tools/stubs.py` writes them for type checkers.
 _HOME = {
-    "control.compensation": "Inverse InverseDynamics NoCompensation PolePlacement compensate",
+    "control.compensation": "Inverse InverseDynamics NoCompensation compensate",
     "control.identification": "ServoFit identify",
     "control.learning": "learn",
     "controllers": "play",
@@ -43,7 +43,8 @@ _HOME = {
     "geometry": "Arc Line Path SegmentLimits",
     "jobs": "CertificateGoal Job Rounding Run run",
     "motion": "Execution JointPath Log SetPoints Trajectory dwell_law",
-    "planning": "Conventional Optimal Paper Shaped explain plan shape",
+    "paper": "Conventional Paper PolePlacement",
+    "planning": "Optimal Shaped explain plan shape",
     "planning.tracing": "trace",
     "program": "Contour Dwell Event Process Program Rapid prepare round_corners",
     "report": "write_report",
@@ -58,6 +59,7 @@ _HOME = {
     "_version": "__version__",
 }
 METHODS |= {
+    "check_formats": "armcontour.files.exports.formats",
     "draw_result": "armcontour.report.result_study",
     "explain": "armcontour.planning.explanation",
 }

@@ -2,7 +2,6 @@ from armcontour._version import __version__ as __version__
 from armcontour.control.compensation import Inverse as Inverse
 from armcontour.control.compensation import InverseDynamics as InverseDynamics
 from armcontour.control.compensation import NoCompensation as NoCompensation
-from armcontour.control.compensation import PolePlacement as PolePlacement
 from armcontour.control.compensation import compensate as compensate
 from armcontour.control.identification import ServoFit as ServoFit
 from armcontour.control.identification import identify as identify
@@ -41,9 +40,10 @@ from armcontour.motion import Log as Log
 from armcontour.motion import SetPoints as SetPoints
 from armcontour.motion import Trajectory as Trajectory
 from armcontour.motion import dwell_law as dwell_law
-from armcontour.planning import Conventional as Conventional
+from armcontour.paper import Conventional as Conventional
+from armcontour.paper import Paper as Paper
+from armcontour.paper import PolePlacement as PolePlacement
 from armcontour.planning import Optimal as Optimal
-from armcontour.planning import Paper as Paper
 from armcontour.planning import Shaped as Shaped
 from armcontour.planning import explain as explain
 from armcontour.planning import plan as plan

@@ -106,7 +106,7 @@ def test_charts_of_a_positioner_name_its_joints(page, folder):
     studio = shown(page, folder, text, "positioner.yaml")
     studio.rest()
     studio.tab("charts")
-    # The chart is drawn after its tab was opened. As in Python, joint 1 is the axis next to the part.
+    # As in Python, joint 1 is the axis next to the part.
     labels = studio.find("#charts [data-chart=velocity] .u-legend .u-label")
     joints = labels.filter(has_text=re.compile(r"^\s*\d"))
     expect(joints.nth(0)).to_have_text(re.compile(r"^\s*1 turn"))

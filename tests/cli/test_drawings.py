@@ -37,33 +37,48 @@ def call(folder, done, monkeypatch):
     return lambda line, *more: done(*line.split(), *more)
 
 
-def table(file):
-    return np.loadtxt(file, delimiter=",", skiprows=1)
+def table(file, columns=None):
+    """Read the numbers of a file of set-points."""
+    return np.loadtxt(file, delimiter=",", skiprows=1, usecols=columns)
 
 
-def test_g_code_is_run_in_a_cell_and_exported(folder, call):
-    (folder / "list.txt.j2").write_text(
-        "{% for e in events %}{{ e.text }} {{ outputs.get(e.name) }}\n{% endfor %}"
-    )
+LIST_OF_EVENTS = "{% for e in events %}{{ e.text }} {{ outputs.get(e.name) }}\n{% endfor %}"
+
+
+@pytest.fixture
+def exported(folder, call):
+    """Folder of a run of G-code that is exported as CSV and through a template of the user."""
+    (folder / "list.txt.j2").write_text(LIST_OF_EVENTS)
     call(
         "run part.ngc --cell pmk3s --out out --export csv --export list.txt.j2",
         *("--set", "export.outputs.spindle=3", "--speed", "80 mm/s"),
     )
-    result = summary(folder / "out")
-    for name in result["files"]:
-        assert (folder / "out" / name).is_file()
-    assert {x for x in result["files"] if "/export/" in x} == {
-        f"compensated/export/{a}{b}" for a in ("set_points", "reference") for b in (".csv", ".txt")
-    }
-    set_point_lines = (
-        (folder / "out" / "compensated" / "export" / "set_points.txt").read_text().splitlines()
-    )
-    spindle = [x for x in set_point_lines if x.startswith("spindle=")]
-    assert spindle == ["spindle=on 3", "spindle=off 3", "spindle=on 3", "spindle=off 3"]
-    set_points = table(folder / "out" / "compensated" / "set_points.csv")
+    return folder / "out"
+
+
+def test_g_code_run_follows_the_drawing_at_the_cycle_of_the_cell(exported):
+    set_points = table(exported / "compensated" / "set_points.csv")
     np.testing.assert_allclose(np.diff(set_points[:, 0]), 4e-3, atol=1e-12)
-    assert result["runs"]["compensated"]["contour_error"]["max"] < 1e-4
-    assert not list(folder.rglob(".armcontour-*"))
+    assert summary(exported)["runs"]["compensated"]["contour_error"]["max"] < 1e-4
+
+
+def test_exported_files_are_listed_in_the_summary(exported):
+    files = summary(exported)["files"]
+    for name in files:
+        assert (exported / name).is_file()
+    assert {x for x in files if "/export/" in x} == {
+        "compensated/export/set_points.csv",
+        "compensated/export/set_points.txt",
+        "compensated/export/reference.csv",
+        "compensated/export/reference.txt",
+    }
+    assert not list(exported.rglob(".armcontour-*"))
+
+
+def test_template_of_the_user_gets_the_spindle_and_its_output(exported):
+    text = (exported / "compensated" / "export" / "set_points.txt").read_text()
+    spindle = [x for x in text.splitlines() if x.startswith("spindle=")]
+    assert spindle == ["spindle=on 3", "spindle=off 3", "spindle=on 3", "spindle=off 3"]
 
 
 REFUSED = [
@@ -84,38 +99,56 @@ def test_invalid_commands_for_drawings_are_refused_and_write_nothing(folder, ref
     assert refused(folder, rows) == []
 
 
-def test_without_simulation_the_requested_files_are_written(folder, call):
+@pytest.fixture
+def unsimulated(folder, call):
+    """Folder of a run of G-code that is planned and exported, but not simulated."""
     call("run part.ngc --cell pmk3s --no-simulation --out out --export csv")
-    result = summary(folder / "out")
+    return folder / "out"
+
+
+def test_run_without_simulation_writes_the_requested_files_only(unsimulated):
+    result = summary(unsimulated)
     assert result["simulated"] is False
-    exports = ["compensated/export/reference.csv", "compensated/export/set_points.csv"]
-    assert result["files"] == [*exports, "summary.json"]
-    written = {x.relative_to(folder / "out").as_posix() for x in (folder / "out").rglob("*.*")}
+    assert result["files"] == [
+        "compensated/export/reference.csv",
+        "compensated/export/set_points.csv",
+        "summary.json",
+    ]
+    written = {x.relative_to(unsimulated).as_posix() for x in unsimulated.rglob("*.*")}
     assert written == {*result["files"], ".armcontour.json"}
-    run = result["runs"]["compensated"]
-    assert run["duration"] > 0 and run["moves"] and "contour_error" not in run
-    # The same set-points as with it.
+
+
+def test_run_without_simulation_has_a_plan_but_no_errors(unsimulated):
+    run = summary(unsimulated)["runs"]["compensated"]
+    assert run["duration"] > 0
+    assert run["moves"]
+    assert "contour_error" not in run
+
+
+def test_exported_set_points_equal_those_of_a_simulated_run(folder, call, unsimulated):
     call("run part.ngc --cell pmk3s --out whole")
-    whole = folder / "whole" / "compensated" / "set_points.csv"
-    set_points = table(whole)
-    file = folder / "out" / "compensated" / "export" / "set_points.csv"
-    exported = np.loadtxt(file, delimiter=",", skiprows=1, usecols=(0, 1, 2))
-    np.testing.assert_allclose(exported[:, 1:], set_points[:, 1:3], rtol=0, atol=0.51e-9)
-    # In exports time counts from the first set-point.
-    np.testing.assert_allclose(
-        exported[:, 0], set_points[:, 0] - set_points[0, 0], rtol=0, atol=2e-12
-    )
-    titles = whole.read_text().splitlines()[0]
-    assert titles == "t [s],q 1 [rad],q 2 [rad]" and file.read_text().startswith(titles)
-    # Without formats it is the plain files.
+    stored_file = folder / "whole" / "compensated" / "set_points.csv"
+    exported_file = unsimulated / "compensated" / "export" / "set_points.csv"
+    stored = table(stored_file)
+    exported = table(exported_file, columns=(0, 1, 2))
+    np.testing.assert_allclose(exported[:, 1:], stored[:, 1:3], rtol=0, atol=0.51e-9)
+    # In exports, time counts from the first set-point.
+    stored_time = stored[:, 0] - stored[0, 0]
+    np.testing.assert_allclose(exported[:, 0], stored_time, rtol=0, atol=2e-12)
+    titles = stored_file.read_text().splitlines()[0]
+    assert titles == "t [s],q 1 [rad],q 2 [rad]"
+    assert exported_file.read_text().startswith(titles)
+
+
+def test_run_without_simulation_and_format_writes_the_plan(folder, call):
     call("run part.ngc --cell pmk3s --no-simulation --out plain")
     assert (folder / "plain" / "compensated" / "planned.csv").is_file()
     assert not (folder / "plain" / "report.html").exists()
 
 
-def test_a_position_of_two_lengths_keeps_the_height_of_the_cell(folder, call):
-    place = ("--no-simulation", "--export", "csv", "--position")
-    call("run plain.csv --cell ur5e --out two", *place, "350 mm, -100 mm")
-    call("run plain.csv --cell ur5e --out three", *place, "350 mm, -100 mm, 100 mm")
+def test_position_of_two_lengths_keeps_the_height_of_the_cell(folder, call):
+    options = ("--no-simulation", "--export", "csv", "--position")
+    call("run plain.csv --cell ur5e --out two", *options, "350 mm, -100 mm")
+    call("run plain.csv --cell ur5e --out three", *options, "350 mm, -100 mm, 100 mm")
     name = "compensated/export/set_points.csv"
     assert (folder / "two" / name).read_text() == (folder / "three" / name).read_text()

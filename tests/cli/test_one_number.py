@@ -15,9 +15,9 @@ import yaml
 
 import armcontour as ac
 from armcontour.core.result import nest
-from armcontour.report.plan_frames import picture_frame
 from armcontour.report.view import View
 from armcontour.studio.handles import handles_of
+from armcontour.studio.plan_frames import picture_frame
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.tasks.dispatch import do
 

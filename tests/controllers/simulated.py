@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from armcontour.controllers import Controller, Motion, PlayedMotion
 from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ControllerLost
 from armcontour.robot import Arm
 
 
@@ -115,3 +117,35 @@ class Simulated(Controller):
 
     def close(self) -> None:
         """Nothing to disconnect."""
+
+
+class Lost(Simulated):
+    """A controller that is lost in one of its motions.
+
+    Args:
+        cycles: Number of cycles after which it is lost.
+        motion: Index of the motion in which it is lost.
+    """
+
+    def __init__(self, cycles: int, motion: int = 0) -> None:
+        super().__init__(late=False)
+        self.cycles = cycles
+        self.motion = motion
+
+    def stream(
+        self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
+    ) -> PlayedMotion:
+        """Play a motion, or raise ControllerLost with the record until then."""
+        record = super().stream(motion, stop_requested)
+        if len(self.motions) - 1 < self.motion:
+            return record
+        n = self.cycles
+        lost = ControllerLost("simulated was lost: its process has ended")
+        lost.record = replace(
+            record, t=record.t[:n], command=record.command[:n], measured=record.measured[:n],
+            stopped=n,
+        )  # fmt: skip
+        if self.record_file is not None:
+            with open(self.record_file, "a") as file:
+                file.write("".join(f"{1e-3 * k},2,-2,2,-2,{k}\n" for k in range(60)))
+        raise lost

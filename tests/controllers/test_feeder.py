@@ -144,7 +144,7 @@ def test_a_lost_connection_or_a_quit_plays_the_next_stop(bench, how):
         bench.feeder.out.close()
 
 
-def test_a_motion_without_its_end_is_ended_by_its_last_stop(bench):
+def test_interrupted_motion_stops_at_last_stop_sent(bench):
     bench.send(*MOTION, "T 4", *rows(40), "E", "T 6", *rows(60, 61, 62), "E", "G")
     bench.loop(5)
     assert bench.commands == [0, 1, 2, 3, 4, 5, 60, 61, 62]
@@ -159,7 +159,7 @@ def test_a_stop_applies_to_one_motion_only(bench):
     assert bench.commands[10:] == [1, 2, 3] and bench.events == ["D", "D"]
 
 
-def test_a_second_request_takes_no_stop_of_the_replaced_motion(bench):
+def test_second_stop_request_does_not_replace_first_stop(bench):
     bench.send(*MOTION, "T 4", *rows(40, 41, 42, 43, 44), "E", "G", "S")
     bench.loop(2)
     bench.send("T 7", *rows(70), "E", "S")

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from docs.pages import run_command
-from tests.controllers.simulated import Simulated
+from tests.controllers.simulated import Lost, Simulated
 
 import armcontour as ac
 from armcontour.cli import play_command
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import play
-from armcontour.core.errors import ControllerLost, ControllerRefused
+from armcontour.core.errors import ControllerRefused
 from armcontour.files import parse_job
 from armcontour.files.limits_and_servo_files import servo_yaml
 from armcontour.files.log_file import log_text
@@ -366,27 +366,6 @@ def test_play_asks_for_the_robot_name_and_writes_a_log(tmp_path, monkeypatch, ro
     assert (tmp_path / "out" / "log.csv").exists() == (code < 10)
     dry, printed, _ = run_command(words)
     assert dry == 0 and "kept" not in printed
-
-
-class Lost(Simulated):
-    """A controller that is lost after some cycles of a motion."""
-
-    def __init__(self, cycles: int) -> None:
-        super().__init__(late=False)
-        self.cycles = cycles
-
-    def stream(self, motion, stop_requested=lambda: False):
-        record = super().stream(motion, stop_requested)
-        n = self.cycles
-        lost = ControllerLost("simulated was lost: its process has ended")
-        lost.record = replace(
-            record, t=record.t[:n], command=record.command[:n], measured=record.measured[:n],
-            stopped=n,
-        )  # fmt: skip
-        if self.record_file is not None:
-            with open(self.record_file, "a") as file:
-                file.write("".join(f"{1e-3 * k},2,-2,2,-2,{k}\n" for k in range(60)))
-        raise lost
 
 
 @pytest.mark.parametrize(("cycles", "file"), [(700, "log.csv"), (3, "unfinished.csv")])

@@ -6,14 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.controllers.simulated import Simulated
+from docs.pages import run_command
+from tests.controllers.simulated import Lost, Simulated
 
 import armcontour as ac
+from armcontour.cli import play_command
 from armcontour.control.learning import LearningResult
 from armcontour.controllers import identify_on, learn_on, play
 from armcontour.controllers.player import plan_played
-from armcontour.controllers.robot_identification import SHARE, excite
-from armcontour.core.errors import ControllerRefused
+from armcontour.controllers.robot_identification import LIMIT_SHARE, excite
+from armcontour.core.errors import ControllerLost, ControllerRefused
 from armcontour.files import parse_job
 from armcontour.jobs.run_learning import learn_logs
 
@@ -75,7 +77,7 @@ def test_excitation_is_within_limits_from_rest_to_rest(job):
     begin = plan.trajectory(0.0)
     np.testing.assert_allclose(motion.q[[0, -1]], [begin, begin], atol=1e-12)
     accelerations = np.diff(motion.q, 2, axis=0) / 1e-6
-    assert (np.abs(accelerations).max(axis=0) < 0.72 * SHARE).all()
+    assert (np.abs(accelerations).max(axis=0) < 0.72 * LIMIT_SHARE).all()
     assert (np.abs(accelerations[[0, -1]]) < 1e-3).all()
     # Joints do not move alike.
     assert abs(np.corrcoef(motion.q[:12000].T)[0, 1]) < 0.5
@@ -140,3 +142,61 @@ def test_an_identification_that_is_stopped_on_request_is_not_repeated(job):
     robot = Simulated(cycle=4e-3)
     requested = identify_on(job, robot, execute=True, stop_requested=lambda: bool(robot.motions))
     assert requested.stopped and requested.fit is None and len(robot.motions) == 1
+
+
+@pytest.fixture
+def execute(tmp_path, monkeypatch):
+    """A function that runs a command with a controller and --execute --out out."""
+
+    def run(command, controller):
+        monkeypatch.setattr(play_command, "controller_of", lambda *_: controller)
+        monkeypatch.setattr(play_command, "refuse_without_terminal", lambda _: None)
+        monkeypatch.setattr(play_command.typer, "prompt", lambda *_, **__: "PMK-3s")
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
+        words = [command, "job.yaml", "--on", "linuxcnc", "--execute", "--out", "out"]
+        return run_command(words)
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("command", "motion", "whole", "lost"),
+    [
+        ("identify", 0, [], "run.csv"),
+        ("identify", 1, ["run.csv"], "excitation.csv"),
+        ("learn", 0, [], "logs/run_1_lost.csv"),
+        ("learn", 1, ["logs/run_1.csv"], "logs/run_2_lost.csv"),
+    ],
+)
+def test_a_lost_controller_leaves_its_logs(execute, tmp_path, command, motion, whole, lost):
+    code, printed, errors = execute(command, Lost(700, motion))
+    assert code == 11 and "its process has ended" in errors
+    assert f"Log: out/{lost}" in printed
+    out = tmp_path / "out"
+    logs = {"run.csv", "excitation.csv", *(f"logs/{x.name}" for x in out.glob("logs/*"))}
+    assert {x for x in logs if (out / x).exists()} == {*whole, lost}
+    assert "incomplete" in (out / lost).read_text(encoding="utf-8")
+    assert len(ac.read_log(out / lost).t) == 700
+    for name in whole:
+        assert "incomplete" not in (out / name).read_text(encoding="utf-8")
+
+
+def test_learning_continues_after_a_lost_controller(execute, tmp_path):
+    execute("learn", Lost(700, 1))
+    code, _, _ = execute("learn", Simulated(late=False))
+    logs = sorted(x.name for x in (tmp_path / "out" / "logs").iterdir())
+    assert code == 0 and logs[:2] == ["run_1.csv", "run_2.csv"] and "lost" not in str(logs)
+
+
+def test_a_record_that_is_too_short_is_no_log(execute, tmp_path):
+    code, printed, _ = execute("identify", Lost(3))
+    assert code == 11 and "Log:" not in printed
+    assert not (tmp_path / "out" / "run.csv").exists()
+
+
+def test_a_lost_controller_is_raised_with_its_record(job):
+    for call in (identify_on, learn_on):
+        with pytest.raises(ControllerLost, match="its process has ended") as lost:
+            call(job, Lost(700), execute=True)
+        assert len(lost.value.record.t) == 700

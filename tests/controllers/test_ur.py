@@ -149,7 +149,7 @@ def test_motions_that_the_robot_does_not_support_are_refused(arm):
 
 
 @needs_dynamics
-def test_a_folded_arm_does_not_move_to_the_start(arm):
+def test_motion_to_start_is_refused_if_arm_would_touch_itself(arm):
     """The arm has no scene, but its forearm touches its upper arm on the way."""
     job = parse_job(JOB)
     q = START.copy()

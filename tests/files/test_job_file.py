@@ -89,6 +89,7 @@ def test_valid_jobs_are_read_in_si_units():
 BAD = r"""
 arm: null => the key arm is missing
 limits.speeed: 1 => unknown key limits.speeed: did you mean speed?
+runs.one.timing.start_speed: 1 => start_speed: the known keys are method, reserve, knots
 runs.one.servo: {kp: 50 1/s} => runs.one.servo: servo applies to the whole job,
 corners: {tolerance: 0, 2 mm: null} => unknown key corners.2 mm: a comma ends
 corners: {} => corners requires either tolerance ... or both speed and acceleration

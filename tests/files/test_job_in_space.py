@@ -10,6 +10,7 @@ import pytest
 import yaml
 from tests.files.tables import refusals, rows, values
 
+from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import from_rpy
 from armcontour.files import json_schema, parse_job
 from armcontour.jobs import Experiment
@@ -142,6 +143,7 @@ points: P, orientation: {} => requires exactly one of rpy, ... has none
 points: P, orientation: {rpy: [0, 0, 0], axis: [0, 0, 1]} => path.orientation ... has rpy and axis
 points: P, orientation: {rpyy: [0, 0, 0]} => unknown key path.orientation.r
 points: P, orientation: [] => path.orientation is an empty list
+points: P, frame: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]} => path.frame has rpy and quaternion
 points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}] => has 2 values ... 3 waypoints
 points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}, {axis: [0, 0, 1]}] => axis, or none
 points: P, orientation: [&x {follow_tangent: {up: [0, 0, 1]}}, *x, *x] => (item 1): follow_tangent
@@ -157,6 +159,9 @@ def test_invalid_paths_in_space_are_refused_in_one_sentence():
         job(f"path: {{{keys}}}")
 
     refusals(read, BAD_PATHS, "job.yaml: ")
+    with pytest.raises(InvalidInput) as error:
+        read("points: P, frame: {quaternion: [0, 0, 0, 2]}")
+    assert error.value.key == ("path", "frame")
 
 
 # Angles of 90° and of 180° [rad].

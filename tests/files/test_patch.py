@@ -188,7 +188,7 @@ def test_keys_of_the_previous_choice_are_removed():
     refusals(lambda x: read(x, job), [(both, words)])
 
 
-def test_short_forms_become_mappings():
+def test_patch_expands_short_forms_to_mappings():
     text = "arm: pmk3s # mine\npath: {file: a.dxf, layers: [a, b]}\n"
     new = write_patch(text, patch("{path.layers.a.speed: 1 m/s, arm.work.position: [0, 0, 1]}"))
     assert load(new, "") == {
@@ -203,7 +203,7 @@ POSITION = ("path", "frame", "position")
 
 
 @pytest.mark.parametrize(("z", "height"), [(0.1, 0.1), ("120 mm", 0.12), (-0.05, -0.05)])
-def test_a_new_x_and_y_of_the_part_keep_its_z(tmp_path, z, height):
+def test_part_moved_in_x_and_y_keeps_its_height(tmp_path, z, height):
     (tmp_path / "line.csv").write_text("x [mm],y [mm]\n0,0\n50,0\n")
     cell = tmp_path / "cell.yaml"
     cell.write_text(yaml.safe_dump({**CELL, "path": {"frame": {"position": [0.3, 0.1, z]}}}))

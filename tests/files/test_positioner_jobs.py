@@ -154,7 +154,7 @@ def test_torques_of_a_cell_in_a_job_file_are_those_of_pinocchio_and_of_python(se
         np.testing.assert_allclose(torques, of_python, rtol=0, atol=1e-9 * max(1.0, size))
 
 
-def test_a_load_is_where_an_obstacle_of_the_part_is(tmp_path):
+def test_positioner_load_is_on_top_of_table(tmp_path):
     # A tilted table whose load is above its axis: gravity turns it further.
     (tmp_path / "line.csv").write_text(
         "x [mm],y [mm],z [mm],ax,ay,az\n0,0,100,0,0,-1\n50,0,100,0,0,-1\n"

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
 from armcontour.core.errors import InvalidInput
 from armcontour.files import ResultFolder, write_planned, write_set_points
 from armcontour.files.exports import make_table
 from armcontour.files.result_folder import SUMMARY
 from armcontour.files.trajectory_file import read_run
+from armcontour.jobs.methods import COMPENSATIONS
 
 MANIFEST = ".armcontour.json"
 
@@ -184,7 +184,7 @@ def test_an_earlier_result_is_exported_with_the_derivatives_of_its_run(method, t
     planned = ac.plan(path, ARM, ac.Limits(joint_acceleration=0.72, joint_jerk=7.2))
     assert planned.duration % CYCLE > 1e-6
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    set_points = ac.compensate(planned, servo, METHODS[method](), cycle=CYCLE)
+    set_points = ac.compensate(planned, servo, COMPENSATIONS[method](), cycle=CYCLE)
     runs = {"a": {"cycle": CYCLE, "compensation": method}}
     about = {"job": "line", "arm": {"joints": ARM.joint_names}, "runs": runs}
     with ResultFolder(tmp_path / "out") as folder:

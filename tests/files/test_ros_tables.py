@@ -141,7 +141,7 @@ def test_other_names_are_refused_with_a_remedy_that_works():
     )
 
 
-def test_of_two_arms_one_is_selected():
+def test_columns_option_selects_one_of_two_arms_in_a_message():
     """Both arms in one message, as two publishers of a cell are often merged."""
     rows = []
     left, right = (ros2(ORDERS[0], [f"{side}_{x}" for x in NAMES]) for side in ("left", "right"))

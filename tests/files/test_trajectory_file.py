@@ -134,13 +134,12 @@ def test_missing_and_binary_files_are_refused(tmp_path, read):
 
 
 LIMITS = """
-speed: 150 mm/s => {0.speed: 0.15}
-tool_acceleration: 2 => {0.tool_acceleration: 2, 0.joint_acceleration: [0.72, 0.72]}
-centripetal_acceleration: 0.09 m/s^2 => {0.centripetal_acceleration: 0.09}
-joint_velocity: [90 deg/s, 1.0] => {0.joint_velocity: [1.5707963267948966, 1]}
-joint_acceleration: [[-0.5 rad/s^2, 0.6]] => {0.joint_acceleration: [[-0.5, 0.6], [-0.5, 0.6]]}
-joint_velocity: [[-90 deg/s, 1], [-2, 3]] => {0.joint_velocity: [[-1.5707963267948966, 1], [-2, 3]]}
-deviation: 0.1 mm => {1: 0.0001}
+speed: 150 mm/s => {speed: 0.15}
+tool_acceleration: 2 => {tool_acceleration: 2, joint_acceleration: [0.72, 0.72]}
+centripetal_acceleration: 0.09 m/s^2 => {centripetal_acceleration: 0.09}
+joint_velocity: [90 deg/s, 1.0] => {joint_velocity: [1.5707963267948966, 1]}
+joint_acceleration: [[-0.5 rad/s^2, 0.6]] => {joint_acceleration: [[-0.5, 0.6], [-0.5, 0.6]]}
+joint_velocity: [[-90 deg/s, 1], [-2, 3]] => {joint_velocity: [[-1.5707963267948966, 1], [-2, 3]]}
 """
 BAD_LIMITS = r"""
 - 1 => must be a mapping of limits
@@ -157,7 +156,9 @@ def test_a_limits_file_contains_quantities_or_none(tmp_path, arm):
         (tmp_path / "limits.yaml").write_text(text)
         return read_limits(tmp_path / "limits.yaml", arm)
 
-    values(read, LIMITS)
+    values(lambda text: read(text).limits, LIMITS)
+    required = read("deviation: 0.1 mm")
+    assert required.deviation == 1e-4 and required.orientation_deviation is None
     refusals(read, BAD_LIMITS)
     none = [(tmp_path / "none.yaml", "There is no limits file")]
     refusals(lambda x: read_limits(x, arm), none)

@@ -60,7 +60,7 @@ def deviation(path, smooth, n=4001):
 
 
 @each("tolerance", [1e-7, 1e-5, 1e-4])
-def test_the_transitions_of_a_slot_have_no_jumps_and_use_the_tolerance(tolerance):
+def test_slot_transitions_are_smooth_and_use_whole_tolerance(tolerance):
     path = slot()
     smooth = smooth_curvature(path, tolerance=tolerance)
     assert jumps(smooth).max() < 1e-11

@@ -24,10 +24,11 @@ def turns(count, spread=1.0, seed=0):
 
 
 def smooth(n=5):
-    """Pieces with everything in them: two rotations at once, both of changing rate."""
+    """Pieces with everything in them: three rotations at once, all of changing rate."""
     random = np.random.default_rng(3)
     breaks = np.concatenate([[0.0], np.cumsum(random.uniform(0.1, 0.3, n))])
-    shapes = {"first": (n, 3), "second": (n, 3), "f": (n, 4), "g": (n, 4)}
+    vectors = dict.fromkeys(("first", "second", "third"), (n, 3))
+    shapes = vectors | dict.fromkeys(("f", "g", "h"), (n, 4))
     rates = {k: random.normal(size=size) for k, size in shapes.items()}
     return Orientation(breaks=breaks, starts=turns(n), **rates)
 
@@ -159,7 +160,7 @@ def test_invalid_orientations_are_refused():
     half[3:] = exp([np.pi - 1e-5, 0, 0]) @ DOWN
     assert np.isfinite(PATH.oriented(half).orientation(0.3)).all()
     good = Orientation.even(np.ones(2), np.tile(DOWN, (2, 1, 1)), np.zeros((2, 3)))
-    fields = ("breaks", "starts", "first", "second", "f", "g")
+    fields = ("breaks", "starts", "first", "second", "third", "f", "g", "h")
     fields = {name: getattr(good, name) for name in fields}
     changes = (
         {"breaks": [0.0, 1.0]},
@@ -167,6 +168,7 @@ def test_invalid_orientations_are_refused():
         {"breaks": [0.1, 1.0, 2.0]},
         {"first": np.full((2, 3), np.nan)},
         {"f": np.zeros((2, 3))},
+        {"third": np.zeros((3, 3))},
     )
     refused(*((lambda x=x: Orientation(**fields | x), "orientation") for x in changes))
 

@@ -119,7 +119,7 @@ def test_a_corner_next_to_an_arc_becomes_two_tangent_arcs():
     np.testing.assert_allclose(rounded(rounded.length / 2), (2, 1), atol=1e-9)
 
 
-def test_a_corner_next_to_an_arc_is_that_of_lines_or_the_smallest_blend():
+def test_corner_at_large_arc_equals_corner_of_lines_and_speed_gives_smallest_blend():
     turn = 1.2
     big = 1e7
     normal = np.array([-np.sin(turn), np.cos(turn)])

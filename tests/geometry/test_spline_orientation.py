@@ -45,7 +45,7 @@ def test_orientations_at_waypoints_are_kept():
 
 
 @pytest.mark.parametrize("make_path", [pointing, oriented])
-def test_rate_and_acceleration_are_continuous(make_path):
+def test_turning_rate_and_acceleration_are_continuous_at_breaks(make_path):
     orientation = make_path(9).orientation
     inner = orientation.breaks[1:-1]
     before, after = (orientation.rates(inner, side=side) for side in ("left", "right"))
@@ -63,21 +63,47 @@ def test_rate_and_acceleration_are_continuous(make_path):
     np.testing.assert_allclose(orientation.rates(s)[0], rate, atol=1e-5)
 
 
-@pytest.mark.parametrize(("make_path", "counts"), [(pointing, (9, 65, 500)), (oriented, (9, 65))])
-def test_the_time_of_a_smooth_curve_does_not_depend_on_its_points(make_path, counts):
+@pytest.mark.parametrize("jerk", [None, 100.0])
+@pytest.mark.parametrize("make_path", [pointing, oriented])
+def test_the_time_of_a_smooth_curve_does_not_depend_on_its_points(make_path, jerk):
+    limits = ARM.limits.replace(joint_jerk=jerk)
     durations = []
-    for count in counts:
+    for count in (5, 9, 65, 500):
         path = make_path(count)
         assert not len(path.stops)
-        durations.append(ac.plan(path, ARM).duration)
+        durations.append(ac.plan(path, ARM, limits).duration)
     assert np.ptp(durations) < 0.01 * durations[0]
 
 
-def test_a_jerk_limit_adds_no_stop():
-    path = pointing(17)
+@pytest.mark.parametrize("make_path", [pointing, oriented])
+def test_a_jerk_limit_adds_no_stop(make_path):
+    path = make_path(17)
     limits = ARM.limits.replace(joint_jerk=100.0)
     planned = ac.plan(path, ARM, limits)
     assert planned.duration < 1.1 * ac.plan(path, ARM).duration
+
+
+def test_a_constant_rate_stays_nearly_constant():
+    x = np.linspace(0, 0.4, 5)
+    spline = ac.Path.spline(np.c_[x, 0.01 * np.sin(3 * x), 0 * x])
+    spin = np.outer(np.arange(5), math.radians(60) * np.array([0.6, 0, 0.8]))
+    orientation = spline.oriented(Rotation.from_rotvec(spin)).orientation
+    rates = np.linalg.norm(orientation.rates(np.linspace(0, spline.length, 101))[0], axis=1)
+    np.testing.assert_allclose(rates, math.radians(240) / spline.length, rtol=0.02)
+
+
+def test_a_part_and_the_reverse_of_a_spline_keep_their_orientations():
+    path = oriented(9)
+    whole = path.orientation
+    s = np.linspace(0, path.length, 40)
+    np.testing.assert_allclose(whole.reverse()(path.length - s), whole(s), atol=1e-12)
+    begin = 0.31 * path.length
+    length = 0.5 * path.length
+    part = whole.cut(begin, length, 1e-9)
+    u = np.linspace(0, length, 40)
+    np.testing.assert_allclose(part(u), whole(begin + u), atol=1e-12)
+    for left, right in zip(part.rates(u), whole.rates(begin + u), strict=True):
+        np.testing.assert_allclose(left, right, atol=1e-9 * np.abs(right).max())
 
 
 def test_a_spline_without_corners_is_rounded_to_itself():
@@ -87,7 +113,7 @@ def test_a_spline_without_corners_is_rounded_to_itself():
     assert ac.plan(rounded, ARM).duration == pytest.approx(ac.plan(path, ARM).duration)
 
 
-def test_stops_of_the_orientation_are_said():
+def test_jump_of_turning_rate_is_reported_as_full_stop():
     points, axes, _ = curve(3)
     straight = np.linspace(points[0], points[-1], 3)
     path = ac.Path.polyline(straight).pointing(axes)
@@ -99,7 +125,7 @@ def test_stops_of_the_orientation_are_said():
         ac.plan(blended, ARM)
 
 
-def test_lines_between_splines_keep_their_even_rate():
+def test_tool_stops_once_where_spline_orientation_meets_fixed_orientation():
     points, axes, _ = curve(5)
     spline = pointing(5)
     end = spline.end

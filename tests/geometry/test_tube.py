@@ -268,7 +268,7 @@ def test_a_slight_corner_that_uses_its_whole_tolerance_is_proven(turn):
     assert largest(proof) <= proof.slack
 
 
-def test_a_jump_to_the_neighbouring_pass_is_outside_of_the_tube():
+def test_shortcut_to_neighbouring_pass_leaves_tube():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.004), (0, 0.004)])
     short = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, 0.004), (0, 0.004)])
     assert path.project(short(np.linspace(0, short.length, 1001))).distance.max() < 0.0021

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
+from armcontour.jobs.methods import COMPENSATIONS
 
 FIGURES = yaml.safe_load((Path(__file__).parent / "figures.yaml").read_text(encoding="utf-8"))
 FIELDS = set("id quantity source section table_or_figure value unit erratum".split())
@@ -94,7 +94,7 @@ class Bench:
         servo = ac.ServoModel(kp={"even": (25.0, 25.0), "uneven": (25.0, 20.0)}[gains], kv=150.0)
         plan = self.mac if timing == "paper" else self.conventional_plan
         options = {} if poles is None else {"poles": poles}
-        set_points = ac.compensate(plan, servo, METHODS[compensation](**options), cycle=cycle)
+        set_points = ac.compensate(plan, servo, COMPENSATIONS[compensation](**options), cycle=cycle)
         return ac.simulate(set_points, ac.ServoPlant(self.arm, servo))
 
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy import signal
 
 import armcontour as ac
-from armcontour.planning.paper_timing import run_laps
+from armcontour.paper.timing import run_laps
 
 # Base offset and lengths of both links [m], Sec. IV-A.
 L0 = 0.135

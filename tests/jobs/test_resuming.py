@@ -39,7 +39,7 @@ def test_a_resumed_job_keeps_the_alternative_of_the_whole_job():
     assert rest.avoided == whole.avoided and "another configuration" in rest.avoided[0]
 
 
-def test_the_rest_of_a_redundant_arm_follows_the_joints_of_the_whole_path():
+def test_resumed_redundant_arm_follows_joint_path_of_whole_job():
     job, whole = resuming.whole_plan("spatial")
     rest = resuming.plan_of(resuming.resume(job, 0.23))
     begins = np.array([x.trajectory.s(x.trajectory.duration) for x in (whole, rest)])
@@ -66,14 +66,14 @@ def test_whole_turns_and_a_given_branch_are_kept(configuration):
     assert joints < resuming.SAME_JOINTS + resuming.JOINTS_PER_DISTANCE * gap
 
 
-def test_a_seed_states_the_start_of_the_whole_job():
+def test_resumed_job_applies_seed_to_start_of_whole_job():
     job = parse_job(resuming.LED)
     rest = resuming.plan_of(resuming.resume(job, 0.2))
     # Another turn of the base than without a seed.
     assert resuming.start_of_work(rest)[0] < -np.pi
 
 
-def test_the_rest_of_a_job_whose_whole_has_no_plan_says_why():
+def test_resumed_job_states_why_whole_job_has_no_plan():
     job = parse_job(resuming.PLANAR)
     far = ac.Path.polyline([[0.9, 0.9], [1.0, 0.9]])
     near = job.program.contours[0].path

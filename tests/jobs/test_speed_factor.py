@@ -111,7 +111,7 @@ def samples_of_moves(trajectory):
 @pytest.mark.parametrize(
     "name", [pytest.param(x, marks=[needs_dynamics] if x == "torque" else []) for x in JOBS]
 )
-def test_everything_that_moves_is_slowed_by_the_factor(name, folder):
+def test_speed_factor_scales_velocities_of_all_moves(name, folder):
     fast = planned(JOBS[name], folder)
     slow = planned(JOBS[name], folder, speed_factor="10 %")
     arm = fast.arm
@@ -191,7 +191,7 @@ def test_a_run_has_the_factor_of_the_job_or_its_own(folder):
         parse_job(text + "speed_factor: 200 %\n")
 
 
-def test_a_process_that_is_off_moves_along_the_same_path(folder):
+def test_disabled_process_does_not_change_motion(folder):
     for name in ("pierce", "layers", "G-code"):
         on = planned(JOBS[name], folder)
         text = JOBS[name]

@@ -49,7 +49,7 @@ def test_a_segment_speed_or_tolerance_above_that_of_the_run_is_reported_once():
     assert "of contour 1 is reduced" in speed
 
 
-def test_limits_that_change_nothing_are_not_reported():
+def test_segment_limits_without_effect_cause_no_warning():
     assert warnings_of(job(drawn(0.1))) == warnings_of(job(drawn(0.02))) == ()
     # No corner tolerance is capped where there is no corner.
     single = ac.Path.polyline(

@@ -6,7 +6,7 @@ from tests.geometry.tables import each
 from armcontour.core.render import plain
 from armcontour.files.job_file import parse_job
 from armcontour.jobs import advise
-from armcontour.jobs.study import run
+from armcontour.jobs.run_job import run
 
 JOB = """\
 name: weld

@@ -8,8 +8,8 @@ import pytest
 
 import armcontour as ac
 from armcontour.geometry import Path
+from armcontour.jobs.methods import TIMINGS
 from armcontour.motion import Rates, Span, dwell_law
-from armcontour.planning import METHODS
 from armcontour.program import Contour, Dwell, Program
 
 ARM = ac.load_arm("pmk3s")
@@ -138,7 +138,7 @@ def test_the_tool_is_at_the_point_of_the_path_at_time_at(kind):
         assert (sign * trajectory.s(t, 2, side=side) > 0.01).all()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", TIMINGS)
 def test_the_arc_length_of_a_program_increases_on_contours_only(method):
     trajectory = plan(f"program, {method}")
     first, second = trajectory.contour_spans

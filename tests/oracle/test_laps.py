@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armcontour as ac
-from armcontour.planning.paper_timing import PaperLine, run_laps
+from armcontour.paper.timing import PaperLine, run_laps
 
 
 def shortest_time(step, velocity, limit):

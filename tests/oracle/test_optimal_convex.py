@@ -14,7 +14,8 @@ from scipy import sparse
 import armcontour as ac
 from armcontour.planning.constraints import constraints_of, limits_on
 from armcontour.planning.path_grid import Grid
-from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
+from armcontour.planning.topp.grid_plan import plan_on_grid
+from armcontour.planning.topp.plan_rules import Rules
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 clarabel = pytest.importorskip("clarabel")

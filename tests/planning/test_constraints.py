@@ -48,7 +48,7 @@ def test_defining_a_class_changes_no_plan(robot, bounds):
     assert len({*kinds}) == 2
 
 
-def test_own_kind_replaces_the_constraint_of_a_limit(robot, bounds):
+def test_own_constraint_class_replaces_built_in_one(robot, bounds):
     own = define_experiment()
     kinds = [own if kind is ToolAcceleration else kind for kind in FROM_LIMITS]
     planned = ac.plan(LINE, robot, bounds, ac.Optimal(from_limits=kinds))
@@ -56,7 +56,7 @@ def test_own_kind_replaces_the_constraint_of_a_limit(robot, bounds):
 
 
 @pytest.mark.parametrize("limit", ["joint_acceleration", "tool_acceleration", "angular_speed"])
-def test_limit_that_no_kind_serves_is_refused(robot, bounds, limit):
+def test_limit_without_constraint_is_refused(robot, bounds, limit):
     kinds = [kind for kind in FROM_LIMITS if limit not in kind.serves]
     options = ac.Optimal(from_limits=kinds)
     limited = bounds.replace(angular_speed=1.0)
@@ -64,7 +64,7 @@ def test_limit_that_no_kind_serves_is_refused(robot, bounds, limit):
         ac.plan(LINE, robot, limited, options)
 
 
-def test_remedy_for_a_limit_that_no_kind_serves_works(robot, bounds):
+def test_removing_limit_without_constraint_makes_plan_possible(robot, bounds):
     kinds = [kind for kind in FROM_LIMITS if kind is not ToolAcceleration]
     free = bounds.replace(tool_acceleration=math.inf)
     planned = ac.plan(LINE, robot, free, ac.Optimal(from_limits=kinds))
@@ -84,6 +84,6 @@ def test_speed_of_a_segment_is_refused_without_its_kind(robot, bounds):
 
 
 @pytest.mark.parametrize("wrong", [Constraint, int, 3, "JointMotion"])
-def test_kinds_are_classes_that_serve_limits(wrong):
+def test_constraints_from_limits_must_be_constraint_classes(wrong):
     with pytest.raises(ac.InvalidInput, match="from_limits must contain subclasses"):
         ac.Optimal(from_limits=[wrong])

@@ -89,8 +89,8 @@ def test_a_long_path_out_of_reach_is_refused_like_a_short_one(monkeypatch):
     arm = ac.load_arm("ur5e")
     messages = []
     path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)
-    for long in (here.LONG_PATH, 1):
-        monkeypatch.setattr(here, "LONG_PATH", long)
+    for long in (here.MANY_SEGMENTS, 1):
+        monkeypatch.setattr(here, "MANY_SEGMENTS", long)
         with pytest.raises(ac.Unreachable) as caught:
             next(trace_by_duration(path, arm))
         messages.append(str(caught.value))

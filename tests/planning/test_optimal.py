@@ -11,7 +11,8 @@ import armcontour as ac
 from armcontour.planning import optimal_timing
 from armcontour.planning.constraints import SecondOrder, constraints_of, limits_on
 from armcontour.planning.path_grid import place_grid
-from armcontour.planning.topp.grid_plan import Rules, plan_on_grid
+from armcontour.planning.topp.grid_plan import plan_on_grid
+from armcontour.planning.topp.plan_rules import Rules
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 LEAK = 1e-9  # by how much, relatively, a limit may be exceeded anywhere
@@ -429,7 +430,7 @@ def test_a_path_with_more_points_than_a_grid_is_refined_for_loss_is_planned(
     assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9
 
 
-def test_a_speed_that_is_too_high_has_a_figure_only_if_the_rotation_is_given(refuses):
+def test_refusal_of_end_speed_states_allowed_speed_only_for_given_tool_rotation(refuses):
     arm = ac.load_arm("ur5e")
     line = ac.Path.polyline([(0.4, -0.15, 0.2), (0.6, -0.15, 0.2)])
     options = ac.Optimal(end_speed=5.0)

@@ -12,7 +12,8 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput, NotRealizable, Unreachable
 from armcontour.core.progress import Step
 from armcontour.geometry import Arc, Path
-from armcontour.planning import METHODS, trace_program
+from armcontour.jobs.methods import TIMINGS
+from armcontour.planning import trace_program
 from armcontour.planning.program_tracing import trace_by_duration
 from armcontour.program import Contour, Dwell, Event, Lead, Pierce, Process, Program, Rapid, Switch
 from armcontour.robot.limits import TOOL_LIMITS
@@ -144,7 +145,7 @@ def test_programs_in_space_are_planned_within_their_limits():
 def test_the_other_methods_also_plan_programs(method):
     events = Event(name="a", s=0.013), Event(name="b", s=0.06, lead_time=0.05)
     program = plane(SQUARE, Contour(path=BEND, events=events), process=Process(switch=Switch()))
-    trajectory = ac.plan(program, PMK3S, IN_PLANE.replace(speed=0.05), METHODS[method]())
+    trajectory = ac.plan(program, PMK3S, IN_PLANE.replace(speed=0.05), TIMINGS[method]())
     assert trajectory.method == method
     if method == "paper":
         begins = [x.t[0] for x in trajectory.spans]
@@ -340,7 +341,7 @@ def test_a_rapid_turns_the_tool_by_half_a_turn_unless_it_is_free_to_turn(axis_on
     assert (turned.max() < 0.2) == axis_only
 
 
-def test_later_contours_select_among_equally_fast_configurations():
+def test_configuration_is_chosen_for_fastest_whole_program():
     # The speed of the tool bounds both contours; the way between them depends on the posture.
     program = ac.round_corners(program_of(in_space(SQUARE), in_space(BEND, 0.3)), tolerance=1e-3)
     limits = IN_SPACE.replace(speed=0.02, joint_torque=np.inf)
@@ -410,7 +411,7 @@ def test_a_path_and_its_program_and_its_joint_path_have_the_same_plan(method):
         ac.trace(path, PMK3S, configuration="negative"),
         trace_program(program, PMK3S, IN_PLANE),
     )
-    plans = [ac.plan(x, PMK3S, IN_PLANE, METHODS[method]()) for x in motions]
+    plans = [ac.plan(x, PMK3S, IN_PLANE, TIMINGS[method]()) for x in motions]
     t = np.linspace(0, plans[0].duration, 500)
     for x in plans:
         assert x.duration == plans[0].duration and x.path is path

@@ -81,7 +81,7 @@ def drawn(polygons, layers):
 
 
 @each("seed", range(12))
-def test_kerf_of_some_contours_is_on_the_side_that_it_has_in_the_whole_drawing(seed):
+def test_contours_with_kerf_are_cut_on_same_side_as_in_whole_drawing(seed):
     rng = np.random.default_rng(seed)
     polygons = rings(rng)
     layers = rng.choice(LAYERS, len(polygons))
@@ -100,7 +100,7 @@ def test_kerf_of_some_contours_is_on_the_side_that_it_has_in_the_whole_drawing(s
 
 
 @each("seed", range(6))
-def test_jobs_have_the_same_sides(tmp_path, seed):
+def test_jobs_that_select_contours_keep_kerf_sides_of_whole_drawing(tmp_path, seed):
     rng = np.random.default_rng(100 + seed)
     polygons = rings(rng)
     layers = rng.choice(LAYERS, len(polygons))
@@ -129,7 +129,7 @@ def square(half):
     return np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
 
 
-def test_a_mark_does_not_count_and_a_note_says_what_decides():
+def test_contour_without_kerf_does_not_change_kerf_side_of_others():
     polygons = [square(0.1), square(0.05), square(0.02)]
     program = drawn(polygons, ["CUT", "MARK", "CUT"])
     marked = Process(kerf=KERF, begin="drawn", by_layer={"MARK": {"kerf": None}})

@@ -63,7 +63,7 @@ def vertices(program):
 
 @each("ending", list(WRITERS))
 @each("kind", list(BAD))
-def test_only_the_contour_without_a_side_is_left_out(tmp_path, ending, kind):
+def test_contour_without_kerf_side_is_omitted_and_others_are_unchanged(tmp_path, ending, kind):
     write = WRITERS[ending]
     file = tmp_path / f"a.{ending}"
     write(file, {"outer": OUTER, "hole": HOLE})
@@ -107,7 +107,7 @@ def polyline(points):
     return ac.Path.polyline(1e-3 * np.array([*points, points[0]]))
 
 
-def test_a_part_inside_a_contour_that_is_left_out_keeps_its_side():
+def test_hole_inside_omitted_contour_is_still_cut_on_its_inside():
     spur = [(0, 0), (60, 0), (60, 20), (60.02, 20), (60, 20), (60, 40), (0, 40)]
     moves = tuple(ac.Contour(path=polyline(x)) for x in (spur, HOLE))
     (hole,) = prepare(Program(moves=moves), Process(kerf=1e-3, lead_in=LEAD)).contours

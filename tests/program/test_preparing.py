@@ -221,7 +221,7 @@ SWITCHED = [
 
 
 @each("switched, is_unchanged", SWITCHED)
-def test_a_moved_start_does_not_change_switching(switched, is_unchanged):
+def test_moved_start_is_refused_if_it_would_change_switching(switched, is_unchanged):
     events = tuple(Event(name="laser", value=value, s=s) for value, s in switched)
     square = Contour(path=SQUARE, name="E7", events=events)
     process = Process(begin=0.05)

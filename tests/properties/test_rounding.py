@@ -1,6 +1,7 @@
 """Properties of rounded corners and of their orientation."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -69,39 +70,52 @@ def axis_angles(first, second):
     return angle_between(first[..., 2], second[..., 2])
 
 
-@given(seed=SEEDS, axis_only=st.booleans())
-def test_position_and_orientation_stay_within_their_tolerances_together(seed, axis_only):
+def random_oriented_corners(seed, axis_only):
+    """A random path with rotations, its rounded path, and both tolerances."""
     rng = np.random.default_rng(seed)
     path, rotations, scale = random_path(rng)
     path = path.oriented(rotations, axis_only=axis_only)
     tolerance = scale * 10.0 ** rng.uniform(-4, 0)
-    angular = 10.0 ** rng.uniform(-4, 0)
-    made = rounded(path, tolerance, angular)
-    corners = made.corners
-    orientation = made.orientation
-    assert not corners.stopped.any()
-    # In the middle of a corner, both the point and the rotation are near those of the corner.
+    angular_tolerance = 10.0 ** rng.uniform(-4, 0)
+    return path, rounded(path, tolerance, angular_tolerance), tolerance, angular_tolerance
+
+
+@given(seed=SEEDS, axis_only=st.booleans())
+def test_middle_of_each_corner_is_within_both_tolerances(seed, axis_only):
+    path, result, tolerance, angular_tolerance = random_oriented_corners(seed, axis_only)
+    corners = result.corners
     middle = (corners.start + corners.end) / 2
-    errors = np.linalg.norm(made(middle) - corners.point, axis=1)
+    errors = np.linalg.norm(result(middle) - corners.point, axis=1)
     assert (errors <= tolerance + 1e-12).all()
     np.testing.assert_allclose(errors, corners.error, atol=1e-12)
     at_corner = path.orientation.starts[corners.vertex]
-    apart = axis_angles if axis_only else angles
-    turned = apart(orientation(middle), at_corner)
-    assert (turned <= angular + 1e-9).all()
+    angle_of = axis_angles if axis_only else angles
+    turned = angle_of(result.orientation(middle), at_corner)
+    assert (turned <= angular_tolerance + 1e-9).all()
     np.testing.assert_allclose(turned, corners.angular_error, atol=1e-9)
-    # No jump and no kink is left, so that nothing has to stop.
-    assert orientation.jumps.max(initial=0.0) <= 1e-9
-    assert len(made.stops) == 0
-    # Halfway along a line nothing has changed, unless a corner takes more than half of it.
+
+
+@given(seed=SEEDS, axis_only=st.booleans())
+def test_tool_stops_at_no_rounded_corner_with_orientation(seed, axis_only):
+    _, result, *_ = random_oriented_corners(seed, axis_only)
+    assert not result.corners.stopped.any()
+    assert result.orientation.jumps.max(initial=0.0) <= 1e-9
+    assert len(result.stops) == 0
+
+
+@given(seed=SEEDS, axis_only=st.booleans())
+def test_orientation_between_corners_and_at_the_ends_is_unchanged(seed, axis_only):
+    path, result, *_ = random_oriented_corners(seed, axis_only)
+    orientation = result.orientation
+    # In the middle of a line nothing changes, unless a corner takes more than half of it.
     middles = (path.breaks[:-1] + path.breaks[1:]) / 2
-    projection = made.project(path(middles))
-    eased = orientation.second[orientation.locate(projection.s)].any(axis=1)
-    on = (projection.distance <= 1e-12) & ~eased
-    before = path.orientation(middles[on])
-    assert angles(orientation(projection.s[on]), before).max(initial=0.0) <= 1e-7
-    # It begins and ends as it was.
-    ends = orientation(np.array([0.0, made.length]))
+    projection = result.project(path(middles))
+    is_eased = orientation.second[orientation.locate(projection.s)].any(axis=1)
+    unchanged = (projection.distance <= 1e-12) & ~is_eased
+    before = path.orientation(middles[unchanged])
+    after = orientation(projection.s[unchanged])
+    assert angles(after, before).max(initial=0.0) <= 1e-7
+    ends = orientation(np.array([0.0, result.length]))
     assert angles(ends, path.orientation(np.array([0.0, path.length]))).max() <= 1e-9
 
 
@@ -158,55 +172,92 @@ def distances(points, starts, tangents, lengths):
     return np.sqrt((((to - along[..., None] * tangents) ** 2).sum(axis=2)).min(axis=1))
 
 
-def test_random_polylines_are_rounded_within_their_tolerance():
-    """Judge tolerance, tangents, ends and overlap."""
+@pytest.fixture(scope="module")
+def corpus():
+    """Random polylines, and their rounded paths with the tolerance."""
     rng = np.random.default_rng(1000)
-    rounded_ones = stopped_ones = shrunk_ones = merged_ones = 0
+    found = []
     for _ in range(BATCH):
         points, tolerance = random_points(rng)
         path = ac.Path.polyline(points)
-        rounded = ac.round_corners(path, tolerance=tolerance)
-        corners = rounded.corners
-        # Deviation: samples of every arc, and every corner to the middle of its arc.
-        arcs = np.flatnonzero(rounded.curvatures)
-        u = rounded.lengths[arcs, None] * np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-        on_arcs = rounded.on_segment(np.repeat(arcs, 5), u.ravel())
-        if len(arcs):
-            errors = distances(on_arcs, path.starts, path.tangents, path.lengths)
-            assert errors.max() <= tolerance + 1e-12
-            gap = np.linalg.norm(on_arcs[2::5] - corners.point[~corners.stopped], axis=1)
-            assert gap.max() <= tolerance + 1e-12
-        # Tangents: continuous but for the full stops that are recorded.
-        np.testing.assert_array_less(-1e-12, rounded.lengths)
-        jumps = rounded.breaks[1:-1][rounded.turns > 1e-9]
-        np.testing.assert_allclose(jumps, corners.start[corners.stopped], atol=1e-12)
-        # Ends, length, order, and no overlap on any line.
-        np.testing.assert_allclose(rounded.vertices[[0, -1]], path.vertices[[0, -1]], atol=1e-12)
-        assert rounded.length <= path.length * (1 + 1e-12)
+        found.append((path, ac.round_corners(path, tolerance=tolerance), tolerance))
+    return found
+
+
+def test_corpus_contains_all_kinds_of_corners(corpus):
+    rounded_count = sum(np.count_nonzero(result.curvatures) for _, result, _ in corpus)
+    assert rounded_count > 3 * BATCH
+    assert sum(result.corners.shrunk.sum() for _, result, _ in corpus) > BATCH
+    assert sum(result.corners.stopped.sum() for _, result, _ in corpus) > BATCH / 5
+    assert sum(len(path.merged) for path, *_ in corpus) > BATCH / 5
+
+
+def test_arcs_stay_within_the_tolerance_of_random_polylines(corpus):
+    fractions = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    for path, result, tolerance in corpus:
+        arcs = np.flatnonzero(result.curvatures)
+        if len(arcs) == 0:
+            continue
+        u = result.lengths[arcs, None] * fractions
+        samples = result.on_segment(np.repeat(arcs, len(fractions)), u.ravel())
+        errors = distances(samples, path.starts, path.tangents, path.lengths)
+        assert errors.max() <= tolerance + 1e-12
+        # And each corner is as near to the middle of its arc.
+        middles = samples[2 :: len(fractions)]
+        corners = result.corners.point[~result.corners.stopped]
+        assert np.linalg.norm(middles - corners, axis=1).max() <= tolerance + 1e-12
+
+
+def test_tangents_jump_only_where_the_tool_stops(corpus):
+    for _, result, _ in corpus:
+        np.testing.assert_array_less(-1e-12, result.lengths)
+        jumps = result.breaks[1:-1][result.turns > 1e-9]
+        stops = result.corners.start[result.corners.stopped]
+        np.testing.assert_allclose(jumps, stops, atol=1e-12)
+
+
+def test_rounded_path_keeps_both_ends_and_is_not_longer(corpus):
+    for path, result, _ in corpus:
+        np.testing.assert_allclose(result.vertices[[0, -1]], path.vertices[[0, -1]], atol=1e-12)
+        assert result.length <= path.length * (1 + 1e-12)
+
+
+def test_rounded_corners_do_not_overlap(corpus):
+    for path, result, _ in corpus:
+        corners = result.corners
         assert (corners.start[1:] >= corners.end[:-1] - 1e-12).all()
-        corner_s = path.breaks[[0, *corners.vertex, -1]]
-        cut = np.array([0.0, *corners.tangent, 0.0])
-        assert (cut[:-1] + cut[1:] <= np.diff(corner_s) + 1e-12).all()
-        rounded_ones += len(arcs)
-        stopped_ones += int(corners.stopped.sum())
-        shrunk_ones += int(corners.shrunk.sum())
-        merged_ones += len(path.merged)
-    # The corpus contains all kinds of corners.
-    assert rounded_ones > 3 * BATCH and shrunk_ones > BATCH
-    assert stopped_ones > BATCH / 5 and merged_ones > BATCH / 5
+        lines = np.diff(path.breaks[[0, *corners.vertex, -1]])
+        used = np.array([0.0, *corners.tangent, 0.0])
+        assert (used[:-1] + used[1:] <= lines + 1e-12).all()
 
 
-def test_an_angular_tolerance_of_zero_stops_the_tool_at_corners():
-    line = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 1)])
-    turns = Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.1], [0, 0, 0.4], [0, 0, 0.3], [0, 0, 0.1]])
-    made = rounded(line.oriented(turns), 0.1, 0.0)
-    np.testing.assert_allclose(made.stops, [1.0, 2.0, 3.0])
-    assert made.corners.stopped.all() and (made.corners.angular_error == 0).all()
-    # The tool does not stop where the angular rate is continuous up to rounding errors.
-    corner = ac.Path.polyline([(0, 0, 0), (0.7, 0, 0), (0.7, 0.7, 0)])
-    steady = Rotation.from_rotvec(np.outer([0, 1, 2], [0.11, 0.07, 0.2]))
-    for held in (corner.oriented(steady), corner.oriented(Rotation.from_rotvec([0.1, 0.2, 0.3]))):
-        rounded_path = rounded(held, 0.1, 0.0)
-        assert len(rounded_path.stops) == 0 and not rounded_path.corners.stopped.any()
-    followed = rounded(corner.following_tangent([0, 0, 1]), 0.1, 0.0)
-    np.testing.assert_allclose(followed.stops, [followed.corners.start[0], followed.corners.end[0]])
+CORNER_AND_TURNS = ac.Path.polyline(
+    [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 1)]
+).oriented(Rotation.from_rotvec([[0, 0, 0], [0, 0, 0.1], [0, 0, 0.4], [0, 0, 0.3], [0, 0, 0.1]]))
+CORNER = ac.Path.polyline([(0, 0, 0), (0.7, 0, 0), (0.7, 0.7, 0)])
+
+
+def test_angular_tolerance_of_zero_stops_the_tool_at_jumps_of_the_angular_rate():
+    result = rounded(CORNER_AND_TURNS, 0.1, 0.0)
+    np.testing.assert_allclose(result.stops, [1.0, 2.0, 3.0])
+    assert result.corners.stopped.all()
+    assert (result.corners.angular_error == 0).all()
+
+
+@pytest.mark.parametrize(
+    "rotation",
+    [
+        Rotation.from_rotvec(np.outer([0, 1, 2], [0.11, 0.07, 0.2])),
+        Rotation.from_rotvec([0.1, 0.2, 0.3]),
+    ],
+    ids=["uniform rate", "constant"],
+)
+def test_angular_tolerance_of_zero_needs_no_stop_at_a_continuous_angular_rate(rotation):
+    result = rounded(CORNER.oriented(rotation), 0.1, 0.0)
+    assert len(result.stops) == 0
+    assert not result.corners.stopped.any()
+
+
+def test_angular_tolerance_of_zero_stops_a_tool_along_the_tangent_at_both_ends_of_an_arc():
+    result = rounded(CORNER.following_tangent([0, 0, 1]), 0.1, 0.0)
+    np.testing.assert_allclose(result.stops, [result.corners.start[0], result.corners.end[0]])

@@ -105,7 +105,7 @@ def test_random_paths_are_traced_or_refused_with_a_reason(batch):
     assert traced > 0.4 * PATHS
 
 
-def test_a_tool_that_turns_within_nanometres_is_refused_with_that_reason():
+def test_turn_within_nanometres_is_refused_at_its_arc_length():
     arm = ac.load_arm("ur5e")
     points = [(0.4, 0, 0.4), (0.5, 0, 0.4), (0.5, 3e-9, 0.4), (0.5, 0.1, 0.4)]
     turns = DOWN * Rotation.from_rotvec([[0, 0, 0], [0, 0, 0], [1.0, 0, 0], [1.0, 0, 0]])

@@ -165,7 +165,7 @@ def test_saturation_is_by_default_that_of_the_limited_quantity():
         assert ac.ServoPlant(plant_arm, model, limits).saturation == expected
 
 
-def test_the_range_of_the_demand_has_both_directions(arm):
+def test_demand_range_has_minimum_and_maximum(arm):
     limits = ac.Limits.only(joint_acceleration=[[-1.0, 2.0], [-3.0, 5.0]])
     lag = LAG.replace(interpolation="cubic")
     cases = [

@@ -3,7 +3,7 @@
 import pytest
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
+from armcontour.jobs.methods import COMPENSATIONS
 
 TOLERANCE = 5e-3
 SLACK = 1e-5  # m, of the executed tool beyond the tolerance
@@ -30,7 +30,7 @@ def test_the_executed_tool_stays_within_the_tolerance(arm, objective, centripeta
         ("inverse", ac.ServoPlant(arm, SERVO, limits), 2e-6),
         ("inverse_dynamics", ac.RigidBodyPlant(arm, SERVO, limits), 5e-6),
     ):
-        set_points = ac.compensate(planned, SERVO, METHODS[method](), cycle=CYCLE, arm=arm)
+        set_points = ac.compensate(planned, SERVO, COMPENSATIONS[method](), cycle=CYCLE, arm=arm)
         executed = ac.simulate(set_points, plant, resolution=5e-4)
         result = ac.evaluate(executed, planned.path, objective=objective, limits=limits)
         # Every place of the tool near the objective, and every corner of it near the tool.

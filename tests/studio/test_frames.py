@@ -19,13 +19,13 @@ from armcontour.core.render import LIMITS
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.report.message_frame import TYPES, MessageFrame
-from armcontour.report.plan_frames import (
+from armcontour.studio.execution_frame import execution_frame
+from armcontour.studio.plan_frames import (
     NO_LIMIT,
     drawing_frame,
     picture_frame,
     refusal_header,
 )
-from armcontour.studio.execution_frame import execution_frame
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.verification import check, evaluate
 

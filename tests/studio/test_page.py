@@ -67,7 +67,7 @@ def test_rounded_zeros_are_shown_without_a_sign():
     assert values == ["0.000", "−0.040", "0.000 mm"]
 
 
-def test_a_difference_has_the_digits_of_figures_whose_zeros_are_left_out():
+def test_displayed_difference_has_as_many_digits_as_the_more_precise_figure():
     values = compute(
         """
         const { difference } = await import("./format.js");
@@ -78,7 +78,7 @@ def test_a_difference_has_the_digits_of_figures_whose_zeros_are_left_out():
     assert values == ["+0.3 s", "−0.2 s"]
 
 
-def test_the_part_under_the_pointer_is_the_nearest_of_all():
+def test_path_part_under_pointer_is_nearest_one():
     random = np.random.default_rng(11)
     lines = [random.normal(size=(1, 2)) + 0.1 * random.normal(size=(9, 2)) for _ in range(40)]
     points = np.concatenate(lines)

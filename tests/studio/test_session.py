@@ -170,7 +170,7 @@ def test_each_offered_change_leads_to_a_plan_or_the_next_refusal(file, old, new,
     try_all([], steps)
 
 
-def test_a_page_that_joins_a_refused_job_has_its_outline(session, tab):
+def test_page_opened_after_refusal_shows_outline_and_refusal(session, tab):
     tab.edit({**MOVE, "to": [2.0, 0.15]})
     late = SessionPage(session)
     assert late.last("picture")["tier"] == "outline"

@@ -19,7 +19,7 @@ FUNCTION = "def f(x, y, low, high, values):\n    {}\n"
         "a = x, y",
     ],
 )
-def test_swaps_steps_pairs_and_returned_values_are_one_thing(statement):
+def test_swaps_pairs_and_returned_tuples_are_not_packed_statements(statement):
     assert list(packed(FUNCTION.format(statement))) == []
 
 

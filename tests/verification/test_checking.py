@@ -9,7 +9,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.files.exports import CsvFormat, RosYamlFormat
-from armcontour.jobs.job import ENDINGS
+from armcontour.files.exports.formats import ENDINGS
 from armcontour.motion import LapLaw, Samples
 from armcontour.robot.limit_use import Use
 from armcontour.verification.limit_verdict import LimitUseAccumulator
@@ -393,7 +393,7 @@ def test_a_specified_limit_that_was_not_checked_leaves_the_verdict_open():
     assert ac.check(log, arm, torque).missing == ()
 
 
-def test_a_limit_that_is_only_assumed_is_never_violated(tmp_path):
+def test_assumed_acceleration_limit_leaves_verdict_open(tmp_path):
     limit = '<limit lower="-9" upper="9" velocity="4" effort="9"/>'
     joint = (
         '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>'

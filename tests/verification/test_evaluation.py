@@ -41,7 +41,7 @@ T = np.linspace(0, 2, 201)
 ALONG = np.stack([0.3 + 0.1 * T / 2, np.full_like(T, 0.2)], axis=1)
 
 
-def test_a_delay_along_the_path_is_tracking_error_and_no_contour_error(arm):
+def test_delay_along_path_causes_no_contour_error(arm):
     evaluation = ac.evaluate(by_hand(arm, T, ALONG), LINE, objective=LINE)
     assert evaluation.contour_error.max < 1e-15 and evaluation.objective_error.max < 1e-15
     assert evaluation.tracking_error.max < 1e-15

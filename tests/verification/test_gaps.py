@@ -38,7 +38,7 @@ WHOLE = STEP * np.arange(1001)
 
 
 @each("start, end", [(0.5, 0.52), (0.1, 1.4), (1.0, 2.0), (3.0, 3.9), (0.2, 0.216)])
-def test_missing_samples_are_no_proof(start, end):
+def test_gap_in_samples_leaves_verdict_open(start, end):
     assert checked(WHOLE).verdict == "kept"
     t = without(WHOLE, (start, end))
     check = checked(t)

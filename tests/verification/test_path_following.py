@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
+from armcontour.jobs.methods import COMPENSATIONS
 from armcontour.verification.error_profile import follow_path
 
 OFF = 0.3e-3
@@ -126,7 +126,7 @@ SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 def run(arm, path, limits, method="none", objective=None, resolution=1e-3):
     planned = ac.plan(path, arm, limits)
-    set_points = ac.compensate(planned, SERVO, METHODS[method](), cycle=4e-3)
+    set_points = ac.compensate(planned, SERVO, COMPENSATIONS[method](), cycle=4e-3)
     executed = ac.simulate(set_points, ac.ServoPlant(arm, SERVO, limits), resolution=resolution)
     return planned, executed, ac.evaluate(executed, path, objective=objective, limits=limits)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
+from armcontour.jobs.methods import COMPENSATIONS
 
 # Errors are compared with those of so many times as many samples.
 FINER = 50
@@ -44,7 +44,7 @@ def executions(trajectory, plant, cycle, method, resolution):
     servo = plant.servo.replace(dead_time=0.0)
     if servo.order == "first" and method == "pole_placement":
         method = "inverse"
-    set_points = ac.compensate(trajectory, servo, METHODS[method](), cycle=cycle)
+    set_points = ac.compensate(trajectory, servo, COMPENSATIONS[method](), cycle=cycle)
     return (ac.simulate(set_points, plant, resolution=resolution / k) for k in (1, FINER))
 
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import trapezoid
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
+from armcontour.jobs.methods import COMPENSATIONS
 from armcontour.program import Contour, Dwell, Lead, Process, Program, Rapid, prepare, round_corners
 
 ARM = ac.load_arm("pmk3s")
@@ -23,7 +23,7 @@ DRAWN = Program(moves=(Contour(path=SQUARE), Dwell(duration=0.2), Contour(path=B
 
 def executed(program, method="none"):
     trajectory = ac.plan(program, ARM, LIMITS, ac.Optimal(reserve=0.2))
-    set_points = ac.compensate(trajectory, SERVO, METHODS[method](), cycle=4e-3)
+    set_points = ac.compensate(trajectory, SERVO, COMPENSATIONS[method](), cycle=4e-3)
     return ac.simulate(set_points, ac.ServoPlant(ARM, SERVO, LIMITS))
 
 

@@ -67,7 +67,7 @@ def certain(log, order, low, high):
 
 
 @pytest.mark.parametrize("order", [2, 3])
-def test_the_certain_ratio_of_two_samples_equals_that_of_a_linear_program(order):
+def test_proven_limit_ratio_of_two_samples_equals_linear_program(order):
     random = np.random.default_rng(order)
     for _ in range(20):
         high, span = 10 ** random.uniform(-1, 1, 2)

@@ -26,13 +26,15 @@ from armcontour.core.yaml_loader import load
 from armcontour.files.drawings.path_reader import YAML
 from armcontour.files.job_file import read_cell_scene
 from armcontour.files.joint_table import TrajectoryFile
+from armcontour.files.limits_and_servo_files import MotionRequirements
 from armcontour.files.robots.arm_loading import load_arm
 from armcontour.jobs import Job, Run, prepare_program, resume_run, round_program
 from armcontour.jobs.job import find_run
 from armcontour.motion.log import raise_other_joints
 from armcontour.motion.log_checks import check_range_of_log, refuse_wrapped
 from armcontour.program import Program
-from armcontour.robot import Arm, Limits
+from armcontour.robot import Arm
+from armcontour.verification import InterpolationCheck
 from armcontour.verification.clearance import Clearance, check_clearance
 from armcontour.verification.limit_verdict import VERDICTS
 
@@ -49,33 +51,83 @@ def check(options: Check, _: None, progress: Progress) -> Outcome:
     """Check a trajectory against limits, and optionally path, cell and controller."""
     job = None if options.path is None else files.read_job(options.path)
     cell_arm, scene = (None, None) if options.scene is None else read_cell_scene(options.scene)
-    arm = cell_arm if job is None else job.arm
-    if options.arm is not None:
-        arm = named_arm(options.arm)
-    if arm is None:
-        raise InvalidInput(
-            "The check requires an arm. Specify it with --arm, with the job of --path, or with the "
-            "cell of --scene."
-        )
-    limits, path, allowed = _limits_and_path(options, job, arm)
+    arm = _arm(options, cell_arm if job is None else job.arm)
+    run = None if job is None else _run(job, options)
+    path = None if job is None or run is None else _path(job, run)
+    required = _requirements(options, run, arm)
     samples = _samples(options, arm)
-    result = verification.check(samples, arm, limits, path, **allowed)
-    clearance = commands = None
+    result = verification.check(
+        samples,
+        arm,
+        required.limits,
+        path,
+        deviation=required.deviation,
+        orientation_deviation=required.orientation_deviation,
+    )
+    clearance = None
     if scene is not None:
         # Times are as in the file.
         clearance = check_clearance(samples.straight, arm, scene).later(float(samples.t[0]))
-    name = options.controller
-    rate = read_option("--rate", options.rate, Frequency)
-    raise_if((name is None) != (rate is None), "--controller and --rate require each other.")
-    if name is not None and rate is not None:
-        commands = verification.check_interpolation(
-            samples, arm, name, rate, limits, path, **allowed
-        )
+    commands = _check_commands(options, samples, arm, required, path)
     if not result.uses and result.path_deviation is None and clearance is None:
         raise InvalidInput(
             f"There is no limit to check, because the arm {arm.name} has no limits. Specify limits "
             "with --limits."
         )
+    lines = [*data_lines(result.to_data()), *_remarks(samples, arm, result, clearance, options)]
+    verdicts = [result.verdict]
+    if commands is not None:
+        lines += data_lines(commands.to_data())
+        verdicts.append(commands.verdict)
+    if clearance is not None and not clearance.satisfied:
+        verdicts.append("violated")
+    page = _page(samples, result, clearance, commands)
+    return Outcome(lines=lines, page=page, code=EXIT_CODES[max(verdicts, key=VERDICTS.index)])
+
+
+def _arm(options: Check, default: Arm | None) -> Arm:
+    """Return the arm of --arm; without this option, the arm of the job or cell."""
+    arm = default if options.arm is None else named_arm(options.arm)
+    if arm is None:
+        raise InvalidInput(
+            "The check requires an arm. Specify it with --arm, with the job of --path, or with the "
+            "cell of --scene."
+        )
+    return arm
+
+
+def _check_commands(
+    options: Check,
+    samples: TrajectoryFile,
+    arm: Arm,
+    required: MotionRequirements,
+    path: Program | None,
+) -> InterpolationCheck | None:
+    """Check the commands that --controller sends for the samples; None without this option."""
+    name = options.controller
+    rate = read_option("--rate", options.rate, Frequency)
+    raise_if((name is None) != (rate is None), "--controller and --rate require each other.")
+    if name is None or rate is None:
+        return None
+    return verification.check_interpolation(
+        samples,
+        arm,
+        name,
+        rate,
+        required.limits,
+        path,
+        deviation=required.deviation,
+        orientation_deviation=required.orientation_deviation,
+    )
+
+
+def _page(
+    samples: TrajectoryFile,
+    result: verification.Check,
+    clearance: Clearance | None,
+    commands: InterpolationCheck | None,
+) -> dict[str, Any]:
+    """Return the data of the JSON output."""
     data = result.to_data()
     parts = {"clearance": clearance, "commands": commands}
     page = replace(
@@ -83,14 +135,7 @@ def check(options: Check, _: None, progress: Progress) -> Outcome:
         rows=(*data.rows, Row("left_out", samples.left_out), Row("notes", samples.notes)),
         parts={key: x.to_data() for key, x in parts.items() if x is not None},
     )
-    lines = [*data_lines(data), *_remarks(samples, arm, result, clearance, options)]
-    verdicts = [result.verdict]
-    if commands is not None:
-        lines += data_lines(commands.to_data())
-        verdicts.append(commands.verdict)
-    touches = clearance is not None and not clearance.satisfied
-    code = EXIT_CODES["violated" if touches else max(verdicts, key=VERDICTS.index)]
-    return Outcome(lines=lines, page=plain(page), code=code)
+    return plain(page)
 
 
 def named_arm(name: str) -> Arm:
@@ -103,27 +148,25 @@ def named_arm(name: str) -> Arm:
     return load_arm(name)
 
 
-def _limits_and_path(
-    options: Check, job: Job | None, arm: Arm
-) -> tuple[Limits, Program | None, dict[str, Any]]:
-    """Limits, path, and allowed deviations of position [m] and orientation [rad] from the path."""
-    path = None
-    limits = arm.limits
-    if job is not None:
-        run = _run(job, options)
-        resumption = resume_run(job, run)
-        objective = prepare_program(job, run, resumption=resumption)
-        path = round_program(job, run, objective, resumption=resumption)
-        limits = run.limits
+def _path(job: Job, run: Run) -> Program:
+    """Return the path of a run, with its leads and rounded corners."""
+    resumption = resume_run(job, run)
+    objective = prepare_program(job, run, resumption=resumption)
+    return round_program(job, run, objective, resumption=resumption)
+
+
+def _requirements(options: Check, run: Run | None, arm: Arm) -> MotionRequirements:
+    """Return the limits and allowed deviations: of --limits, of the run, or of the arm."""
     if options.limits is None:
-        return limits, path, {}
-    limits, deviation, angle = files.read_limits(options.limits, arm)
-    if path is None and (deviation, angle) != (None, None):
+        return MotionRequirements(limits=arm.limits if run is None else run.limits)
+    required = files.read_limits(options.limits, arm)
+    deviations = (required.deviation, required.orientation_deviation)
+    if run is None and deviations != (None, None):
         raise InvalidInput(
             f"{options.limits} limits the deviation from a path, but no path is specified. Specify "
             "the job of the path with --path."
         )
-    return limits, path, {"deviation": deviation, "orientation_deviation": angle}
+    return required
 
 
 def _run(job: Job, options: Check) -> Run:
@@ -163,7 +206,7 @@ def _samples(options: Check, arm: Arm) -> TrajectoryFile:
 
 
 def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
-    """Samples whose resolution includes the maximum errors that `--noise` declares."""
+    """Return the samples whose resolution includes the maximum errors that `--noise` declares."""
     if noise is None:
         return samples
     parts = noise.split(",")
@@ -187,7 +230,7 @@ def _remarks(
     clearance: Clearance | None,
     options: Check,
 ) -> list[str]:
-    """Names of the joints, notes on file and arm, the clearance, and a note on undeclared noise."""
+    """Return lines on joint names, file, arm and clearance, and a note on undeclared noise."""
     named = sorted({y.joint + 1 for y in result.uses if y.joint is not None})
     called = [joint_label(y, arm.joint_names) for y in named]
     lines = [f"Joints: {', '.join(called)}."] if called != [str(y) for y in named] else []
@@ -217,7 +260,7 @@ def _remarks(
 
 
 def _noise(q: FloatArray) -> float:
-    """Largest standard deviation of the noise in joint positions [rad]; 0 without noise."""
+    """Estimate the largest standard deviation of noise in joint positions [rad]; 0 without it."""
     third = np.diff(q, n=3, axis=0)
     power = np.sum(third**2, axis=0)
     noise = 0.0

@@ -15,7 +15,7 @@ from armcontour.cli.console import ProgressDisplay, print_lines
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.progress import listen_to_compilation
 
-# File names of the report and of the JSON output in a result folder.
+# Names of the report and the JSON output in a result folder.
 REPORT = "report.html"
 SUMMARY = "summary.json"
 
@@ -35,7 +35,7 @@ class Results:
     kind: ClassVar[str] = ""
 
     def claim(self) -> files.ResultFolder | None:
-        """Folder of --out, locked until the command ends; None without --out."""
+        """Return the folder of --out, locked until the command ends; None without --out."""
         if self.out is not None:
             return files.ResultFolder(self.out, force=self.force, replaces=self.kind)
         if self.force:
@@ -56,7 +56,7 @@ class Json:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """Result of the work of a command.
+    """What a command returns: printed lines, JSON data and exit code.
 
     Args:
         lines: Lines to print.
@@ -115,5 +115,5 @@ def write_summary(folder: files.ResultFolder, page: Mapping[str, Any]) -> None:
 
 
 def report_line(folder: FilePath) -> str:
-    """Line with the address of the report in a folder."""
+    """Return the line with the address of the report in a folder."""
     return f"Report: {(folder / REPORT).resolve().as_uri()}"

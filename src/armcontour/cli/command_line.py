@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import MISSING, dataclass, field, fields
 from functools import partial
@@ -17,6 +16,7 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from armcontour._version import __version__
 from armcontour.cli.command_execution import Outcome, execute
+from armcontour.cli.job_options import JOB_OPTIONS, Topic
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import describe_fields
 
@@ -27,19 +27,13 @@ PREPARE = "Look, place, prepare"
 JUDGE = "Check and certify"
 ROBOT = "With the robot"
 INSTALLED = "About this installation"
-# Options that set job keys, by name; `python -m tests.cli.test_options` writes the file.
-SHORT: dict[str, dict[str, Any]] = {
-    x["option"].split("/")[0].strip("-").replace("-", "_"): x
-    for x in json.loads(FilePath(__file__).with_name("job_options.json").read_text("utf-8"))
-}
-# Conversions of the types of options whose texts need no check.
+# Functions that convert texts to option types for which no check is needed.
 CONVERTERS: dict[Any, Callable[[Any], Any]] = {
     str: str,
     FilePath: FilePath,
     list[str]: list,
     list[FilePath]: lambda texts: [FilePath(x) for x in texts],
 }
-KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
 # Functions that register the commands, by name in the order of the help.
 _REGISTER: dict[str, Callable[[], None]] = {}
 
@@ -64,19 +58,19 @@ def _write_panels(self: Any, ctx: Any, formatter: Any) -> None:
 
 @dataclass(frozen=True)
 class _Converter:
-    """Conversion of the texts of an option in place of typer's, which imports pydantic (0.1 s)."""
+    """Converts the texts of an option without typer, which would import pydantic (0.1 s)."""
 
     convert: Callable[[Any], Any]
 
     def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
-        """Value of an option, which typer asks for; None or an empty tuple if it is not given."""
+        """Return the value of an option to typer; None or an empty tuple if it is not given."""
         if value is None:
             return () if param.multiple or param.nargs == -1 else None
         return self.convert(value)
 
 
 def _given_parameters(command: Any, ctx: Any, args: list[str]) -> list[Any]:
-    """Parameters in the order of the arguments; sets how typer converts the values of all."""
+    """Return the parameters in the order of the arguments; sets how typer converts values."""
     *_, given = command.make_parser(ctx).parse_args(list(args))
     for x in command.get_params(ctx):
         # Older versions of typer have neither type descriptors nor pydantic.
@@ -133,7 +127,7 @@ program = typer.Typer(
 
 
 def program_for(arguments: Sequence[str] = ()) -> typer.Typer:
-    """Program with the called command only, because reading the options of all takes time.
+    """Return the program with the called command only, because reading all options takes time.
 
     Args:
         arguments: Arguments of the program. If the first is not a command, all commands are
@@ -149,8 +143,14 @@ def program_for(arguments: Sequence[str] = ()) -> typer.Typer:
 def command(topic: str, example: str, module: str = "") -> Callable[[type[T]], type[T]]:
     """Decorator that makes a dataclass and its command: its fields are arguments and options.
 
-    The docstring of the class is the help. The command calls the function with the name of the
-    command in a module (by default `run_command` for `run`), which is imported only then.
+    The docstring of the class is the help. The command calls the function of its name in a module,
+    which is imported only then.
+
+    Args:
+        topic: Topic under which the help lists the command.
+        example: Arguments of the example in the help.
+        module: Name of the module; by default the command's name and `_command`, such as
+            `run_command`.
     """
 
     def declare(declared: type[T]) -> type[T]:
@@ -163,7 +163,7 @@ def command(topic: str, example: str, module: str = "") -> Callable[[type[T]], t
             return outcome
 
         def call(**values: Any) -> None:
-            keys = {x: values.pop(x) for x in SHORT if x in values}
+            keys = {x: values.pop(x) for x in JOB_OPTIONS if x in values}
             given = options(**values, **({"keys": keys} if keys else {}))
             raise typer.Exit(execute(work, given))
 
@@ -193,27 +193,18 @@ def _find_panels(options: Any) -> dict[str, str]:
 
 
 def _parameters(options: Any) -> Iterator[Parameter]:
-    """Arguments and options of a dataclass, as parameters that typer reads.
+    """Yield the arguments and options of a dataclass as parameters that typer reads.
 
-    The help of an option is its entry in a docstring. Its panel is the first sentence of the
+    The help of an option is its entry in a docstring. Its panel is the first sentence in the
     docstring of the base class that declares it.
     """
     hints = get_type_hints(options, include_extras=True)
     texts = describe_fields(options)
     panels = _find_panels(options)
-
-    def parameter(name: str, hint: Any, option: Any, default: Any = None) -> Parameter:
-        kind = Parameter.KEYWORD_ONLY
-        return Parameter(name, kind, annotation=Annotated[hint, option], default=default)
-
     for x in fields(options):
         hint = hints[x.name]
         if x.name == "keys":
-            for name, row in SHORT.items():
-                if row["topic"] in hint.__metadata__:
-                    option = typer.Option(row["option"], help=row["help"], min=row["least"])
-                    option.rich_help_panel = row["topic"]
-                    yield parameter(name, KINDS[row["kind"]] | None, option)
+            yield from _job_parameters(hint.__metadata__)
             continue
         option = typer.Option(f"--{x.name}")
         if get_origin(hint) is Annotated:
@@ -221,9 +212,24 @@ def _parameters(options: Any) -> Iterator[Parameter]:
             hint = hint.__origin__
         option.help = texts[x.name]
         option.rich_help_panel = panels.get(x.name)
-        yield parameter(
-            x.name, hint, option, Parameter.empty if x.default is MISSING else x.default
-        )
+        default = Parameter.empty if x.default is MISSING else x.default
+        yield _parameter(x.name, hint, option, default)
+
+
+def _job_parameters(topics: Iterable[Topic]) -> Iterator[Parameter]:
+    """Yield the options that set keys of a job as parameters that typer reads."""
+    for topic in topics:
+        for x in topic.options:
+            option = typer.Option(x.name, help=x.help, min=x.least)
+            option.rich_help_panel = topic.title
+            yield _parameter(x.parameter, x.kind | None, option, None)
+
+
+def _parameter(name: str, hint: Any, option: Any, default: Any) -> Parameter:
+    """Return a parameter of a command; `option` is typer's description of it."""
+    return Parameter(
+        name, Parameter.KEYWORD_ONLY, annotation=Annotated[hint, option], default=default
+    )
 
 
 def _version(value: bool) -> None:

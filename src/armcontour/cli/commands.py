@@ -1,7 +1,7 @@
 """The commands of `armcontour` with their arguments and options, in the order of the help.
 
-A command is a dataclass. The first sentence of the docstring of a base class is the title of the
-panel of its options. The work of a command is in the module that its decorator names. Commands are
+A command is a dataclass, whose decorator names the module that does its work. The options of a base
+class are a panel in the help, whose title is the first sentence of the docstring. Commands are
 neither compared nor printed; without these methods, `--help` starts 12 ms sooner.
 """
 
@@ -16,17 +16,18 @@ import typer
 from armcontour import files
 from armcontour.cli.command_execution import Json, Results
 from armcontour.cli.command_line import INSTALLED, JUDGE, PREPARE, ROBOT, RUN, command, program_for
+from armcontour.cli.job_options import (
+    CERTIFICATE,
+    DRAWING,
+    EXPORTED_POINTS,
+    EXPORTS,
+    FIRST_RUN,
+    POSITION,
+    SPEED,
+)
 
 __all__ = ["program_for"]
-# Topics of the options that set job keys, as in `job_options.json`: DRAWING (two topics), POSITION,
-# SPEED, FIRST_RUN, FILES and POINTS.
-DRAWING = ("Drawing", "G-code")
-POSITION = "Cell and position of the drawing"
-SPEED = "Speed, corners and start"
-FIRST_RUN = "First run on the robot"
-FILES = "Files for robot controllers"
-POINTS = "Points of these files"
-
+# Values of the options that set keys of a job, by parameter; its annotation has their topics.
 Keys: TypeAlias = dict[str, Any]
 Text: TypeAlias = str | None
 File: TypeAlias = FilePath | None
@@ -69,7 +70,7 @@ class JobOptions(CellOptions, SetOptions):
     """
 
     job: Argument
-    keys: Annotated[Keys, *DRAWING, POSITION, SPEED] = field(default_factory=dict)
+    keys: Annotated[Keys, SPEED, DRAWING, POSITION] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -143,7 +144,7 @@ class Run(JobOptions, Results):
     """
 
     out: RequiredOut = field()
-    keys: Annotated[Keys, *DRAWING, POSITION, SPEED, FIRST_RUN, FILES, POINTS] = field(
+    keys: Annotated[Keys, SPEED, FIRST_RUN, DRAWING, POSITION, EXPORTS, EXPORTED_POINTS] = field(
         default_factory=dict
     )
     simulate: Annotated[bool, typer.Option("--simulate/--no-simulation")] = True
@@ -184,7 +185,7 @@ class Show(Json):
     """
 
     drawing: Argument
-    keys: Annotated[Keys, *DRAWING] = field(default_factory=dict)
+    keys: Annotated[Keys, DRAWING] = field(default_factory=dict)
 
 
 @command(RUN, "batch job.yaml --over 'limits.speed=[0.1, 0.2]' --out results", "study_commands")
@@ -225,6 +226,30 @@ class Place(JobOptions, WorkerOptions, Results):
     yaw: Text = None
     move: str = "part"
     run_name: Name = None
+
+
+@command(PREPARE, "measure part touches.csv --job job.yaml --out measured.yaml")
+class Measure(LogOptions, Json):
+    """Measure where the part or the tool is, from joint positions at touched points.
+
+    Args:
+        target: Measured frame: part (the key path.frame), work (arm.work, so that path.frame does
+            not change), or tool (the position of arm.tool).
+        touches: Touches: CSV of joint positions, for part and work with the touched points x, y and
+            z in the drawing. Without points, the three touches are the origin, a point on the x
+            axis, and a point on the side of y.
+        job: Job file whose arm touched.
+        noise: Standard deviation of each coordinate of a touch.
+        out: Job file to write, with the measured frame; by default the frame is only printed.
+        force: Replace a file of that name, such as the job itself.
+    """
+
+    target: Annotated[Literal["part", "work", "tool"], typer.Argument()]
+    touches: Argument
+    job: Annotated[FilePath, typer.Option("--job")]
+    noise: str = "0.1 mm"
+    out: Annotated[File, typer.Option("--out", "-o")] = None
+    force: bool = False
 
 
 @command(PREPARE, "arms", "installation_commands")
@@ -288,7 +313,7 @@ class Certify(JobOptions, Results, Json):
         run_name: Run of the job.
     """
 
-    keys: Annotated[Keys, *DRAWING, POSITION, SPEED, "Certificate"] = field(default_factory=dict)
+    keys: Annotated[Keys, SPEED, DRAWING, POSITION, CERTIFICATE] = field(default_factory=dict)
     run_name: Name = None
 
 
@@ -300,14 +325,14 @@ class Export:
         result: Folder of a result, of `run`, `certify` or `learn`.
         file: File to write; its extension determines the format.
         run_name: Run of the result.
-        format: Format of the file: csv, ros-yaml, urscript, kuka, abb, or a .j2 file; by default
-            determined by its extension.
+        format: Format of the file, as --export of run, or a .j2 file; by default determined by its
+            extension.
         force: Replace a file of that name.
     """
 
     result: Argument
     file: Argument
-    keys: Annotated[Keys, POINTS] = field(default_factory=dict)
+    keys: Annotated[Keys, EXPORTED_POINTS] = field(default_factory=dict)
     run_name: Name = None
     format: Text = None
     force: bool = False
@@ -367,7 +392,7 @@ class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
     log: File = None
 
     def claim(self) -> files.ResultFolder | None:
-        """Folder of --out; None with --on, because each run is then written at once."""
+        """Return the folder of --out; None with --on, because each run is then written at once."""
         return None if self.on else super().claim()
 
 
@@ -385,7 +410,7 @@ class Play(JobOptions, ControllerOptions, Results, Json):
     """
 
     on: str = field()
-    keys: Annotated[Keys, *DRAWING, POSITION, SPEED, FIRST_RUN] = field(default_factory=dict)
+    keys: Annotated[Keys, SPEED, FIRST_RUN, DRAWING, POSITION] = field(default_factory=dict)
     run_name: Name = None
     band: Text = None
     set_points: Annotated[File, typer.Option("--set-points")] = None

@@ -55,7 +55,7 @@ def print_lines(*texts: str, err: bool = False) -> None:
 
 
 def data_lines(data: Data) -> list[str]:
-    """Values, tables and notes of a result as lines."""
+    """Return the values, tables and notes of a result as lines."""
     from armcontour.core.render import text
 
     return [*text(data).splitlines(), *data.notes]
@@ -64,7 +64,13 @@ def data_lines(data: Data) -> list[str]:
 def table_lines(
     rows: Sequence[Sequence[str]], title: str | None = None, names: int = 1
 ) -> list[str]:
-    """A table as lines, header first; the first columns (`names`) wrap only above USUAL_NAME."""
+    """Lay a table out as lines, whose first lines are the title and the header.
+
+    Args:
+        rows: Texts of the cells; the first row is the header.
+        title: Title; None for no title.
+        names: Number of first columns with names, which wrap only above USUAL_NAME characters.
+    """
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -114,7 +120,7 @@ class ProgressDisplay:
         """Show the compilation of a function, and print one line before the first."""
         if not self._noted:
             self._noted = True
-            # `name` can be the number of functions of a run, of which some may be compiled already.
+            # `name` can be the number of functions in a run, some of which may be compiled already.
             subject = f"up to {name}" if name[:1].isdigit() else "functions"
             print_lines(
                 f"Compiling {subject}, because no earlier command has used them. This happens only "
@@ -132,7 +138,7 @@ class ProgressDisplay:
 
 
 def _start_bar() -> Any:
-    """Bar of `rich` on the standard error."""
+    """Return the bar of `rich` on the standard error."""
     from rich import progress
     from rich.console import Console
 

@@ -30,7 +30,7 @@ def main() -> None:
     # functions that numba runs. The environment variable overrides the file.
     os.environ.setdefault("NUMBA_CACHE_DIR", "")
     # Skip garbage collection at exit, which saves about 0.5 s. Other collections are less frequent,
-    # because a program of thousands of contours has millions of objects without cycles; with the
+    # because a program with thousands of contours has millions of objects without cycles; with the
     # default thresholds, collection takes as long as reading the drawing.
     atexit.register(gc.freeze)
     gc.set_threshold(20_000, 20, 50)
@@ -47,7 +47,7 @@ def import_path(*refused: str) -> list[str]:
 
     The parent folder of the package is always included.
     """
-    # Files in these folders could replace modules of Python and of libraries.
+    # Files in these folders could replace modules of Python and its libraries.
     package_parent = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
 
     def is_kept(folder: str) -> bool:

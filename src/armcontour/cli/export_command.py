@@ -12,7 +12,8 @@ import numpy as np
 from armcontour import files
 from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Export
-from armcontour.cli.inputs import name_options, option_of, read_patch, refuse_existing
+from armcontour.cli.inputs import name_options, read_patch, refuse_existing
+from armcontour.cli.job_options import EXPORTED_POINTS, EXPORTS
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.render import figure
@@ -23,7 +24,7 @@ from armcontour.files.exports.export_table import SetPointTable
 from armcontour.files.exports.template import BUILT_IN
 from armcontour.files.file_keys import read_keys
 from armcontour.jobs import Job, RunResult, analog_outputs
-from armcontour.jobs.job import Exports, ending_of
+from armcontour.jobs.job import Exports
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.robot.limit_use import use_of
@@ -47,13 +48,20 @@ def check_options(job: Job, options: Mapping[str, object]) -> None:
     """Raise InvalidInput for options without --export; `options` set job keys, by name."""
     if job.export.formats:
         return
-    exports = {x.name for x in dataclasses.fields(Exports)}
-    for name in (x for x, value in options.items() if x in exports and value is not None):
-        raise InvalidInput(f"{option_of(name)} requires --export.")
+    for option in (*EXPORTS.options, *EXPORTED_POINTS.options):
+        if options.get(option.parameter) not in (None, []):
+            raise InvalidInput(f"{option.name} requires --export.")
 
 
 def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunResult) -> Written:
-    """Export set-points and plan of a run; a file that fails does not stop the others."""
+    """Export set-points and plan of a run; a file that fails does not stop the others.
+
+    Args:
+        folder: Folder of the result.
+        job: The job, whose `export` has the formats and their options.
+        name: Name of the run, which is the name of its folder.
+        result: Result of the run.
+    """
     written = Written()
     warnings = dict[str, None]()
     for kind in job.export.formats:
@@ -62,7 +70,7 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
             # KUKA and ABB plan the motion between points, so that set-points are no use.
             motions.append((SET_POINTS, result.set_points))
         for what, motion in motions:
-            file = f"{name}/export/{what}{ending_of(kind)}"
+            file = f"{name}/export/{what}{formats.ending_of(kind)}"
             label = f"export {kind}, run {name}"
             try:
                 table, sentences = _write_export(folder, file, job, result, kind, what, motion)
@@ -90,9 +98,8 @@ def _write_export(
     format = formats.format_named(kind, options)
     cycle = None
     if what == REFERENCE:
-        # A URScript program needs the cycle of the run.
-        own = isinstance(format, formats.URScriptFormat)
-        cycle = result.run.cycle if own else options.cycle or result.run.cycle
+        requested = None if format.needs_cycle_of_run else options.cycle
+        cycle = requested or result.run.cycle
     table = make_table(
         motion,
         name=f"{job.name} {result.run.name} {what}",
@@ -148,7 +155,7 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
 
 
 def _acceleration_warnings(table: SetPointTable, result: RunResult) -> list[str]:
-    """Warning if exported accelerations exceed command limits, or by far the joint limits."""
+    """Warn if exported accelerations exceed command limits, or by far the joint limits."""
     commands = table.command_limits
     limits = result.run.limits if commands is None else commands
     if table.ddq is None or limits.joint_acceleration is None:

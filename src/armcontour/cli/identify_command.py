@@ -6,6 +6,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
 
 from armcontour.cli.command_execution import REPORT, Outcome
 from armcontour.cli.commands import Identify
@@ -31,6 +32,9 @@ from armcontour.motion import Log
 from armcontour.motion.log import arrange_joints
 from armcontour.report.identification import render_identification
 from armcontour.robot import Arm
+
+if TYPE_CHECKING:
+    from armcontour.controllers.robot_identification import RobotIdentification
 
 # Exit code: every joint has a valid model and the compensation is trusted.
 DONE = 0
@@ -102,8 +106,23 @@ def _identify_robot(
         data = result.to_data()
         code = playing.STOPPED if result.stopped else playing.DONE
         end = "Stopped: nothing was identified." if result.stopped else playing.DRY
-        return Outcome(lines=[*data_lines(data), end], page=plain(data), code=code)
+        logs = _write_lost(result, folder)
+        return Outcome(
+            lines=[*data_lines(data), *logs, end], page=plain(data), code=code, error=result.lost
+        )
     return _outcome(result.fit, folder, result.logs, [result.prediction.to_data(job.arm)])
+
+
+def _write_lost(result: RobotIdentification, folder: ResultFolder | None) -> list[str]:
+    """Write the logs of all motions until a controller was lost, and return a line for each."""
+    if folder is None or result.lost is None:
+        return []
+    lines = []
+    for name, played in result.played.items():
+        if played.record is not None:
+            folder.write(f"{name}.csv", log_text(played.log))
+            lines.append(f"Log: {folder.folder / name}.csv")
+    return lines
 
 
 def _read(log: FilePath, options: Identify, arm: Arm | None) -> Log:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour import files
-from armcontour.cli.command_line import SHORT
+from armcontour.cli.job_options import JOB_OPTIONS
 from armcontour.core.errors import FileError, InvalidInput, error_context
 from armcontour.core.progress import subprogress
 from armcontour.core.text import plain_number
@@ -38,16 +38,9 @@ def read_patch(options: Any) -> tuple[Patch, dict[str, str]]:
     for name, value in getattr(options, "keys", {}).items():
         if value in (None, []):
             continue
-        row = SHORT[name]
-        option = option_of(name)
-        try:
-            value = READERS[row["read"]](value) if row["read"] else value
-        except ValueError as error:
-            raise InvalidInput(f"{option} {error}.") from None
-        *outer, last = row["key"].split(".")
-        each = value.items() if last == "*" else [(last, value)]
-        patch |= {(*outer, key): item for key, item in each}
-        names[row["key"].removesuffix(".*")] = option
+        option = JOB_OPTIONS[name]
+        patch[tuple(option.key.split("."))] = option.read(value) if option.read else value
+        names[option.key] = option.name
     for text in getattr(options, "sets", None) or ():
         with error_context("--set"):
             [(keys, value)] = files.parse_set(text).items()
@@ -59,11 +52,6 @@ def read_patch(options: Any) -> tuple[Patch, dict[str, str]]:
         patch[keys] = value
         names[key] = "--set"
     return patch, names
-
-
-def option_of(name: str) -> str:
-    """Option with a name, such as "--point-tolerance"."""
-    return f"--{name.replace('_', '-')}"
 
 
 @contextmanager
@@ -80,7 +68,7 @@ def name_options(options: Mapping[str, str]) -> Iterator[None]:
 
 
 def library_file(name: str) -> FilePath:
-    """Path of a file in the job library of the package."""
+    """Return the path of a file in the job library of the package."""
     return FilePath(str(resources.files("armcontour.jobs") / "library" / name))
 
 
@@ -92,7 +80,17 @@ def is_job(file: FilePath) -> bool:
 
 
 def open_job(file: FilePath, options: Any, progress: Progress) -> Job:
-    """Read a job file, or combine a drawing with a cell, with the job keys of the options."""
+    """Read a job file, or a drawing in a cell, with the job keys of the options.
+
+    Args:
+        file: Job file or drawing.
+        options: Options of the command.
+        progress: Called with the progress of reading the drawing.
+
+    Raises:
+        InvalidInput: As in `read_job`; the message names the option that set the wrong key. Or a
+            drawing has no cell, or a job file has one.
+    """
     patch, names = read_patch(options)
     cell = getattr(options, "cell", None)
     file = find_file(file, cell)
@@ -102,7 +100,7 @@ def open_job(file: FilePath, options: Any, progress: Progress) -> Job:
 
 
 def find_file(file: FilePath, cell: str | None) -> FilePath:
-    """File of a job or drawing; checks that a drawing has a cell, and that a job has none."""
+    """Check that a drawing has a cell, and a job has none; returns the file."""
     if is_job(file):
         if cell is not None:
             raise InvalidInput(
@@ -122,7 +120,16 @@ def find_file(file: FilePath, cell: str | None) -> FilePath:
 
 
 def refuse_given(options: Any, names: Iterable[str], reason: str) -> None:
-    """Raise InvalidInput if an option is given, by field; `reason` is the end of the message."""
+    """Check that options are not given.
+
+    Args:
+        options: Options of the command.
+        names: Fields of the options that must not be given.
+        reason: End of the message, after the name of the option.
+
+    Raises:
+        InvalidInput: An option is given.
+    """
     for name in names:
         option = OPTIONS.get(name, name)
         if getattr(options, name):
@@ -135,34 +142,17 @@ def refuse_existing(file: FilePath, force: bool) -> None:
         raise FileError(f"{file} exists. Choose another name, or add --force to replace it.")
 
 
-def to_quantity(text: str) -> str | int:
-    """Convert text to a quantity as in a job file: text with a unit, or 0."""
-    return 0 if plain_number(text) == 0 else text.strip()
-
-
-def to_quantities(text: str) -> list[str | int]:
-    """Convert text to a list of quantities, which commas separate."""
-    return [to_quantity(part) for part in text.split(",")]
-
-
-def to_skip(_: bool) -> str:
-    """Convert a flag to "skip", the value of the job key for unknown elements."""
-    return "skip"
-
-
-def to_formats(texts: list[str]) -> list[str]:
-    """Formats of exports; templates are relative to the working folder, not to the job file."""
-    return [str(FilePath(x).absolute()) if x.endswith(".j2") else x for x in texts]
-
-
-# Functions that convert option values to values of job keys, by function name in `About`.
-READERS: dict[str, Callable[[Any], Any]] = {
-    x.__name__: x for x in (to_quantity, to_quantities, to_skip, to_formats)
-}
-
-
 def read_option(option: str, text: str | None, kind: Any) -> Any:
-    """Read a quantity in SI units; values other than 0 require a unit; None without the option."""
+    """Read an option with a quantity in SI units; None if the option is not given.
+
+    Args:
+        option: Name of the option, for messages.
+        text: Text of the option.
+        kind: Annotation with the quantity.
+
+    Raises:
+        InvalidInput: The text has no unit (0 needs none), or the value is out of range.
+    """
     if text is None:
         return None
     quantity = get_args(kind)[1]
@@ -181,7 +171,7 @@ def read_option(option: str, text: str | None, kind: Any) -> Any:
 
 
 def read_window(start: str | None, end: str | None) -> tuple[float, float]:
-    """First and last used time of a log [s]; infinite if the option is not given."""
+    """Return the first and last used time of a log [s]; infinite if the option is not given."""
     first = read_option("--from", start, Moment)
     last = read_option("--to", end, Moment)
     return -math.inf if first is None else first, math.inf if last is None else last

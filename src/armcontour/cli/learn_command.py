@@ -39,8 +39,10 @@ from armcontour.report import render_learning
 
 # Kind of a result folder with runs on a robot; later runs can continue such a folder.
 KIND = "learn --on"
-# File name of the log of a run, by number from 1.
+# Name of the file with a run's log, by the run's number from 1.
 LOG = "logs/run_{}.csv"
+# File name of the log of a run in which the controller was lost, by number from 1.
+LOST_LOG = "logs/run_{}_lost.csv"
 
 
 def learn(options: Learn, folder: ResultFolder | None, progress: ProgressDisplay) -> Outcome:
@@ -109,10 +111,16 @@ def _learn_robot(options: Learn, progress: ProgressDisplay) -> Outcome:
                     # `ResultFolder` checks that the folder is writable before the robot moves.
                     with ResultFolder(out, force=options.force, replaces=KIND) as folder:
                         result = learn_next(result, player, band)
+                        _write_lost(result, folder)
                         if result.study is not None:
                             _write_runs(result, result.study, folder)
     code = playing.STOPPED if result.stopped else playing.DONE
-    return Outcome(lines=_robot_lines(result, options), page=plain(result.to_data()), code=code)
+    return Outcome(
+        lines=_robot_lines(result, options),
+        page=plain(result.to_data()),
+        code=code,
+        error=result.lost,
+    )
 
 
 def _earlier_logs(out: FilePath, job: Job) -> list[Log]:
@@ -133,6 +141,17 @@ def _write_runs(result: RobotLearning, study: LearningStudy, folder: ResultFolde
     write_summary(folder, plain(study.to_data()))
 
 
+def _write_lost(result: RobotLearning, folder: ResultFolder) -> None:
+    """Write the log of the run in which the controller was lost, if there is one."""
+    if result.lost_log is not None:
+        folder.write(_lost_log_name(result), log_text(result.lost_log))
+
+
+def _lost_log_name(result: RobotLearning) -> str:
+    """Return the file name of the log of the run in which the controller was lost."""
+    return LOST_LOG.format(len(result.logs) + 1)
+
+
 def _write_study(study: LearningStudy, folder: ResultFolder) -> None:
     """Write the set-points of the next run and the report."""
     name = study.plan.run.name
@@ -142,11 +161,14 @@ def _write_study(study: LearningStudy, folder: ResultFolder) -> None:
 
 
 def _robot_lines(result: RobotLearning, options: Learn) -> list[str]:
-    """Results of the runs, and the command that plays the best set-points."""
+    """Return the results of the runs, and the command that plays the best set-points."""
+    lost = []
+    if options.out is not None and result.lost_log is not None:
+        lost = [f"Log: {options.out / _lost_log_name(result)}"]
     if result.study is None:
         end = playing.DRY if not options.execute else "Stopped before anything was learned."
-        return [*data_lines(result.to_data()), end]
-    lines = data_lines(result.study.result)
+        return [*data_lines(result.to_data()), *lost, end]
+    lines = [*data_lines(result.study.result), *lost]
     if not options.execute:
         lines.append(playing.DRY)
     elif result.ended:

@@ -7,7 +7,6 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -17,7 +16,7 @@ from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import ControllerOptions, Play
 from armcontour.cli.console import ProgressDisplay, data_lines, on_interrupt
 from armcontour.cli.inputs import open_job, read_option
-from armcontour.controllers import Controller, Franka, LinuxCNC, Played, PlayedMotion, Ur, player
+from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.controllers.controller import UNFINISHED
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerLost, ControllerRefused, FileError, InvalidInput
@@ -29,7 +28,6 @@ from armcontour.files.limits_and_servo_files import read_servo
 from armcontour.files.log_file import log_head, log_text
 from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import Job
-from armcontour.motion.log import FEWEST
 
 # Exit code: the motion was as simulated, or this was a dry run.
 DONE = 0
@@ -75,7 +73,7 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
                 played = player.Player(controller, True, stop.is_set, progress).play(ready)
             except ControllerLost as lost:
                 error = lost
-                played = lost_motion(played, lost)
+                played = player.lost_motion(played, lost)
                 if played.record is None:
                     # The record of the feeder remains.
                     raise
@@ -105,18 +103,6 @@ def is_approach(played: Played) -> bool:
     return not player.is_at_start(played.job.arm, distances)
 
 
-def lost_motion(played: Played, lost: ControllerLost) -> Played:
-    """The motion until its controller was lost, with a note that its record is incomplete.
-
-    If the record is too short for a log, the motion has none.
-    """
-    record = lost.record
-    if not isinstance(record, PlayedMotion) or len(record.t) < FEWEST:
-        return played
-    note = f"This log is incomplete: {lost}"
-    return replace(played, record=replace(record, faithful=False, notes=(note, *record.notes)))
-
-
 def write_log(folder: ResultFolder | None, played: Played) -> list[str]:
     """Write the log of a motion, and return a line that says where it is.
 
@@ -138,7 +124,7 @@ def write_log(folder: ResultFolder | None, played: Played) -> list[str]:
 
 
 def controller_of(job: Job, options: ControllerOptions) -> Controller:
-    """Controller with the name of `--on`; joints of linuxcnc are simulated without `--hal`."""
+    """Make the controller that `--on` names; without `--hal`, linuxcnc simulates the joints."""
     name = check_choice("--on", str(options.on), ("linuxcnc", "franka", "ur"))
     hal = options.hal
     address = options.address

@@ -21,7 +21,7 @@ from armcontour.jobs.advice import with_advice
 from armcontour.jobs.run_notes import unknown_notes
 
 WRITING = Step(("writing the results",))
-# Names of the runs of the paper's job that the demo compares.
+# Runs that the demo compares, by their names in the paper's job.
 COMPARED = ("conventional", "proposed", "shaped")
 
 

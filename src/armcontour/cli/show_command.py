@@ -50,7 +50,7 @@ def _read(options: Show, progress: Progress) -> Program:
 
 
 def _describe(program: Program) -> dict[str, Any]:
-    """Size, layers and notes of a drawing as a mapping for JSON, in SI units."""
+    """Return the size, layers and notes of a drawing as a mapping for JSON, in SI units."""
     extents = np.array([x.path.segments.extent for x in program.contours])
     layers: dict[str, dict[str, Any]] = {}
     for contour in program.contours:

@@ -12,7 +12,7 @@ from armcontour.cli.commands import Studio
 from armcontour.cli.console import before_interrupt, print_lines
 from armcontour.cli.inputs import find_file, is_job
 from armcontour.core.errors import InvalidInput
-from armcontour.core.file_access import LARGE, read_bytes
+from armcontour.core.file_access import MAX_RECORDED, read_bytes
 from armcontour.core.progress import Progress
 from armcontour.studio.connection import SessionHost, open_session
 from armcontour.studio.server import require_server, serve
@@ -45,7 +45,7 @@ def _check(options: Studio) -> None:
     file = options.job
     if file is not None:
         kind = "job file" if is_job(file) else "drawing"
-        read_bytes(find_file(file, options.cell), kind, maximum=LARGE)
+        read_bytes(find_file(file, options.cell), kind, maximum=MAX_RECORDED)
     elif options.cell is not None:
         raise InvalidInput("--cell requires a drawing. Specify a drawing, or remove --cell.")
 
@@ -66,6 +66,6 @@ def _leave(hosts: list[SessionHost]) -> None:
 
 
 def _unsaved(hosts: list[SessionHost]) -> str | None:
-    """Message about unsaved changes of the document; None without any."""
+    """Return the message about unsaved changes of the document; None without any."""
     sessions = (x.session for x in hosts if x.session is not None)
     return next((x.editor.document.unsaved() for x in sessions), None)

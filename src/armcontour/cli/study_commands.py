@@ -77,7 +77,7 @@ def read_axis(name: str, text: str) -> FloatArray:
 
 
 def _job_text(placement: places.Placement, options: Place) -> str:
-    """Text of the job file with the part in its best place."""
+    """Return the text of the job file with the part in its best place."""
     file = options.job
     out = options.out
     if is_job(file):

@@ -30,23 +30,23 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.arm import unit_of
 
 # Timeout of connecting [s].
-CONNECTING = 20.0
+CONNECT_TIMEOUT = 20.0
 # Timeout of ending the feeder process, which may first stop the robot [s].
-CLOSING = 60.0
+CLOSE_TIMEOUT = 60.0
 # Period of reading new samples [s].
-PAUSE = 5e-3
+READING_PERIOD = 5e-3
 # First estimate of the time for computing and sending a stop [s].
-LEAD = 0.15
-# Time between the first cycles of two consecutive stops [s].
-INTERVAL = 0.2
+FIRST_STOP_LEAD = 0.15
+# Time from the first cycle of a stop to that of the next stop [s].
+STOP_INTERVAL = 0.2
 # Maximum distance of a revolute joint from the first set-point when a motion starts [rad].
-START = 1e-3
-# The same of a linear axis [m].
-START_LINEAR = 1e-3
+START_TOLERANCE = 1e-3
+# The same for a linear axis [m].
+START_TOLERANCE_LINEAR = 1e-3
 # Tolerance between the set-points and the commands that the controller recorded [rad].
-SAME = 1e-9
-# Maximum number of characters of a feeder's error message.
-SHOWN = 600
+RECORDED_TOLERANCE = 1e-9
+# Maximum length of a feeder's error message [characters].
+MAX_ERROR_LENGTH = 600
 # Sentences for the record, by the letter with which a feeder reports an event.
 EVENTS = {
     "W": "The feeder received nothing from the sending process, and stopped the motion.",
@@ -68,7 +68,7 @@ FeederCommand = tuple[list[str], dict[str, str]]
 
 @declared(eq=False)
 class Stop(Checked):
-    """Set-points that replace those of a motion from a cycle on, and end at rest on its path.
+    """Set-points that replace those of a motion from a cycle on, and end at rest on the path.
 
     Args:
         k: The first cycle that they replace, counted from 0.
@@ -144,7 +144,7 @@ class _Channel:
         self.stdin = self.process.stdin
         self.stdout = self.process.stdout
         self.samples: list[tuple[float, ...]] = []
-        # Words of the last event of each kind in this motion.
+        # Letter of an event -> its words, for the last event with this letter in this motion.
         self.events: dict[str, list[str]] = {}
         self.positions: list[float] = []
         self.failure = ""
@@ -179,24 +179,24 @@ class _Channel:
             self.stdin.flush()
 
     def describe_failure(self) -> str:
-        """The reason why the process has ended: its error message if there is one."""
+        """Return why the process has ended: its error message, if it has sent one."""
         if self.failure:
             return self.failure
         errors = (self.folder / "stderr.txt").read_text(errors="replace").split()
-        return " ".join(errors)[-SHOWN:] or "its process has ended"
+        return " ".join(errors)[-MAX_ERROR_LENGTH:] or "its process has ended"
 
     def close(self) -> None:
-        """End the process; a motion that is played stops on the path first."""
+        """End the process; a motion that is played first stops on the path."""
         self.send(["Q"])
         with suppress(OSError):
             self.stdin.close()
         try:
-            self.process.wait(CLOSING)
+            self.process.wait(CLOSE_TIMEOUT)
         except subprocess.TimeoutExpired:
             os.killpg(self.process.pid, signal.SIGTERM)
             self.process.wait()
         # If the guard has ended, the feeder may still be stopping the robot.
-        self._listener.join(CLOSING)
+        self._listener.join(CLOSE_TIMEOUT)
         self.stdout.close()
         if self.process.returncode and self.clean_up:
             # If the process failed or was killed, programs of the controller may still run. They
@@ -219,12 +219,12 @@ class _StopSender(threading.Thread):
         self.played = 0
         self.sent: dict[int, FloatArray] = {}
         self.error = ""
-        self.lead = LEAD
+        self.lead = FIRST_STOP_LEAD
         self._ended = threading.Event()
 
     @property
     def due(self) -> int:
-        """First cycle that can still be replaced by a stop whose computation starts now."""
+        """Return the first cycle that a stop computed from now on can still replace."""
         return self.played + self.ahead + round(self.lead / self.cycle)
 
     def start(self) -> None:
@@ -239,8 +239,8 @@ class _StopSender(threading.Thread):
         super().start()
 
     def _measure(self, begin: float) -> None:
-        """Increase the lead to twice the duration of the computation that began at `begin` [s]."""
-        self.lead = max(self.lead, 2 * (time.monotonic() - begin) + PAUSE)
+        """Increase the lead to twice the time that the computation begun at `begin` [s] took."""
+        self.lead = max(self.lead, 2 * (time.monotonic() - begin) + READING_PERIOD)
 
     def send_next(self) -> int:
         """Compute and send the next stop, and return its cycle."""
@@ -251,7 +251,7 @@ class _StopSender(threading.Thread):
             # Discard stops whose first cycle has passed, because a long motion has thousands of
             # stops.
             self.sent = {k: q for k, q in self.sent.items() if k >= played}
-        stop = self.motion.next_stop(self.due + round(INTERVAL / self.cycle))
+        stop = self.motion.next_stop(self.due + round(STOP_INTERVAL / self.cycle))
         self.sent[stop.k] = stop.q
         self.channel.send([f"T {stop.k}", *rows_as_lines(stop.q), "E"])
         self._measure(begin)
@@ -265,7 +265,7 @@ class _StopSender(threading.Thread):
                 if k >= len(self.motion.q):
                     return
                 while self.due < k:
-                    if self._ended.wait(PAUSE):
+                    if self._ended.wait(READING_PERIOD):
                         return
         except ArmContourError as error:
             self.error = f"No further stop can be computed: {error}"
@@ -274,7 +274,7 @@ class _StopSender(threading.Thread):
             self.error = f"No further stop can be computed, because of a fault: {kind}: {error}"
 
     def end(self) -> None:
-        """Send no more stops."""
+        """Send no further stops."""
         self._ended.set()
         if self.is_alive():
             self.join()
@@ -309,12 +309,12 @@ class Controller:
         self._arm: Arm | None = None
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
-        """Command of the feeder process, which writes its files to `folder`."""
+        """Return the command of the feeder process, which writes its files to `folder`."""
         feeder = f"armcontour.controllers.feeders.{self.name}_feeder"
         return [sys.executable, "-m", feeder, *self._record_arguments(folder), self.address], {}
 
     def _record_arguments(self, folder: FilePath) -> list[str]:
-        """The first two arguments of a feeder process: file of the samples, and cycle [s]."""
+        """Return a feeder's first two arguments: file of the samples, and cycle [s]."""
         file = folder / "samples.csv" if self.record_file is None else self.record_file
         return [str(file), repr(self.cycle)]
 
@@ -352,9 +352,9 @@ class Controller:
             shutil.rmtree(folder)
             raise
         channel = self._channel = _Channel(command, self.clean_up, folder)
-        end = time.monotonic() + CONNECTING
+        end = time.monotonic() + CONNECT_TIMEOUT
         while not channel.positions and channel.alive and time.monotonic() < end:
-            time.sleep(PAUSE)
+            time.sleep(READING_PERIOD)
         try:
             if not channel.positions:
                 reason = "it does not answer" if channel.alive else channel.describe_failure()
@@ -365,7 +365,7 @@ class Controller:
             raise
 
     def position(self) -> FloatArray:
-        """The commanded joint positions [rad], (dof,)."""
+        """Return the commanded joint positions [rad], (dof,)."""
         channel = self._connected()
         row = channel.samples[-1][2:] if channel.samples else channel.positions
         return np.array(row[: len(channel.positions)])
@@ -418,14 +418,14 @@ class Controller:
                         channel.send(["S"])
                         stopping = True
                         notes += [reason] if reason else []
-                time.sleep(PAUSE)
+                time.sleep(READING_PERIOD)
         finally:
             stops.end()
         record = self._record(begin, motion, stops.sent, notes)
         return replace(record, deviated=bool(deviation))
 
     def close(self) -> None:
-        """End the connection; a motion that is played stops on its path first."""
+        """End the connection; a motion that is played first stops on its path."""
         if self._channel is not None:
             self._channel.close()
             self._channel = None
@@ -442,7 +442,7 @@ class Controller:
         return self._channel
 
     def _check_joints(self, arm: Arm, dof: int) -> None:
-        """Refuse an arm whose number of joints differs from that of the controller."""
+        """Refuse an arm that has not as many joints as the controller."""
         if arm.dof != dof:
             raise ControllerRefused(
                 f"{self.name} has {count_noun(dof, 'joint')}, but the arm {arm.name} has "
@@ -450,7 +450,7 @@ class Controller:
             )
 
     def _check_within(self, q: FloatArray, bounds: FloatArray) -> None:
-        """Refuse set-points beyond the bounds of positions and velocities, (1 or 2, 2, dof)."""
+        """Refuse set-points outside position and velocity bounds, (1 or 2, 2, dof)."""
         excess = find_excess(q, self.cycle, bounds[:1]) or find_excess(q, self.cycle, bounds)
         if excess is None:
             return
@@ -471,7 +471,7 @@ class Controller:
     def _check_motion(self, motion: Motion) -> None:
         """Refuse a motion whose first set-point differs from the commanded position."""
         distance = np.abs(motion.q[0] - self.position())
-        allowed = per_joint(self._arm, START, START_LINEAR, len(distance))
+        allowed = per_joint(self._arm, START_TOLERANCE, START_TOLERANCE_LINEAR, len(distance))
         j = int((distance / allowed).argmax())
         if distance[j] > allowed[j]:
             unit = unit_of(self._arm, "rad", j)
@@ -493,7 +493,7 @@ class Controller:
         *,
         lost: bool = False,
     ) -> PlayedMotion:
-        """Make the record of a motion from the samples from index `begin` on.
+        """Make the record of a motion from all samples since index `begin`.
 
         `lost`: whether the controller was lost, so that the motion is not recorded to its end.
         """
@@ -528,7 +528,7 @@ class Controller:
             notes.append(f"{count_noun(missing, 'sample')} of the record are missing.")
         if late:
             notes.append(f"{count_noun(late, 'set-point')} came late.")
-        if deviation > SAME:
+        if deviation > RECORDED_TOLERANCE:
             unit = unit_of(self._arm, "rad", int(deviations.argmax()))
             notes.append(
                 "The controller used other set-points than those sent, by up to "
@@ -539,13 +539,14 @@ class Controller:
             command=command,
             measured=table[:, 2 + dof :],
             stopped=stopped,
-            faithful=not (late or missing or "U" in channel.events) and deviation <= SAME,
+            faithful=not (late or missing or "U" in channel.events)
+            and deviation <= RECORDED_TOLERANCE,
             notes=tuple(notes),
         )
 
 
 def per_joint(arm: Arm | None, angular: float, linear: float, dof: int) -> FloatArray:
-    """A value for each joint, (dof,): `angular` [rad] for revolute joints, `linear` [m] for others.
+    """Return `angular` [rad] for revolute joints and `linear` [m] for the others, (dof,).
 
     The joints of an unknown arm are revolute.
     """
@@ -555,14 +556,14 @@ def per_joint(arm: Arm | None, angular: float, linear: float, dof: int) -> Float
 
 
 def rows_as_lines(q: FloatArray) -> list[str]:
-    """Lines for a feeder: joint positions with all digits, and the length of the final rest."""
+    """Write joint positions with all digits for a feeder, and the length of the final rest."""
     moving = np.flatnonzero((q != q[-1]).any(axis=1))
     n = moving[-1] + 2 if len(moving) else 1
     return [*("P " + " ".join(map(repr, row)) for row in q[:n].tolist()), f"H {len(q) - n}"]
 
 
 def _deviation(rows: Sequence[Sequence[float]], motion: Motion, arm: Arm | None) -> str:
-    """A sentence if a joint left the band around its prediction; else an empty text."""
+    """Say which joint left the band around its prediction; return "" if none did."""
     if not rows or motion.predicted is None or motion.band is None:
         return ""
     table = np.array(rows)

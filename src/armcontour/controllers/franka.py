@@ -18,19 +18,19 @@ from armcontour.robot.limits import or_unlimited
 CYCLE = 1e-3
 DOF = 7
 # Margin that libfranka subtracts from each of its limits: kLimitEps.
-EPS = 1e-3
+LIMIT_MARGIN = 1e-3
 # Ends of the joint ranges [rad]: franka_description, robots/fr3/joint_limits.yaml.
 LOWER = np.array([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159])
 UPPER = np.array([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159])
 # Limits of libfranka 0.15.0, beyond which it changes or refuses joint positions:
 # include/franka/rate_limiting.h, kMaxJointAcceleration [rad/s²].
-ACCELERATION = 10.0 - EPS
+ACCELERATION_LIMIT = 10.0 - LIMIT_MARGIN
 # The same, kMaxJointJerk [rad/s³].
-JERK = 5000.0 - EPS
-# The same, computeUpperLimitsJointVelocity and computeLowerLimitsJointVelocity: the velocity limit
-# of a joint at q is `min(SPEED, sqrt(SLOPE (UPPER_ZERO - q)) - OFFSET)`, and for negative
-# velocities the same of `q - LOWER_ZERO` [rad/s, rad].
-SPEED = np.array([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26])
+JERK_LIMIT = 5000.0 - LIMIT_MARGIN
+# The same, computeUpperLimitsJointVelocity and computeLowerLimitsJointVelocity [rad/s, rad]: at q,
+# a joint's velocity limit is `min(SPEED_LIMIT, sqrt(SLOPE (UPPER_ZERO - q)) - OFFSET)`; for
+# negative velocities, `q - LOWER_ZERO` replaces `UPPER_ZERO - q`.
+SPEED_LIMIT = np.array([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26])
 OFFSET = np.array([0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35])
 SLOPE = np.array([12.0, 5.17, 7.0, 8.0, 34.0, 11.0, 34.0])
 LOWER_ZERO = np.array([-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, 0.54092, -3.0196])
@@ -39,24 +39,24 @@ UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
 
 
 def compare(q: FloatArray) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Derivatives of joint positions every 1 ms, and their limits, by name, (n, 7) each.
+    """Return derivatives of joint positions every 1 ms, and their limits, by name, (n, 7) each.
 
-    Differences are those of libfranka's `limitRate` (src/rate_limiting.cpp 76 to 125), which
-    changes no position if no value is above its limit. Velocities count with the acceleration of
-    the cycle going on for `ACCELERATION / JERK`, since it limits accelerations to
-    `JERK / ACCELERATION` times the distance from the velocity limit.
+    The values are those that libfranka's `limitRate` compares (src/rate_limiting.cpp 76 to 125). It
+    changes no position if no value exceeds its limit. With the limits A and J of acceleration and
+    jerk, it limits accelerations to J / A times the distance from the velocity limit. Therefore the
+    velocity compared is v + a A / J: the acceleration a of the cycle goes on for the time A / J.
     """
     q = np.concatenate([np.repeat(q[:1], 3, axis=0), q])
     v = np.diff(q, axis=0) / CYCLE
     a = np.diff(v, axis=0) / CYCLE
     j = np.diff(a, axis=0) / CYCLE
-    ahead = v[1:-1] + a[1:] * ACCELERATION / JERK
+    ahead = v[1:-1] + a[1:] * ACCELERATION_LIMIT / JERK_LIMIT
     room = np.where(ahead >= 0, UPPER_ZERO - q[2:-1], q[2:-1] - LOWER_ZERO)
-    speed = np.minimum(SPEED, np.sqrt(SLOPE * np.maximum(room, 0.0)) - OFFSET)
+    speed = np.minimum(SPEED_LIMIT, np.sqrt(SLOPE * np.maximum(room, 0.0)) - OFFSET)
     return {
-        "velocity": (np.abs(ahead), np.maximum(speed, 0.0) - EPS),
-        "acceleration": (np.abs(a[1:]), np.full_like(j, ACCELERATION)),
-        "jerk": (np.abs(j), np.full_like(j, JERK)),
+        "velocity": (np.abs(ahead), np.maximum(speed, 0.0) - LIMIT_MARGIN),
+        "acceleration": (np.abs(a[1:]), np.full_like(j, ACCELERATION_LIMIT)),
+        "jerk": (np.abs(j), np.full_like(j, JERK_LIMIT)),
     }
 
 
@@ -78,7 +78,7 @@ class Franka(Controller):
         """Compare arm, limits and set-points with those of the FCI."""
         self._check_joints(arm, DOF)
         # Stops have the limits of the plan, so these limits are also compared.
-        for name, most in (("acceleration", ACCELERATION), ("jerk", JERK)):
+        for name, most in (("acceleration", ACCELERATION_LIMIT), ("jerk", JERK_LIMIT)):
             values = np.broadcast_to(or_unlimited(getattr(limits, f"joint_{name}"), DOF), DOF)
             j = int(np.argmax(values))
             if values[j] > most:
@@ -97,7 +97,7 @@ class Franka(Controller):
         self._compare(motion.q)
 
     def _compare(self, q: FloatArray) -> list[Row]:
-        """Largest fraction of each FCI limit that set-points use, one row per derivative."""
+        """Return the largest fraction of each FCI limit that set-points use."""
         self._check_within(q, np.array([[LOWER, UPPER]]))
         rows = []
         for name, (values, most) in compare(q).items():

@@ -31,8 +31,8 @@ NOBODY = 65534
 # Parameters of servo models that simulated drives do not have.
 UNSUPPORTED = "dead_time drive_cycle friction velocity_feedforward acceleration_feedforward".split()
 SEE = "The page LinuxCNC of the documentation has a complete HAL file."
-# Nets of the components by which HAL stops the joints when armcontour fails: name of the signal
-# and one of its pins. The feeder links its own pins to the first five.
+# Nets by which HAL stops the joints when armcontour fails: name of the signal and one of its pins.
+# The feeder links its own pins to the first five.
 SAFEGUARDS = {
     "armcontour-heartbeat": "armcontour-alive.in",
     "armcontour-timeout": "armcontour-alive.width",
@@ -46,9 +46,9 @@ SAFEGUARDS = {
 }
 # Time after which a thread that moves a machine counts as dead [s]: later, it would catch up on the
 # missed cycles at once.
-SILENCE = 0.1
+MACHINE_TIMEOUT = 0.1
 # The same for simulated drives, whose time is that of the thread [s].
-SIMULATED_SILENCE = 1.0
+SIMULATED_TIMEOUT = 1.0
 # Capacity of the FIFO from the feeder to the servo thread [rows].
 STREAMER_DEPTH = 4000
 # Capacity of the FIFO from the servo thread to the feeder [rows].
@@ -61,15 +61,18 @@ class LinuxCNC(Controller):
     It needs the Debian package `linuxcnc-uspace`; no real-time kernel.
 
     Args:
-        hal_file: HAL file of the machine. It loads a servo thread of the cycle, a `streamer` with a
-            float for the cycle number and one per joint, a `limit3` per joint, and a `sampler` with
-            the cycle, the commands and the measured positions [rad]. The signal of the command of a
-            joint has the joint's name, with `-` in place of spaces; the signal `armcontour-enable`
-            enables the drives, which ignore their command before.
-        drives: Servo of simulated drives in place of a HAL file: position and velocity loops by
-            HAL's `pid`, which integrate to positions, with gains and integrators of the model, and
-            the acceleration limits of the model or of the arm. A dead time of one cycle is `pid`
-            with `error-previous-target`, LinuxCNC's default.
+        hal_file: HAL file of the machine. It loads a servo thread with the controller's cycle, a
+            `streamer` with a float for the cycle number and one per joint, a `limit3` per joint,
+            and a `sampler` with the cycle number, the commands and the measured positions [rad]. A
+            joint's command is the signal with the joint's name, with `-` in place of spaces. The
+            signal `armcontour-enable` enables the drives, which ignore their command before.
+        drives: Servo of simulated drives, in place of a HAL file. HAL's `pid` computes position and
+            velocity loops with the model's gains and integrators; two integrators turn its output
+            into positions. The model, else the arm, limits the accelerations. If the model has a
+            dead time of one cycle, `pid` uses `error-previous-target`, LinuxCNC's default.
+
+    Raises:
+        InvalidInput: Neither a HAL file nor drives are given, or both.
     """
 
     name = "linuxcnc"
@@ -121,19 +124,19 @@ class LinuxCNC(Controller):
         apart = _own_ipc() if self.hal_file is None else []
         words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.feeders.linuxcnc_feeder"]
         words += [*self._record_arguments(folder), str(file), str(self.ahead), str(arm.dof)]
-        words.append(repr(SIMULATED_SILENCE if self.simulates else SILENCE))
+        words.append(repr(SIMULATED_TIMEOUT if self.simulates else MACHINE_TIMEOUT))
         return words, environment
 
 
 def _own_ipc() -> list[str]:
-    """Prefix that runs a program with separate shared memory; empty if unavailable."""
+    """Return the prefix that runs a program with separate shared memory; empty if unavailable."""
     command = ["unshare", "--ipc", *(["--map-current-user"] if os.geteuid() else [])]
     failed = subprocess.run([*command, "true"], capture_output=True, check=False).returncode
     return [] if failed else command
 
 
 def _check_file(file: FilePath, arm: Arm, period: int) -> None:
-    """Compare the joints and the period [ns] of a HAL file with those of an arm and of `play`.
+    """Compare joints and period [ns] of a HAL file with arm and set-points.
 
     Raises:
         ControllerRefused: They differ.
@@ -163,7 +166,7 @@ def _check_file(file: FilePath, arm: Arm, period: int) -> None:
 
 
 def _required_lines(arm: Arm) -> Iterator[tuple[str, str]]:
-    """Yield regular expressions that lines of a HAL file must begin with, with examples."""
+    """Yield regular expressions with which lines of a HAL file must begin, and examples."""
     dof = arm.dof
     yield rf"loadrt streamer .*cfg=f{{{dof + 1}}}\b", f"loadrt streamer cfg={'f' * (dof + 1)}"
     yield rf"loadrt sampler .*cfg=f{{{2 * dof + 1}}}\b", f"loadrt sampler cfg={'f' * (2 * dof + 1)}"
@@ -191,24 +194,28 @@ def _required_lines(arm: Arm) -> Iterator[tuple[str, str]]:
 
 
 def _net_pattern(name: str, pin: str) -> str:
-    """Regular expression of a line that links a pin to a signal."""
+    """Return the regular expression of a line that links a pin to a signal."""
     return rf"net {re.escape(name)} (.* )?{re.escape(pin)}(?![\w.-])"
 
 
 def signal_name(joint: str) -> str:
-    """Name of the HAL signal with the commanded position of a joint."""
+    """Return the name of the HAL signal with a joint's commanded position."""
     return re.sub(r"[^\w.-]", "-", joint)
 
 
 def _accelerations(servo: ServoModel, arm: Arm) -> FloatArray:
-    """Acceleration limits of simulated drives [rad/s²], (dof,)."""
+    """Return the acceleration limits of simulated drives [rad/s²], (dof,)."""
     bounds = arm.limits.acceleration_bounds(arm.dof)
     lower, upper = servo.for_joints(arm.dof).saturate(*bounds)
     return np.minimum(-lower, upper)
 
 
 def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: float) -> Iterator[str]:
-    """Text of a HAL file with a servo and a double integrator per joint."""
+    """Write a HAL file with a servo and a double integrator per joint.
+
+    Raises:
+        InvalidInput: The servo has other parameters than kp, kv, ki and a dead time of one cycle.
+    """
     dof = arm.dof
     limits = _accelerations(servo, arm)
     servo = servo.for_joints(dof)
@@ -262,7 +269,7 @@ def simulated_drives(servo: ServoModel, arm: Arm, start: FloatArray, cycle: floa
 
 
 def _safeguards(dof: int) -> Iterator[str]:
-    """Lines of a HAL file by which HAL stops the joints when the feeder fails."""
+    """Write the lines by which HAL stops the joints when the feeder fails."""
     numbers = range(1, dof + 1)
     limits = [f"armcontour-limit-{j}" for j in numbers]
     yield "loadrt flipflop names=armcontour-player"

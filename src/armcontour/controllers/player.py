@@ -11,8 +11,8 @@ import numpy as np
 from armcontour.control.compensation import CompensationOptions, NoCompensation
 from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.controllers.controller import (
-    START,
-    START_LINEAR,
+    START_TOLERANCE,
+    START_TOLERANCE_LINEAR,
     Controller,
     Motion,
     PlayedMotion,
@@ -20,7 +20,7 @@ from armcontour.controllers.controller import (
     per_joint,
 )
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ControllerRefused, InvalidInput, NotRealizable
+from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput, NotRealizable
 from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import (
@@ -38,15 +38,15 @@ from armcontour.core.text import list_some
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.rows import reason_of
+from armcontour.jobs.run_job import run
 from armcontour.jobs.run_learning import measured_pieces
 from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
-from armcontour.jobs.study import run
 from armcontour.jobs.verdict import Errors
 from armcontour.motion import Execution, JointPath, Log, SetPoints, Trajectory
-from armcontour.planning import at_speed, plan
-from armcontour.planning.early_stop import plan_stop
-from armcontour.planning.timing_options import Optimal
+from armcontour.motion.log import FEWEST
+from armcontour.planning import Optimal, at_speed, plan
+from armcontour.planning.stop_in_play import plan_stop
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import use_of
@@ -55,41 +55,43 @@ from armcontour.robot.servo.simulation import command_weights
 
 # Duration of the rest that is appended to a motion: the joints settle and the last samples arrive
 # [s].
-REST = 1.0
+FINAL_REST = 1.0
 # Tolerance between the set-points of a stop and those of the plan, before the stop begins [rad].
-SAME = 1e-7
-# First guess of the number of set-points by which the compensation looks ahead. It is doubled until
-# the set-points before the stop no longer change.
+PLAN_TOLERANCE = 1e-7
+# Differences from the simulation are divided by at least this tolerance [rad].
+LEAST_SCALE = 1e-7
+# First guess: the compensation looks ahead by this number of set-points. It is doubled until the
+# set-points before the stop no longer change.
 FORESIGHT = 16
 # Maximum number of set-points by which the compensation may look ahead.
 LONGEST_FORESIGHT = 256
 # Duration in which a stop reduces learned corrections to 0 [s].
-FADING = 0.2
+CORRECTION_FADING = 0.2
 # Default band: a revolute joint may differ from its prediction by this distance [rad], and by the
-# distance of LAG. Also the tolerance of its positions before and after a motion, and the shortest
-# motion from which a drive that does not move is recognized.
-LEAST = 2e-3
+# distance of BAND_LAG. A joint may also rest this far from its simulated end, and motions up to
+# this distance do not show whether a drive moves.
+BAND_LEAST = 2e-3
 # The same for a linear axis [m], whose band is not specified.
-LEAST_LINEAR = 2e-3
+BAND_LEAST_LINEAR = 2e-3
 # Default band: a joint may also differ from its prediction by the distance that it moves in this
 # time at its largest speed [s].
-LAG = 0.05
-# The same if the servo is unknown, instead of LAG [s].
-UNKNOWN_LAG = 0.25
+BAND_LAG = 0.05
+# The same if the servo is unknown, instead of BAND_LAG [s].
+BAND_LAG_OF_UNKNOWN_SERVO = 0.25
 # Band of revolute joints [rad], or of each joint, (dof,); None for the default.
 Band: TypeAlias = float | FloatArray | None
 JointDistances = Annotated[FloatArray, Quantity("rad"), Axes("joints")]
 # Default speed factor, and largest speed factor of the motion to the start.
-SLOW = 0.1
+DEFAULT_SPEED_FACTOR = 0.1
 # Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
 # its model saturates, and a stop may be impossible where a limit is active.
-RESERVE = 0.02
-# Drives that execute a smaller fraction of a motion than this have not moved.
-STILL = 0.1
+PLAYED_RESERVE = 0.02
+# Drives that execute less than this fraction of a motion have not moved.
+LEAST_MOVED_SHARE = 0.1
 # A whole turn [rad], which no joint moves to the start.
-TURN = 2 * np.pi
+APPROACH_TURN = 2 * np.pi
 # Relative excess of a limit that is ignored as a rounding error.
-ROUNDING = 1e-6
+SET_POINT_LIMIT_ROUNDING = 1e-6
 # Maximum number of outputs that a sentence names.
 MAX_OUTPUTS = 6
 # Maximum number of attempts to play a motion that late set-points disturb.
@@ -97,7 +99,7 @@ ATTEMPTS = 3
 
 
 def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> FloatArray:
-    """Set-points at the cycles of a controller, followed by a rest [rad], (n, dof).
+    """Sample set-points at a controller's cycles, and append a rest [rad], (n, dof).
 
     Args:
         set_points: The set-points.
@@ -105,7 +107,7 @@ def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> Floa
         interpolation: Interpolation between set-points, as in `ServoModel`.
     """
     q = set_points.q
-    rest = np.repeat(q[-1:], round(REST / cycle), axis=0)
+    rest = np.repeat(q[-1:], round(FINAL_REST / cycle), axis=0)
     if abs(set_points.cycle - cycle) < 1e-12:
         return np.concatenate([q, rest])
     t = np.arange(0.0, (len(q) - 1) * set_points.cycle + cycle / 2, cycle)
@@ -114,7 +116,7 @@ def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> Floa
 
 
 class Stopper:
-    """Computes the set-points of stops on the path of a plan.
+    """Compute the set-points of stops on a plan's path.
 
     Args:
         set_points: The set-points that are played; learned ones keep their corrections, which fade
@@ -155,15 +157,15 @@ class Stopper:
         return self._find(k)[0]
 
     def end_of(self, k: int) -> float:
-        """Time at which the plan is where the stop from cycle k on ends [s].
+        """Return the time at which the plan is where the stop from cycle k on ends [s].
 
         Raises:
-            NotRealizable: As a call.
+            NotRealizable: The stop would also change set-points before k.
         """
         return self._find(k)[1]
 
     def _find(self, k: int) -> tuple[Stop, float]:
-        """The stop from cycle k on, and the time at which the plan is where it ends [s]."""
+        """Find the stop from cycle k on, and the time at which the plan is where it ends [s]."""
         plan = self.set_points.trajectory
         foresight = FORESIGHT
         while foresight <= LONGEST_FORESIGHT:
@@ -173,12 +175,12 @@ class Stopper:
                 return Stop(k=k, q=self.q[min(k, len(self.q) - 1) :]), plan.duration
             early = plan_stop(plan, max(t, 0.0))
             stopped = self._compensate(early.trajectory)
-            if abs(stopped.start_time - self._start_time) > SAME * stopped.cycle:
+            if abs(stopped.start_time - self._start_time) > PLAN_TOLERANCE * stopped.cycle:
                 raise NotRealizable(
                     "The set-points of a stop start at another time than the plan's."
                 )
             q = commands_at(stopped, self.cycle, self.servo.interpolation)
-            if np.abs(q[:k] - self._planned[:k]).max(initial=0.0) < SAME:
+            if np.abs(q[:k] - self._planned[:k]).max(initial=0.0) < PLAN_TOLERANCE:
                 return Stop(k=k, q=q[k:] + self._correction(k, len(q) - k)), early.end
             foresight *= 2
         raise NotRealizable(
@@ -188,38 +190,38 @@ class Stopper:
         )
 
     def _compensate(self, trajectory: Trajectory) -> SetPoints:
-        """Set-points of a trajectory, with the compensation of the plan."""
+        """Compute the set-points of a trajectory, with the plan's compensation."""
         cycle = self.set_points.cycle
         return unchecked_set_points(trajectory, self.servo, self.options, cycle=cycle, arm=self.arm)
 
     def _correction(self, k: int, count: int) -> FloatArray:
-        """Learned correction from cycle k on, which fades out [rad], (count, dof)."""
+        """Return the learned correction from cycle k on, which fades out [rad], (count, dof)."""
         learned = self.q[k : k + count] - self._planned[k : k + count]
         number = np.arange(count)
-        x = np.clip(number * self.cycle / FADING, 0.0, 1.0)
+        x = np.clip(number * self.cycle / CORRECTION_FADING, 0.0, 1.0)
         faded = 1 - x**3 * (10 - x * (15 - 6 * x))
         return np.asarray(learned[np.minimum(number, len(learned) - 1)] * faded[:, None])
 
 
 def uncompensated_motion(trajectory: Trajectory, arm: Arm, cycle: float) -> Motion:
-    """Motion along a trajectory, with its stops; the set-points are not compensated."""
+    """Make a motion along a trajectory, with its stops; set-points are not compensated."""
     q = trajectory.sample(cycle).q
     set_points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
     stopper = Stopper(set_points, ServoModel(order="delay"), NoCompensation(), arm, cycle)
-    return guarded_motion(stopper, stopper.q, UNKNOWN_LAG)
+    return guarded_motion(stopper, stopper.q, BAND_LAG_OF_UNKNOWN_SERVO)
 
 
 def guarded_motion(
     stopper: Stopper, predicted: FloatArray, lag: float, band: Band = None
 ) -> Motion:
-    """Motion that stops if a joint leaves a band around its predicted positions.
+    """Make a motion that stops if a joint leaves a band around its predicted positions.
 
-    `band`: the band of revolute joints [rad], or of each joint, (dof,); by default the distance
-    that a joint moves in the time `lag` [s] at its largest speed, in addition to 2 mrad or 2 mm.
+    `band`: the band of revolute joints [rad], or of each joint, (dof,); by default 2 mrad or 2 mm,
+    plus the distance that a joint moves in the time `lag` [s] at its largest speed.
     """
     speed = np.abs(np.diff(predicted, axis=0)).max(axis=0, initial=0.0) / stopper.cycle
     arm = stopper.arm
-    allowed = per_joint(arm, LEAST, LEAST_LINEAR, arm.dof) + lag * speed
+    allowed = per_joint(arm, BAND_LEAST, BAND_LEAST_LINEAR, arm.dof) + lag * speed
     if band is not None:
         allowed = _with_band(arm, allowed, band)
     return Motion(q=stopper.q, next_stop=stopper, predicted=predicted, band=allowed)
@@ -233,13 +235,13 @@ def _with_band(arm: Arm, default: FloatArray, band: float | FloatArray) -> Float
 
 
 def _rest_tolerance(arm: Arm, band: Band) -> FloatArray:
-    """Largest distance of each joint from its simulated end [rad], (dof,)."""
-    default = per_joint(arm, LEAST, LEAST_LINEAR, arm.dof)
+    """Return how far each joint may rest from its simulated end [rad], (dof,)."""
+    default = per_joint(arm, BAND_LEAST, BAND_LEAST_LINEAR, arm.dof)
     return default if band is None else _with_band(arm, default, band)
 
 
 def largest_distance(distances: FloatArray, arm: Arm) -> Row:
-    """Row with the largest distance of a joint; with one value per unit if the units differ.
+    """Write the row with the largest distance of a joint; one value per unit if the units differ.
 
     `distances`: distance of each joint [rad], (dof,).
     """
@@ -271,7 +273,7 @@ class Played(Result):
             if no joint has moved.
         record: What the controller recorded; None in a dry run.
         kept: True if the robot completed the run as simulated; None if that was not judged.
-        reason: The requirement that decides, as a clause; empty if there is none.
+        reason: The requirement that decides, as a clause; empty if none decides.
         differences: Differences of the motion from the simulation, and its contour error.
         stopped_at: Where to resume the job after a stop; None if the motion was not stopped.
     """
@@ -308,7 +310,7 @@ class Played(Result):
 
     @property
     def outputs_note(self) -> str:
-        """Sentence that no output is switched, with their names; empty without outputs."""
+        """Return a sentence that names the outputs that are not switched; empty without outputs."""
         events = (x.name for x in self.plan.trajectory.events)
         names = list(dict.fromkeys((*events, *self.job.process.analog_names)))
         if not names:
@@ -318,7 +320,7 @@ class Played(Result):
 
     @property
     def log(self) -> Log:
-        """Log of the motion for `identify` and `learn`, with the commands that the robot used.
+        """Return the log for `identify` and `learn`, with the commands that the robot used.
 
         Raises:
             InvalidInput: A dry run.
@@ -352,7 +354,7 @@ class Played(Result):
             yield Row("resume.at", place.resume_at, "m")
 
     def to_data(self) -> Data:
-        """Rows on the run, the checks, and the motion if one was executed."""
+        """Return rows on the run, the checks, and the motion if one was executed."""
         record = self.record
         moved = None if record is None else record.stopped is None
         arm = self.job.arm
@@ -417,8 +419,8 @@ def play(
         band: Largest difference of a revolute joint from its simulated position before the motion
             is stopped [rad]; by default 2 mrad and the distance that it moves in 50 ms at its
             largest speed. The band of a linear axis is always 2 mm and the distance of 50 ms.
-        set_points: Set-points of `learn` for this run, instead of those of the compensation; with
-            the speed factor with which they were learned.
+        set_points: Set-points of `learn` for this run, which replace the compensation's; with the
+            speed factor with which they were learned.
         stop_requested: Called often during the motion; True stops it on its path.
         progress: Called with the steps.
 
@@ -442,7 +444,7 @@ def plan_kept(
     learned: bool,
     progress: Progress | None,
 ) -> tuple[Job, RunResult]:
-    """Plan the run of `play`; `learned`: the set-points of `learn` will be played."""
+    """Plan the run of `play`; `learned`: whether set-points of `learn` will be played."""
     if speed_factor is None:
         speed_factor = choose_run(job, run_name, "played").speed_factor
     if learned and speed_factor is None:
@@ -450,7 +452,7 @@ def plan_kept(
             "Learned set-points are valid at the speed at which they were learned only. Specify "
             "the speed factor, which is 100 % unless you learned with another one."
         )
-    speed_factor = SLOW if speed_factor is None else speed_factor
+    speed_factor = DEFAULT_SPEED_FACTOR if speed_factor is None else speed_factor
     played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
     if planned.kept is False:
         raise ControllerRefused(
@@ -464,10 +466,10 @@ def plan_played(
     job: Job,
     run_name: str | None,
     speed_factor: float | None = None,
-    reserve: float = RESERVE,
+    reserve: float = PLAYED_RESERVE,
     progress: Progress | None = None,
 ) -> tuple[Job, RunResult]:
-    """Job with the run as it is played, and the result of planning this run.
+    """Plan a run as it is played; return the job with this run, and the result.
 
     The run has all limits of the arm, and at least the reserve. Its speed factor is `speed_factor`;
     by default it does not change.
@@ -490,11 +492,11 @@ def prepare_motion(
     *,
     set_points: SetPoints | None = None,
     band: Band = None,
-    lag: float = LAG,
+    lag: float = BAND_LAG,
 ) -> Played:
-    """Motion of a planned run, checked against the controller without a connection.
+    """Make the motion of a planned run, and check it against the controller without a connection.
 
-    `set_points`: learned set-points; by default those of the plan. `band`, `lag`: as of
+    `set_points`: learned set-points; by default those of the plan. `band`, `lag`: see
     `guarded_motion`.
     """
     points = planned.set_points if set_points is None else set_points
@@ -525,7 +527,14 @@ def prepare_motion(
 
 @dataclass(frozen=True, slots=True)
 class Player:
-    """A controller, and the options of motions on it; fields as the arguments of `play`."""
+    """A controller, and how motions are played on it.
+
+    Args:
+        controller: The controller, not connected.
+        execute: Whether the robot moves; otherwise the motion is only compared.
+        stop_requested: Called often during a motion; True stops it on its path.
+        progress: Called with the steps.
+    """
 
     controller: Controller
     execute: bool = False
@@ -572,7 +581,9 @@ class Player:
         """Plan the motion from a position to the first set-point."""
         limits = ready.plan.run.limits
         start = ready.motion.q[0]
-        return approach_of(ready.job, limits, position, start, min(SLOW, ready.speed_factor))
+        return approach_of(
+            ready.job, limits, position, start, min(DEFAULT_SPEED_FACTOR, ready.speed_factor)
+        )
 
     def _move_to_start(self, ready: Played) -> None:
         """Move in joint space to the first set-point, again if set-points were late."""
@@ -605,9 +616,9 @@ class Player:
         if not len(record.t):
             raise ControllerRefused(f"Nothing was recorded: {' '.join(record.notes)}")
         commanded, moved = (np.ptp(x, axis=0) for x in (record.command, record.measured))
-        least = per_joint(arm, LEAST, LEAST_LINEAR, arm.dof)
+        least = per_joint(arm, BAND_LEAST, BAND_LEAST_LINEAR, arm.dof)
         j = int((commanded / least).argmax())
-        if commanded[j] > least[j] and moved[j] < STILL * commanded[j]:
+        if commanded[j] > least[j] and moved[j] < LEAST_MOVED_SHARE * commanded[j]:
             unit = unit_of(arm, "rad", j)
             raise ControllerRefused(
                 f"The drives have not moved: joint {j + 1} was commanded to move by "
@@ -619,20 +630,34 @@ class Player:
         return record
 
 
+def lost_motion(played: Played, lost: ControllerLost) -> Played:
+    """The motion until its controller was lost, with a note that its record is incomplete.
+
+    If the record is too short for a log, the motion has none.
+    """
+    record = lost.record
+    if not isinstance(record, PlayedMotion) or len(record.t) < FEWEST:
+        return played
+    note = f"This log is incomplete: {lost}"
+    return replace(played, record=replace(record, faithful=False, notes=(note, *record.notes)))
+
+
 def is_at_start(arm: Arm, distances: FloatArray) -> bool:
-    """Return whether joints at some distances from the start [rad], (dof,), are at the start."""
-    return bool((distances <= per_joint(arm, START, START_LINEAR, arm.dof)).all())
+    """Return whether joints at these distances [rad], (dof,), are at the start."""
+    return bool(
+        (distances <= per_joint(arm, START_TOLERANCE, START_TOLERANCE_LINEAR, arm.dof)).all()
+    )
 
 
 def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
-    """Distance of each joint from the start [rad], (dof,), if the robot can move there straight."""
+    """Return each joint's distance from the start [rad], if the robot can move there straight."""
     start = ready.motion.q[0]
     arm = ready.job.arm
     low, high = ready.plan.run.limits.joint_range(len(start))
     distance = np.abs(position - start)
-    tolerance = per_joint(arm, START, START_LINEAR, arm.dof)
+    tolerance = per_joint(arm, START_TOLERANCE, START_TOLERANCE_LINEAR, arm.dof)
     beyond = np.maximum(low - position, position - high) - tolerance
-    turn = np.where(ready.job.arm.chain.slides, np.inf, TURN)
+    turn = np.where(ready.job.arm.chain.slides, np.inf, APPROACH_TURN)
     j = int(np.maximum(beyond, distance - turn).argmax())
     if beyond[j] > 0 or distance[j] >= turn[j]:
         unit = unit_of(ready.job.arm, "rad", j)
@@ -653,18 +678,18 @@ def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
 def approach_of(
     job: Job, limits: Limits, position: FloatArray, start: FloatArray, speed_factor: float
 ) -> Trajectory:
-    """Straight motion in joint space to the first set-point, at a fraction of the largest speed.
+    """Plan the straight motion in joint space to the first set-point, at a fraction of full speed.
 
     Raises:
         ControllerRefused: The arm would come too near to itself or its cell.
     """
     line = _clear_line(job, position, start)
-    fastest = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
+    fastest = plan(line, job.arm, limits.of_joints, Optimal(reserve=PLAYED_RESERVE))
     return at_speed(fastest, speed_factor)
 
 
 def _clear_line(job: Job, position: FloatArray, start: FloatArray) -> JointPath:
-    """Straight line in joint space, on which the arm stays clear of itself and its cell."""
+    """Return the straight line in joint space; refuse it if the arm comes too near to something."""
     line = JointPath.spline(np.stack([position, start]), [0.0, 1.0])
     clearance = clearance_of(job, line)
     if clearance is not None and not clearance.satisfied:
@@ -675,68 +700,115 @@ def _clear_line(job: Job, position: FloatArray, start: FloatArray) -> JointPath:
     return line
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Difference:
+    """Distance of a measured motion from its prediction.
+
+    - `arm`: the arm.
+    - `t`: times by the controller's clock [s], (n,).
+    - `joints`: distance of each joint [rad], (n, dof).
+    - `tool`: distance of the tool [m], (n,).
+    - `tolerance`: largest distance of each joint at the end [rad], (dof,).
+    """
+
+    arm: Arm
+    t: FloatArray
+    joints: FloatArray
+    tool: FloatArray
+    tolerance: FloatArray
+
+    @classmethod
+    def of_motion(
+        cls, played: Played, record: PlayedMotion, cycle: float, band: float | None
+    ) -> _Difference:
+        """Compare a recorded motion with its prediction, until a stop."""
+        arm = played.job.arm
+        motion = played.motion
+        assert motion.predicted is not None
+        k = np.rint(record.t / cycle).astype(int)
+        if record.stopped is not None:
+            k = k[k < max(record.stopped, 1)]
+        measured = record.measured[: len(k)]
+        predicted = motion.predicted[k.clip(0, len(motion.q) - 1)]
+        return cls(
+            arm=arm,
+            t=record.t,
+            joints=np.abs(measured - predicted),
+            tool=np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1),
+            tolerance=_rest_tolerance(arm, band),
+        )
+
+    @property
+    def _ratio(self) -> FloatArray:
+        """Distance of each joint as a multiple of its tolerance, (n, dof)."""
+        # Distances in rad and in m are only comparable by this ratio. A tolerance may be 0.
+        return self.joints / np.maximum(self.tolerance, LEAST_SCALE)
+
+    def rows(self) -> list[Row]:
+        """Return the largest distances of joints and tool."""
+        i, j = divmod(int(self._ratio.argmax()), self.arm.dof)
+        where = f"from the simulation, joint {j + 1} at {number(self.t[i], 's')}"
+        when = f"from the simulation, at {number(self.t[self.tool.argmax()], 's')}"
+        unit = unit_of(self.arm, "rad")
+        joints = self.joints.max(axis=0)
+        tool = float(self.tool.max())
+        return [
+            Row("difference.joints", joints, unit, "joint difference", where, FIRST),
+            Row("difference.tool", tool, "m", "tool difference", when, FIRST),
+        ]
+
+    def rest_fault(self) -> str:
+        """Say which joint rests too far from its simulated end; "" if none does."""
+        last = self.joints[-1]
+        j = int(self._ratio[-1].argmax())
+        if last[j] <= self.tolerance[j]:
+            return ""
+        rest = number(last[j], unit_of(self.arm, "rad", j))
+        return f"joint {j + 1} rests {rest} from its simulated end"
+
+
 def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
     """Add the verdict on a recorded motion, and its differences from the simulation."""
     record = played.record
-    motion = played.motion
-    planned = played.plan
-    arm = played.job.arm
     if record is None:
         return played
-    assert motion.predicted is not None and planned.judged is not None
-    k = np.rint(record.t / cycle).astype(int)
-    stopped_at = None
-    stopper = motion.next_stop
-    if record.stopped is not None and isinstance(stopper, Stopper):
-        t = planned.set_points.start_time + record.t
-        end = stopper.end_of(record.stopped)
-        stopped_at = find_stopped_place(played.job, planned, end, t, record.measured)
-    if record.stopped is not None:
-        k = k[k < max(record.stopped, 1)]
-    measured = record.measured[: len(k)]
-    predicted = motion.predicted[k.clip(0, len(motion.q) - 1)]
-    joints = np.abs(measured - predicted)
-    tool = np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1)
-    tolerance = _rest_tolerance(arm, band)
-    # Differences in rad and in m are compared by their ratio to the tolerance.
-    scale = np.maximum(tolerance, SAME)
-    i, j = divmod(int((joints / scale).argmax()), arm.dof)
-    where = f"from the simulation, joint {j + 1} at {number(record.t[i], 's')}"
-    when = f"from the simulation, at {number(record.t[tool.argmax()], 's')}"
+    planned = played.plan
+    assert planned.judged is not None
+    difference = _Difference.of_motion(played, record, cycle, band)
+    rows = difference.rows()
     kept = False
     reason = " ".join(record.notes) or "stopped on request"
-    rows = [
-        Row(
-            "difference.joints",
-            joints.max(axis=0),
-            unit_of(arm, "rad"),
-            "joint difference",
-            where,
-            FIRST,
-        ),
-        Row("difference.tool", float(tool.max()), "m", "tool difference", when, FIRST),
-    ]
     if record.stopped is None:
-        pieces = measured_pieces(
-            played.job, planned, planned.set_points.start_time + record.t, record.measured
-        )
-        errors = Errors.of_pieces(pieces)
+        t = planned.set_points.start_time + record.t
+        errors = Errors.of_pieces(measured_pieces(played.job, planned, t, record.measured))
         largest = max(errors.contour)
         note = f"simulated {number(planned.judged.contour_error.max, 'm')}"
         rows.append(Row("contour_error.max", largest, "m", "contour error", note, FIRST))
         verdict = planned.judge({"measured": errors})
-        kept = verdict.kept is not False
-        reason = reason_of(planned.run, verdict)
-        j = int((joints[-1] / scale).argmax())
-        if joints[-1, j] > tolerance[j]:
-            kept = False
-            rest = number(joints[-1, j], unit_of(arm, "rad", j))
-            reason = f"joint {j + 1} rests {rest} from its simulated end"
-    return replace(played, kept=kept, reason=reason, differences=tuple(rows), stopped_at=stopped_at)
+        fault = difference.rest_fault()
+        kept = verdict.kept is not False and not fault
+        reason = fault or reason_of(planned.run, verdict)
+    return replace(
+        played,
+        kept=kept,
+        reason=reason,
+        differences=tuple(rows),
+        stopped_at=_place_of_stop(played, record),
+    )
+
+
+def _place_of_stop(played: Played, record: PlayedMotion) -> StoppedPlace | None:
+    """Find where to resume the job after a stop; None if the motion was not stopped."""
+    stopper = played.motion.next_stop
+    if record.stopped is None or not isinstance(stopper, Stopper):
+        return None
+    t = played.plan.set_points.start_time + record.t
+    end = stopper.end_of(record.stopped)
+    return find_stopped_place(played.job, played.plan, end, t, record.measured)
 
 
 def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
-    """Refuse learned set-points whose plan differs from that of the job."""
+    """Refuse learned set-points whose plan differs from the job's."""
     before = set_points.trajectory
     now = planned.trajectory
     if (
@@ -751,13 +823,13 @@ def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
 
 
 def _check_accelerations(run: Run, points: SetPoints, is_safe: bool) -> Row:
-    """Ratio of the acceleration of set-points to the limits of each joint."""
+    """Compare the set-points' accelerations with the limits; return the ratio per joint."""
     limits = run.limits
     use = use_of("joint_acceleration", limits, differences(points.q, 2) / points.cycle**2)
     i, j = divmod(int(use.ratio.argmax()), use.ratio.shape[1])
     needed = float(use.value[i, j])
     ratio = float(use.ratio[i, j])
-    if ratio > 1 + ROUNDING and not is_safe:
+    if ratio > 1 + SET_POINT_LIMIT_ROUNDING and not is_safe:
         unit = joint_units("rad/s^2", limits.prismatic or (False,) * (j + 1))[j]
         raise ControllerRefused(
             f"The set-points of run {run.name} demand {number(needed, unit)} of joint "

@@ -12,15 +12,16 @@ from armcontour.control.compensation import NoCompensation
 from armcontour.control.identification import Identification, Prediction, ServoFit, identify
 from armcontour.controllers.controller import Controller, Motion, PlayedMotion, per_joint
 from armcontour.controllers.player import (
-    UNKNOWN_LAG,
+    BAND_LAG_OF_UNKNOWN_SERVO,
     Played,
     Player,
+    lost_motion,
     plan_played,
     prepare_motion,
     uncompensated_motion,
 )
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ControllerRefused
+from armcontour.core.errors import ControllerLost, ControllerRefused
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import Reserve
@@ -34,31 +35,31 @@ from armcontour.robot.limit_use import States
 from armcontour.robot.limits import JOINT_LIMITS, LIMITS
 
 # Default reserve of the run, so that commanded accelerations do not saturate.
-GENTLE = 0.2
+DEFAULT_RESERVE = 0.2
 # Names of the two motions, and of their logs.
 RUN = "run"
 EXCITATION = "excitation"
 
 # Duration of the excitation [s].
-DURATION = 12.0
+EXCITATION_DURATION = 12.0
 # Duration of the fade-in at its start, and of the fade-out at its end [s].
-FADING = 2.0
+EXCITATION_FADING = 2.0
 # Frequencies of the first joint in the excitation [Hz].
 FREQUENCIES = (0.31, 0.83, 1.9, 3.7)
-# The frequencies of joint j are higher by the fraction j * DETUNED, so that motions of joints are
+# The frequencies of joint j are higher by the fraction j * DETUNED, so that the joints' motions are
 # not correlated.
 DETUNED = 0.17
-# Maximum amplitude of the excitation of a revolute joint [rad].
+# Maximum amplitude with which a revolute joint is excited [rad].
 AMPLITUDE = 0.1
-# The same of a linear axis [m].
+# The same for a linear axis [m].
 AMPLITUDE_LINEAR = 0.1
 # Fraction of the limits that the excitation uses.
-SHARE = 0.6
+LIMIT_SHARE = 0.6
 # Interval between the states whose limits are checked [s].
-STEP = 2e-3
+LIMIT_CHECK_INTERVAL = 2e-3
 # Maximum number of amplitudes that are tried near an obstacle or limit, each half of the previous
 # one.
-HALVINGS = 4
+AMPLITUDE_HALVINGS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,13 +69,15 @@ class RobotIdentification(Result):
     Args:
         played: The motions by their names, `run` and `excitation`: the run without compensation,
             and a motion that excites all joints.
-        stopped: True if a motion was stopped or did not start.
+        stopped: True if a motion was stopped, was interrupted by a failure or did not start.
+        lost: The failure of the controller during the last motion; None without one.
         fit: The identified servos; None in a dry run, or if a motion was stopped.
         prediction: The run as the identified servos predict it.
     """
 
     played: dict[str, Played]
     stopped: bool = False
+    lost: ControllerLost | None = None
     fit: Identification | None = None
     prediction: Prediction | None = None
 
@@ -88,7 +91,7 @@ class RobotIdentification(Result):
         }
 
     def to_data(self) -> Data:
-        """Rows on the motions."""
+        """Return rows on the motions."""
         first = self.played[RUN]
         stopped = Row("stopped", self.stopped, "", "stopped", level=VERDICT)
         records = [x.record for x in self.played.values() if x.record is not None]
@@ -106,7 +109,7 @@ def identify_on(
     controller: Controller,
     *,
     run_name: str | None = None,
-    reserve: Reserve = GENTLE,
+    reserve: Reserve = DEFAULT_RESERVE,
     execute: bool = False,
     options: ServoFit | None = None,
     stop_requested: Callable[[], bool] = lambda: False,
@@ -114,16 +117,16 @@ def identify_on(
 ) -> RobotIdentification:
     """Play two motions on a robot, and identify its servos from them.
 
-    The first motion is a run of a job without compensation. The second one moves all joints about
-    the start of the run: sums of sines of 12 s, within the limits, clear of the arm itself and of
-    its cell.
+    The first motion is a run of the job without compensation. The second one excites all joints
+    about the start of the run for 12 s by sums of sines. It stays within the limits, and the arm
+    keeps clear of itself and its cell.
 
     Args:
         job: The job.
         controller: The controller, not connected.
         run_name: The run; by default the only one.
-        reserve: Smallest reserve of its plan.
-        execute: Whether the robot moves; otherwise the motions are planned and compared only.
+        reserve: Smallest reserve of its plan, by default 20 %.
+        execute: Whether the robot moves; by default the motions are only planned and compared.
         options: Options of the identification; by default with the arm of the job.
         stop_requested: Called often during a motion; True stops it on its path.
         progress: Called with the steps.
@@ -135,7 +138,10 @@ def identify_on(
     """
     motions = prepare_identification(job, controller, run_name, reserve, progress)
     player = Player(controller, execute, stop_requested, progress)
-    return play_identification(motions, player, options or ServoFit(kinematics=job.arm))
+    result = play_identification(motions, player, options or ServoFit(kinematics=job.arm))
+    if result.lost is not None:
+        raise result.lost
+    return result
 
 
 def prepare_identification(
@@ -145,13 +151,13 @@ def prepare_identification(
     reserve: float,
     progress: Progress | None,
 ) -> dict[str, Played]:
-    """Motions of an identification by their names, checked against the controller."""
+    """Make the motions of an identification, by name, checked against the controller."""
     chosen = choose_run(job, run_name, "identified")
     plain = replace(chosen, compensation=NoCompensation(), accuracy=None)
     job, planned = plan_played(
         replace(job, runs=(plain,)), None, reserve=reserve, progress=progress
     )
-    ready = prepare_motion(job, planned, controller, lag=UNKNOWN_LAG)
+    ready = prepare_motion(job, planned, controller, lag=BAND_LAG_OF_UNKNOWN_SERVO)
     excitation = excite(job, planned.run.limits, planned.trajectory, controller.cycle)
     return {RUN: ready, EXCITATION: replace(ready, motion=excitation)}
 
@@ -159,10 +165,17 @@ def prepare_identification(
 def play_identification(
     motions: dict[str, Played], player: Player, options: ServoFit
 ) -> RobotIdentification:
-    """Play the motions of an identification until one is stopped, and identify the servos."""
+    """Play the motions of an identification until one is stopped, and identify the servos.
+
+    If the controller is lost, the result has the error and the motions until then.
+    """
     played = {}
     for name, ready in motions.items():
-        played[name] = player.play(ready, _is_complete)
+        try:
+            played[name] = player.play(ready, _is_complete)
+        except ControllerLost as lost:
+            played[name] = lost_motion(ready, lost)
+            return RobotIdentification(played=played, stopped=True, lost=lost)
         record = played[name].record
         if player.execute and (record is None or record.stopped is not None):
             return RobotIdentification(played=played, stopped=True)
@@ -180,7 +193,7 @@ def _is_complete(record: PlayedMotion) -> bool:
 
 
 def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
-    """Motion about the start of a trajectory, within limits and without contact.
+    """Make a motion about the start of a trajectory, within limits and without contact.
 
     Args:
         job: The job.
@@ -189,13 +202,13 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
         cycle: Cycle of the controller [s].
 
     Raises:
-        ControllerRefused: The begin is too near to a limit or to an obstacle.
+        ControllerRefused: The start is too near to a limit or to an obstacle.
     """
     start = base(0.0)
-    t = np.arange(0.0, DURATION + STEP / 2, STEP)
+    t = np.arange(0.0, EXCITATION_DURATION + LIMIT_CHECK_INTERVAL / 2, LIMIT_CHECK_INTERVAL)
     low, high = limits.joint_range(len(start))
     amplitude = per_joint(job.arm, AMPLITUDE, AMPLITUDE_LINEAR, job.arm.dof)
-    room = np.minimum(amplitude, SHARE * np.minimum(start - low, high - start))
+    room = np.minimum(amplitude, LIMIT_SHARE * np.minimum(start - low, high - start))
     j = int(room.argmin())
     if room[j] <= 0:
         raise ControllerRefused(f"Joint {j + 1} starts at the end of its range.", joint=j)
@@ -208,8 +221,8 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
     for group in (*of_joints, limits.of_tool):
         for use in States(job.arm, [columns[0] + start, *columns[1:]]).uses(group):
             ratio = use.ratio.max(axis=0)
-            columns = [x * np.minimum(SHARE / np.maximum(ratio, 1e-9), 1.0) for x in columns]
-    for _ in range(HALVINGS):
+            columns = [x * np.minimum(LIMIT_SHARE / np.maximum(ratio, 1e-9), 1.0) for x in columns]
+    for _ in range(AMPLITUDE_HALVINGS):
         states = States(job.arm, [columns[0] + start, *columns[1:]])
         q = states.q
         dq = states.dq
@@ -227,8 +240,8 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
 
 
 def _sines(dof: int, t: FloatArray) -> FloatArray:
-    """Sums of sines for each joint, from rest to rest, (n, dof)."""
-    x = np.clip(np.minimum(t, t[-1] - t) / FADING, 0.0, 1.0)[:, None]
+    """Return sums of sines for each joint, from rest to rest, (n, dof)."""
+    x = np.clip(np.minimum(t, t[-1] - t) / EXCITATION_FADING, 0.0, 1.0)[:, None]
     fade = x**4 * (35 - x * (84 - x * (70 - 20 * x)))
     joint = np.arange(dof)
     k = np.arange(len(FREQUENCIES))[:, None, None]

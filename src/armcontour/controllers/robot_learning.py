@@ -15,11 +15,12 @@ from armcontour.controllers.player import (
     Played,
     Player,
     commands_at,
+    lost_motion,
     plan_played,
     prepare_motion,
 )
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ControllerRefused, InvalidInput
+from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.quantities import AngularDistance, Reserve
@@ -31,22 +32,23 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Log, SetPoints
 from armcontour.robot import Arm
 
-# Default of the minimum reserve: learned corrections need additional acceleration, and learning
-# assumes that drives do not saturate.
-CORRECTIONS = 0.2
-# Default of the number of runs.
-RUNS = 4
-# A run is stopped if a joint deviates from the plan by more than this multiple of the maximum
-# deviation of the best earlier run, and by more than LEAST.
-RUNAWAY = 3.0
-# Deviations of a revolute joint from the plan up to this are no reason to stop a run [rad], unless
-# the specified band is narrower.
-LEAST = 1e-3
+# Default reserve: learned corrections need additional acceleration, and learning assumes that
+# drives do not saturate.
+DEFAULT_RESERVE = 0.2
+# Default number of runs.
+DEFAULT_RUNS = 4
+# A run is stopped if a joint deviates from the plan by more than RUNAWAY_LEAST and by more than
+# this multiple of the largest deviation in the best earlier run.
+RUNAWAY_FACTOR = 3.0
+# A run goes on while a revolute joint deviates from the plan by at most this [rad], unless the
+# specified band is narrower.
+RUNAWAY_LEAST = 1e-3
 # The same for a linear axis [m], whose band is not specified.
-LEAST_LINEAR = 1e-3
+RUNAWAY_LEAST_LINEAR = 1e-3
 # Tolerance between the commands of a log and the set-points of its run [rad].
-SAME = 1e-6
+LOGGED_COMMAND_TOLERANCE = 1e-6
 STOPPED = "stopped on request"
+LOST = "the controller was lost"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,6 +62,7 @@ class RobotLearning(Result):
         logs: Logs of the runs, in order.
         lesson: Result of learning, with the set-points of the next run; None before the first run.
         ended: Why no further run follows; empty if one may follow.
+        lost: The failure of the controller during the last motion; None without one.
     """
 
     job: Job
@@ -68,6 +71,7 @@ class RobotLearning(Result):
     logs: tuple[Log, ...] = ()
     lesson: LearningResult | None = None
     ended: str = ""
+    lost: ControllerLost | None = None
 
     @property
     def set_points(self) -> SetPoints:
@@ -93,12 +97,20 @@ class RobotLearning(Result):
         return None if best is None else LearningStudy(job=self.job, plan=self.plan, lesson=best)
 
     @property
+    def lost_log(self) -> Log | None:
+        """Log of the last motion until the controller was lost; None without one."""
+        played = self.played
+        if self.lost is None or played is None or played.record is None:
+            return None
+        return played.log
+
+    @property
     def stopped(self) -> bool:
         """True if the last motion was stopped on request or did not start."""
         return self.ended == STOPPED
 
     def to_data(self) -> Data:
-        """Rows on the runs, and the reason why they ended."""
+        """Return rows on the runs, and the reason why they ended."""
         count = len(self.logs)
         first = self.played
         rows = [Row("runs", count, "", "runs", self.ended, VERDICT)]
@@ -133,7 +145,10 @@ def start_learning(
 
 
 def learn_next(result: RobotLearning, player: Player, band: float | None = None) -> RobotLearning:
-    """Play the next run, and learn from it; `band` as of `learn_on`."""
+    """Play the next run, and learn from it; `band`: see `learn_on`.
+
+    If the controller is lost, the result has the error and the motion until then.
+    """
     if player.stop_requested():
         return replace(result, ended=STOPPED)
     lesson = result.lesson
@@ -145,7 +160,10 @@ def learn_next(result: RobotLearning, player: Player, band: float | None = None)
     ready = prepare_motion(
         result.job, result.plan, player.controller, set_points=lesson, band=allowed
     )
-    played = player.play(ready, lambda x: (x.stopped is None and x.faithful) or x.deviated)
+    try:
+        played = player.play(ready, lambda x: (x.stopped is None and x.faithful) or x.deviated)
+    except ControllerLost as lost:
+        return replace(result, played=lost_motion(ready, lost), ended=LOST, lost=lost)
     result = replace(result, played=played)
     record = played.record
     if not player.execute:
@@ -166,7 +184,7 @@ def learn_next(result: RobotLearning, player: Player, band: float | None = None)
 
 
 def _runaway_band(arm: Arm, largest: FloatArray, band: float | None) -> FloatArray:
-    """Deviation of each joint from the plan at which a run is stopped [rad], (dof,).
+    """Return the deviation of each joint from the plan at which a run is stopped [rad], (dof,).
 
     - `largest`: largest deviation of each joint in the best run [rad], (dof,).
     - `band`: upper bound for revolute joints [rad]; None without one.
@@ -176,8 +194,8 @@ def _runaway_band(arm: Arm, largest: FloatArray, band: float | None) -> FloatArr
     linear = float(largest[slides].max(initial=0.0))
     return per_joint(
         arm,
-        min(np.inf if band is None else band, max(RUNAWAY * angular, LEAST)),
-        max(RUNAWAY * linear, LEAST_LINEAR),
+        min(np.inf if band is None else band, max(RUNAWAY_FACTOR * angular, RUNAWAY_LEAST)),
+        max(RUNAWAY_FACTOR * linear, RUNAWAY_LEAST_LINEAR),
         arm.dof,
     )
 
@@ -195,8 +213,8 @@ def _check_commands(result: RobotLearning, log: Log, cycle: float) -> None:
     """Refuse a log whose commands differ from the set-points of the next run."""
     q = commands_at(result.set_points, cycle, result.job.servo.interpolation)
     n = min(len(q), len(log.command))
-    same = log.dof == q.shape[1] and abs(log.interval - cycle) < SAME * cycle
-    if not same or np.abs(log.command[:n] - q[:n]).max() > SAME:
+    same = log.dof == q.shape[1] and abs(log.interval - cycle) < LOGGED_COMMAND_TOLERANCE * cycle
+    if not same or np.abs(log.command[:n] - q[:n]).max() > LOGGED_COMMAND_TOLERANCE:
         raise InvalidInput(
             f"The commands of {log.source} differ from the set-points of run "
             f"{len(result.logs) + 1}, because the job has changed since. Start again in "
@@ -210,8 +228,8 @@ def learn_on(
     controller: Controller,
     *,
     run_name: str | None = None,
-    runs: int = RUNS,
-    reserve: Reserve = CORRECTIONS,
+    runs: int = DEFAULT_RUNS,
+    reserve: Reserve = DEFAULT_RESERVE,
     execute: bool = False,
     logs: Sequence[Log] = (),
     band: AngularDistance | None = None,
@@ -228,9 +246,10 @@ def learn_on(
         job: The job.
         controller: The controller, not connected.
         run_name: The run; by default the only one.
-        runs: Number of runs, with those of `logs`.
-        reserve: Smallest reserve of the plan: corrections need acceleration.
-        execute: Whether the robot moves; otherwise the first run is compared only.
+        runs: Number of runs, including those of `logs`; by default 4.
+        reserve: Smallest reserve of the plan, because corrections need acceleration; by default
+            20 %.
+        execute: Whether the robot moves; by default the first run is only compared.
         logs: Logs of earlier runs, with which learning goes on.
         band: Largest deviation of a revolute joint from the plan before a motion is stopped, also
             in the first run [rad]; in the first run by default as in `play`.
@@ -238,7 +257,7 @@ def learn_on(
         progress: Called with the steps.
 
     Raises:
-        InvalidInput: A log is one of other set-points.
+        InvalidInput: A log belongs to other set-points.
         ControllerRefused: The controller differs from the plan.
         ControllerLost: The controller failed during a motion.
     """
@@ -246,4 +265,6 @@ def learn_on(
     result = start_learning(job, player, run_name, reserve, logs)
     while result.continues(runs):
         result = learn_next(result, player, band)
+    if result.lost is not None:
+        raise result.lost
     return result

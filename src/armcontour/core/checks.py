@@ -1,4 +1,4 @@
-"""Checks of type, shape, finiteness and range of values. Each error is one sentence."""
+"""Checks of type, shape, finiteness and range; wrong values raise InvalidInput in one sentence."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ BoolArray = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
 ObjectArray = np.ndarray[tuple[Any, ...], np.dtype[np.object_]]
 # Largest number in SI units, above any length, time, speed or torque of a robot. Its powers up to
 # the twenty-fifth are finite, so products of squares and cubes do not overflow.
-LARGEST = 1e12
+LARGEST_NUMBER = 1e12
 # Smallest positive number, below any tolerance or time in any unit. Powers of its reciprocal up to
 # the tenth are finite.
-SMALLEST = 1e-30
+SMALLEST_NUMBER = 1e-30
 # Largest number of joints, more than any arm has.
 MAX_JOINTS = 1000
 # Largest number of sampled values, such as set-points times joints. The arrays that are computed
@@ -54,9 +54,9 @@ MAX_VALUES = 5e7
 # Largest whole number, for values such as seeds that have no other upper bound.
 MAX_WHOLE = 2**63 - 1
 # Highest supported derivative of a curve.
-HIGHEST = 20
+HIGHEST_DERIVATIVE = 20
 
-# Values of `dtype.kind` of arrays that can be numbers; objects of an object array must be numbers.
+# Array kinds (`dtype.kind`) that can be numbers; in an object array, every object must be one.
 NUMERIC = "iufO"
 # Classes of values that messages repeat.
 PLAIN = (bool, int, float, str, list, dict, type(None))
@@ -72,7 +72,7 @@ WORDS: dict[Any, str] = {
 
 
 def frozen_mapping(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
-    """Read-only copy of a mapping."""
+    """Return a read-only copy of a mapping."""
     return MappingProxyType(dict(mapping))
 
 
@@ -81,13 +81,13 @@ copyreg.pickle(MappingProxyType, lambda x: (frozen_mapping, (dict(x),)))
 
 
 def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
-    """Read-only copy of `values` as a float array; `values` itself if it is read-only already."""
+    """Return `values` as a read-only float array; no copy if it is read-only already."""
     return freeze(floats(name, values, unit))
 
 
 def kernel_array(values: npt.ArrayLike) -> FloatArray:
-    """Array of floats as kernels require: C order and writeable; `values` itself if possible."""
-    # The check of the flags takes a tenth of the time of `np.require`.
+    """Return a C-ordered, writeable float array for kernels; no copy if possible."""
+    # Checking the flags takes a tenth of the time that `np.require` takes.
     if isinstance(values, np.ndarray) and values.dtype == np.float64:
         flags = values.flags
         if flags.c_contiguous and flags.writeable:
@@ -96,7 +96,7 @@ def kernel_array(values: npt.ArrayLike) -> FloatArray:
 
 
 def freeze(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Read-only copy of an array; the array itself if it is read-only and owns its data."""
+    """Return a read-only copy of an array; no copy if it is read-only and owns its data."""
     if array.flags.owndata and not array.flags.writeable:
         return array
     copy = np.array(array)
@@ -106,14 +106,14 @@ def freeze(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 @cache
 def _field_names(kind: type) -> tuple[str, ...]:
-    """Names of the fields of a dataclass; empty for other classes."""
+    """Return the field names of a dataclass; none for other classes."""
     return tuple(x.name for x in fields(kind)) if is_dataclass(kind) else ()
 
 
 def make_unchecked(kind: type[C], **values: Any) -> C:
-    """Object of a dataclass without checks of its fields; its arrays become read-only."""
-    # Only for values that are valid by construction: results of compiled functions of this package,
-    # which no other code uses, and fields of checked objects.
+    """Make a dataclass instance without checking its fields; its arrays become read-only."""
+    # Use it only for values that are valid by construction: arrays that this package's compiled
+    # functions return and that no other code uses, and fields of checked objects.
     made = object.__new__(kind)
     for name, value in values.items():
         if type(value) is np.ndarray:
@@ -123,7 +123,7 @@ def make_unchecked(kind: type[C], **values: Any) -> C:
 
 
 def copy_unchecked(value: C, **changes: Any) -> C:
-    """Copy of a checked dataclass with changed fields that are valid by construction."""
+    """Copy a checked dataclass and change fields without checking them."""
     kind: Any = type(value)
     own = {name: getattr(value, name) for name in _field_names(kind)}
     return cast(C, make_unchecked(kind, **(own | changes)))
@@ -170,19 +170,19 @@ class Immutable:
 
 
 def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """Return `values` as a new float array, all finite and at most LARGEST."""
+    """Return `values` as a new float array, all finite and at most `LARGEST_NUMBER`."""
     array = np.array(floats(name, values, unit))
     # The sum of squares is a fast sufficient test. NaN fails the comparison.
     row = array.ravel("K")
     # Unlike `dot`, `vdot` never warns of overflow.
-    if np.vdot(row, row) <= LARGEST**2:
+    if np.vdot(row, row) <= LARGEST_NUMBER**2:
         return array
-    sound = np.abs(array) <= LARGEST
+    sound = np.abs(array) <= LARGEST_NUMBER
     if not sound.all():
         index = np.argwhere(~sound)[0]
         location = f" at index {', '.join(str(i) for i in index)}" if array.ndim else ""
         value = float(array[tuple(index)] if array.ndim else array)
-        range_ = f"between -{LARGEST:g} and {LARGEST:g}{suffix(unit)}"
+        range_ = f"between -{LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}{suffix(unit)}"
         needed = range_ if np.isfinite(value) else "finite"
         raise InvalidInput(
             f"{name} must be {needed}, but is {value:g}{location}.",
@@ -218,7 +218,7 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
 def clip_within(
     name: str, values: npt.ArrayLike, low: float, high: float, unit: str, range_name: str
 ) -> FloatArray:
-    """Return values clipped to a range, outside of which only rounding errors are allowed."""
+    """Clip values to a range; refuse values outside by more than rounding errors."""
     array = floats(name, values, unit)
     slack = 1e-12 * max(high - low, 1e-3)
     outside = ~((array >= low - slack) & (array <= high + slack))
@@ -275,10 +275,10 @@ def points(name: str, values: npt.ArrayLike) -> FloatArray:
 def check_number(name: str, value: Any, unit: str = "") -> float:
     """Return `value` as a finite float.
 
-    `name` and `unit` are for messages, here and in the functions below. Fast path for most values.
-    NaN fails the comparison.
+    `name` and `unit` appear in messages, here and in the functions below.
     """
-    if type(value) in (float, int) and -LARGEST <= value <= LARGEST:
+    # Fast path for most values. NaN fails the comparison.
+    if type(value) in (float, int) and -LARGEST_NUMBER <= value <= LARGEST_NUMBER:
         return float(value)
     array = check_numbers(name, value, unit)
     if array.ndim:
@@ -301,13 +301,13 @@ def check_count(work: str, values: float, fix: str) -> None:
 
 
 def positive(name: str, value: Any, unit: str = "") -> float:
-    """Return `value` as a finite float above zero, at least SMALLEST."""
-    return check_range(name, value, SMALLEST, LARGEST, unit)
+    """Return `value` as a finite float above zero, at least `SMALLEST_NUMBER`."""
+    return check_range(name, value, SMALLEST_NUMBER, LARGEST_NUMBER, unit)
 
 
 def not_negative(name: str, value: Any, unit: str = "") -> float:
     """Return `value` as a finite float that is zero or above."""
-    return check_range(name, value, 0.0, LARGEST, unit)
+    return check_range(name, value, 0.0, LARGEST_NUMBER, unit)
 
 
 def check_range(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
@@ -324,8 +324,8 @@ def check_range(name: str, value: Any, low: float, high: float, unit: str = "") 
 
 
 def check_int(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
-    """Return `value` as an int from `low` to `high`; None is no bound."""
-    minimum = -LARGEST if low is None else low
+    """Return `value` as an int from `low` to `high`; None means unbounded."""
+    minimum = -LARGEST_NUMBER if low is None else low
     maximum = MAX_WHOLE if high is None else high
     if type(value) is int and minimum <= value <= maximum:
         return value
@@ -375,7 +375,7 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
     return value
 
 
-def derivative(order: Any, highest: int = HIGHEST) -> int:
+def derivative(order: Any, highest: int = HIGHEST_DERIVATIVE) -> int:
     """Check and return the order of a derivative, 0 for the value itself."""
     return check_int("order of a derivative", order, 0, highest)
 
@@ -406,7 +406,7 @@ def raise_if(wrong: bool | np.bool_, message: str) -> None:
 
 
 def check_type(name: str, value: Any, *kinds: type) -> Any:
-    """Return a value that is an instance of one of the classes; raise InvalidInput otherwise."""
+    """Return `value` if it is an instance of one of the classes; else raise InvalidInput."""
     if isinstance(value, kinds):
         return value
     words = [_words_for(x) for x in kinds if x is not np.bool_]
@@ -415,7 +415,7 @@ def check_type(name: str, value: Any, *kinds: type) -> Any:
 
 
 def _words_for(kind: type) -> str:
-    """Write an instance of a class in words, such as "a number" or "an Arm"."""
+    """Describe an instance of a class, such as "a number" or "an Arm"."""
     if kind in WORDS:
         return WORDS[kind]
     article = "an" if kind.__name__[0] in "AEIO" else "a"
@@ -459,7 +459,7 @@ def raise_call_error(
 
 
 def _form_of_value(function: Callable[..., Any], slots: Mapping[str, Parameter], name: str) -> str:
-    """Form of the argument that contains a value of this name; empty if there is none."""
+    """Write the argument that takes options with this field name; empty if there is none."""
     hints = {} if function.__name__ == "__init__" else get_type_hints(function)
     for argument, slot in slots.items():
         kinds: Any = [type(slot.default), hints.get(argument), *get_args(hints.get(argument))]
@@ -474,7 +474,7 @@ def _form_of_value(function: Callable[..., Any], slots: Mapping[str, Parameter],
 
 
 def kinds_of(annotation: Any) -> tuple[type, ...]:
-    """Classes that an annotation allows; empty if it allows numbers, arrays or lists."""
+    """Return the classes that an annotation allows; none if it allows numbers, arrays or lists."""
     kind = get_origin(annotation) or annotation
     if kind in (Union, UnionType):
         parts = [kinds_of(x) for x in get_args(annotation)]
@@ -518,12 +518,12 @@ def check_side(value: str) -> Literal["left", "right"]:
 
 
 def in_unit(unit: str) -> str:
-    """Words " in <unit>" for messages; empty without a unit."""
+    """Return the words " in <unit>" for messages; empty without a unit."""
     return f" in {unit}" if unit else ""
 
 
 def suffix(unit: str) -> str:
-    """Unit after a number in messages, with a leading space; empty without a unit."""
+    """Return the unit as it follows a number in messages, with a leading space; may be empty."""
     return f" {unit}" if unit else ""
 
 

@@ -36,7 +36,7 @@ INCLUDED: dict[Which, tuple[Which, ...]] = {
 Key: TypeAlias = tuple[str, str]
 # A function, and the argument types of its calls as text.
 Calls: TypeAlias = tuple[Key, list[str]]
-# File in a folder of compiled functions: the state in which those of a kind were compiled.
+# File beside the compiled functions with the state in which all functions of a kind were compiled.
 STAMP = "compiled-{}.txt"
 LIST = FilePath(__file__).with_name("kernels.txt")
 # Memory of one compiling process [bytes].
@@ -44,7 +44,7 @@ MEMORY = 0.4e9
 
 
 class CompiledKernels(NamedTuple):
-    """Result of `compile_kernels`."""
+    """What `compile_kernels` has compiled."""
 
     functions: int
     compiled: int  # Number of functions that this call compiled
@@ -65,7 +65,7 @@ def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> Co
 
 
 def _kind_for(dimension: int | None) -> Which:
-    """Return which functions a run needs, by the dimension of its arm; None: unknown."""
+    """Return which kind of run an arm of this dimension needs; "usual" if it is unknown."""
     if dimension is None:
         return "usual"
     return "plane" if dimension == 2 else "space"
@@ -73,7 +73,7 @@ def _kind_for(dimension: int | None) -> Which:
 
 @contextmanager
 def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
-    """Context in which other processes compile the functions of a usual run."""
+    """Compile the functions of a usual run in other processes while the context is open."""
     # If the run needs a function that is not compiled, the run waits, and this function is compiled
     # next. If the other processes fail, the run compiles the function itself.
     kind = _kind_for(dimension)
@@ -137,7 +137,7 @@ def compile_calls(calls: Calls) -> int:
 
 
 def from_text(text: str) -> tuple[Any, ...]:
-    """Types of arguments, from text such as `float64[:, ::1], const(float64[::1]), int64`."""
+    """Read argument types from text such as `float64[:, ::1], const(float64[::1]), int64`."""
     # The text is a Python expression with the names of `numba.types` and three more: `const` for a
     # read-only array, `named` for a named tuple, and `Vector` of `simd`.
     # numba.types is only partly annotated.
@@ -157,7 +157,7 @@ def from_text(text: str) -> tuple[Any, ...]:
 
 
 class CompilationSchedule:
-    """Schedule of a compilation: the longest function whose callees are compiled is next."""
+    """Order of compilation: the longest function whose callees are compiled is next."""
 
     def __init__(self, listed: dict[Key, list[str]], progress: Progress | None) -> None:
         self._tell = subprogress(
@@ -205,7 +205,7 @@ class CompilationSchedule:
             self._changed.notify_all()
 
     def _take(self) -> Calls | None:
-        """Next function to compile; None if each remaining one is started or waits for callees."""
+        """Take the next function to compile; None if all others are started or wait for callees."""
         with self._changed:
             undone = self._remaining.keys()
             ready = [x for x in undone - self._started if not self._needs[x] & undone]
@@ -227,14 +227,14 @@ class CompilationSchedule:
 
 
 def _dispatcher(key: Key) -> Any:
-    """The compiled function of a module and name; None if it does not exist."""
+    """Return the compiled function of a module and name; None if it does not exist."""
     with suppress(ImportError):
         import_module(key[0])
     return KERNELS.get(key)
 
 
 def _callees(key: Key) -> set[Key]:
-    """Compiled functions that a compiled function calls, directly or indirectly."""
+    """Return the compiled functions that a compiled function calls, directly or indirectly."""
     reached = {key}
     new = [key]
     while new:
@@ -249,14 +249,14 @@ def _callees(key: Key) -> set[Key]:
 
 
 def _folder() -> FilePath | None:
-    """Folder of the functions that this installation compiles; None if none can be written."""
+    """Return the folder of this installation's compiled functions; None if it cannot be written."""
     kernel: Any = solve_banded
     folder = FilePath(kernel.stats.cache_path)
     return folder if folder.is_dir() else None
 
 
 def _find_compiled(kind: Which) -> FilePath | None:
-    """Folder for which all functions have been compiled in the present state, see `_state`."""
+    """Return a folder in which all functions are compiled in the present `_state`."""
     candidates = [(_folder(), kernel_cache.target())]
     if kernel_cache.runs_shipped():
         candidates.append((SHIPPED, SHIPPED_TARGET))
@@ -285,7 +285,7 @@ def used_sources() -> set[FilePath]:
 
 
 def _state(target: kernel_cache.Target) -> str:
-    """Digest of everything that the compiled functions depend on."""
+    """Return a digest of everything on which the compiled functions depend."""
     import numba
 
     # Builds of Python without the interpreter's lock differ in their flags only.
@@ -296,7 +296,7 @@ def _state(target: kernel_cache.Target) -> str:
 
 
 def _processes() -> int:
-    """Number of processes: one per processor, if the memory suffices."""
+    """Count the processes: one per processor, if the memory suffices."""
     if sys.platform != "linux":
         return processors()
     free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

@@ -88,7 +88,7 @@ class ArmContourError(Exception):
         self.remedies = tuple(remedies)
 
     def with_location(self, location: str) -> ArmContourError:
-        """Copy of the error with a location before its message.
+        """Copy the error and put a location before its message.
 
         Args:
             location: The location, such as the name of a file; a colon follows.
@@ -100,7 +100,7 @@ class ArmContourError(Exception):
 
 @contextmanager
 def error_context(location: str, *keys: str | int) -> Iterator[None]:
-    """Context that adds a location, such as the name of a run, and keys of a file to an error."""
+    """Add a location, such as a run's name, and keys of a file to errors in this context."""
     # An empty location is not added. An error that has the whole key already keeps it.
     try:
         yield
@@ -112,7 +112,7 @@ def error_context(location: str, *keys: str | int) -> Iterator[None]:
 
 
 def key_context(*keys: str | int) -> AbstractContextManager[None]:
-    """Context that adds keys of a file to the message and the key of an error."""
+    """Add keys of a file to the message and the key of errors in this context."""
     return error_context(key_text(keys), *keys)
 
 

@@ -38,8 +38,8 @@ from armcontour.core.text import shorten, show
 P = ParamSpec("P")
 R = TypeVar("R")
 C = TypeVar("C")
-# Function of a value and of the words for it in messages, such as "speed of limits". Returns the
-# checked value, or the value itself if no conversion was needed.
+# Takes a value and the words for it in messages, such as "speed of limits". Returns the converted
+# value, or the value itself if no conversion was needed.
 Reader = Callable[[Any, str], Any]
 UNIONS = (Union, UnionType)
 # Shape of one number.
@@ -51,7 +51,7 @@ BOUNDED = (*PER_JOINT, Axes("joints", 2))
 # Shape of any array.
 ANY_SHAPE = (Axes(...),)
 # Largest number of values that Python compares faster than NumPy.
-FEW = 16
+FASTER_IN_PYTHON = 16
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
@@ -83,7 +83,7 @@ class Checked(Frozen):
 
 
 class Options(Checked):
-    """Base of dataclasses with the options of a method; equal if all their values are equal."""
+    """Base of dataclasses with a method's options; equal if all their values are equal."""
 
     __slots__ = ()
     method: ClassVar[str]
@@ -133,7 +133,7 @@ def check(value: Any) -> None:
 
 
 def _read_named(name: str, read: Reader, value: Any, who: str) -> Any:
-    """Checked value of a field or an argument, whose name is added to the key of an error."""
+    """Check a field or an argument; add its name to the key of an error."""
     try:
         return read(value, who)
     except InvalidInput as error:
@@ -144,7 +144,7 @@ def _read_named(name: str, read: Reader, value: Any, who: str) -> Any:
 
 @cache
 def quantities(kind: type) -> dict[str, Quantity]:
-    """Quantities of the fields of a dataclass, by field name."""
+    """Map the fields of a dataclass to their quantities."""
     hints = get_type_hints(kind, include_extras=True).items()
     pairs = ((name, _find(Quantity, tuple(parts_of(hint)))) for name, hint in hints)
     return {name: x for name, x in pairs if x is not None}
@@ -194,7 +194,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 @cache
 def _readers(kind: Any) -> tuple[list[tuple[str, str, Reader, Any]], list[tuple[str, Axes]]]:
-    """Names, words, readers and defaults of a dataclass's fields; shapes that share an axis."""
+    """Read how to check a dataclass: (field, words, reader, default) and axes shared by arrays."""
     hints = get_type_hints(kind, include_extras=True)
     readers = []
     shapes = []
@@ -223,7 +223,7 @@ def _fits(default: Any, read: Reader) -> bool:
 
 @cache
 def _readers_of_arguments(function: Callable[..., Any]) -> dict[str, Reader]:
-    """Readers of the arguments of a function by name; the function checks arrays itself."""
+    """Map arguments to readers; arrays are left out, because the function checks them."""
     hints = get_type_hints(function, include_extras=True)
     readers = {}
     for name, hint in hints.items():
@@ -241,7 +241,7 @@ def _allows_array(hint: Any) -> bool:
 
 
 def _noun(kind: type) -> str:
-    """Name of a class in words, such as "a joint path"; a plural has no article."""
+    """Write the name of a class in words, such as "a joint path"; a plural has no article."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
     is_plural = words.endswith(("s", "data")) and not words.endswith("ss")
     if is_plural:
@@ -251,13 +251,13 @@ def _noun(kind: type) -> str:
 
 
 def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
-    """First object of a class in the metadata of an annotation; None if there is none."""
+    """Find the first object of a class in an annotation's metadata; None if there is none."""
     return next((x for x in marks if isinstance(x, kind)), None)
 
 
 @cache
 def reader_of(hint: Any) -> Reader | None:
-    """Reader of values with an annotation; None if all values are valid."""
+    """Make the reader of values with this annotation; None if every value is valid."""
     origin = get_origin(hint)
     parts = get_args(hint)
     # Type aliases, such as `npt.NDArray` in newer versions of NumPy, hide the class.
@@ -287,7 +287,7 @@ def _read_kinds(kinds: tuple[type, ...]) -> Reader:
 
 
 def _read_annotated(base: Any, marks: tuple[Any, ...]) -> Reader | None:
-    """Reader of values with metadata."""
+    """Make the reader for an annotation with metadata."""
     quantity = _find(Quantity, marks)
     axes = _find(Axes, marks)
     if quantity is not None or (axes is not None and get_origin(base) is np.ndarray):
@@ -312,7 +312,7 @@ def _read_annotated(base: Any, marks: tuple[Any, ...]) -> Reader | None:
 
 
 def _read_choice(choices: tuple[str, ...], single: bool) -> Reader:
-    """Reader of one choice; unless `single`, it also reads a sequence of choices."""
+    """Make the reader of one choice; unless `single`, it also reads a sequence of choices."""
 
     def read(value: Any, who: str) -> Any:
         if single or isinstance(value, str):
@@ -329,7 +329,7 @@ def _read_whole(mark: AtLeast) -> Reader:
 
 
 def _read_union(parts: tuple[Any, ...]) -> Reader | None:
-    """Reader of None, texts and one other kind, or of several kinds by their classes if known."""
+    """Make the reader of a union; None if its classes cannot be told apart."""
     texts = [x for x in parts if x is str or _is_text(x)]
     others = [x for x in parts if x not in (*texts, bool, NoneType)]
     if len(texts) > 1 or len(others) > 1:
@@ -357,7 +357,7 @@ def _is_text(hint: Any) -> bool:
 
 
 def _read_list(parts: tuple[Any, ...]) -> Reader:
-    """Reader that converts a list to a tuple."""
+    """Make the reader that converts a list to a tuple."""
     count = None if parts[1:] in ((), (...,)) else len(parts)
     each = [reader_of(x) for x in (parts if count else parts[:1])]
     item = parts[0]
@@ -386,7 +386,7 @@ def _read_list(parts: tuple[Any, ...]) -> Reader:
 
 
 def _read_mapping(each: Reader | None) -> Reader:
-    """Reader of a mapping whose values are of one kind."""
+    """Make the reader of a mapping whose values are of one kind."""
 
     def read(value: Any, who: str) -> Any:
         checks.check_type(who, value, Mapping)
@@ -406,7 +406,7 @@ def _fixed_lengths(shape: Axes) -> list[tuple[int, int]]:
 
 
 def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]) -> Reader:
-    """Reader of a number, or of a read-only array of one of the shapes, within a range."""
+    """Make the reader of numbers in a range, or of read-only arrays with one of these shapes."""
     (low, high), unit = (quantity.range, quantity.words) if quantity else ((-np.inf, np.inf), "")
     # Element type of the array.
     kind = get_args(get_args(base)[1])[0] if get_origin(base) is np.ndarray else np.float64
@@ -434,7 +434,7 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
         if shapes is SINGLE and type(value) is float and low <= value <= high:
             return value
         few = value.tolist() if per_joint and type(value) is np.ndarray else value
-        if per_joint and type(few) in (list, tuple) and 0 < len(few) <= FEW:
+        if per_joint and type(few) in (list, tuple) and 0 < len(few) <= FASTER_IN_PYTHON:
             for x in few:
                 if type(x) is not float or not low <= x <= high:
                     break
@@ -460,7 +460,7 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
 
 
 def texts_to_si(value: Any, quantity: Quantity, who: str) -> Any:
-    """A number, or lists of numbers, with texts such as "5 mm" converted to SI units."""
+    """Convert texts such as "5 mm" to SI units, in a number or in lists of numbers."""
     if isinstance(value, list | tuple):
         return [texts_to_si(x, quantity, who) for x in value]
     try:
@@ -470,7 +470,7 @@ def texts_to_si(value: Any, quantity: Quantity, who: str) -> Any:
 
 
 def _refuse_outside(array: Any, quantity: Quantity, who: str) -> None:
-    """Check numbers against the range of their quantity; the message has the first wrong number."""
+    """Refuse numbers outside the quantity's range; the message has the first of them."""
     low, high = quantity.range
     # NaN fails both comparisons.
     if not array.size or (low <= array.min() and array.max() <= high):
@@ -495,7 +495,7 @@ def _refuse_outside(array: Any, quantity: Quantity, who: str) -> None:
 
 
 def _refuse_misfits(value: Any, shapes: list[tuple[str, Axes]]) -> None:
-    """Check that axes with the same name have the same length."""
+    """Refuse arrays whose axes have the same name but different lengths."""
     axis_lengths: dict[str, tuple[int, str]] = {}
     for name, shape in ((name, x) for name, x in shapes if getattr(value, name) is not None):
         array = getattr(value, name)

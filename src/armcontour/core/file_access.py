@@ -19,9 +19,9 @@ from armcontour.core.progress import registered
 
 MEGABYTE = 1_000_000
 # Size limit of jobs, arms and limits, which are written by hand or by small tools [bytes].
-SMALL = 64 * MEGABYTE
+MAX_HAND_WRITTEN = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
-LARGE = 1000 * MEGABYTE
+MAX_RECORDED = 1000 * MEGABYTE
 _BAG = "Write a CSV file with the script in docs/guides/controllers/ros2.md"
 # First bytes of unsupported files (placeholders, or formats to convert), each with the end of its
 # error message.
@@ -77,22 +77,22 @@ class _Allowed:
         real = file.resolve()
         if real not in self.files and not any(real.is_relative_to(x) for x in self.folders):
             raise FileError(
-                f"The {kind} {file} is not in {self.folders[0]} or below, where files may be read "
-                "here. Copy it there, or name it in the job file before the start."
+                f"The {kind} {file} is outside of {self.folders[0]}, and only files inside may be "
+                "read. Copy it there, or name it in the job file before the start."
             )
 
 
 def listen_to_reading(
     listener: Callable[[FilePath, bytes], None],
 ) -> AbstractContextManager[None]:
-    """Context in which `listener` is called with path and content of each file that is read."""
+    """Call `listener` with path and content of each file that is read in this context."""
     return registered(_listeners, listener)
 
 
 def reading_below(
     folders: Iterable[FilePath], files: Iterable[FilePath] = ()
 ) -> AbstractContextManager[None]:
-    """Context in which all threads may read only `files`, and files below `folders`.
+    """Let all threads read only `files`, and files below `folders`, while the context is open.
 
     Links that lead out of the folders are refused.
     """
@@ -110,8 +110,13 @@ def refuse_ending(file: str | FilePath, noun: str) -> None:
         )
 
 
-def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> bytes:
-    """Read the content of a regular file."""
+def read_bytes(file: str | FilePath, noun: str, *, maximum: int = MAX_HAND_WRITTEN) -> bytes:
+    """Read the content of a regular file.
+
+    Raises:
+        InvalidInput: The file cannot be read, is not a regular file, or has more than `maximum`
+            bytes.
+    """
     # Pipes and devices are refused before reading, because reading them might never end.
     path = FilePath(file)
     try:
@@ -150,7 +155,9 @@ def open_nonblocking(file: str, flags: int) -> int:
     return os.open(file, flags | getattr(os, "O_NONBLOCK", 0))
 
 
-def read_text(file: str | FilePath, noun: str, *, maximum: int = SMALL, latin: bool = False) -> str:
+def read_text(
+    file: str | FilePath, noun: str, *, maximum: int = MAX_HAND_WRITTEN, latin: bool = False
+) -> str:
     """Read a regular file as UTF-8 text, with or without a byte order mark."""
     content = read_bytes(file, noun, maximum=maximum)
     try:
@@ -240,7 +247,7 @@ def lock(folder: FilePath, name: FilePath) -> Callable[[], None]:
 
 
 def unwritable(target: object, error: OSError) -> FileError:
-    """Error for a destination that cannot be written, with a fix."""
+    """Make the error for a destination that cannot be written; it names a fix."""
     advice = FIXES.get(error.errno or 0, "choose another location")
     return FileError(f"Cannot write {target}: {error.strerror or error}; {advice}.")
 

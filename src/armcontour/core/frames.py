@@ -19,8 +19,8 @@ from armcontour.core.quantities import WHOLE_TURN
 ROTATION_TOLERANCE = 1e-6
 # Tolerance of the length of quaternions (about four printed digits), which are then normalized.
 QUATERNION_TOLERANCE = 1e-3
-# Largest z offset [m] and tilt of a frame that counts as transforming the x-y plane into itself;
-# also the largest z component of the vectors of an arc that counts as parallel to this plane.
+# A frame maps the x-y plane to itself if its z offset [m] and tilt are at most this. An arc is
+# parallel to this plane if the z components of its vectors are at most this.
 IN_PLANE = 1e-12
 ORIGIN = checks.frozen_array(np.zeros(3))
 IDENTITY = checks.frozen_array(np.eye(3))
@@ -38,10 +38,10 @@ class Frame:
     array([0.4, 0. , 0.1])
 
     Args:
-        position: Origin of the frame [m], (3,); or the whole frame as a homogeneous transform,
-            (4, 4), or a pinocchio.SE3.
-        rotation: Rotation matrix with the axes of the frame as columns, (3, 3), or another form
-            that `rotations` accepts.
+        position: Origin of the frame [m], (3,), by default 0; or the whole frame as a homogeneous
+            transform, (4, 4), or a pinocchio.SE3.
+        rotation: Rotation matrix with the axes of the frame as columns, (3, 3), by default the
+            identity; or a quaternion (x, y, z, w) or a rotation of scipy.
 
     Raises:
         InvalidInput: The position does not have 3 coordinates, or the rotation is invalid.
@@ -76,13 +76,13 @@ class Frame:
             pose: A Frame, a homogeneous transform, (4, 4), a pinocchio.SE3 or a position [m], (3,).
 
         Raises:
-            InvalidInput: Not a pose.
+            InvalidInput: The value is none of these.
         """
         return pose if isinstance(pose, Frame) else cls(pose)  # type: ignore[arg-type]
 
     @classmethod
     def rpy(cls, position: npt.ArrayLike, angles: npt.ArrayLike) -> Frame:
-        """Frame rotated by roll, pitch and yaw about fixed x, y and z axes, as in URDF.
+        """Make a frame rotated by roll, pitch and yaw about fixed x, y and z axes, as in URDF.
 
         Args:
             position: Origin of the frame [m], (3,).
@@ -146,7 +146,7 @@ Pose: TypeAlias = Frame | Transform | npt.ArrayLike
 
 
 def transforms(matrices: FloatArray) -> FloatArray:
-    """Homogeneous transforms from rotations and positions, (..., 3, 4) to (..., 4, 4)."""
+    """Return homogeneous transforms, (..., 4, 4), from rotations and positions, (..., 3, 4)."""
     homogeneous = np.zeros((*matrices.shape[:-2], 4, 4))
     homogeneous[..., :3, :] = matrices
     homogeneous[..., 3, 3] = 1.0
@@ -154,9 +154,11 @@ def transforms(matrices: FloatArray) -> FloatArray:
 
 
 def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
-    """Positions [m], (..., 3) or (..., 2), and rotations, (..., 3, 3) or None, of poses."""
-    # Forms are `Frame`, `pinocchio.SE3` or another object with `homogeneous` or `as_matrix`,
-    # homogeneous transforms (..., 4, 4), and positions alone.
+    """Return the positions [m], (..., 3) or (..., 2), and rotations of poses, (..., 3, 3) or None.
+
+    A pose is a `Frame`, a `pinocchio.SE3` or another object with `homogeneous` or `as_matrix`, a
+    homogeneous transform, (..., 4, 4), or a position alone, which has no rotation.
+    """
     for attribute in ("homogeneous", "as_matrix"):
         if hasattr(poses, attribute):
             pose = getattr(poses, attribute)
@@ -178,7 +180,14 @@ def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
 
 
 def rotations(name: str, values: Any) -> FloatArray:
-    """Rotation matrices, (3, 3) or (n, 3, 3), from matrices, quaternions x, y, z, w, or scipy."""
+    """Return rotation matrices, (3, 3) or (n, 3, 3).
+
+    `values` are rotation matrices, quaternions (x, y, z, w), or a rotation of scipy.
+
+    Raises:
+        InvalidInput: A matrix is not a rotation within `ROTATION_TOLERANCE`, or a quaternion does
+            not have the length 1 within `QUATERNION_TOLERANCE`.
+    """
     if hasattr(values, "as_matrix"):
         values = values.as_matrix()
     array = checks.check_numbers(name, values)
@@ -210,7 +219,10 @@ def rotations(name: str, values: Any) -> FloatArray:
 
 
 def from_rpy(angles: npt.ArrayLike) -> FloatArray:
-    """Rotation matrices from roll, pitch and yaw about fixed x, y and z [rad], (..., 3)."""
+    """Return rotation matrices R = R_z(yaw) R_y(pitch) R_x(roll), (..., 3, 3).
+
+    `angles` are roll, pitch and yaw about the fixed x, y and z axes [rad], (..., 3).
+    """
     rpy = checks.check_numbers("roll, pitch and yaw", angles, "rad")
     if rpy.shape[-1:] != (3,):
         raise InvalidInput("Roll, pitch and yaw must be three angles.")
@@ -219,7 +231,10 @@ def from_rpy(angles: npt.ArrayLike) -> FloatArray:
 
 
 def to_rpy(rotation: FloatArray) -> FloatArray:
-    """Roll, pitch and yaw about fixed x, y and z of a rotation matrix [rad], (3, 3) to (3,)."""
+    """Return roll, pitch and yaw about fixed x, y and z [rad], (3,), of a rotation matrix.
+
+    The inverse of `from_rpy`. At a pitch of ±90°, where roll and yaw share an axis, the yaw is 0.
+    """
     pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
     if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
         # Roll and yaw have the same axis, so the whole rotation is assigned to roll.
@@ -229,7 +244,13 @@ def to_rpy(rotation: FloatArray) -> FloatArray:
 
 
 def exp(vectors: npt.ArrayLike) -> FloatArray:
-    """Rotation matrices of rotation vectors [rad], (..., 3) to (..., 3, 3), by Rodrigues."""
+    """Return the rotation matrices of rotation vectors v [rad], (..., 3) to (..., 3, 3).
+
+    Rodrigues' formula: R = I + (sin θ / θ) K + ((1 - cos θ) / θ²) K², with θ = |v| and K w = v × w.
+
+    >>> exp([0.0, 0.0, np.pi / 2]).round(3)[:, 0]
+    array([0., 1., 0.])
+    """
     v = np.asarray(vectors, dtype=np.float64)
     angle = np.sqrt(np.sum(v * v, axis=-1))[..., None, None]
     first = np.sinc(angle / np.pi)
@@ -239,7 +260,7 @@ def exp(vectors: npt.ArrayLike) -> FloatArray:
 
 
 def quaternions(matrices: npt.ArrayLike) -> FloatArray:
-    """Unit quaternions x, y, z, w with w >= 0 of rotation matrices, (3, 3) or (n, 3, 3)."""
+    """Return unit quaternions x, y, z, w with w >= 0, (4,) or (n, 4), of rotation matrices."""
     from scipy.spatial.transform import Rotation
 
     rotation = Rotation.from_matrix(np.asarray(matrices, dtype=np.float64))
@@ -247,7 +268,10 @@ def quaternions(matrices: npt.ArrayLike) -> FloatArray:
 
 
 def log(matrices: npt.ArrayLike) -> FloatArray:
-    """Rotation vectors [rad] of rotation matrices, (3, 3) or (n, 3, 3), of length 0 to pi."""
+    """Return rotation vectors [rad], of length 0 to pi, of rotation matrices, (3, 3) or (n, 3, 3).
+
+    The inverse of `exp`: the unit quaternion (v, w) has the angle θ = 2 atan2(|v|, w) about v.
+    """
     q = quaternions(matrices)
     size = np.sqrt(np.sum(q[..., :3] ** 2, axis=-1))
     angle = 2 * np.arctan2(size, q[..., 3])
@@ -257,7 +281,7 @@ def log(matrices: npt.ArrayLike) -> FloatArray:
 
 
 def cross_matrix(v: FloatArray) -> FloatArray:
-    """Cross-product matrices K with `K w = v x w`, (..., 3) to (..., 3, 3)."""
+    """Return the cross-product matrices K with `K w = v x w`, (..., 3) to (..., 3, 3)."""
     k = np.zeros((*v.shape, 3))
     k[..., 0, 1] = -v[..., 2]
     k[..., 0, 2] = v[..., 1]
@@ -266,8 +290,13 @@ def cross_matrix(v: FloatArray) -> FloatArray:
 
 
 def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
-    """Rotation vectors [rad] of the shortest rotations between unit vectors, (..., 3)."""
-    # For opposite vectors the axis is one of the axes normal to them.
+    """Return the rotation vectors [rad], (..., 3), of the shortest rotations between unit vectors.
+
+    Opposite vectors have no unique shortest rotation; the axis is then one of those normal to them.
+
+    >>> shortest([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]).round(4)
+    array([0.    , 0.    , 1.5708])
+    """
     a = np.asarray(first, dtype=np.float64)
     b = np.asarray(second, dtype=np.float64)
     axis = np.cross(a, b)
@@ -285,12 +314,15 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
 
 
 def perpendicular(vectors: FloatArray) -> FloatArray:
-    """Vectors normal to given vectors, (..., 3), of at least 81 % of their length."""
+    """Return vectors normal to given vectors, (..., 3), of at least 81 % of their length."""
     return np.cross(vectors, np.eye(3)[np.argmin(np.abs(vectors), axis=-1)])
 
 
 def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Angles between unit vectors [rad], from 0 to pi, accurate near 0 and near pi."""
+    """Return the angles between unit vectors a and b [rad], from 0 to pi.
+
+    2 atan2(|a - b|, |a + b|) is accurate near 0 and near pi, where arccos(a · b) is not.
+    """
     difference = np.linalg.norm(first - second, axis=-1)
     total = np.linalg.norm(first + second, axis=-1)
     return np.asarray(2 * np.arctan2(difference, total))

@@ -38,7 +38,7 @@ KERNELS: dict[tuple[str, str], Any] = {}
 # Called with a function before its code is loaded, because another process may be compiling it.
 _waiting: list[Callable[[Any], None]] = []
 # Without listeners, compilation that lasts longer than this is logged [s].
-PATIENCE = 2.0
+LOGGED_AFTER = 2.0
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT.name
 # LLVM's names of a platform, a processor and its features.
@@ -67,7 +67,7 @@ np.empty(16_000_000, np.uint8)
 def compiled(
     *, inner: bool = False, allocates: bool = False, **options: Any
 ) -> Callable[[Function], Function]:
-    """Decorator that compiles a function at its first call and caches the result on disk.
+    """Compile a function at its first call and cache the result on disk.
 
     `inner` functions are called by compiled functions only; omitting the interface for Python
     halves the time to compile a small one. If an inner function does not allocate arrays, its
@@ -97,14 +97,14 @@ def compiled(
 
 
 class _NoFolder(_CacheLocator):
-    """Last locator, if no folder can be written: functions are compiled in each run."""
+    """Fallback if no cache folder is writable: nothing is cached, so each run compiles."""
 
     def __init__(self, function: Function) -> None:
         self._line = function.__code__.co_firstlineno
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> _NoFolder:
-        """Numba's constructor of locators."""
+        """Construct a locator, as numba requires."""
         return cls(function)
 
     def get_cache_path(self) -> str:
@@ -112,7 +112,7 @@ class _NoFolder(_CacheLocator):
         return os.path.join(os.devnull, PACKAGE)
 
     def get_source_stamp(self) -> None:
-        """Required by numba; `_Files` makes the stamp."""
+        """Return nothing; numba requires this method, but `_Files` makes the stamp."""
 
     def get_disambiguator(self) -> str:
         """Return the same text as the other locators, for the names of the files."""
@@ -142,7 +142,7 @@ class _Files(FunctionCache):
             self._shipped = IndexDataCacheFile(str(folder), name, index._source_stamp)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """The compiled function; None if its files are missing, incomplete or out of date."""
+        """Load the compiled function; None if its files are missing, incomplete or out of date."""
         for wait in tuple(_waiting):
             wait(self._py_func)
         # Compiled code needs `rtsys` to count references. A refresh of the whole target would
@@ -224,7 +224,7 @@ def _refuse_calls(kernel: Any, name: str) -> None:
 
 
 def waiting(wait: Callable[[Any], None]) -> AbstractContextManager[None]:
-    """Context in which `wait` is called before a compiled function is loaded or compiled."""
+    """Call `wait` before a compiled function is loaded or compiled in this context."""
     return progress.registered(_waiting, wait)
 
 
@@ -236,7 +236,7 @@ class _Listener(event.Listener):
         self._logged = False
 
     def on_start(self, event: Any) -> None:
-        """Report the compilation of a function of this package."""
+        """Report that a function of this package is being compiled."""
         function = event.data["dispatcher"].py_func
         if not function.__module__.startswith(f"{PACKAGE}."):
             return
@@ -245,13 +245,13 @@ class _Listener(event.Listener):
             self._log()
 
     def on_end(self, event: Any) -> None:
-        """Required by numba."""
+        """Do nothing; numba requires this method."""
 
     def _log(self) -> None:
-        """Log compilation that lasts longer than `PATIENCE`."""
+        """Log a compilation that lasts longer than `LOGGED_AFTER`."""
         now = time.monotonic()
         self._begin = self._begin or now
-        if now > self._begin + PATIENCE:
+        if now > self._begin + LOGGED_AFTER:
             self._logged = True
             logging.getLogger(PACKAGE).warning(
                 "armcontour compiles the functions of this job that were not compiled yet, which "

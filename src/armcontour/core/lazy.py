@@ -7,18 +7,18 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any, cast
 
-# Functions of upper packages that methods of results call, as module and name. The `__init__` of
-# the root package fills it.
+# Functions in upper packages that lower packages call, as module and name. The root package's
+# `__init__` fills it.
 METHODS: dict[str, str] = {}
 
 
 def load_method(name: str) -> Callable[..., Any]:
-    """Load a function of METHODS, by its name."""
+    """Load the function with this name in `METHODS`."""
     return cast(Callable[..., Any], getattr(import_module(METHODS[name]), name))
 
 
 def lazy_names(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:
-    """`__getattr__` and `__all__` of a package whose names are loaded and cached at first use."""
+    """Make `__getattr__` and `__all__` of a package whose names are loaded at first use."""
     module_of: dict[str, str] = {}
     for home_module, names in home.items():
         module_of |= dict.fromkeys(names.split(), home_module)

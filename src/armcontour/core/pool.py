@@ -32,15 +32,15 @@ Packed: TypeAlias = tuple[bytes, tuple[bytes, ...]]
 # Largest number of threads for compiled work; combining their results is serial.
 MAX_THREADS = 8
 # Fewest items for other processes, because starting a process takes as long as several items.
-FEWEST = 12
+FEWEST_ITEMS = 12
 # Approximate time to start a process [s]. Work is shared if each process saves twice this time.
-START = 1.0
+PROCESS_START_TIME = 1.0
 # Largest number of processes that plan moves; each needs about as much memory as this one.
 MAX_PROCESSES = 8
 # Smallest number of chunks for an executor; each chunk carries the pickled work.
-PARTS = 32
+FEWEST_CHUNKS = 32
 # Longest wait for results [s]; between waits an interrupt is handled on all systems.
-PULSE = 1.0
+LONGEST_WAIT = 1.0
 # Environment of processes: libraries use one thread, because only `map_in_threads` uses several;
 # and no module is imported from the current folder, because its files could replace modules.
 ENVIRONMENT = dict.fromkeys(
@@ -68,7 +68,7 @@ class ProcessEnded(ExecutionError):
 
 
 def processors() -> int:
-    """Number of processors available to this process."""
+    """Count the processors available to this process."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -95,13 +95,13 @@ def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
 
 
 def split_evenly(count: int, parts: int) -> list[slice]:
-    """Slices of approximately equal length that cover a sequence."""
+    """Divide a sequence into slices of approximately equal length."""
     number = max(1, min(parts, count))
     return [slice(count * k // number, count * (k + 1) // number) for k in range(number)]
 
 
 class ProcessPool(Executor):
-    """Executor of processes; new processes replace them after one has ended."""
+    """Executor of processes that replaces all of them after one has ended."""
 
     def __init__(self, processes: int | None = None) -> None:
         self._max_workers = processes or processors()
@@ -131,7 +131,7 @@ class ProcessPool(Executor):
 
 @contextmanager
 def starting_processes() -> Iterator[tuple[Connection, Connection]]:
-    """Context in which processes are started; yields both ends of a pipe.
+    """Set the environment in which processes are started; yield both ends of a pipe.
 
     Processes with the first end (`begin_process`) end when this process closes the second.
     """
@@ -181,7 +181,7 @@ def begin_process(lifeline: Connection, threshold: tuple[int, int, int]) -> None
 def open_executor(
     workers: int | None = None, executor: Executor | None = None
 ) -> Iterator[Executor | None]:
-    """Context with `executor` if given, else with `workers` processes; None for this process."""
+    """Yield `executor`, or one with `workers` processes; None if this process does the work."""
     if workers is not None and workers < 0:
         raise InvalidInput(f"workers must be 0 or more, but is {workers}.")
     if executor is not None and workers is not None:
@@ -229,7 +229,7 @@ def run_all(
                 pending[executor.submit(call, pack(repeated))] = repeated
             if not pending:
                 return
-            futures.wait(pending, PULSE, futures.FIRST_COMPLETED)
+            futures.wait(pending, LONGEST_WAIT, futures.FIRST_COMPLETED)
             # `wait` ignores futures that the executor cancelled; `done` includes them.
             for future in [x for x in pending if x.done()]:
                 item = pending.pop(future)
@@ -279,7 +279,7 @@ def _apply_packed(work: Packed, item: Packed) -> Packed:
 
 @lru_cache(maxsize=2)
 def _unpack_work(work: Packed) -> Callable[[Any], Any]:
-    """Unpacked work, cached in each process."""
+    """Unpack work; each process caches the result."""
     return cast(Callable[[Any], Any], unpack(work))
 
 
@@ -293,13 +293,13 @@ def map_in_processes(
 ) -> list[R]:
     """Apply work to all items in other processes; results are in the order of the items."""
     count = min(processes or processors(), len(items))
-    in_process = count < 2 or len(items) < FEWEST or is_child()
+    in_process = count < 2 or len(items) < FEWEST_ITEMS or is_child()
     workers: int | None = count
     if executor is not None:
         workers = None
     elif in_process:
         workers = 0
-    slices = split_evenly(len(items), max(PARTS, 4 * count))
+    slices = split_evenly(len(items), max(FEWEST_CHUNKS, 4 * count))
     results_by_chunk: dict[int, list[R]] = {}
     number = 0
     with open_executor(workers, executor) as opened:
@@ -343,7 +343,9 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
 
 
 def _count_processes(spent: float, fraction: float) -> int:
-    """Number of processes that save more time than their start costs; 0 for none."""
-    if spent < START / 4 or is_child() or not can_start():
+    """Return how many processes save more time than they take to start; 0 for none."""
+    if spent < PROCESS_START_TIME / 4 or is_child() or not can_start():
         return 0
-    return min(processors(), MAX_PROCESSES, int(spent * (1 / fraction - 1) / (2 * START)))
+    return min(
+        processors(), MAX_PROCESSES, int(spent * (1 / fraction - 1) / (2 * PROCESS_START_TIME))
+    )

@@ -16,15 +16,19 @@ _listeners: list[Callable[[str], None]] = []
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """The current step of long work."""
+    """The current step of long work.
 
-    # Name of the step, after the names of the work that it belongs to, such as ("fast", "timing")
-    # for a run and its step.
+    Args:
+        names: Name of the step, after the names of the work that it belongs to, such as ("fast",
+            "timing") for a run and its step.
+        done: Completed fraction of the step, from 0 to 1; None if unknown.
+    """
+
     names: tuple[str, ...]
-    done: float | None = None  # Completed fraction of the step, from 0 to 1; None if unknown
+    done: float | None = None
 
     def __str__(self) -> str:
-        """Names in one line, for a terminal."""
+        """Write the names in one line, for a terminal."""
         return ": ".join(self.names)
 
 
@@ -40,7 +44,7 @@ def subprogress(progress: Progress | None, *names: str) -> Progress:
 
 @contextmanager
 def registered(items: list[Item], item: Item) -> Iterator[None]:
-    """Context in which a list has one additional item."""
+    """Append an item to a list while the context is open."""
     items.append(item)
     try:
         yield
@@ -49,12 +53,12 @@ def registered(items: list[Item], item: Item) -> Iterator[None]:
 
 
 def listen_to_compilation(listener: Callable[[str], None]) -> AbstractContextManager[None]:
-    """Context in which `listener` is called with the name of each function that is compiled."""
+    """Call `listener` with the name of each function that is compiled in this context."""
     return registered(_listeners, listener)
 
 
 def report_compiling(name: str) -> bool:
-    """Report the compilation of a function to all listeners; False if there is none."""
+    """Report the compilation of a function to all listeners; return False if there is none."""
     listeners = tuple(_listeners)
     for listener in listeners:
         listener(name)

@@ -15,7 +15,7 @@ from functools import cache
 from types import EllipsisType
 from typing import Annotated, Any, Literal
 
-from armcontour.core.checks import LARGEST, LONGEST_NAME, SMALLEST, FloatArray, suffix
+from armcontour.core.checks import LARGEST_NUMBER, LONGEST_NAME, SMALLEST_NUMBER, FloatArray, suffix
 from armcontour.core.text import plain_number, show
 
 # Largest angle about an axis [rad]: a whole turn with three decimals. A larger angle is probably in
@@ -25,12 +25,12 @@ WHOLE_TURN = 6.284
 
 # Ranges of numbers by the `sign` of their quantity. A "share" is at most the largest float below 1.
 RANGES = {
-    "any": (-LARGEST, LARGEST),
-    "positive": (SMALLEST, LARGEST),
-    "not negative": (0.0, LARGEST),
-    "negative": (-LARGEST, -SMALLEST),
+    "any": (-LARGEST_NUMBER, LARGEST_NUMBER),
+    "positive": (SMALLEST_NUMBER, LARGEST_NUMBER),
+    "not negative": (0.0, LARGEST_NUMBER),
+    "negative": (-LARGEST_NUMBER, -SMALLEST_NUMBER),
     "share": (0.0, 1.0 - 2.0**-53),
-    "turn": (-LARGEST, LARGEST),
+    "turn": (-LARGEST_NUMBER, LARGEST_NUMBER),
 }
 # Values that mean infinity if a quantity may be infinite.
 INFINITE_VALUES = {
@@ -40,8 +40,8 @@ INFINITE_VALUES = {
     math.inf: math.inf,
     -math.inf: -math.inf,
 }
-# Maximum length of the text of a quantity [characters].
-MAX_CHARACTERS = 100
+# Maximum length of a quantity's text [characters].
+MAX_QUANTITY_LENGTH = 100
 # The possessive quantifiers (++, *+, ?+) prevent backtracking, so that matching takes linear time.
 # Groups have none, because Python before 3.11.5 matches possessive groups wrongly.
 NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?"
@@ -75,19 +75,26 @@ UNIT_FACTORS = {
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Kind of a quantity: annotates a float, or an array with one value or one per joint."""
+    """Annotate a float or an array with a physical quantity.
 
-    # SI unit; "1" for a fraction, which users may write in percent; empty for plain numbers.
+    An array has one value for all joints or one per joint.
+
+    Args:
+        unit: SI unit; "1" for a fraction, which users may write in percent; empty for plain
+            numbers.
+        example: Example of a text that users may write.
+        sign: Allowed range: a "share" is from 0 to below 1; the magnitude of a "turn" without a
+            unit is at most WHOLE_TURN.
+        endless: Whether the value may be infinite, as `.inf` or as the texts "inf" and "none".
+        bounds: Whether a lower and an upper bound may replace each value of an array.
+        within: Smallest and largest allowed value; None for any value of this sign.
+    """
+
     unit: str
-    example: str = ""  # Example of a text that users may write
-    # Allowed range of the value; a "share" is from 0 to below 1. The magnitude of a "turn" without
-    # a unit is at most WHOLE_TURN.
+    example: str = ""
     sign: Literal["any", "positive", "not negative", "negative", "share", "turn"] = "any"
-    # True if the value may be infinite, as `.inf` or as the texts "inf" and "none".
     endless: bool = False
-    # True if each value of an array may be replaced by a lower and an upper bound.
     bounds: bool = False
-    # Smallest and largest allowed value; None for any value of this sign.
     within: tuple[float, float] | None = None
 
     @property
@@ -101,7 +108,7 @@ class Quantity:
         return "" if self.unit == "1" else self.unit.replace("^2", "²").replace("^3", "³")
 
     def needed(self, value: float) -> str:
-        """Requirement that a finite value violates, as words that follow "must"."""
+        """Return the requirement that a finite value violates, as words that follow "must"."""
         low, high = self.range
         unit = self.words and f" {self.words}"
         if self.within is None and self.sign == "share":
@@ -116,23 +123,27 @@ class Quantity:
 
 
 def joint_units(unit: str, prismatic: Iterable[bool]) -> list[str]:
-    """Unit of each joint, from that of revolute joints."""
+    """List the unit of each joint, given that of revolute joints."""
     return [linear_unit(unit) if x else unit for x in prismatic]
 
 
 def shared_unit(unit: str, prismatic: Iterable[bool]) -> str:
-    """Unit of all joints, from that of revolute joints; a list of units if they differ."""
+    """Return the unit of all joints, given that of revolute joints; a list if the units differ.
+
+    >>> shared_unit("rad/s", [True, False])
+    'm/s, rad/s'
+    """
     units = joint_units(unit, prismatic)
     return ", ".join(units) if len(set(units)) > 1 else (units or [unit])[0]
 
 
 def any_unit(unit: str, prismatic: Iterable[bool]) -> str:
-    """Unit of any joint, from that of revolute joints; two units if they differ."""
+    """Return the unit of any joint, given that of revolute joints; two units if joints differ."""
     return shared_unit(unit, sorted(set(prismatic)))
 
 
 def list_values(texts: Sequence[str], unit: str, prismatic: Iterable[bool]) -> str:
-    """Values of all joints with their unit, or each with its own; one value if they are equal."""
+    """Write joint values with their unit, or each with its own; equal values only once."""
     units = joint_units(unit, prismatic)
     if len(set(units)) > 1:
         every = [*texts] * (len(units) if len(texts) == 1 else 1)
@@ -142,7 +153,11 @@ def list_values(texts: Sequence[str], unit: str, prismatic: Iterable[bool]) -> s
 
 
 def linear_unit(unit: str) -> str:
-    """Unit of a quantity of a prismatic joint, from the unit for a revolute joint."""
+    """Return the unit for a prismatic joint, given the unit for a revolute joint.
+
+    >>> linear_unit("N m s/rad")
+    'N s/m'
+    """
     for angular, linear in (("kg m^2", "kg"), ("kg m²", "kg"), ("N m", "N"), ("rad", "m")):
         unit = unit.replace(angular, linear)
     return unit
@@ -150,30 +165,33 @@ def linear_unit(unit: str) -> str:
 
 @dataclass(frozen=True, slots=True, init=False)
 class Axes:
-    """Annotation of an array: its shape."""
+    """Annotate an array with its shape.
 
-    # Length of each axis, or its name. Axes with the same name have the same length in all fields
-    # of a dataclass. `...` alone is any shape.
+    Args:
+        axes: Length of each axis, or its name. In a dataclass, axes with the same name have the
+            same length. `...` alone is any shape.
+    """
+
     axes: tuple[str | int | EllipsisType, ...]
 
     def __init__(self, *axes: str | int | EllipsisType) -> None:
         object.__setattr__(self, "axes", axes)
 
     def __str__(self) -> str:
-        """Shape as numpy writes it, such as "(n, 3)"."""
+        """Write the shape as numpy does, such as "(n, 3)"."""
         return f"({', '.join(str(x) for x in self.axes)}{',' * (len(self.axes) == 1)})"
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Annotation of a str: its allowed values."""
+    """Annotate a str with its allowed values."""
 
     known: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class AtLeast:
-    """Annotation of an int: its range; None for no bound."""
+    """Annotate an int with its range; None for no bound."""
 
     least: int | None
     most: int | None = None
@@ -181,47 +199,36 @@ class AtLeast:
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """Annotation of a str: printable text of limited length, such as a name."""
+    """Annotate a str as printable text of limited length, such as a name."""
 
     most: int = LONGEST_NAME
     needed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class About:
-    """Options and sliders that set a field of a job: annotates the field, once per option."""
-
-    # `tools/job_form.py` makes the short options of the command line and the sliders of the Studio.
-
-    option: str = ""  # Option of the command line, such as "--units"; "" for none
-    topic: str = ""  # Section of the help; by default that of the neighbouring keys
-    help: str = ""
-    read: str = ""  # Function of `cli/inputs.py` that reads the option, unless it is a single value
-    # Key that the option sets in the mapping of the field; "*" if its text has the keys.
-    key: str = ""
-    # Range of the slider in the Studio, in SI units; linear if it begins at 0, otherwise
-    # logarithmic. By default there is no slider.
-    usual: tuple[float, float] = (0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
 class PartialFields:
-    """Values of some fields of a dataclass, by their names: annotates a mapping."""
+    """Annotate a mapping that gives some fields of a dataclass by name.
+
+    Args:
+        of: The dataclass.
+        null: Whether every key of a file may be `null`.
+        omit: Fields that are no keys.
+    """
 
     of: type
-    null: bool = False  # Whether every key of a file may be `null`
-    omit: tuple[str, ...] = ()  # Fields that are no keys
+    null: bool = False
+    omit: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Items:
-    """Length of a list or a mapping of a file: annotates its type."""
+    """Annotate a list or a mapping of a file with its allowed length."""
 
     least: int
     most: int | None = None
 
     def problem(self, n: int) -> str:
-        """Words after the key for a wrong length; empty for a right one."""
+        """Return words after the key for a wrong length; empty for a right one."""
         high = self.most is not None and n > self.most
         bound = self.most if high else self.least
         if not high and n >= self.least:
@@ -232,20 +239,28 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class Convert:
-    """Conversion of a value of a file by a function that may raise ValueError: annotates a type."""
+    """Annotate a type with the function that converts a file's value; it may raise ValueError."""
 
     convert: Callable[[Any], Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """Key of a file that differs from its field: annotates the field."""
+    """Annotate a field whose key in a file differs from the field.
+
+    Args:
+        name: Name of the key; empty for the field's name.
+        hint: Annotation of the key; None for that of the field.
+        default: Default of the key; None for that of the field.
+        text: Description of the key; empty for that of the field.
+        omit: Whether the field has no key.
+    """
 
     name: str = ""
-    hint: Any = None  # Annotation of the key
+    hint: Any = None
     default: Any = None
     text: str = ""
-    omit: bool = False  # Whether the field has no key
+    omit: bool = False
 
 
 NO_KEY = Key(omit=True)
@@ -313,7 +328,7 @@ OwnAccelerations = Annotated[
 
 @cache
 def _registry() -> Any:
-    """Unit registry of pint, extended by unit names of data sheets; cached."""
+    """Return pint's unit registry with unit names of data sheets added; cached."""
     from pint import UnitRegistry
 
     registry: Any = UnitRegistry(cache_folder=None)
@@ -323,7 +338,11 @@ def _registry() -> Any:
 
 
 def parse_quantity(value: Any, unit: str) -> float:
-    """Convert a number or a text with a unit to a number in `unit`; ValueError if invalid."""
+    """Convert a number or a text with a unit to a number in `unit`; ValueError if invalid.
+
+    >>> parse_quantity("5 mm", "m")
+    0.005
+    """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"must be a number in {unit} or text with a unit, but is {show(value)}")
     return _parse_text(value, unit) if isinstance(value, str) else _finite_number(value)
@@ -331,10 +350,10 @@ def parse_quantity(value: Any, unit: str) -> float:
 
 def _parse_text(text: str, unit: str) -> float:
     """Convert text such as "5 mm" to a number in `unit`."""
-    if len(text) > MAX_CHARACTERS:
+    if len(text) > MAX_QUANTITY_LENGTH:
         raise ValueError(
             f"{show(text)} has {len(text)} characters, but a quantity in {unit} has at most "
-            f"{MAX_CHARACTERS}. Write a number and a unit"
+            f"{MAX_QUANTITY_LENGTH}. Write a number and a unit"
         )
     if plain_number(text) is not None:
         raise ValueError(f"{text!r} has no unit. Write a unit, such as '{text} {unit}'")
@@ -379,8 +398,8 @@ def _finite_number(value: float) -> float:
 def parse_share(value: Any) -> float:
     """Convert a dimensionless share, a number or a text such as "10 %"; ValueError if invalid."""
     if isinstance(value, str):
-        match = PERCENT.fullmatch(value[: MAX_CHARACTERS + 1])
-        if match is None or len(value) > MAX_CHARACTERS:
+        match = PERCENT.fullmatch(value[: MAX_QUANTITY_LENGTH + 1])
+        if match is None or len(value) > MAX_QUANTITY_LENGTH:
             raise ValueError(
                 f"must be a plain number or a percentage such as '10 %', but is {show(value)}"
             )
@@ -412,6 +431,9 @@ def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -
     """Write an SI value in the unit of `old`, with the fewest digits for an error of `within`.
 
     `within` is in SI units. Returns text with a unit, or a number if `old` is a number.
+
+    >>> write_like(0.00123, "2 mm", Quantity("m"), within=1e-5)
+    '1.23 mm'
     """
     affixes = _unit_affixes(old, kind)
     if affixes is None:
@@ -426,7 +448,7 @@ def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -
 
 
 def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
-    """Unit in which the quantity `old` is written, and its conversion factor to SI units."""
+    """Return the unit in which `old` is written, and its conversion factor to SI units."""
     affixes = _unit_affixes(old, kind)
     if affixes is None:
         return ("" if kind.unit == "1" else kind.unit), 1.0
@@ -434,9 +456,9 @@ def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
 
 
 def _unit_affixes(old: Any, kind: Quantity) -> tuple[str, str] | None:
-    """Text before and after the number of a quantity; None for a plain number.
+    """Return the text before and after the number of a quantity; None for a plain number.
 
-    For other values, the texts of the example of `kind`.
+    If `old` is neither a number nor a text with a number, the example of `kind` is split.
     """
     if isinstance(old, int | float) and not isinstance(old, bool):
         return None
@@ -450,12 +472,12 @@ def _unit_affixes(old: Any, kind: Quantity) -> tuple[str, str] | None:
 
 
 def read_plain(value: Any, kind: Quantity) -> float:
-    """Convert a quantity to SI units without a check of its range; ValueError if invalid."""
+    """Convert a quantity to SI units without checking its range; ValueError if invalid."""
     return parse_share(value) if kind.unit == "1" else parse_quantity(value, kind.unit)
 
 
 def _shortest_text(number: float, value: float, read: Callable[[str], float], within: float) -> str:
-    """Text of `number` with the fewest digits for which `read` returns `value` within `within`."""
+    """Write `number` with the fewest digits that `read` converts to `value` within `within`."""
     allowed = max(within, RELATIVE_ROUNDING * abs(value))
     text = "0"
     if abs(value) <= allowed:

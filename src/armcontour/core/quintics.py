@@ -14,7 +14,7 @@ from armcontour.core.kernel_cache import compiled
 # Value, first and second derivative of n curves, (n, dof) each.
 Derivatives: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 # Rounding error of positions from inverse kinematics, relative to 1 plus their magnitudes.
-ROUNDING = 2e-15
+IK_ROUNDING = 2e-15
 
 
 def quintic(
@@ -23,7 +23,12 @@ def quintic(
     end: Iterable[FloatArray],
     width_error: float = 0.0,
 ) -> FloatArray:
-    """Coefficients of quintics with given values and derivatives at both ends of intervals.
+    """Return the quintics with given values and derivatives at both ends of intervals.
+
+    With x = u / h, the quintic p(x) = a0 + a1 x + ... + a5 x⁵ on an interval of length h has the
+    values q0, q1, slopes q0', q1' and second derivatives q0'', q1'' at u = 0 and h:
+    a0 = q0, a1 = h q0', a2 = h² q0'' / 2, and with v = q1 - a0 - a1 - a2, w = h q1' - a1 - 2 a2,
+    c = h² q1'' - 2 a2: a3 = 10 v - 4 w + c / 2, a4 = -15 v + 7 w - c, a5 = 6 v - 3 w + c / 2.
 
     Args:
         width: Lengths of the intervals, (n,).
@@ -32,7 +37,7 @@ def quintic(
         width_error: Rounding error of the widths, which are differences of arc lengths.
 
     Returns:
-        Coefficients of powers of x = u / width, from 1 to x⁵, (n, 6, dof).
+        Coefficients a0 to a5, (n, 6, dof).
     """
     first, last = (tuple(map(kernel_array, x)) for x in (begin, end))
     kernel: Any = _fill_coefficients
@@ -40,7 +45,7 @@ def quintic(
 
 
 def to_bernstein(degree: int) -> FloatArray:
-    """Matrix from coefficients of powers to Bernstein control points, (degree + 1, degree + 1)."""
+    """Return the matrix from power coefficients to Bernstein points, (degree + 1, degree + 1)."""
     rows = range(degree + 1)
     return np.array([[math.comb(k, m) / math.comb(degree, m) for m in rows] for k in rows])
 
@@ -63,12 +68,12 @@ def _fill_coefficients(
             value = q1[i, j] - a0 - a1 - a2
             slope = d1[i, j] * h - a1 - 2 * a2
             curvature = c1[i, j] * (h * h) - 2 * a2
-            # On a very short interval `value` consists of rounding errors of positions, which would
-            # be magnified in the derivatives of the quintic. The quartic with the given derivatives
-            # then ends at the given value up to rounding errors, and is used instead.
+            # On a very short interval `value` consists of rounding errors, which the derivatives of
+            # the quintic would magnify. The quartic with the given derivatives then ends at the
+            # given value up to rounding errors, and replaces the quintic.
             cubic = slope - curvature / 3
             quartic = (curvature - 2 * slope) / 4
-            rounding = ROUNDING * (1 + abs(a0) + abs(q1[i, j])) + width_error * abs(d0[i, j])
+            rounding = IK_ROUNDING * (1 + abs(a0) + abs(q1[i, j])) + width_error * abs(d0[i, j])
             short = abs(value - cubic - quartic) <= rounding
             coefficients[i, 0, j] = a0
             coefficients[i, 1, j] = a1
@@ -80,8 +85,14 @@ def _fill_coefficients(
 
 
 def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: int) -> FloatArray:
-    """Derivatives of an order of quintics at distances u from their starts, (n, values)."""
-    # Coefficients, (n, 6, values), are those of powers of x = u / width.
+    """Return a derivative of quintics at distances u from their starts, (n, values).
+
+    Args:
+        coefficients: Coefficients of 1 to x⁵ with x = u / width, (n, 6, values).
+        width: Lengths of the intervals, (n,).
+        u: Distances from the starts of the intervals, (n,).
+        order: Order of the derivative with respect to u; 0 for the value.
+    """
     x = u / width
     result = np.zeros(np.shape(x) + (coefficients.shape[-1],))
     for k in range(5, order - 1, -1):
@@ -91,9 +102,10 @@ def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: 
 
 
 def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> FloatArray:
-    """Coefficients in y of polynomials p(x) with x = begin + factor y, (n, degree + 1, values).
+    """Substitute x = begin + factor y in polynomials p(x); return their coefficients in y.
 
-    `coefficients` belong to the powers 1, x, x², ...; a negative factor reverses the polynomials.
+    `coefficients`, (n, degree + 1, values), belong to the powers 1, x, x², ...; a negative factor
+    reverses the polynomials.
     """
     expanded = np.empty_like(coefficients)
     size = coefficients.shape[1]
@@ -109,8 +121,9 @@ def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> 
 def solve_banded(bands: FloatArray, right: FloatArray) -> None:
     """Solve symmetric banded equations in place; `right`, (m, n), becomes the solution.
 
-    Elimination without pivoting, for diagonally dominant or positive definite matrices. `bands[i]`
-    is row i of the matrix from the diagonal to the right; `bands`, (m, width), is overwritten.
+    Gaussian elimination without pivoting, for diagonally dominant or positive definite matrices.
+    `bands[i]` is row i of the matrix from the diagonal to the right; `bands`, (m, width), is
+    overwritten.
     """
     m, width = bands.shape
     sides = right.shape[1]

@@ -23,7 +23,7 @@ LIMITS: dict[str, dict[str, Any]] = PALETTE["limits"]
 VERDICTS: dict[str, dict[str, Any]] = PALETTE["verdicts"]
 LINES: dict[str, str] = PALETTE["lines"]
 # Display unit of each SI unit, and size of the display unit in the SI unit.
-SHOWN = {
+DISPLAY_UNITS = {
     "1": ("%", 1e-2),
     "m": ("mm", 1e-3),
     "m/s": ("mm/s", 1e-3),
@@ -33,11 +33,11 @@ SHOWN = {
 # Spelling of units in text.
 WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2": "kg m²"}
 # Times below this are shown in ms [s].
-SHORT = 0.1
+SHORT_TIME = 0.1
 # Number of significant digits.
-DIGITS = 3
+SIGNIFICANT_DIGITS = 3
 # Numbers below this, in their display unit, are shown with six decimals.
-FINE = 1e-3
+SIX_DECIMALS_BELOW = 1e-3
 # Widest value that counts for the column in which notes begin [characters].
 WIDEST_FIGURE = 16
 # Widest line of a table [characters].
@@ -49,12 +49,12 @@ SMALLEST_LENGTH = 1e-6
 
 
 def limit_style(kind: str) -> dict[str, Any]:
-    """Colours, dashes and word of a kind of limit."""
+    """Return colours, dashes and word of a kind of limit, from `palette.json`."""
     return LIMITS.get(kind, LIMITS["other"])
 
 
 def split(value: Any, unit: str = "") -> tuple[str, str]:
-    """Digits and unit of a value for display."""
+    """Split a value into its displayed digits and unit."""
     if value is None or isinstance(value, float) and math.isnan(value):
         return "-", ""
     if unit == JUDGED:
@@ -64,27 +64,27 @@ def split(value: Any, unit: str = "") -> tuple[str, str]:
     if isinstance(value, str | int) and not (unit and isinstance(value, int)):
         return str(value), ""
     value = float(value)
-    short = unit == "s" and 0 < abs(value) < SHORT
+    short = unit == "s" and 0 < abs(value) < SHORT_TIME
     name, size = ("ms", 1e-3) if short else scale(unit)
     value /= size
-    if 0 < abs(value) < FINE:
+    if 0 < abs(value) < SIX_DECIMALS_BELOW:
         return f"{value:z.6f}", name
-    text = f"{value:z.{DIGITS}g}"
+    text = f"{value:z.{SIGNIFICANT_DIGITS}g}"
     return (f"{float(text):.0f}" if "e+" in text and abs(value) < 1e15 else text), name
 
 
 def scale(unit: str) -> tuple[str, float]:
-    """Display unit of a quantity, and its size in the SI unit."""
-    return SHOWN.get(unit, (WRITTEN.get(unit, unit), 1.0))
+    """Return the display unit of a quantity, and its size in the SI unit."""
+    return DISPLAY_UNITS.get(unit, (WRITTEN.get(unit, unit), 1.0))
 
 
 def number(value: Any, unit: str = "") -> str:
-    """Value with its unit for display, as in "0.252 mm"."""
+    """Write a value with its display unit, as in "0.252 mm"."""
     return " ".join(filter(None, split(value, unit)))
 
 
 def moment(t: float, decimals: int | None) -> str:
-    """A time [s] for display with up to some decimals; with three digits if they are None."""
+    """Write a time [s] with up to `decimals` decimals; with three significant digits if None."""
     if decimals is None:
         return number(t, "s")
     fixed = f"{t:z.{decimals}f}"
@@ -92,7 +92,11 @@ def moment(t: float, decimals: int | None) -> str:
 
 
 def number_range(values: Iterable[float], unit: str = "") -> str:
-    """Smallest and largest of some values for display; one of them if they look the same."""
+    """Write the smallest and largest of some values; one of them if they look the same.
+
+    >>> number_range([0.1, 0.2], "m")
+    '100 to 200 mm'
+    """
     ordered = sorted(values)
     low, high = (
         (split(x, unit) for x in (ordered[0], ordered[-1])) if ordered else (("", ""), ("", ""))
@@ -102,7 +106,7 @@ def number_range(values: Iterable[float], unit: str = "") -> str:
 
 
 def figure(row: Row) -> str:
-    """Displayed value of a row, with its unit; one value per unit if joints have different ones."""
+    """Write the value of a row with its unit; one value per unit if joints have different ones."""
     if row.decimals is not None and row.value is not None:
         return moment(row.value, row.decimals)
     units = row.unit.split(", ")
@@ -116,7 +120,7 @@ def figure(row: Row) -> str:
 
 
 def text(data: Data, level: int = TABLE) -> str:
-    """A result as lines, for `print` and the command line."""
+    """Write a result as lines, for `print` and the command line."""
     rows = [(x.label, figure(x), x.note) for x in data.shown(level)]
     sizes = [len(value) for _, value, note in rows if note]
     width = max((x for x in sizes if x <= WIDEST_FIGURE), default=0)
@@ -128,12 +132,12 @@ def text(data: Data, level: int = TABLE) -> str:
 
 
 def lay_out(title: str, rows: Sequence[Sequence[str]]) -> str:
-    """A table as lines below its title."""
+    """Write a table as lines below its title."""
     return format_table(title, rows, columns=">", width=WIDEST_TABLE)
 
 
 def verdict(data: Data) -> str:
-    """Verdict on a result in one sentence."""
+    """Write the verdict on a result in one sentence."""
     parts = []
     for row in data.shown(VERDICT):
         words = figure(row) if row.unit == JUDGED else f"{row.label} {figure(row)}"
@@ -142,14 +146,14 @@ def verdict(data: Data) -> str:
 
 
 def cells(table: Table) -> list[tuple[str, ...]]:
-    """A table as rows of text, the header first, without columns that have no label."""
+    """Write a table as rows of text, the header first, without columns that have no label."""
     columns = [(k, x) for k, x in enumerate(table.columns) if x.label]
     rows = [tuple(_cell(x, row[k]) for k, x in columns) for row in table.rows]
     return [tuple(x.label for _, x in columns), *rows]
 
 
 def _cell(column: Row, value: Any) -> str:
-    """A value of a table, with its unit and note."""
+    """Write a value of a table with its unit and note."""
     if not isinstance(value, Row):
         return figure(replace(column, value=value))
     return " ".join(filter(None, [figure(value), value.note]))
@@ -158,7 +162,7 @@ def _cell(column: Row, value: Any) -> str:
 def compare(
     results: Mapping[str, Data], level: int = FIRST, *, texts: bool = False
 ) -> list[tuple[str, ...]]:
-    """Several results as rows of text: the header, then a row per result."""
+    """Write several results as rows of text: the header, then a row per result."""
     rows = {}
     for name, data in results.items():
         compared = (x for x in data.shown(level) if texts or not isinstance(x.value, str))
@@ -173,8 +177,10 @@ def compare(
 
 
 def plain(data: Data) -> dict[str, Any]:
-    """A result as mappings and lists in SI units, for JSON."""
-    # Lists are truncated after 10,000 entries; `left_out` has the number of omitted entries.
+    """Convert a result to mappings and lists in SI units, for JSON.
+
+    Lists are truncated after 10,000 entries; `left_out` has the number of omitted entries.
+    """
     figures = nest((x.name, x.value) for x in data.rows)
     for table in data.tables:
         figures[table.name] = table.as_dicts(MAX_LISTED)
@@ -201,7 +207,7 @@ def jsonable(value: Any) -> Any:
 
 
 def units(results: Iterable[Data]) -> dict[str, str]:
-    """Units of all values by name, for JSON; names of values in parts with and without the part."""
+    """Map names of all values to units, for JSON; names in parts with and without the part."""
     units_by_name: dict[str, str] = {}
     for data in results:
         named = list(data.walk())
@@ -215,7 +221,7 @@ def units(results: Iterable[Data]) -> dict[str, str]:
 
 
 def frame(data: Data) -> list[dict[str, Any]]:
-    """Values of a result for the page of the Studio."""
+    """List the displayed values of a result for the Studio's page."""
     figures = []
     for row in data.shown():
         mixed = ", " in row.unit
@@ -242,11 +248,11 @@ class Result:
     __slots__ = ()
 
     def to_data(self) -> Data:
-        """Values, tables and sentences of the result."""
+        """Return values, tables and sentences of the result."""
         raise NotImplementedError
 
     def __str__(self) -> str:
-        """Values and warnings as lines."""
+        """Write values and warnings as lines."""
         data = self.to_data()
         warnings = (Row("warning", x, "", "warning", level=TABLE) for x in data.warnings)
         return text(replace(data, rows=(*data.rows, *warnings)))

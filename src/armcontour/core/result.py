@@ -16,21 +16,27 @@ JUDGED = "verdict"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One value of a result, with its name, label and unit."""
+    """One value of a result, with its name, label and unit.
 
-    # Key in JSON and column in batches; "contour_error.rms" is the key `rms` in the mapping
-    # `contour_error`.
+    Args:
+        name: Key in JSON and column in batches; "contour_error.rms" is the key `rms` in the mapping
+            `contour_error`.
+        value: A number, text, True or False; numbers per joint or per name, of which the largest is
+            shown; or several texts. None if unknown.
+        unit: SI unit, "1" for a fraction, "" for a count, `JUDGED` for a verdict. If joints have
+            different units, one unit per value, separated by ", ".
+        label: Displayed name; "" for a value that is only written to files.
+        note: Further information, such as the time or the joint.
+        level: Where the value is shown: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
+        decimals: Decimals of a displayed time in s; None for three significant digits.
+    """
+
     name: str
-    # A number, text, True or False; numbers per joint or per name, of which the largest is shown;
-    # or several texts; None if unknown.
     value: Any
-    # SI unit, "1" for a fraction, "" for a count, `JUDGED` for a verdict; one per value with ", "
-    # between if the joints have different units
     unit: str = ""
-    label: str = ""  # Displayed name; "" for a value in files only
-    note: str = ""  # Further information, such as the time or the joint
-    level: int = TABLE  # `VERDICT`, `FIRST`, `TABLE` or `FILE`
-    # Decimals of a displayed time in s; None for three digits
+    label: str = ""
+    note: str = ""
+    level: int = TABLE
     decimals: int | None = None
 
     @property
@@ -47,12 +53,16 @@ class Row:
 
 
 def with_decimals(rows: Iterable[Row], decimals: int | None) -> tuple[Row, ...]:
-    """Rows whose times are displayed with up to some decimals."""
+    """Copy rows and limit the decimals with which their times are displayed."""
     return tuple(replace(x, decimals=decimals) if x.unit == "s" else x for x in rows)
 
 
 def nest(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    """Nested mappings from dotted names: "error.max" is the key `max` in the mapping `error`."""
+    """Nest values with dotted names: "error.max" becomes the key `max` in the mapping `error`.
+
+    >>> nest([("error.max", 2.0), ("error.rms", 1.0)])
+    {'error': {'max': 2.0, 'rms': 1.0}}
+    """
     nested: dict[str, Any] = {}
     for name, value in values:
         *path, key = name.split(".")
@@ -65,17 +75,23 @@ def nest(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Items of one kind, such as corners or moves."""
+    """Items of one kind, such as corners or moves.
 
-    name: str  # Key in JSON, and caption
-    # Name, unit and label of each column, as rows without values; names as in `Row`.
+    Args:
+        name: Key in JSON, and caption.
+        columns: Name, unit and label of each column, as rows without values; names as in `Row`.
+        rows: The values, in the order of the columns; a value that is a `Row` has its own unit and
+            note.
+        level: Where the table is shown: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
+    """
+
+    name: str
     columns: tuple[Row, ...]
-    # The values, in the order of the columns; a value that is a `Row` has its own unit and note.
     rows: Sequence[Sequence[Any]]
-    level: int = FILE  # `VERDICT`, `FIRST`, `TABLE` or `FILE`
+    level: int = FILE
 
     def as_dicts(self, maximum: int | None = None) -> list[dict[str, Any]]:
-        """Rows as mappings by the names of the columns."""
+        """Return the rows as mappings from column names to values."""
         names = [x.name for x in self.columns]
         mappings = []
         for row in self.rows[:maximum]:
@@ -85,12 +101,12 @@ class Table:
 
     @staticmethod
     def from_rows(name: str, rows: Sequence[Sequence[Row]]) -> Table:
-        """Table of rows with equal columns; each value has its unit and note; hidden if empty."""
+        """Make a table of rows with equal columns; an empty table is hidden."""
         return Table(name, tuple(rows[0]) if rows else (), rows, TABLE if rows else FILE)
 
     @staticmethod
     def from_results(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
-        """Table with one result per row and equal columns; columns up to `FIRST` are shown."""
+        """Make a table with one result per row; only columns up to `FIRST` are shown."""
         columns: tuple[Row, ...] = ()
         if results:
             columns = tuple(
@@ -102,32 +118,40 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """Values, tables and sentences of a result."""
+    """Values, tables and sentences of a result.
+
+    Args:
+        title: Title of the result.
+        rows: Values, the most important first.
+        tables: Tables, in the order in which they are shown.
+        parts: Partial results, by their keys in JSON.
+        notes: Sentences that explain values.
+        warnings: Sentences on limitations, the most severe first.
+    """
 
     title: str
-    rows: tuple[Row, ...] = ()  # Values, the most important first
+    rows: tuple[Row, ...] = ()
     tables: tuple[Table, ...] = ()
-    # Partial results, by their keys in JSON.
     parts: Mapping[str, Data] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()  # Sentences on limitations, the most severe first
+    warnings: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Row:
-        """Row by name; names of rows in a part begin with the key of the part and a point."""
+        """Return the row with this name; "part.row" is the name of a row in a part."""
         for key, row in self.walk():
             if key == name:
                 return row
         raise KeyError(name)
 
     def with_prefix(self, name: str, level: int | None = None) -> tuple[Row, ...]:
-        """Rows with a prefix and a point before their names."""
+        """Copy the rows with a prefix and a point before their names."""
         return tuple(
             replace(x, name=f"{name}.{x.name}", level=x.level if level is None else level)
             for x in self.rows
         )
 
     def walk(self) -> Iterator[tuple[str, Row]]:
-        """All rows with their names, including the rows of parts."""
+        """Yield all rows with their names, including the rows of parts."""
         for row in self.rows:
             yield row.name, row
         for key, part in self.parts.items():
@@ -135,7 +159,7 @@ class Data:
                 yield f"{key}.{name}", row
 
     def shown(self, level: int = TABLE) -> tuple[Row, ...]:
-        """Rows with a label and a value, up to a level; those of lower levels first."""
+        """Return rows with a label and a value, up to a level; those of lower levels first."""
         rows = (replace(row, name=name) for name, row in self.walk())
         labelled = (x for x in rows if x.label and x.level <= level and x.figure is not None)
         return tuple(sorted(labelled, key=lambda x: x.level))

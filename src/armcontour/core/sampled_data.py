@@ -6,12 +6,12 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 
-# Ratio of the standard deviation of normally distributed values to the median of their magnitudes.
+# Normally distributed values: standard deviation divided by the median magnitude.
 DEVIATION_PER_MEDIAN = 1.4826
 
 
 def interpolate(times: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
-    """Columns of samples, linearly interpolated at `times`, constant outside, (m, columns)."""
+    """Interpolate samples linearly at `times`, constant outside their range, (m, columns)."""
     if len(times):
         # Only the needed samples are copied, so that short parts of long motions are fast.
         first, last = np.searchsorted(t, (times.min(), times.max()))
@@ -22,38 +22,57 @@ def interpolate(times: FloatArray, t: FloatArray, values: FloatArray) -> FloatAr
 
 
 def differences(values: FloatArray, order: int) -> FloatArray:
-    """Differences of an order; before the first and after the last value, values are constant."""
+    """Return differences of an order, (n + order - 2, ...); a motion rests before and after.
+
+    >>> differences(np.array([0.0, 1.0, 1.0]), 2)
+    array([ 1., -1.,  0.])
+    """
     around = [(order - 1, order - 1), *[(0, 0)] * (values.ndim - 1)]
     return np.diff(np.pad(values, around, mode="edge"), order, axis=0)
 
 
 def integrate(values: FloatArray, t: FloatArray) -> float:
-    """Integral of values over time by the trapezoidal rule; `numpy.trapezoid` needs numpy 2."""
+    """Integrate values over time by the trapezoidal rule; `numpy.trapezoid` needs numpy 2."""
     return float((np.diff(t) * (values[1:] + values[:-1]) / 2.0).sum())
 
 
 def subdivide(values: FloatArray, count: int) -> FloatArray:
-    """Increasing values with `count` - 1 evenly spaced values inserted between neighbours."""
+    """Insert `count` - 1 evenly spaced values between neighbours of increasing values.
+
+    >>> subdivide(np.array([0.0, 1.0, 3.0]), 2)
+    array([0. , 0.5, 1. , 2. , 3. ])
+    """
     inner = values[:-1, None] + np.arange(count) / count * np.diff(values)[:, None]
     return np.append(inner.ravel(), values[-1])
 
 
 def spread_indices(count: int, most: int) -> IntArray:
-    """At most `most` evenly distributed indices below `count`, with both ends; all if possible."""
+    """Return at most `most` evenly spaced indices below `count`, including both ends."""
     return np.unique(np.linspace(0, count - 1, most).astype(np.intp))
 
 
 def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
-    """Index of each part's item, and of each part in its item, for `count` parts per item."""
+    """Number the parts of items: item i is divided into `count[i]` parts.
+
+    >>> number_parts(np.array([2, 3]))
+    (array([0, 0, 1, 1, 1]), array([0, 1, 0, 1, 2]))
+
+    Returns:
+        For each part, the index of its item, and its own index within the item.
+    """
     whole = np.repeat(np.arange(len(count)), count)
     return whole, np.arange(len(whole)) - np.repeat(np.cumsum(count) - count, count)
 
 
 def white_noise(values: FloatArray, order: int = 3) -> FloatArray:
-    """Standard deviation of the white noise in regular samples of smooth motion, (...)."""
-    # The deviation is computed from differences of a high order, to which smooth motion contributes
-    # little. The median ignores outliers and short disturbances, such as friction at a reversal. If
-    # most differences are 0, as with a coarse encoder, their root mean square is used.
+    """Return the standard deviation of white noise in regular samples of smooth motion, (...).
+
+    Smooth motion contributes little to differences of a high order, so they are mostly noise. For
+    noise with standard deviation σ, the difference of order n has the standard deviation σ |b|,
+    where b are the binomial coefficients. The deviation follows from the median magnitude, which
+    ignores outliers and short disturbances, such as friction at a reversal. If most differences
+    are 0, as with a coarse encoder, it follows from their root mean square.
+    """
     if len(values) <= order:
         return np.zeros(values.shape[1:])
     differences = np.abs(np.diff(values, order, axis=0))

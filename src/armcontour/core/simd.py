@@ -83,7 +83,7 @@ choose = _lanewise(
 
 
 def _load(typing: Any, array: Any, index: Any) -> Any:
-    """Load eight numbers of an array from an index on."""
+    """Load eight numbers of an array, beginning at an index."""
 
     def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
         data = context.make_array(call.args[0])(context, builder, values[0]).data
@@ -94,7 +94,7 @@ def _load(typing: Any, array: Any, index: Any) -> Any:
 
 
 def _store(typing: Any, array: Any, index: Any, value: Any) -> Any:
-    """Store eight numbers in an array from an index on."""
+    """Store eight numbers in an array, beginning at an index."""
 
     def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
         data = context.make_array(call.args[0])(context, builder, values[0]).data
@@ -110,7 +110,7 @@ store: Any = intrinsic(_store)
 
 
 def _across(sign: str) -> Any:
-    """Make an intrinsic for the lowest or highest number of a vector."""
+    """Make an intrinsic that returns the lowest or highest number of a vector."""
 
     def across(typing: Any, a: Any) -> Any:
         def build(context: Any, builder: Any, call: Any, values: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Text for messages and terminals: printable, of limited length, in aligned tables; numbers."""
+"""Text for messages and terminals: printable, limited in length, aligned in tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armcontour.core.lazy import load_method
 Keys: TypeAlias = tuple[str | int, ...]
 # Maximum length of a key in a message [characters].
 MAX_KEY_LENGTH = 80
-# Largest number of characters of a value that a message repeats.
+# Maximum length of a value that a message repeats [characters].
 MAX_SHOWN = 40
 # Longest message [characters]; a longer one would repeat the content of a file.
 LONGEST_SENTENCE = 2000
@@ -26,21 +26,21 @@ LONGEST_SENTENCE = 2000
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 4 * MAX_SHOWN
 # Longest text of a number [characters]; no program prints more digits.
-LONGEST = 100
+LONGEST_NUMBER = 100
 # Smallest similarity of a misspelled name.
-CLOSE = 0.65
+SIMILARITY = 0.65
 # Names that users write for the names of arguments.
-SAME = {"delay": "dead_time", "link_lengths": "links", "lengths": "links"}
+SYNONYMS = {"delay": "dead_time", "link_lengths": "links", "lengths": "links"}
 # Widest line of a table, by default, and of its title [characters].
-WIDTH = 98
+LINE_WIDTH = 98
 # Widest first cell of a table row [characters].
 WIDEST_NAME = 60
 # Largest number of lines of a table.
 MAX_LINES = 60
-# Space before every cell of a table row.
-GAP = "  "
-# Largest number of values of an array, or members of a list, that `repr` shows.
-FEW = 6
+# Space before each cell in a table row.
+CELL_GAP = "  "
+# Largest array or list that `repr` shows in full [values].
+MAX_SHOWN_VALUES = 6
 
 
 def make_printable(text: str) -> str:
@@ -54,17 +54,17 @@ def make_printable(text: str) -> str:
 
 
 def to_line(text: str) -> str:
-    """One printable line of limited length, for a terminal."""
+    """Write one printable line of limited length, for a terminal."""
     return make_printable(shorten(text))
 
 
 def capitalise(text: str) -> str:
-    """The text with a capital first letter."""
+    """Return the text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 
 def shorten(text: str, maximum: int = LONGEST_SENTENCE) -> str:
-    """Replace the middle of a text of more than `maximum` characters by an ellipsis."""
+    """Replace the middle of a text with more than `maximum` characters by an ellipsis."""
     if len(text) <= maximum:
         return text
     half = (maximum - 5) // 2
@@ -72,14 +72,18 @@ def shorten(text: str, maximum: int = LONGEST_SENTENCE) -> str:
 
 
 def show(value: Any) -> str:
-    """The first characters of the `repr` of a value, for messages."""
+    """Return the first characters of a value's `repr`, for messages."""
     text = _short.repr(value) if not isinstance(value, str) else repr(value[: MAX_SHOWN + 1])
     long = len(value) > MAX_SHOWN if isinstance(value, str) else len(text) > MAX_SHOWN
     return f"{text[:MAX_SHOWN]}..." if long else text
 
 
 def key_text(keys: Sequence[int | str]) -> str:
-    """Text of a key path for messages, with items of lists counted from 1."""
+    """Write a key path for messages; items of lists are counted from 1.
+
+    >>> key_text(["runs", "one", "points", 0])
+    'runs.one.points (item 1)'
+    """
     text = ""
     for i, key in enumerate(keys):
         if isinstance(key, str):
@@ -93,23 +97,31 @@ def key_text(keys: Sequence[int | str]) -> str:
 
 
 def list_some(names: Sequence[str], maximum: int) -> str:
-    """The first names, separated by commas, and the number of the other names."""
+    """Write the first names, separated by commas, and how many names follow.
+
+    >>> list_some(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
     listed = ", ".join(names[:maximum])
     return listed if len(names) <= maximum else f"{listed} and {len(names) - maximum} more"
 
 
 def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
-    """A question with the valid name most similar to an unknown one, or `otherwise`."""
+    """Ask whether the most similar valid name is meant; if none is similar, return `otherwise`.
+
+    >>> suggest("kpp", ["kp", "kv"], "")
+    'did you mean kp?'
+    """
     valid = list(valid)
     # These words are used for the same quantity.
     known = name.replace("velocity", "speed")
-    equivalent = [x for x in valid if x.replace("velocity", "speed") == SAME.get(name, known)]
-    candidates = equivalent or difflib.get_close_matches(name, valid, n=1, cutoff=CLOSE)
+    equivalent = [x for x in valid if x.replace("velocity", "speed") == SYNONYMS.get(name, known)]
+    candidates = equivalent or difflib.get_close_matches(name, valid, n=1, cutoff=SIMILARITY)
     return f"did you mean {candidates[0]}?" if candidates else otherwise
 
 
 def describe_fields(cls: type) -> dict[str, str]:
-    """Descriptions of the fields of a dataclass, from the docstrings of the class and its bases."""
+    """Read the descriptions of a dataclass's fields from its docstring and those of its bases."""
     texts: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         _, _, entries = inspect.cleandoc(base.__doc__ or "").partition("\nArgs:\n")
@@ -122,7 +134,7 @@ def describe_fields(cls: type) -> dict[str, str]:
 def parse_number(text: str) -> float:
     """Parse a finite decimal number; blanks around the number are ignored."""
     # `float` also accepts `1_0`, digits of other scripts, `nan` and `inf`; these are refused.
-    if len(text) > LONGEST or not text.isascii() or "_" in text:
+    if len(text) > LONGEST_NUMBER or not text.isascii() or "_" in text:
         raise ValueError(f"{text[:40]!r} is not a number")
     value = float(text)
     if not math.isfinite(value):
@@ -142,7 +154,7 @@ def plain_number(value: Any) -> float | None:
 
 
 def format_table(
-    title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<", width: int = WIDTH
+    title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<", width: int = LINE_WIDTH
 ) -> str:
     """Lay out a title and rows of aligned cells, for `print`."""
     # Rows whose cells after the first are all empty are omitted. Long lines are wrapped; a long
@@ -150,20 +162,20 @@ def format_table(
     filled = [[shorten(x[0], WIDEST_NAME), *x[1:]] for x in rows if any(x[1:])]
     widths = [max(map(len, x)) for x in zip(*filled, strict=True)]
     align = "<" + columns.ljust(len(widths), columns[-1])
-    margin = " " * (sum(widths[:-1]) + len(GAP) * len(widths))
+    margin = " " * (sum(widths[:-1]) + len(CELL_GAP) * len(widths))
     lines = []
     for row in filled:
         cells = [f"{x:{a}{w}}" for x, a, w in zip(row, align, widths, strict=False)]
-        line = make_printable(GAP + GAP.join(cells)).rstrip()
+        line = make_printable(CELL_GAP + CELL_GAP.join(cells)).rstrip()
         lines += textwrap.wrap(line, width, subsequent_indent=margin[: width // 2])
     if len(lines) >= MAX_LINES:
         others = len(lines) + 2 - MAX_LINES
-        lines[MAX_LINES - 2 :] = [f"{GAP}... and {others} more lines"]
-    return "\n".join([shorten(make_printable(title), WIDTH), *lines])
+        lines[MAX_LINES - 2 :] = [f"{CELL_GAP}... and {others} more lines"]
+    return "\n".join([shorten(make_printable(title), LINE_WIDTH), *lines])
 
 
 def short_repr(value: Any) -> str:
-    """A dataclass in one line, for `repr`: arrays by shape, other members by class."""
+    """Write a dataclass in one line, for `repr`: arrays by shape, other members by class."""
     members = ", ".join(
         f"{x.name}={_member(getattr(value, x.name))}" for x in fields(value) if x.repr
     )
@@ -188,9 +200,9 @@ def draw(value: Any, kind: str = "path") -> Any:
 
 
 def _member(value: Any) -> str:
-    """Short text of a member of a dataclass."""
+    """Write a member of a dataclass briefly."""
     if hasattr(value, "shape") and hasattr(value, "tolist"):
-        few = value.size <= FEW
+        few = value.size <= MAX_SHOWN_VALUES
         return repr(value.tolist()) if few else f"<{'x'.join(map(str, value.shape))} array>"
     if is_dataclass(value):
         return f"{type(value).__name__}(...)"
@@ -211,21 +223,25 @@ def clock(t: float, count: int = 4) -> str:
 
 
 def format_event(t: float, s: float) -> str:
-    """Time [s] and arc length [m] of an extreme value, as text."""
+    """Write the time [s] and arc length [m] of an extreme value."""
     return f"t = {t:.3f} s, s = {digits(s)} m"
 
 
 def count_noun(count: int, noun: str) -> str:
-    """A count with its noun, in the plural if needed."""
+    """Write a count with its noun, in the plural if needed."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def limit_label(limit: str, joint: int | None) -> str:
-    """A limit with its joint, such as "joint 2 acceleration"; without a joint, the limit alone."""
+    """Write a limit and its joint, if any, such as "joint 2 acceleration"."""
     return limit if joint is None else f"joint {joint + 1} {limit}"
 
 
 def joint_label(joint: int, names: Sequence[str]) -> str:
-    """The number of a joint, from 1, followed by its name unless that is "joint N"."""
+    """Write a joint's number, from 1, followed by its name unless that is "joint N".
+
+    >>> joint_label(2, ["base", "elbow"])
+    '2 (elbow)'
+    """
     name = names[joint - 1]
     return str(joint) if name == f"joint {joint}" else f"{joint} ({name})"

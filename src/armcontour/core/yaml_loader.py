@@ -9,13 +9,13 @@ from typing import Any
 import yaml
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import LONGEST, parse_number, show
+from armcontour.core.text import LONGEST_NUMBER, parse_number, show
 
 # Longest text [characters]; libyaml reads one million per second. Tables have long paths.
-MAX_CHARACTERS = 16_000_000
-# Largest number of values that aliases add; an alias repeats all values of its anchor.
+MAX_YAML_LENGTH = 16_000_000
+# Largest number of values that aliases may add; an alias repeats all values of its anchor.
 MAX_ALIASED = 100_000
-# Number of characters of text that count as one value.
+# A text counts as one value per this number of characters.
 CHARACTERS_PER_VALUE = 80
 TAG = "tag:yaml.org,2002:"
 # The tag of the key `<<`, whose value is merged into its mapping.
@@ -43,7 +43,7 @@ class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mis
     """Safe loader that rejects repeated keys and aliases that multiply the size of a document."""
 
     def construct_document(self, node: yaml.Node) -> Any:
-        """Construct the document after the checks of its keys and aliases."""
+        """Check keys and aliases of the document, then construct it."""
         # A value that is written has at least one character.
         if _size(node, {}) > node.end_mark.index + MAX_ALIASED:
             words = f"its aliases add more than {MAX_ALIASED} values. Use fewer aliases"
@@ -71,7 +71,7 @@ def _construct_number(loader: Loader, node: yaml.Node) -> float:
     try:
         value = parse_number(text)
     except ValueError:
-        words = f"{show(text)} is not a finite number of at most {LONGEST} characters"
+        words = f"{show(text)} is not a finite number of at most {LONGEST_NUMBER} characters"
         raise _node_error(node, words) from None
     return int(text) if INT.match(text) else value
 
@@ -92,11 +92,15 @@ Loader.add_constructor("!degrees", lambda x, node: math.radians(_construct_numbe
 
 
 def load(content: str | bytes, source: str) -> Any:
-    """Load the YAML document in a text, or in bytes of UTF-8; `!degrees` converts to radians."""
-    if len(content) > MAX_CHARACTERS:
+    """Load the YAML document in a text, or in bytes of UTF-8; `!degrees` converts to radians.
+
+    Raises:
+        InvalidInput: The text is too long, is not valid YAML, or repeats keys.
+    """
+    if len(content) > MAX_YAML_LENGTH:
         raise InvalidInput(
             f"{source} has {len(content) / 1e6:.0f} million characters, more than the "
-            f"limit of {MAX_CHARACTERS / 1e6:.0f} million for YAML. Write a long path to a "
+            f"limit of {MAX_YAML_LENGTH / 1e6:.0f} million for YAML. Write a long path to a "
             "separate CSV file."
         )
     try:
@@ -112,7 +116,7 @@ def load(content: str | bytes, source: str) -> Any:
 
 
 def _size(node: yaml.Node, sizes: dict[yaml.Node, int]) -> int:
-    """Number of values in a node, with those that aliases repeat; its keys must differ."""
+    """Count the values in a node, with those that aliases repeat; refuse repeated keys."""
     if sizes.get(node) == 0:
         raise _node_error(node, "an alias is inside its own anchor")
     if node not in sizes:
@@ -135,12 +139,12 @@ def _size(node: yaml.Node, sizes: dict[yaml.Node, int]) -> int:
 
 
 def _node_error(node: yaml.Node, problem: str) -> yaml.constructor.ConstructorError:
-    """Error at the position of a node."""
+    """Make the error at the position of a node."""
     return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 
 def _describe_error(error: Any) -> str:
-    """Problem, line and column of an error."""
+    """Describe problem, line and column of an error."""
     mark = error.problem_mark
     begun = error.context_mark or error.problem_mark
     problem = next((x for key, x in PLAIN.items() if key in error.problem), error.problem)

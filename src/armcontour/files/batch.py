@@ -1,4 +1,4 @@
-"""`batch`: the runs of a job for every combination of values of its keys."""
+"""`batch`, which runs a job for every combination of key values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from armcontour.files.job_file import read_job
 from armcontour.files.job_patch import Patch, key_of
 from armcontour.jobs import Job, run
 
-# Name of the file with the results of the jobs as lines of JSON, in the order of their completion.
+# Name of the file with a line of JSON per job, in the order in which the jobs are completed.
 LINES = "results.jsonl"
 # Name of the file with the final table.
 TABLE = "results.csv"
@@ -46,7 +46,7 @@ Task = tuple[int, Patch]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchRow:
-    """A run of one job of a batch, or a job without results.
+    """A run in a batch, or a job without results.
 
     Args:
         job: Number of the job, from 1.
@@ -83,13 +83,13 @@ class Batch:
         return dict(Counter({x.job: x.status for x in self.rows}.values()))
 
     def table(self) -> list[dict[str, Any]]:
-        """Rows as mappings with equal keys, for CSV files and pandas; values are in SI units."""
+        """Return rows as mappings with equal keys, for CSV files and pandas, in SI units."""
         rows = [_plain_row(x) for x in self.rows]
         names = sorted(dict.fromkeys(chain.from_iterable(rows)), key="error".__eq__)
         return [{name: x.get(name) for name in names} for x in rows]
 
     def cells(self) -> list[tuple[str, ...]]:
-        """Main results as a table of texts with a header; one column per result that is shown."""
+        """Return the main results as texts in a table with a header; a column per shown result."""
         several = len({x.run for x in self.rows if x.run}) > 1
         results = {}
         for k, x in enumerate(self.rows):
@@ -104,11 +104,11 @@ class Batch:
         return [("job", *header[1:]), *((n, *x[1:]) for n, x in zip(numbers, table, strict=True))]
 
     def errors(self) -> list[str]:
-        """Message of each job without results, with the number of the job."""
+        """Return the message of each job without results, with the number of the job."""
         return [f"Job {x.job}: {x.error}" for x in self.rows if x.error]
 
     def __str__(self) -> str:
-        """Main results as a table, and messages of jobs without results."""
+        """Return the main results as a table, and messages of jobs without results."""
         return "\n".join([lay_out(self.title, self.cells()), *self.errors()])
 
     __repr__ = short_repr
@@ -125,7 +125,7 @@ def batch(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Batch:
-    """Run a job for every combination of values of its keys; a refused job is also a row.
+    """Run a job for every combination of key values; a refused job is also a row.
 
     With `out`, each result is written to `results.jsonl` at once, so that an interruption loses no
     result, and the table is written to `results.csv` at the end.
@@ -173,14 +173,20 @@ def batch(
             named = {".".join(map(str, x)): value for x, value in patch.items()}
             add({"job": k, "values": named, **line})
             counts[line["status"]] += 1
-            words = [f"{counts.total()} of {len(tasks)} jobs"]
-            words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
-            report(Step((", ".join(words),), counts.total() / len(tasks)))
+            report(_completed(counts, len(tasks)))
         rows = _collect_rows(keys, tasks, lines)
         result = Batch(title=f"{file.name}: {count_noun(len(tasks), 'job')}", rows=rows)
         if out is not None:
             _write_table(FilePath(out) / TABLE, result.table())
         return result
+
+
+def _completed(counts: Counter[str], total: int) -> Step:
+    """Return the progress of a batch from the numbers of completed jobs by status."""
+    done = counts.total()
+    words = [f"{done} of {total} jobs"]
+    words += [f"{n} {x}" for x, n in counts.items() if x != DONE]
+    return Step((", ".join(words),), done / total)
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,7 +272,7 @@ def _rows(number: int, values: Mapping[str, Any], line: Line) -> Iterator[BatchR
 
 @contextmanager
 def _open_results(folder: FilePath | None) -> Iterator[Callable[[Line], object]]:
-    """Context with a function that appends a result to the file of results of a new folder."""
+    """Open the file of results in a new folder; yields a function that appends a result."""
     if folder is None:
         yield lambda line: None
         return

@@ -8,8 +8,8 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import plain, units
+from armcontour.files.frame_keys import frame_keys
 from armcontour.files.job_patch import Patch, write_patch
 from armcontour.files.job_text_edits import move_files
 from armcontour.robot import SerialArm
@@ -19,7 +19,7 @@ from armcontour.studies.placement import AXES, Placement
 
 
 def certificate_page(certificate: Certificate) -> dict[str, Any]:
-    """Data of a certificate for JSON: requirements, results and model."""
+    """Return the data of a certificate for JSON: requirements, results and model."""
     data = certificate.to_data()
     page = plain(certificate.study.to_data())
     return page | {"units": page["units"] | units([data]), "certificate": plain(data)}
@@ -40,7 +40,7 @@ def placement_csv(placement: Placement) -> str:
 def placed_job_text(
     placement: Placement, text: str, *, folder: FilePath, to: FilePath, patch: Patch | None = None
 ) -> str:
-    """Text of the job file with the part or the base at the best placement.
+    """Return the text of the job file with the part or the base at the best placement.
 
     Args:
         placement: The placement.
@@ -58,7 +58,7 @@ def placed_job_text(
 
 
 def _placement_patch(placement: Placement, text: str) -> Patch:
-    """Patch for the best placement: `arm.work` of a serial arm, `path.frame` of a planar arm."""
+    """Return the patch for the best place: `arm.work` (serial arm) or `path.frame` (planar)."""
     job = placement.job
     inside = [] if job.scene is None else [x.fixed_to for x in job.scene.obstacles]
     if placement.moved == BASE and BASE in inside:
@@ -67,14 +67,5 @@ def _placement_patch(placement: Placement, text: str) -> Patch:
             "the base do not move with it. Write their new positions by hand."
         )
     if isinstance(job.arm, SerialArm):
-        return {("arm", "work"): _frame_keys(placement.placed().arm.chain.base.inverse)}
-    return {("path", "frame"): _frame_keys(placement.placed().part)}
-
-
-def _frame_keys(frame: Frame) -> dict[str, list[float]]:
-    """Keys `position` [m] and `quaternion` of a frame in a job file."""
-    # Rounding to 1 pm removes rounding errors, for example of 0.1 m. Adding zero converts -0 to 0.
-    return {
-        "position": (frame.position.round(12) + 0.0).tolist(),
-        "quaternion": (quaternions(frame.rotation) + 0.0).tolist(),
-    }
+        return {("arm", "work"): frame_keys(placement.placed().arm.chain.base.inverse)}
+    return {("path", "frame"): frame_keys(placement.placed().part)}

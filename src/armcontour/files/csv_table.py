@@ -6,7 +6,7 @@ import csv
 import math
 import re
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import linear_unit, parse_quantity
-from armcontour.core.text import LONGEST, list_some, parse_number, show
+from armcontour.core.text import LONGEST_NUMBER, list_some, parse_number, show
 
 Key = TypeVar("Key", bound=Hashable)
 NUMBER = re.compile(
@@ -69,11 +69,11 @@ class CsvColumn:
 
 @dataclass(slots=True)
 class Digits:
-    """Statistics of the printed digits of the numbers in a column."""
+    """Statistics on the printed digits in a column."""
 
     places: int = -99  # Largest number of decimal places; negative for powers of ten
     digits: int = 0  # Largest number of significant digits
-    highest: float = -math.inf  # Power of ten of the first digit of the largest number
+    highest: float = -math.inf  # Power of ten at the first digit of the largest number
 
     def add(self, texts: Sequence[str]) -> None:
         """Update the statistics with the texts of numbers."""
@@ -95,7 +95,7 @@ class Digits:
 
 
 def last_digit(columns: Sequence[Digits]) -> float:
-    """Value of the last printed digit of the largest number in columns with one print format."""
+    """Return the last printed digit's value for the largest number in equally printed columns."""
     # A format that removes trailing zeros does not change the result, because the numbers of
     # decimals and of significant digits are the largest over all numbers.
     decimals = max(x.places for x in columns)
@@ -138,7 +138,7 @@ class CsvTable(Generic[Key]):
         )
 
     def suggest(self, *names: str) -> str:
-        """Text of the option that renames unknown columns to `names` (q1 for q#), for messages."""
+        """Return the option that renames unknown columns to `names` (q1 for q#), for messages."""
         titles = dict.fromkeys(title_pattern(x) for x in self._numeric())
         pairs = []
         for name in map(title_pattern, names):
@@ -150,27 +150,27 @@ class CsvTable(Generic[Key]):
         return f"{self.option} '{','.join(pairs)}'"
 
     def _numeric(self) -> list[str]:
-        """Titles of the unknown columns with a number in the first row."""
+        """Return the titles of the unknown columns with a number in the first row."""
         unknown = [x for x in self.unknown if x]
         first = dict(zip(self.titles, self.first_cells(), strict=False))
         return [x for x in unknown if NUMBER.fullmatch(first.get(x, "0").replace(",", "."))]
 
     def rename(self, new: str, old: str) -> str:
-        """Text of the option that renames a column, for messages."""
+        """Return the text of the option that renames a column, for messages."""
         return f"{self.option} '{new}={old}'"
 
     def file_title(self, key: Key) -> str:
-        """Title in the file of the column of a quantity, for messages with the option."""
+        """Return the file's title for the column of a quantity, for messages with the option."""
         return self.titles[self.columns[key].index]
 
     def place(self, row: int, *keys: Key) -> str:
-        """Text for messages: the file, the line of a row, and the titles of the given columns."""
+        """Return file, line of a row and titles of the given columns as text for messages."""
         titles = " ".join(self.columns[x].title for x in keys)
         location = f"{self.source}, line {self.numbers[row]}"
         return f"{location}, column {show(titles)}" if keys else location
 
     def cells(self, row: int) -> list[str]:
-        """All cells of a row, without surrounding blanks."""
+        """Return all cells of a row, without surrounding blanks."""
         try:
             cells = _split(self.lines[row], self.separator)
         except csv.Error as error:
@@ -185,11 +185,11 @@ class CsvTable(Generic[Key]):
         return cells
 
     def first_cells(self) -> list[str]:
-        """Cells of the first row, also if their number is wrong; empty without rows."""
+        """Return the cells of the first row, also if their number is wrong; empty without rows."""
         return _split_any(self.lines[0], self.separator) if self.lines else []
 
     def cell(self, row: int, key: Key) -> str:
-        """Text of the cell in a row and the column of a quantity."""
+        """Return the text of the cell in a row and the column of a quantity."""
         return self.cells(row)[self.columns[key].index]
 
     def is_empty(self, key: Key) -> bool:
@@ -205,7 +205,7 @@ class CsvTable(Generic[Key]):
             yield first, [[row[i] for row in rows] for i in indices]
 
     def read(self, keys: Sequence[Key]) -> tuple[FloatArray, list[Digits]]:
-        """Numbers in SI units, (rows, columns), NaN in empty cells; printed digits by column."""
+        """Read numbers in SI units, (rows, columns), NaN in empty cells, and printed digits."""
         if not self.lines:
             raise InvalidInput(f"{self.source} has column names, but no rows with numbers.")
         values = np.empty((len(self.lines), len(keys)))
@@ -219,9 +219,9 @@ class CsvTable(Generic[Key]):
         return values * [self.columns[x].factor for x in keys], digits
 
     def _parse_column(self, texts: list[str], first: int, key: Key) -> list[float]:
-        """Numbers of the cells of a column, starting at row `first`; NaN for empty cells."""
+        """Return the numbers in a column's cells, starting at row `first`; NaN for empty cells."""
         joined = "".join(texts)
-        if joined.isascii() and "_" not in joined and max(map(len, texts)) <= LONGEST:
+        if joined.isascii() and "_" not in joined and max(map(len, texts)) <= LONGEST_NUMBER:
             try:
                 if np.isfinite(numbers := list(map(float, texts))).all():
                     return numbers
@@ -244,6 +244,24 @@ class CsvTable(Generic[Key]):
         )
 
 
+@dataclass(frozen=True, slots=True)
+class _Heading:
+    """Column titles of a table, and where they are specified."""
+
+    titles: list[str]  # Titles that determine the content of the columns
+    in_file: list[str]  # Titles in the file; without titles in it, equal to `titles`
+    location: str  # Line of the file or option that specifies the titles, for messages
+    has_line: bool  # Whether a line of the file has titles
+
+    def with_joined_time(self, index: int) -> _Heading:
+        """Replace the columns `index` and `index + 1` by one column of time."""
+
+        def join(titles: list[str]) -> list[str]:
+            return [*titles[:index], "t [s]", *titles[index + 2 :]]
+
+        return replace(self, titles=join(self.titles), in_file=join(self.in_file))
+
+
 def read_table(
     text: str,
     source: str,
@@ -256,11 +274,27 @@ def read_table(
 ) -> CsvTable[Key]:
     """Read a table from CSV text with commas, semicolons, tabs or blanks between cells.
 
-    `untitled` returns the titles of a row of a known format without titles; None for other rows.
+    Lines that start with #, and lines above the titles, are comments. The unit of a column is in
+    brackets after the title, `q1 [deg]`. Numbers may have a decimal comma if the separator is not a
+    comma or if they are quoted.
+
+    Args:
+        text: The text.
+        source: Name of the file, for messages.
+        title_of: Returns the content of a column with a title, without its unit; None if the title
+            is not recognized.
+        example: Example of titles, for messages.
+        columns: Names of all columns, separated by commas, or new names of some columns, as in
+            `rename`; None for the titles in the file.
+        option: Option that specifies `columns`, for messages.
+        untitled: Returns the titles of a known format whose files have no titles, from the cells of
+            a row; None for other rows.
+
+    Raises:
+        InvalidInput: The table has no line, the number of names differs from the number of columns,
+            a renamed column does not exist, two columns have the same quantity, or a unit does not
+            fit the quantity.
     """
-    # Lines that start with #, and lines above the titles, are comments. The unit of a column is in
-    # brackets after the title, `q1 [deg]`. Numbers may have a decimal comma if the separator is not
-    # a comma or if they are quoted.
     # `splitlines` would also split at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     numbered = [(k, x) for k, x in enumerate(lines, start=1) if not _IGNORED.match(x)]
@@ -268,79 +302,112 @@ def read_table(
         raise InvalidInput(
             f"{source} is empty, but must have a line with column names, and rows with numbers."
         )
-    names = None if columns is None or "=" in columns else columns.split(",")
-    numbered = numbered[_find_titles(numbered, None if names is None else len(names)) :]
-    header, first = numbered[0]
-    separator = next((x for x in ";\t" if x in first), ",")
-    if separator == "," and _is_blank_separated([line for _, line in numbered[:2]]):
-        # The recorder of UR's RTDE client writes blanks between cells.
+    numbered = numbered[_find_titles([line for _, line in numbered], _count_names(columns)) :]
+    separator = _find_separator([line for _, line in numbered[:2]])
+    if separator is None:
         numbered = [(number, "\t".join(line.split())) for number, line in numbered]
-        first = numbered[0][1]
         separator = "\t"
-    titles = _split_any(first, separator)
-    named = 1
-    heading = f"{source}, line {header}"
-    known = untitled(titles)
-    if known is not None:
-        named = 0
-        titles = known
-    in_file = titles
-    if names is not None:
-        if len(names) != len(titles):
-            raise InvalidInput(
-                f"{heading}: the table has {len(titles)} columns, but {option} has {len(names)} "
-                f"names. Name all columns in their order; the name {SKIPPED} ignores a column."
-            )
-        # The specified names replace the titles in the file.
-        named = int(known is None and not any(map(NUMBER.fullmatch, titles)))
-        in_file = titles if named or known else names
-        titles = [x.strip() for x in names]
-        heading = f"{source}, {option}"
-    if columns is not None and names is None:
-        titles = list(rename(titles, columns, source))
-    lines_of_rows = [line for _, line in numbered[named:]]
-    seconds = _find_seconds(titles)
+    number, line = numbered[0]
+    cells = _split_any(line, separator)
+    heading = _read_heading(cells, untitled(cells), columns, source, number, option)
+    rows = numbered[1:] if heading.has_line else numbered
+    texts = [row for _, row in rows]
+    seconds = _find_seconds(heading.titles)
     if seconds is not None:
-        lines_of_rows = [_join_seconds(x, separator, seconds) for x in lines_of_rows]
-        titles = [*titles[:seconds], "t [s]", *titles[seconds + 2 :]]
-        in_file = [*in_file[:seconds], "t [s]", *in_file[seconds + 2 :]]
-    recognised, unknown = _read_titles(titles, title_of, heading, example, option)
+        heading = heading.with_joined_time(seconds)
+        texts = [_join_seconds(x, separator, seconds) for x in texts]
+    recognised, unknown = _read_titles(heading, title_of, example, option)
     return CsvTable(
         source=source,
-        heading=heading,
+        heading=heading.location,
         example=example,
         option=option,
         columns=recognised,
         unknown=unknown,
-        titles=tuple(in_file),
+        titles=tuple(heading.in_file),
         separator=separator,
-        width=len(titles),
-        lines=lines_of_rows,
-        numbers=[number for number, _ in numbered[named:]],
+        width=len(heading.titles),
+        lines=texts,
+        numbers=[number for number, _ in rows],
         comments=[x.strip() for x in lines if x.lstrip()[:1] == "#"],
     )
 
 
+def _count_names(columns: str | None) -> int | None:
+    """Return the number of columns that an option names; None if it does not name all columns."""
+    return None if columns is None or "=" in columns else len(columns.split(","))
+
+
+def _find_separator(lines: Sequence[str]) -> str | None:
+    """Return the separator between the cells of the first lines; None for blanks.
+
+    The recorder of UR's RTDE client writes blanks between cells.
+    """
+    separator = next((x for x in ";\t" if x in lines[0]), ",")
+    return None if separator == "," and _is_blank_separated(lines) else separator
+
+
+def _read_heading(
+    cells: list[str],
+    known: list[str] | None,
+    columns: str | None,
+    source: str,
+    line: int,
+    option: str,
+) -> _Heading:
+    """Find the titles of the columns: in the option, in a known format, or in the first line.
+
+    Args:
+        cells: Cells of the first line.
+        known: Titles of a known format whose files have no titles.
+        columns: Value of the option.
+        source: Name of the file, for messages.
+        line: Line number of the first line.
+        option: Name of the option, for messages.
+    """
+    in_file = cells if known is None else known
+    location = f"{source}, line {line}"
+    if columns is None:
+        return _Heading(in_file, in_file, location, has_line=known is None)
+    if "=" in columns:
+        renamed = list(rename(in_file, columns, source))
+        return _Heading(renamed, in_file, location, has_line=known is None)
+    names = columns.split(",")
+    if len(names) != len(in_file):
+        raise InvalidInput(
+            f"{location}: the table has {len(in_file)} columns, but {option} has {len(names)} "
+            f"names. Name all columns in their order; the name {SKIPPED} ignores a column."
+        )
+    # The specified names replace the titles in the file.
+    has_line = known is None and not any(map(NUMBER.fullmatch, cells))
+    has_titles = has_line or known is not None
+    return _Heading(
+        titles=[x.strip() for x in names],
+        in_file=in_file if has_titles else names,
+        location=f"{source}, {option}",
+        has_line=has_line,
+    )
+
+
 def _find_seconds(titles: Sequence[str]) -> int | None:
-    """Index of a column of seconds that is followed by its nanoseconds; None without one."""
+    """Find a column of seconds before its nanoseconds; returns its index, None without one."""
     pairs = zip(titles, titles[1:], strict=False)
     found = (i for i, (x, y) in enumerate(pairs) if _SECONDS.fullmatch(f"{x} {y}"))
     return next(found, None)
 
 
 def _join_seconds(line: str, separator: str, index: int) -> str:
-    """A row in which seconds and the nanoseconds after them are one decimal number."""
+    """Return a row in which seconds and the nanoseconds after them are one decimal number."""
     cells = line.split(separator, index + 2)
     if len(cells) < index + 2 or not cells[index + 1].strip().isdigit():
-        # The check of the width or of the number raises the error.
+        # A later check of width or number raises the error.
         return line
     time = f"{cells[index].strip()}.{cells[index + 1].strip():0>9}"
     return separator.join([*cells[:index], time, *cells[index + 2 :]])
 
 
-def _find_titles(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
-    """Index of the line of titles; if `count` titles are known, of the first line of numbers."""
-    lines = [line for _, line in numbered]
+def _find_titles(lines: Sequence[str], count: int | None) -> int:
+    """Find the line of titles, or the first line of numbers if `count` titles are known."""
     if count is not None:
         every = (re.split(r"\s*[,;\t]\s*|\s+", line.strip()) for line in lines)
         of_count = (len(x) == count and any(map(NUMBER.fullmatch, x)) for x in every)
@@ -362,7 +429,7 @@ def _is_blank_separated(lines: Sequence[str]) -> bool:
 
 
 def _split(line: str, separator: str | None) -> list[str]:
-    """Cells of a line without surrounding blanks; blanks separate cells if `separator` is None."""
+    """Split a line into cells without surrounding blanks; None: blanks separate the cells."""
     if separator is None or '"' not in line:
         # Most lines of large files have no blanks, so that stripping is not necessary.
         cells = line.split(separator)
@@ -372,7 +439,7 @@ def _split(line: str, separator: str | None) -> list[str]:
 
 
 def _split_any(line: str, separator: str | None) -> list[str]:
-    """Cells of a line above the rows; a line with wrong quotes is split at each separator."""
+    """Split a line above the rows; with wrong quotes, it is split at each separator."""
     try:
         return _split(line, separator)
     except csv.Error:
@@ -380,9 +447,18 @@ def _split_any(line: str, separator: str | None) -> list[str]:
 
 
 def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
-    """Rename columns or joints; `pairs` is a comma-separated list of `NEW=OLD`, such as `q1=a`."""
-    # In OLD, # matches a number and * any text; the same wildcard in NEW inserts the matched text.
-    # An example is `q# [deg]=joint_#`.
+    """Rename columns or joints.
+
+    Args:
+        names: Present names.
+        pairs: New names: `NEW=OLD`, separated by commas, such as `q1=axis_1`. In OLD, # matches a
+            number and * any text; the same wildcard in NEW inserts the matched text, as in
+            `q# [deg]=joint_#`.
+        source: Name of the file, for messages.
+
+    Raises:
+        InvalidInput: A pair has another form, or a name does not exist.
+    """
     renamed = list(names)
     for pair in pairs.split(","):
         new, _, old = map(str.strip, pair.partition("="))
@@ -407,13 +483,11 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
 
 
 def _read_titles(
-    titles: Sequence[str],
-    title_of: Callable[[str], Title[Key] | None],
-    location: str,
-    example: str,
-    option: str,
+    heading: _Heading, title_of: Callable[[str], Title[Key] | None], example: str, option: str
 ) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
-    """Recognized columns by quantity, in the order of the file, and titles of other columns."""
+    """Recognize columns; returns them by quantity in their order, and titles of the others."""
+    titles = heading.titles
+    location = heading.location
     if len(titles) > 1 and all(map(NUMBER.fullmatch, titles[:2])):
         raise InvalidInput(
             f"{location}: the first line must name the columns, such as {example}. If the file has "
@@ -450,12 +524,12 @@ def _read_titles(
 
 
 def title_pattern(title: str) -> str:
-    """Pattern of a title for the option that renames columns, with # instead of its last number."""
+    """Replace the last number of a title by #, as in the option that renames columns."""
     return re.sub(r"\d+(?=\D*$)", "#", title)
 
 
 def _unit_factor(unit: str, si: str | None, title: str, location: str) -> tuple[float, bool]:
-    """Conversion factor from the unit of a column to an SI unit, or to that of prismatic joints."""
+    """Return the factor to the SI unit of a column, and whether it is that of prismatic joints."""
     plain = unit.strip().replace("²", "^2").replace("°", "deg")
     linear = si is not None and "rad" in si and not _ANGLE.search(plain)
     try:

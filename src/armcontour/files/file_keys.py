@@ -1,4 +1,4 @@
-"""Reader of the keys of files, from the annotations of dataclasses.
+"""Reader of keys in files, from the annotations of dataclasses.
 
 The reader selects the alternative of an annotation by the form of the data, converts quantities to
 SI units, and makes the dataclasses. `core/fields.py` checks the values.
@@ -25,9 +25,8 @@ from typing import (
 )
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import UNIONS, parts_of, reader_of
+from armcontour.core.fields import UNIONS, reader_of
 from armcontour.core.quantities import (
-    About,
     AtLeast,
     Axes,
     Choice,
@@ -65,7 +64,7 @@ SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
 
 @dataclass(frozen=True, slots=True)
 class Methods:
-    """Annotation of one of several dataclasses, selected by the key `method`."""
+    """Annotation: one of several dataclasses, which the key `method` selects."""
 
     text: str  # Description of the mapping
     method: str  # Description of the key `method`
@@ -114,7 +113,7 @@ def _wrong(keys: Keys, value: Any, words: str) -> InvalidInput:
 
 
 def _read(hint: Any, data: Any, keys: Keys) -> Any:
-    """Value of an annotation, made from the data at a key path."""
+    """Return the value of an annotation, made from the data at a key path."""
     every = tuple(leaves(hint))
     if data is None and type(None) in every:
         return None
@@ -143,12 +142,12 @@ def leaves(hint: Any) -> Iterator[Any]:
 
 
 def _mark(leaf: Any) -> tuple[Any, Any]:
-    """Type of an alternative and its mark; the mark is None if it has none."""
+    """Return the type of an alternative and its mark; the mark is None if it has none."""
     return get_args(leaf)[:2] if get_origin(leaf) is Annotated else (leaf, None)
 
 
 def _forms(leaf: Any) -> tuple[type, ...]:
-    """Forms of the data of an alternative."""
+    """Return the forms that data of an alternative may have."""
     base, mark = _mark(leaf)
     if isinstance(mark, Quantity):
         text = (str,) if mark.unit or mark.endless else ()
@@ -162,18 +161,18 @@ def _forms(leaf: Any) -> tuple[type, ...]:
 
 
 def _forms_of_items(leaf: Any) -> list[type]:
-    """Return the forms of the items of an alternative that is a list."""
+    """Return the forms that items may have in an alternative that is a list."""
     base, _ = _mark(leaf)
     return list(chain.from_iterable(map(_forms, leaves(get_args(base)[0]))))
 
 
 def _form_of(data: Any) -> type | None:
-    """Form of data; None for None."""
+    """Return the form of data; None for None."""
     return next((x for x in FORMS if isinstance(data, (int, float) if x is float else x)), None)
 
 
 def _select(every: Sequence[Any], data: Any) -> Any:
-    """Alternative for data of this form; ValueError if there is none."""
+    """Return the alternative for data of this form; ValueError if there is none."""
     form = _form_of(data)
     fitting = [x for x in every if form in _forms(x)]
     if form is list and data and len(fitting) > 1:
@@ -193,7 +192,7 @@ def _select(every: Sequence[Any], data: Any) -> Any:
 
 
 def choices(leaf: Any) -> tuple[str, ...]:
-    """Texts that an alternative allows; empty if it has no choices."""
+    """Return the texts that an alternative allows; empty if it has no choices."""
     base, mark = _mark(leaf)
     if isinstance(mark, Choice):
         return mark.known
@@ -201,7 +200,7 @@ def choices(leaf: Any) -> tuple[str, ...]:
 
 
 def _read_leaf(leaf: Any, data: Any, keys: Keys) -> Any:
-    """Value of an alternative, made from data of its form."""
+    """Return the value of an alternative, made from data of its form."""
     base, mark = _mark(leaf)
     if isinstance(mark, Items) and (words := mark.problem(len(data))):
         raise ValueError(words)
@@ -230,7 +229,7 @@ def _read_leaf(leaf: Any, data: Any, keys: Keys) -> Any:
 
 
 def _in_si(data: Any, quantity: Quantity, keys: Keys, depth: int = 0) -> Any:
-    """Numbers in SI units; of a list with their range, unless they are lower and upper bounds."""
+    """Convert data to numbers in SI units; the range applies unless they are a pair of bounds."""
     if isinstance(data, list):
         return [_in_si(x, quantity, (*keys, i), depth + 1) for i, x in enumerate(data)]
     if isinstance(data, bool) or not isinstance(data, int | float | str):
@@ -246,7 +245,7 @@ def _in_si(data: Any, quantity: Quantity, keys: Keys, depth: int = 0) -> Any:
 def _read_fields(
     kind: Any, data: Any, keys: Keys, partial: PartialFields | None = None
 ) -> dict[str, Any]:
-    """Values of the specified keys of a dataclass, by the names of its fields."""
+    """Read the specified keys of a dataclass; values by the names of its fields."""
     known = key_fields(kind)
     values = {}
     for key in data:
@@ -276,7 +275,7 @@ def _make(kind: Any, values: Mapping[str, Any], keys: Keys) -> Any:
 
 
 def _read_method(mark: Methods, data: Any, keys: Keys) -> Any:
-    """Value of the dataclass that the key `method` selects."""
+    """Return the value of the dataclass that the key `method` selects."""
     known = method_fields(mark)
     names = tuple(str(x.method) for x in mark.kinds)
     for key in data:
@@ -299,26 +298,21 @@ def _read_method(mark: Methods, data: Any, keys: Keys) -> Any:
 
 @cache
 def method_fields(mark: Methods) -> dict[str, KeyField]:
-    """Keys of all methods, in alphabetical order: the fields that have an `About`."""
+    """Return the keys of all methods, in alphabetical order."""
     every: dict[str, KeyField] = {}
     for kind in mark.kinds:
         every |= key_fields(kind)
-    return {key: every[key] for key in sorted(every) if _has_about(every[key])}
-
-
-def _has_about(field: KeyField) -> bool:
-    """Return whether the annotation of a key contains an `About`."""
-    return any(isinstance(x, About) for x in parts_of(field.hint))
+    return {key: every[key] for key in sorted(every)}
 
 
 def methods_with(mark: Methods, key: str) -> str:
-    """Text with the names of the methods that have a key."""
+    """Return the text with the names of the methods that have a key."""
     return " and ".join(x.method for x in mark.kinds if key in key_fields(x))
 
 
 @cache
 def key_fields(kind: Any) -> dict[str, KeyField]:
-    """Keys of a dataclass; its own keys come before those of its base classes."""
+    """Return the keys of a dataclass; its own keys come before those of its base classes."""
     hints = get_type_hints(kind, include_extras=True)
     own = inspect.get_annotations(kind)
     texts = describe_fields(kind)
@@ -341,7 +335,7 @@ def key_fields(kind: Any) -> dict[str, KeyField]:
 
 
 def quantity_of(kind: type, keys: Sequence[str | int]) -> Quantity | None:
-    """Quantity that the value of a key represents; None if the value is not a quantity."""
+    """Return the quantity that a key's value represents; None if it is not a quantity."""
     hints: Sequence[Any] = (kind,)
     for key in keys:
         hints = _inside(hints, key)
@@ -349,7 +343,7 @@ def quantity_of(kind: type, keys: Sequence[str | int]) -> Quantity | None:
 
 
 def in_si(data: Any, *hints: Any) -> Any:
-    """Copy of the data of a file with plain numbers in SI units for all quantities."""
+    """Copy file data, with all quantities as plain numbers in SI units."""
     # Values that cannot be converted are unchanged; the reader of the keys refuses them later.
     if isinstance(data, dict):
         return {key: in_si(x, *_inside(hints, key)) for key, x in data.items()}
@@ -365,7 +359,7 @@ def in_si(data: Any, *hints: Any) -> Any:
 
 
 def _inside(hints: Sequence[Any], key: Any) -> tuple[Any, ...]:
-    """Alternatives of a key inside a mapping, or of an item of a list."""
+    """Return the alternatives of a key inside a mapping, or of a list item."""
     inner: list[Any] = []
     for leaf in hints:
         base, mark = _mark(leaf)
@@ -382,7 +376,7 @@ def _inside(hints: Sequence[Any], key: Any) -> tuple[Any, ...]:
 
 
 def kinds_of_keys(leaf: Any) -> tuple[Any, ...]:
-    """Dataclasses whose keys an alternative has."""
+    """Return the dataclasses whose keys an alternative has."""
     base, mark = _mark(leaf)
     if isinstance(mark, Methods):
         return mark.kinds
@@ -391,15 +385,18 @@ def kinds_of_keys(leaf: Any) -> tuple[Any, ...]:
 
 
 def _keys_of(hints: Sequence[Any]) -> list[str]:
-    """Return the keys of all alternatives, in order; common keys of several occur repeatedly."""
-    keys = list[str]()
-    for kind in chain.from_iterable(map(kinds_of_keys, hints)):
-        keys += key_fields(kind)
-    return keys
+    """Return the keys of all alternatives, in order."""
+    keys = dict[str, None]()
+    for leaf in hints:
+        if isinstance(_mark(leaf)[1], Methods):
+            keys["method"] = None
+        for kind in kinds_of_keys(leaf):
+            keys |= dict.fromkeys(key_fields(kind))
+    return list(keys)
 
 
 def _suggest_key(hint: Any, keys: Keys) -> str:
-    """Suggestion for an unknown key: advice, the most similar known key, or all known keys."""
+    """Suggest a key for an unknown one: advice, the most similar known key, or all keys."""
     *outer, name = keys
     hints = tuple(leaves(hint))
     top = _keys_of(hints)

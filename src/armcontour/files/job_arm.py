@@ -73,7 +73,7 @@ def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
 
 
 def _with_external_axes(arm: Arm, model: ArmModel, part: Frame) -> Arm:
-    """Arm with the rail and the positioner of its model, whose load is in the frame `part`."""
+    """Add rail and positioner to an arm; the positioner's load is in the frame `part`."""
     if model.rail is None and model.positioner is None:
         return arm
     if not isinstance(arm, SerialArm):
@@ -93,7 +93,7 @@ def _with_external_axes(arm: Arm, model: ArmModel, part: Frame) -> Arm:
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:
-    """Frame of a model; a missing position or rotation is zero."""
+    """Return the frame of a model; a missing position or rotation is zero."""
     turned = rotation_of(key, model)
     return Frame(
         position=np.array(model.position or [0.0, 0.0, 0.0]),

@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -30,22 +31,21 @@ from armcontour.core.yaml_loader import load
 from armcontour.files.drawings.path_reader import YAML
 from armcontour.files.file_keys import Patch, read_keys
 from armcontour.files.job_arm import arm_of
-from armcontour.files.job_model import CellModel, JobModel, PathModel, RunModel
+from armcontour.files.job_model import CellModel, JobModel, PathModel
 from armcontour.files.job_patch import apply_patch, write_patch
-from armcontour.files.job_path import CONTOUR_LIMITS, find_contours, part_of, path_of, read_drawing
+from armcontour.files.job_path import part_of, path_of, read_drawing
+from armcontour.files.job_process import add_process
+from armcontour.files.job_run import run_of
 from armcontour.files.job_text_edits import REMOVE, line_of, move_files
 from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
-from armcontour.jobs import Exports, Job, Rounding, Run
-from armcontour.jobs.job import FIRST_TOLERANCE, LONGEST_TITLE, default_compensation
-from armcontour.motion import DEFAULT_CYCLE
-from armcontour.planning import Optimal, Paper, PlanOptions
-from armcontour.program import Event, Process, Program
-from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
+from armcontour.jobs import Exports, Job
+from armcontour.jobs.job import LONGEST_TITLE
+from armcontour.program import Program
+from armcontour.robot import Arm, PlanarTwoLink
 from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
 
-Model = TypeVar("Model", bound=JobModel)
 # Keys of `path` that define the geometry of a job. A drawing replaces them.
 GEOMETRY_KEYS = ("points", "start", "segments")
 SCHEMA = FilePath(__file__).with_name("job.schema.json")
@@ -87,7 +87,13 @@ def parse_job(
 
 @contextmanager
 def file_context(text: str, source: str, patch: Patch | None = None) -> Iterator[None]:
-    """Context that adds the name of a file, and the line of the wrong key, to the message."""
+    """Context that adds the name of a file, and the line of the wrong key, to the message.
+
+    Args:
+        text: Text of the file.
+        source: Name of the file.
+        patch: Patch of the file, whose keys have no line.
+    """
     try:
         with error_context(source):
             yield
@@ -101,7 +107,7 @@ def file_context(text: str, source: str, patch: Patch | None = None) -> Iterator
 
 
 def read_data(text: str, source: str) -> dict[str, Any]:
-    """Data of the text of a job file, a mapping whose keys are not checked."""
+    """Read the text of a job file as a mapping, whose keys are not checked."""
     data = load(text, source)
     if not isinstance(data, dict):
         raise InvalidInput(f"{source} must be a mapping of keys such as name, arm, path and runs.")
@@ -109,7 +115,7 @@ def read_data(text: str, source: str) -> dict[str, Any]:
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of job files, as a dictionary."""
+    """Return the JSON Schema of job files as a dictionary."""
     schema: dict[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))
     return schema
 
@@ -120,46 +126,35 @@ def job_of(
     reading: Progress | None,
     drawing: Program | None = None,
 ) -> Job:
-    """Make a job from its model; reads the files of its arm, drawing and scene."""
+    """Make a job from its model; reads the files of its arm, drawing and scene.
+
+    Args:
+        model: Keys of the job.
+        folder: Folder against which relative file names are resolved.
+        reading: Called with the progress of reading the drawing.
+        drawing: Program of the drawing, if it is already read.
+
+    Raises:
+        InvalidInput: As in `read_job`; the error has the key path of the wrong value.
+    """
     if model.export is not None:
         # Templates are relative to the job file.
         formats = [str(folder / x) if x.endswith(".j2") else x for x in model.export.formats]
         model = dataclasses.replace(
             model, export=dataclasses.replace(model.export, formats=formats)
         )
-    parts = parts_of(model, folder, reading, drawing=drawing)
-    return assemble_job(model, *parts)
-
-
-def parts_of(
-    model: JobModel,
-    folder: FilePath,
-    reading: Progress | None = None,
-    *,
-    drawing: Program | None = None,
-) -> tuple[Arm, Path | Program, Scene | None]:
-    """Make the parts of a job that can need other files: its arm, its path and its scene."""
+    part = part_of(model.path)
     with error_context("", "arm"):
-        arm = arm_of(model.arm, folder, part_of(model.path))
+        arm = arm_of(model.arm, folder, part)
     with error_context("", "path"):
-        drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
+        path = path_of(model.path, folder, arm.dimension, reading, drawing)
     with error_context("", "scene"):
-        scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
-    return arm, drawn, scene
-
-
-def _start(seed: list[float] | dict[str, float] | None, arm: Arm) -> dict[str, Any]:
-    """Start configuration of a job: a branch of a planar arm, or joint positions [rad], (dof,)."""
-    if seed is None:
-        return {}
-    near = _joint_positions(seed, arm)
-    if isinstance(arm, PlanarTwoLink):
-        return {"configuration": arm.configuration_of(near)}
-    return {"seed": near}
+        scene = None if model.scene is None else scene_of(model.scene, folder, part)
+    return assemble_job(model, arm, path, scene)
 
 
 def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
-    """Joint positions of the key `seed` in the order of the arm's joints [rad], (dof,)."""
+    """Return the key `seed` as positions in the order of the arm's joints [rad], (dof,)."""
     if isinstance(seed, list):
         with error_context("", "seed"):
             return checks.per_joint("seed", seed, arm.dof, "rad")
@@ -173,21 +168,37 @@ def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArr
 
 
 def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
-    """Make a job from its model and its arm, path and scene."""
+    """Make a job from its model and the parts that may need other files.
+
+    Args:
+        model: Keys of the job.
+        arm: Arm.
+        drawn: Path or program in the coordinates of the part frame, without the process.
+        scene: Scene; None if obstacles are unknown.
+
+    Raises:
+        InvalidInput: A value is wrong. The error has its key path.
+    """
     path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
     if model.certificate is not None and model.certificate.run is not None:
         _check_run_name(("certificate", "run"), model.certificate.run, model)
+    seed = None if model.seed is None else _joint_positions(model.seed, arm)
+    configuration = None
+    if seed is not None and isinstance(arm, PlanarTwoLink):
+        configuration = arm.configuration_of(seed)
+        seed = None
     return Job(
         name=model.name,
         title=model.title or model.name,
         arm=arm,
         path=path,
         process=process,
-        **_start(model.seed, arm),
+        configuration=configuration,
+        seed=seed,
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
-        runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
+        runs=tuple(run_of(name, run, model, arm) for name, run in model.runs.items()),
         certificate=model.certificate,
         scene=scene,
         export=model.export or Exports(),
@@ -196,94 +207,17 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
 
 
 def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
-    """Servo model with the values of `differs`, and with one value per joint."""
+    """Return the servo model with the values of `differs`, and with one value per joint."""
     with key_context(key):
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
 
 
 def _plant(parameters: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
-    """Servo model of the plant: the nominal servo with the values of `plant` that are not null."""
+    """Make the plant's servo: the nominal servo with the values of `plant` that are not null."""
     differs = {key: value for key, value in parameters.items() if value is not None}
     if differs.get("order") == "first":
         differs.setdefault("kv", None)
     return _servo("plant", nominal, arm, **differs)
-
-
-def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
-    """Make a run of a job; keys that the run does not specify have the values of the job."""
-    chosen = model.corners or job.corners
-    corners = chosen if isinstance(chosen, Rounding) else None
-    with key_context("limits"):
-        limits = resolve_limits("A job", arm, Limits(**job.limits))
-    with key_context("runs", name, "limits"):
-        limits = resolve_limits("A run", arm, Limits(**model.limits), limits)
-    if corners is not None and limits.centripetal_acceleration is None:
-        # With `corners.speed`, this acceleration determines the corner radius. It also limits the
-        # speed in the corners.
-        limits = limits.replace(centripetal_acceleration=corners.acceleration)
-    commands = {**job.command_limits, **model.command_limits}
-    command_limits = None
-    keys: Keys = ("runs", name) if model.command_limits else ()
-    with key_context(*keys, "command_limits"):
-        if commands:
-            from armcontour.motion.nearest_commands import check_command_limits
-
-            command_limits = check_command_limits(Limits(**commands), arm.dof)
-    if corners is not None:
-        keys = ("corners",) if model.corners is None else ("runs", name, "corners")
-        with error_context(f"Run {name}" if model.corners is None else "", *keys):
-            corners.check(model.timing.method, key_text(keys))
-        if corners.tolerance is None:
-            _check_corner_speed(keys, corners, limits)
-    cycle = model.cycle or job.cycle or DEFAULT_CYCLE
-    compensation = model.compensation or default_compensation(job.servo, arm, job.experiment)
-    compensation = dataclasses.replace(compensation, command_limits=command_limits)
-    try:
-        with error_context(f"runs.{name}"):
-            return Run(
-                name=name,
-                timing=_timing(model, cycle),
-                compensation=compensation,
-                limits=limits,
-                rounding=corners,
-                cycle=cycle,
-                speed_factor=model.speed_factor or job.speed_factor,
-                end_time=model.end_time,
-                experiment=job.experiment,
-                accuracy=job.accuracy,
-                default_compensation=model.compensation is None,
-            )
-    except InvalidInput as error:
-        key = str(error.key[0]) if error.key else ""
-        inherited = getattr(job, key, None) is not None and getattr(model, key, None) is None
-        error.key = error.key if inherited else ("runs", name, *error.key)
-        raise
-
-
-def _timing(model: RunModel, cycle: float) -> PlanOptions:
-    """Timing options of a run, with the values of its keys `duration` and `cycle`."""
-    if isinstance(model.timing, Optimal):
-        return dataclasses.replace(model.timing, duration=model.duration)
-    if model.duration is not None:
-        raise InvalidInput(
-            f"duration requires the timing method optimal, not {model.timing.method}. Remove "
-            "duration, or write timing: {method: optimal}.",
-            remedies=({("duration",): None}, {("timing", "method"): Optimal.method}),
-        )
-    if isinstance(model.timing, Paper):
-        return dataclasses.replace(model.timing, cycle=cycle)
-    return model.timing
-
-
-def _check_corner_speed(keys: Keys, corners: Rounding, limits: Limits) -> None:
-    """Check that rounding of corners without a tolerance has a speed and an acceleration."""
-    if corners.speed is None or limits.centripetal_acceleration is None:
-        raise InvalidInput(
-            f"{key_text(keys)} requires either tolerance, the largest corner error, or both speed "
-            "and acceleration.",
-            key=keys,
-            remedies=({("tolerance",): FIRST_TOLERANCE},),
-        )
 
 
 def _check_run_name(keys: Keys, name: str, job: JobModel) -> None:
@@ -296,96 +230,20 @@ def _check_run_name(keys: Keys, name: str, job: JobModel) -> None:
         )
 
 
-def add_process(
-    path: Path | Program, process: Process | None, drawing: PathModel
-) -> tuple[Path | Program, Process]:
-    """Program of a job with notes on unused keys of its process, and the complete process.
-
-    If the job has neither a drawing nor a process, the path is returned unchanged.
-    """
-    if isinstance(path, Path) and process is None:
-        return path, Process()
-    program = Program.from_path(path)
-    if drawing.file is None:
-        # As for a drawing, the process selects the start point of a closed path of points.
-        contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
-        program = Program(moves=tuple(contours))
-    process = _set_contour_values(program, process or Process(), drawing)
-    notes = _note_unused_keys(process, program)
-    if notes:
-        program = dataclasses.replace(program, notes=(*program.notes, *notes))
-    return program, _on_drawing(process, drawing, {x.layer for x in program.contours})
-
-
-def _set_contour_values(program: Program, process: Process, drawing: PathModel) -> Process:
-    """Process with the values of the key `path.contours`."""
-    if not drawing.contours:
-        return process
-    key_of_contour, _ = find_contours(program, drawing)
-    by_contour = dict[int, Any]()
-    for contour in program.contours:
-        values = drawing.contours.get(key_of_contour.get(contour.number, ""), {})
-        own = {x: y for x, y in values.items() if x not in CONTOUR_LIMITS}
-        if own:
-            by_contour[contour.number] = {**process.by_layer.get(contour.layer, {}), **own}
-    try:
-        return dataclasses.replace(process, by_contour=by_contour)
-    except InvalidInput as error:
-        _, number, *inner = error.key
-        error.key = ("path", "contours", str(key_of_contour[int(number)]), *inner)
-        raise error.with_location(key_text(error.key[:3])) from None
-
-
-def _note_unused_keys(process: Process, program: Program) -> list[str]:
-    """Notes on process keys that have no effect on the drawing; a cell often has such keys."""
-    layers = {x.layer for x in program.contours}
-    notes = [
-        f"process.by_layer has the layer {x!r}, but no contour is on this layer."
-        for x in process.by_layer
-        if x not in layers
-    ]
-    if process.off_between:
-        switched = _switched(program, process)
-        names = ", ".join(sorted(switched)) or "none"
-        notes += [
-            f"process.off_between has the output {x!r}, but the program does not switch this "
-            f"output, so that it is not switched off during rapids. Switched outputs: {names}."
-            for x in process.off_between
-            if x not in switched
-        ]
-    if process.tabs is not None and not any(x.closed for x in program.contours):
-        notes.append("process.tabs has no effect, because no contour is closed.")
-    return notes
-
-
-def _switched(program: Program, process: Process) -> set[str]:
-    """Names of the outputs that a program or its process switches."""
-    names = {x.name for x in program.moves if isinstance(x, Event)}
-    for contour in program.contours:
-        contour_process = process.of_contour(contour)
-        names |= {y.name for y in (*contour.events, *contour_process.events)}
-        names |= set() if contour_process.switch is None else {contour_process.switch.name}
-    return names
-
-
-def _on_drawing(process: Process, drawing: PathModel, existing: Collection[str]) -> Process:
-    """Process with the vertical direction and the limits of layers from the key `path`."""
-    layers = drawing.layers if isinstance(drawing.layers, dict) else {}
-    # The reader of the drawing has already reported layers that are missing in the file.
-    layer_limits = {name: x for name, x in layers.items() if name in existing}
-    by_layer = {name: x for name, x in process.by_layer.items() if name in existing}
-    return dataclasses.replace(
-        process, up=part_of(drawing).rotation[:, 2], layers=layer_limits, by_layer=by_layer
-    )
-
-
 def cell_names() -> tuple[str, ...]:
-    """Names of the built-in cells."""
+    """Return the names of the built-in cells."""
     return tuple(sorted(x.stem for x in CELLS.glob("*.yaml")))
 
 
 def cell_text(name: str) -> str:
-    """Text of a built-in cell, including its comments. A cell is a job file without a path."""
+    """Return the text of a built-in cell with its comments. A cell is a job file without a path.
+
+    Args:
+        name: Name of the cell, as in `cell_names`.
+
+    Raises:
+        InvalidInput: There is no such cell.
+    """
     names = cell_names()
     if name not in names:
         raise InvalidInput(
@@ -433,6 +291,23 @@ def read_job(
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Cell:
+    """A cell or job file whose keys are not checked."""
+
+    text: str
+    source: str  # Name for messages
+    folder: FilePath  # Folder against which relative file names are resolved
+
+
+def _open_cell(cell: str) -> _Cell:
+    """Read a built-in cell, or a job file."""
+    file = FilePath(cell)
+    if file.suffix.lower() in YAML:
+        return _Cell(job_text(file), file.name, file.parent)
+    return _Cell(cell_text(cell), f"the cell {cell}", FilePath())
+
+
 def read_cell(
     cell: str | FilePath,
     drawing: str | FilePath,
@@ -440,54 +315,71 @@ def read_cell(
     patch: Patch | None = None,
     reading: Progress | None = None,
 ) -> Job:
-    """Make a job from a cell or job file and a drawing; `patch` overrides keys."""
-    # The drawing replaces the geometry of a job file, but not its frame and its reader options.
-    data, source, folder = cell_data(cell, drawing, patch)
-    with error_context(source):
-        model: CellModel = read_keys(CellModel, data)
+    """Make a job from a cell or job file and a drawing.
+
+    The drawing replaces the geometry of a job file, but not its frame and its reader options.
+
+    Args:
+        cell: As in `read_job`.
+        drawing: The drawing.
+        patch: As in `read_job`.
+        reading: As in `read_job`.
+
+    Raises:
+        InvalidInput: As in `read_job`.
+    """
+    opened = _open_cell(str(cell))
+    data = read_data(opened.text, opened.source)
+    file = FilePath(drawing)
+    drawn = drawing_patch(file, str(file.absolute()))
+    with error_context(opened.source):
+        model: CellModel = read_keys(CellModel, apply_patch(data, {**drawn, **(patch or {})}))
     # Messages of errors in the drawing name only the drawing, not the cell.
-    program = read_drawing(model.path, str(model.path.file), folder, reading)
-    with error_context(source):
-        return job_of(model, folder, reading, program)
+    program = read_drawing(model.path, str(model.path.file), opened.folder, reading)
+    with error_context(opened.source):
+        return job_of(model, opened.folder, reading, program)
 
 
 def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
-    """Arm (None if not specified) and scene of a cell or job file; other keys may be missing."""
-    text, source, folder = _read_cell_text(str(cell))
-    data = read_data(text, source)
-    with file_context(text, source):
+    """Read arm (None if not specified) and scene of a cell or job; other keys may be missing."""
+    opened = _open_cell(str(cell))
+    data = read_data(opened.text, opened.source)
+    with file_context(opened.text, opened.source):
         specified = read_keys(PartialFields(CellModel), data)
     model = specified.get("arm")
     path = specified.get("path", PathModel())
     scene = specified.get("scene")
-    with error_context(source):
+    with error_context(opened.source):
         part = part_of(path)
-        arm = None if model is None else arm_of(model, folder, part)
-        return arm, Scene() if scene is None else scene_of(scene, folder, part)
-
-
-def cell_data(
-    cell: str | FilePath, drawing: str | FilePath, patch: Patch | None = None
-) -> tuple[dict[str, Any], str, FilePath]:
-    """Job data of a cell with a drawing, the cell's name for messages, and the cell's folder."""
-    text, source, folder = _read_cell_text(str(cell))
-    data = read_data(text, source)
-    location = FilePath(drawing)
-    drawn = drawing_patch(location, str(location.absolute()))
-    with error_context(source):
-        return apply_patch(data, {**drawn, **(patch or {})}), source, folder
+        arm = None if model is None else arm_of(model, opened.folder, part)
+        return arm, Scene() if scene is None else scene_of(scene, opened.folder, part)
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
-    """Text of a job file in the folder `to` for a cell and a drawing, with the cell's comments."""
-    text, source, folder = _read_cell_text(str(cell))
+    """Write a job file for a drawing in a cell; comments of the cell stay.
+
+    Args:
+        cell: Built-in cell or job file.
+        drawing: The drawing.
+        to: Folder of the new job file, to which its file names are relative.
+
+    Raises:
+        InvalidInput: The cell does not exist or is not valid YAML.
+    """
+    opened = _open_cell(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
-    return write_patch(move_files(text, folder, to), drawing_patch(location, file), source)
+    text = move_files(opened.text, opened.folder, to)
+    return write_patch(text, drawing_patch(location, file), opened.source)
 
 
 def drawing_patch(drawing: FilePath, file: str) -> Patch:
-    """Patch that sets path, name and title of a job for a drawing with the file name `file`."""
+    """Return the patch that sets path, name and title of a job for a drawing.
+
+    Args:
+        drawing: The drawing, whose name becomes name and title.
+        file: Name of the drawing's file for the key `path.file`.
+    """
     return {
         **{("path", key): REMOVE for key in GEOMETRY_KEYS},
         ("path", "file"): file,
@@ -495,11 +387,3 @@ def drawing_patch(drawing: FilePath, file: str) -> Patch:
         ("name",): shorten(make_printable(drawing.stem), LONGEST_NAME),
         ("title",): shorten(make_printable(drawing.name), LONGEST_TITLE),
     }
-
-
-def _read_cell_text(cell: str) -> tuple[str, str, FilePath]:
-    """Text of a cell, its name for messages, and the folder for its relative file names."""
-    file = FilePath(cell)
-    if file.suffix.lower() in YAML:
-        return job_text(file), file.name, file.parent
-    return cell_text(cell), f"the cell {cell}", FilePath()

@@ -1,4 +1,4 @@
-"""Dataclasses of the keys of a job file; some keys use dataclasses of other packages."""
+"""Dataclasses with the keys of job files; some keys use dataclasses of other packages."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import re
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from armcontour.control.compensation import CompensationOptions, compensator
+from armcontour.control.compensation import CompensationOptions
 from armcontour.core.quantities import (
-    About,
     Angle,
     AtLeast,
     Convert,
@@ -37,17 +36,14 @@ from armcontour.files.scene_file import (
 )
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
-from armcontour.planning import METHODS, PlanOptions
-from armcontour.planning.timing_options import FASTEST
+from armcontour.jobs.methods import COMPENSATIONS, TIMINGS
+from armcontour.planning import FASTEST, PlanOptions
 from armcontour.program import ContourProcess, Process
-from armcontour.program.process import FIRST_RUN
 from armcontour.robot import Limits
 from armcontour.robot.bodies import Payload
 from armcontour.robot.external_axes import Positioner, Rail
 from armcontour.robot.servo import ServoModel
 
-# Topic of options in the help of commands.
-POSITION = "Cell and position of the drawing"
 Point = Annotated[list[Length], Items(2, 3)]
 # Names of runs, which are names of files.
 RUN_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
@@ -66,7 +62,7 @@ Timing = Annotated[
     Methods(
         "Timing of the path.",
         "The fastest timing (optimal), the paper's (paper), or uniform speed (conventional).",
-        tuple(METHODS.values()),
+        tuple(TIMINGS.values()),
     ),
 ]
 Compensation = Annotated[
@@ -76,7 +72,7 @@ Compensation = Annotated[
         "The exact inverse of the servo, pole placement (servo of order second only), inverse "
         "dynamics of drives and arm (arm with masses, servo of order second), or none. By default "
         "inverse_dynamics for a run with an experiment, if arm and servo permit it, else inverse.",
-        tuple(compensator.METHODS.values()),
+        tuple(COMPENSATIONS.values()),
         has_default=False,
     ),
 ]
@@ -233,17 +229,7 @@ class PathModel(ReadOptions):
     start: Point | None = None
     segments: list[SegmentModel] | None = None
     file: str | None = None
-    frame: Annotated[
-        FrameModel | None,
-        About(
-            "--position",
-            POSITION,
-            "Origin of the drawing: '300 mm, 0 mm, 100 mm'; without the third length, z stays.",
-            "to_quantities",
-            "position",
-        ),
-        About("--rpy", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
-    ] = None
+    frame: FrameModel | None = None
     contours: dict[
         int | str, Annotated[dict[str, Any], PartialFields(ContourProcess, null=True)]
     ] = field(default_factory=dict)
@@ -289,10 +275,8 @@ class SharedModel:
         default_factory=dict
     )
     corners: Rounding | Literal["sharp"] | None = None
-    cycle: Annotated[Interval | None, About(usual=(1e-4, 2e-2))] = None
-    speed_factor: Annotated[
-        SpeedFactor | None, About("--speed-factor", FIRST_RUN, read="to_quantity")
-    ] = None
+    cycle: Interval | None = None
+    speed_factor: SpeedFactor | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

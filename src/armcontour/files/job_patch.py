@@ -9,8 +9,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import Any
 
-from armcontour import planning
-from armcontour.control import compensation
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import Keys, key_text, show, suggest
 from armcontour.core.yaml_loader import load
@@ -19,6 +17,7 @@ from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.job_model import JobModel, RunModel
 from armcontour.files.job_text_edits import REMOVE, Change, change_data, value_at, write_data
 from armcontour.jobs.job import ARC, FREE
+from armcontour.jobs.methods import COMPENSATIONS, TIMINGS
 from armcontour.motion import Method
 
 # Top-level keys of a job.
@@ -41,9 +40,9 @@ def _options_of(methods: Mapping[Any, Any]) -> dict[str, str]:
 
 
 # Keys of a timing that are valid only with one method, with the name of this method.
-TIMING_OPTIONS = _options_of(planning.METHODS)
+TIMING_OPTIONS = _options_of(TIMINGS)
 # Keys of a compensation that are valid only with one method, with the name of this method.
-COMPENSATION_OPTIONS = _options_of(compensation.METHODS)
+COMPENSATION_OPTIONS = _options_of(COMPENSATIONS)
 # Keys that are valid only with one method or shape, with the name of this method or shape, by the
 # last two keys of the key path of their method or shape.
 CHOICES: dict[Keys, dict[str, str]] = {
@@ -71,7 +70,7 @@ def parse_set(text: str) -> Patch:
 
 
 def key_of(key: Any) -> Keys:
-    """Key path, from a text such as `limits.speed` or a list of keys; digits are an index."""
+    """Convert a text such as `limits.speed`, or a list, to a key path; digits are an index."""
     parts = key
     if isinstance(key, str):
         parts = [int(x) if x.isdecimal() else x for x in key.split(".")]
@@ -82,12 +81,23 @@ def key_of(key: Any) -> Keys:
 
 
 def full_key(keys: Keys) -> Keys:
-    """Key path from the root of a job file; for a key that only runs have, in an unnamed run."""
+    """Return the key path from the root; for a key that only runs have, in an unnamed run."""
     return ("runs", "", *keys) if keys[0] in IN_RUN - IN_JOB else keys
 
 
 def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
-    """Key path at which a value is set: in the run if it overrides the key, else in the job."""
+    """Return the key path at which a value is set.
+
+    The value is set in the run if the run overrides the key, else in the job.
+
+    Args:
+        keys: Key path.
+        data: Data of the job file.
+        run: Name of the run; None for the job.
+
+    Raises:
+        InvalidInput: The key path names a run that does not exist.
+    """
     runs = value_at(data, ("runs",))
     if keys[0] == "runs" and isinstance(runs, Mapping) and (len(keys) < 2 or keys[1] not in runs):
         names = [str(x) for x in runs]
@@ -109,27 +119,45 @@ def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
 
 
 def resolve_patch(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
-    """Changes of a job file that apply a patch; `run` selects the run that the patch changes."""
+    """Return the changes of a job file that apply a patch.
+
+    Args:
+        data: Data of the job file.
+        patch: The patch.
+        run: Run that the patch changes; None for the job and the runs that override a key.
+
+    Raises:
+        InvalidInput: A key of the patch cannot be set.
+    """
     return _resolve(data, patch, run)[1]
 
 
 def apply_patch(data: Any, patch: Patch) -> Any:
-    """Copy of the data of a job file with a patch applied."""
+    """Copy the data of a job file, and apply a patch."""
     return _resolve(data, patch, None)[0]
 
 
 def write_patch(text: str, patch: Patch, source: str = "job") -> str:
-    """Text of a job file with a patch applied; comments do not change."""
+    """Write the text of a job file with a patch applied; comments do not change.
+
+    Args:
+        text: Text of the job file.
+        patch: The patch.
+        source: Name of the file, for messages.
+
+    Raises:
+        InvalidInput: The text is not YAML, or a key of the patch cannot be set.
+    """
     return write_data(text, apply_patch(load(text, source), patch), source)
 
 
 def arm_keys(arm: str) -> dict[str, str]:
-    """Mapping of the key `arm` for its short form, a built-in name or a file name."""
+    """Return the mapping of the key `arm` for its short form, a built-in name or a file name."""
     return {"file" if arm.lower().endswith(ARM_FILES) else "name": arm}
 
 
 def _resolve(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Change]]:
-    """Data with a patch applied, and the changes that apply it."""
+    """Return the data with a patch applied, and the changes that apply it."""
     changes: list[Change] = []
     values = {key_of(keys): value for keys, value in patch.items()}
     for keys in sorted(values, key=_sort_key):
@@ -193,7 +221,7 @@ def _set_corner_option(
 
 
 def _height(position: Any) -> Any:
-    """The coordinate z of a written position of the part, which a new x and y do not change."""
+    """Return z of the part's written position, which a new x and y do not change."""
     if isinstance(position, list) and len(position) == 3:
         return position[2]
     raise InvalidInput(

@@ -40,7 +40,19 @@ def path_of(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """Objective path or program of a job, with the tool orientation if it is specified."""
+    """Make the objective path or program of a job, with the tool orientation if it is specified.
+
+    Args:
+        model: Keys of the path.
+        folder: Folder against which relative file names are resolved.
+        dimension: 2 for an arm in the plane, 3 for an arm in space.
+        progress: Called with the progress of reading the drawing.
+        drawing: Program of the drawing, if it is already read.
+
+    Raises:
+        InvalidInput: A value is wrong, the drawing cannot be read, or a path in space is for an arm
+            in the plane.
+    """
     unplaced = unplaced_path(model, folder, dimension, progress, drawing)
     return placed_path(model, unplaced, dimension)
 
@@ -52,7 +64,7 @@ def unplaced_path(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """Path or program in its own coordinates, before the transform by `path.frame`."""
+    """Return the path or program in its own coordinates, before the transform by `path.frame`."""
     if model.file is not None:
         if any(x is not None for x in (model.points, model.start, model.segments)):
             raise InvalidInput(
@@ -72,7 +84,7 @@ def unplaced_path(
 
 
 def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path | Program:
-    """The path or program of `unplaced_path`, transformed by `path.frame`."""
+    """Return the path or program of `unplaced_path`, transformed by `path.frame`."""
     frame = part_of(model)
     if dimension == 2 and path.dimension == 2 and not frame.is_planar_transform:
         raise InvalidInput(NOT_PLANAR)
@@ -82,7 +94,7 @@ def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path 
 
 
 def _set_contour_limits(program: Program, model: PathModel) -> Program:
-    """Program with the speeds, tolerances and order of the key `path.contours`."""
+    """Return the program with the speeds, tolerances and order of the key `path.contours`."""
     key_of_contour, notes = find_contours(program, model)
     moves = list[Move](program.moves)
     for i, move in enumerate(moves):
@@ -96,7 +108,7 @@ def _set_contour_limits(program: Program, model: PathModel) -> Program:
 
 
 def find_contours(program: Program, model: PathModel) -> tuple[dict[int, int | str], list[str]]:
-    """Key of `path.contours` by the number of a contour, and notes on contours that are not run."""
+    """Find the key of each contour in `path.contours`; returns also notes on unused keys."""
     contours = program.contours
     notes = list[str]()
     found = dict[int, int | str]()
@@ -124,7 +136,7 @@ def find_contours(program: Program, model: PathModel) -> tuple[dict[int, int | s
 
 
 def _path_from_keys(model: PathModel) -> Path:
-    """Path of a job without a file, with the tool orientation if it is specified."""
+    """Return the path of a job without a file, with the tool orientation if it is specified."""
     path = _positions(model)
     if model.orientation is None:
         return path
@@ -147,7 +159,17 @@ def _check_planar(model: PathModel, program: Program) -> None:
 def read_drawing(
     model: PathModel, file: str, folder: FilePath, progress: Progress | None = None
 ) -> Program:
-    """Read the program of a drawing with the options in the key `path` of a job."""
+    """Read the program of a drawing with the options in the key `path` of a job.
+
+    Args:
+        model: Keys of the path.
+        file: Name of the drawing's file.
+        folder: Folder against which this name is resolved.
+        progress: Called with the progress.
+
+    Raises:
+        InvalidInput: As in `read_path`; the error has the key `path.file`.
+    """
     from armcontour.files.drawings.path_reader import read_path
 
     # With `repeat`, `names` can be names of copies, so `_repeat` selects them.
@@ -181,8 +203,11 @@ def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Prog
 
 
 def part_of(model: PathModel) -> Frame:
-    """Frame of the part: `path.frame`, or the zero frame if it is missing."""
-    return Frame() if model.frame is None else frame_of("path.frame", model.frame)
+    """Return the frame of the part: `path.frame`, or the zero frame if it is missing."""
+    if model.frame is None:
+        return Frame()
+    with error_context("", "path", "frame"):
+        return frame_of("path.frame", model.frame)
 
 
 def _repeat(program: Program, grid: RepeatModel, names: Sequence[str] | None) -> Program:
@@ -216,7 +241,7 @@ def _orient_contours(program: Program, orientation: OrientationModel) -> Program
 
 
 def _positions(model: PathModel) -> Path:
-    """The path of a job without a file: a polyline, or lines and arcs."""
+    """Return the path of a job without a file: a polyline, or lines and arcs."""
     kinds = (model.points, model.segments)
     if sum(x is not None for x in kinds) != 1 or (model.start is None) != (model.segments is None):
         raise InvalidInput("path requires exactly one of points, start with segments, and file.")
@@ -229,7 +254,7 @@ def _positions(model: PathModel) -> Path:
 
 
 def _points(points: list[list[float]]) -> FloatArray:
-    """The key `points` as an array, (n, 2) or (n, 3) [m]."""
+    """Return the key `points` as an array, (n, 2) or (n, 3) [m]."""
     if not points:
         raise InvalidInput("path.points is empty, but a path needs at least two points.")
     if len({len(x) for x in points}) > 1:
@@ -251,7 +276,7 @@ def _check_range(keys: Keys, point: Sequence[float]) -> None:
 
 
 def _segment_chain(start: list[float], models: list[SegmentModel]) -> Path:
-    """The path of a chain of lines and arcs from a start point."""
+    """Make the path that a chain of lines and arcs describes from a start point."""
     if not models:
         raise InvalidInput("path.segments is empty, but a path needs at least one segment.")
     segments: list[Line | Arc] = []
@@ -267,7 +292,7 @@ def _segment_chain(start: list[float], models: list[SegmentModel]) -> Path:
 
 
 def _end(segments: list[Line | Arc]) -> list[float]:
-    """End point of the last segment [m], as a list of coordinates."""
+    """Return the end point of the last segment [m], as a list of coordinates."""
     try:
         (*_, end) = Path(segments=segments[-1:]).vertices.tolist()
     except InvalidInput:
@@ -278,7 +303,7 @@ def _end(segments: list[Line | Arc]) -> list[float]:
 
 
 def _segment(start: list[float], segment: SegmentModel, keys: Keys) -> Line | Arc:
-    """Line or arc of a model, from a start point."""
+    """Return the line or arc of a model, from a start point."""
     segment_limits = SegmentLimits(
         **{y.name: getattr(segment, y.name) for y in dataclasses.fields(SegmentLimits)}
     )
@@ -309,7 +334,7 @@ def _segment(start: list[float], segment: SegmentModel, keys: Keys) -> Line | Ar
 
 
 def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
-    """Path with one tool orientation for its whole length; `location` is for messages."""
+    """Give a path one tool orientation for its whole length; `location` is for messages."""
     _check_single_rotation(("path", "orientation"), orientation)
     follow = orientation.follow_tangent
     key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
@@ -323,7 +348,7 @@ def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
 
 
 def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
-    """Path with one tool orientation per waypoint."""
+    """Return the path with one tool orientation per waypoint."""
     for i, orientation in enumerate(models):
         key = key_text(("path", "orientation", i))
         _check_single_rotation(("path", "orientation", i), orientation)

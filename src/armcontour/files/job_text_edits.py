@@ -77,12 +77,21 @@ class Part(NamedTuple):
     head: int  # Start of the key or dash; of the value in a list in flow style
     name_end: int  # End of the key with its colon, or of the dash
     begin: int  # Start of the value
-    end: int  # End of the value; of the last line of a block
+    end: int  # End of the value; of a block, the end of its last line
     node: yaml.Node | None  # None for an alias, or in an empty text
 
 
 def write_data(text: str, new: Any, source: str = "job") -> str:
-    """Change YAML text so that its data are `new`; all lines of equal values stay."""
+    """Change YAML text so that it has new data; the lines of equal values stay.
+
+    Args:
+        text: The text.
+        new: The new data.
+        source: Name of the file, for messages.
+
+    Raises:
+        InvalidInput: A change cannot be made in the text, for example because of a YAML anchor.
+    """
     data = load(text, source)
     changed = [x for x in {**(data or {}), **new} if value_at(data, (x,)) != new.get(x)]
     for _ in range(MAX_PASSES):
@@ -104,7 +113,7 @@ def write_data(text: str, new: Any, source: str = "job") -> str:
 
 
 def change_data(data: Any, changes: Sequence[Change]) -> Any:
-    """Copy of the data of a job file with changes."""
+    """Copy the data of a job file, and apply changes."""
     for change in changes:
         if change.value is not REMOVE or value_at(data, change.keys, REMOVE) is not REMOVE:
             data = _change_value(data, change.keys, change)
@@ -136,7 +145,13 @@ def _change_value(data: Any, keys: Keys, change: Change) -> Any:
 
 
 def move_files(text: str, folder: FilePath, to: FilePath) -> str:
-    """Text of a job file whose relative file names are converted from `folder` to `to`."""
+    """Convert the relative file names in the text of a job file for another folder.
+
+    Args:
+        text: The text.
+        folder: Folder to which the names are relative.
+        to: Folder to which the returned names are relative.
+    """
     changes = []
     data = load(text, "job")
     for keys, name in _file_names(data):
@@ -161,7 +176,7 @@ def _file_names(data: Any, keys: Keys = (), name: Any = None) -> Iterator[tuple[
 
 
 def line_of(text: str, keys: Sequence[Key]) -> int | None:
-    """Number of the line, from 1, of the value at a key path, or of its nearest outer key.
+    """Return the line number, from 1, of the value at a key path, or of its nearest outer key.
 
     None if the text has no such key.
     """
@@ -177,7 +192,7 @@ def line_of(text: str, keys: Sequence[Key]) -> int | None:
 
 
 def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
-    """Value at a key path in data; `default` if the path does not exist."""
+    """Return the value at a key path in data; `default` if the path does not exist."""
     for key in keys:
         if isinstance(data, list) and isinstance(key, int) and 0 <= key < len(data):
             data = data[key]
@@ -231,7 +246,7 @@ def _align(old: Any, new: Any, parts: Sequence[Part]) -> tuple[dict[Any, Any], l
 
 
 def _count_equal(one: Sequence[Any], other: Sequence[Any]) -> int:
-    """Number of equal items at the starts of two lists."""
+    """Return the number of equal items at the starts of two lists."""
     pairs = enumerate(zip(one, other, strict=False))
     return next((k for k, (x, y) in pairs if x != y), min(len(one), len(other)))
 
@@ -282,7 +297,7 @@ def _replace(text: str, part: Part, new: Any, flow: bool) -> Iterator[Splice]:
 
 
 def _item_text(item: dict[Any, Any] | list[Any], gap: str, flow: bool) -> str:
-    """Text of a mapping or list with one item: on one line if it fits, or as a block."""
+    """Return the text of a mapping or list with one item: on one line if it fits, or as a block."""
     line = _dump(item, default_flow_style=True, width=inf)[1:-1]
     if flow:
         return line
@@ -298,13 +313,13 @@ def _dump(value: Any, **style: Any) -> str:
 
 
 def _gap(text: str, position: int) -> str:
-    """Line break and indentation to the column of a position."""
+    """Return the line break and indentation to the column of a position."""
     eol = "\r\n" if "\r\n" in text else "\n"
     return eol + " " * (position - text.rfind("\n", 0, position) - 1)
 
 
 def _parts(text: str, node: Any) -> list[Part]:
-    """Values in a mapping or list, in the order of the text; empty for other values."""
+    """Return the values in a mapping or list, in the order of the text; empty for other values."""
     parts = []
     end = 0 if node is None else node.start_mark.index
     for k, item in enumerate(node.value if isinstance(node, yaml.CollectionNode) else ()):
@@ -333,7 +348,7 @@ def _parts(text: str, node: Any) -> list[Part]:
 
 
 def _span(text: str, node: yaml.Node) -> tuple[int, int]:
-    """Start and end of a value, without blanks and lines of comments after it."""
+    """Return the start and end of a value, without blanks and lines of comments after it."""
     begin = node.start_mark.index
     body = text[begin : node.end_mark.index].rstrip()
     while body.rpartition("\n")[2].lstrip().startswith("#"):

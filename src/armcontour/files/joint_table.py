@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, Frozen, IntArray
-from armcontour.core.file_access import LARGE, read_text, refuse_ending
+from armcontour.core.file_access import MAX_RECORDED, read_text, refuse_ending
 from armcontour.core.text import show
 from armcontour.files.csv_table import CsvTable, Digits, Title, last_digit, title_pattern
 from armcontour.motion import LapLaw, Trajectory
@@ -54,7 +54,7 @@ FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
         ("q", "measured", 2, r".*/joint_states/(.+)/position"),
         ("dq", "measured", 2, r".*/joint_states/(.+)/velocity"),
     ),
-    # `rostopic echo -p` of JointState and of the state of a controller; times are integers
+    # `rostopic echo -p` of JointState and a controller's state; times are integers
     "rostopic echo -p": (
         ("t", "", 1, r"field\.header\.stamp"),
         ("t", "", 2, r"%time"),
@@ -90,7 +90,7 @@ _PATTERNS = [
 ]
 # SI units by kind of column.
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
-# Names of the kinds of joint columns, for messages.
+# Names of joint columns by their kinds, for messages.
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 
 
@@ -102,7 +102,7 @@ class Key(NamedTuple):
     joint: str = ""  # Number or name of the joint in the file; empty for times
 
     def __str__(self) -> str:
-        """Title of a column with this quantity, for messages."""
+        """Return the title of a column with this quantity, for messages."""
         return f"{self.kind}{self.joint}"
 
     @property
@@ -177,11 +177,11 @@ class TableSamples:
 def read_csv_text(file: str | FilePath, kind: str) -> str:
     """Read the text of a CSV file; `kind` is for messages."""
     refuse_ending(file, kind)
-    return read_text(file, kind, maximum=LARGE, latin=True)
+    return read_text(file, kind, maximum=MAX_RECORDED, latin=True)
 
 
 def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
-    """Joints with a column of a kind and role: numbers in increasing order, or else names."""
+    """Return the joints with a column of a kind and role: increasing numbers, or names."""
     every = [x.joint for x in table.columns if (x.kind, x.role) == (kind, role)]
     numbers = sorted((x for x in every if x.isdigit()), key=lambda x: (len(x), x))
     return numbers or every
@@ -190,7 +190,18 @@ def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
 def read_samples(
     table: CsvTable[Key], keys: Sequence[Key], start: float = -math.inf, end: float = math.inf
 ) -> TableSamples:
-    """Read the times and the columns `keys`; `start` and `end` [s] limit the checks only."""
+    """Read times and columns of a table.
+
+    Args:
+        table: The table.
+        keys: Columns to read.
+        start: First time that is used [s]. Of earlier samples, only the numbers are checked.
+        end: Last time that is used [s]. Of later samples, only the numbers are checked.
+
+    Raises:
+        InvalidInput: The table has no column of times, a cell is not a number, or a time or a
+            sample is not valid.
+    """
     # Rows that repeat the previous row, and rows that have cells only in other columns, are
     # omitted.
     table.require_columns(TIME)
@@ -227,7 +238,7 @@ def read_samples(
 
 
 def _filled_rows(table: CsvTable[Key], values: FloatArray, keys: Sequence[Key]) -> IntArray:
-    """Indices of the rows with values in `keys`; omits rows with values in other columns only."""
+    """Find the rows with values in `keys`; rows with values in other columns only are omitted."""
     used = {table.columns[x].index for x in keys}
     spare = []
     for i in np.flatnonzero(np.isnan(values[:, 1:]).all(axis=1)).tolist():

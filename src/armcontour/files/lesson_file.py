@@ -14,7 +14,7 @@ import numpy as np
 from armcontour._version import __version__
 from armcontour.control.learning import LearningResult, LearningRun
 from armcontour.core.errors import InvalidInput
-from armcontour.core.file_access import LARGE, read_bytes
+from armcontour.core.file_access import MAX_RECORDED, read_bytes
 from armcontour.motion import Trajectory
 from armcontour.robot.servo import ServoModel
 
@@ -23,7 +23,7 @@ VERSION = 5
 # Fields that are not stored as arrays or plain values: they are computed again from the job and the
 # plan, or are stored separately.
 NOT_STORED = ("trajectory", "runs", "lifted", "servo", "command_limits", "limit_cost")
-# Names of the arrays of a run: number of the run and name of the field.
+# Names of a run's arrays: number of the run and name of the field.
 RUN_ARRAY = "run {}: {}"
 # Name of the JSON entry with all values that are not arrays.
 JSON_ENTRY = "about.json"
@@ -69,8 +69,8 @@ def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
     content = read_bytes(file, "lesson file")
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as source:
-            if sum(x.file_size for x in source.zip.infolist()) > LARGE:
-                raise ValueError(f"the unpacked size must be at most {LARGE} bytes")
+            if sum(x.file_size for x in source.zip.infolist()) > MAX_RECORDED:
+                raise ValueError(f"the unpacked size must be at most {MAX_RECORDED} bytes")
             about = json.loads(source[JSON_ENTRY])
             if about["version"] != VERSION:
                 raise InvalidInput(

@@ -1,4 +1,4 @@
-"""Files of limits and of an identified servo."""
+"""Files with limits, and with an identified servo."""
 
 from __future__ import annotations
 
@@ -51,15 +51,25 @@ class LimitsFile(Limits):
     orientation_deviation: Angle | None = None
 
 
-def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, float | None]:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MotionRequirements:
+    """Requirements that a motion is checked against."""
+
+    limits: Limits
+    deviation: float | None = None  # Largest distance of the tool from its path [m]
+    # Largest angle between the tool and its required orientation [rad]
+    orientation_deviation: float | None = None
+
+
+def read_limits(file: str | FilePath, arm: Arm) -> MotionRequirements:
     """Read limits from a YAML file.
 
     Limits that are not in the file are those of the arm. Infinity removes a limit, as in a job
     file.
 
-    Returns:
-        The limits, and the largest deviation from the path [m] and from the required orientation
-        [rad]; None if the file does not specify it.
+    Args:
+        file: The file.
+        arm: Arm of the limits.
 
     Raises:
         InvalidInput: The file does not exist, is not YAML, or has an unknown key or invalid value.
@@ -76,10 +86,13 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
         )
     with error_context(location.name):
         specified = read_keys(PartialFields(LimitsFile), data)
-    deviations = [specified.pop(name, None) for name in ("deviation", "orientation_deviation")]
+    deviation = specified.pop("deviation", None)
+    orientation_deviation = specified.pop("orientation_deviation", None)
     with error_context(location.name):
         limits = resolve_limits(location.name, arm, Limits(**specified))
-    return limits, *deviations
+    return MotionRequirements(
+        limits=limits, deviation=deviation, orientation_deviation=orientation_deviation
+    )
 
 
 def read_servo(file: FilePath, dof: int) -> ServoModel:
@@ -96,7 +109,7 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
 
 
 def servo_yaml(identification: Identification) -> str:
-    """YAML text of the key `servo` of a job file, with identified values and their intervals."""
+    """Write the key `servo` of a job file as YAML, with identified values and their intervals."""
     servo = identification.servo_model()
     lines = [
         f"# Identified from {identification.source} by armcontour {__version__}. Copy it into a "
@@ -116,12 +129,12 @@ def servo_yaml(identification: Identification) -> str:
 
 
 def servo_values(identification: Identification) -> dict[str, Any]:
-    """Values of the key `servo` of a job file, as `servo_yaml` writes them."""
+    """Return the values that `servo_yaml` writes, by the keys in `servo`."""
     return dict(load(servo_yaml(identification), "servo")["servo"])
 
 
 def servo_lines(servo: ServoModel, prismatic: Sequence[bool]) -> list[str]:
-    """Lines of YAML with the key `servo`, with one value per joint."""
+    """Return the lines of YAML with the key `servo`, with one value per joint."""
     orders = [servo.order] * len(prismatic) if isinstance(servo.order, str) else servo.order
     lines = ["servo:", f"  order: [{', '.join(orders)}]", f"  interpolation: {servo.interpolation}"]
     units = {name: x.unit for name, x in quantities(ServoModel).items() if x.unit != "1"}
@@ -138,7 +151,7 @@ def servo_lines(servo: ServoModel, prismatic: Sequence[bool]) -> list[str]:
 
 
 def _estimate_text(estimate: Estimate) -> str:
-    """Text with the value and the interval of an estimate, for a comment."""
+    """Return the text with the value and the interval of an estimate, for a comment."""
     if not estimate.determined:
         return f"{estimate.label} not determined"
     return f"{estimate.label} {figure(estimate.row)} {estimate.row.note}".rstrip()

@@ -113,10 +113,22 @@ def read_run_log(
     columns: str | None = None,
     commanded: bool = False,
 ) -> Log | Recording:
-    """Read the log of a robot run for learning; without commands, it is a `Recording`."""
-    # The file has the form of `read_log`, or is CSV with measured positions only. Joints with the
-    # names of the arm, also with a prefix, are sorted in the order of the arm; the order of other
-    # joints does not change.
+    """Read the log of a robot run for learning; without commands, it is a `Recording`.
+
+    The file has the form of `read_log`, or is CSV with measured positions only. Joints with the
+    names of the arm, also with a prefix, are sorted in the order of the arm. The order of other
+    joints does not change.
+
+    Args:
+        file: The file.
+        joint_names: Names of the arm's joints.
+        window: First and last time to use [s].
+        columns: As in `read_log`.
+        commanded: Whether a log without commands is refused.
+
+    Raises:
+        InvalidInput: As in `read_log`, or the log has other joints.
+    """
     from armcontour.control.learning import Recording
 
     log, has_commands = _read_log(FilePath(file), joint_names, window, columns, commanded=commanded)
@@ -159,23 +171,13 @@ def _read_log(
     keys = [Key("q", role, name) for role, name in product(roles, names)]
     samples = read_samples(table, keys, *window)
     columns_of_roles = np.hsplit(samples.values, len(roles))
-    slides = []
-    for name in names:
-        columns_of_joint = [table.columns[Key("q", x, name)] for x in roles]
-        slides.append(any(x.linear for x in columns_of_joint))
-        angle = next((x for x in columns_of_joint if x.unit is not None and not x.linear), None)
-        if slides[-1] and angle is not None:
-            raise InvalidInput(
-                f"{table.heading}: the column {show(angle.title)} has the unit {show(angle.unit)}, "
-                "but another column of this joint has a unit of length. Correct one of them."
-            )
     log = cut_log(
         samples.t,
         columns_of_roles[0],
         columns_of_roles[-1],
         window,
         joint_names=tuple(f"joint {x}" if x.isdigit() else x for x in names),
-        prismatic=tuple(slides),
+        prismatic=tuple(_is_prismatic(table, x, roles) for x in names),
         interpolation=_find_interpolation(table.comments),
         source=table.source,
         notes=(*naming, *notes, *samples.notes),
@@ -183,8 +185,21 @@ def _read_log(
     return log, len(roles) > 1
 
 
+def _is_prismatic(table: CsvTable[Key], joint: str, roles: Sequence[str]) -> bool:
+    """Return whether the columns of a joint have a unit of length; all must agree."""
+    columns = [table.columns[Key("q", x, joint)] for x in roles]
+    slides = any(x.linear for x in columns)
+    angle = next((x for x in columns if x.unit is not None and not x.linear), None)
+    if slides and angle is not None:
+        raise InvalidInput(
+            f"{table.heading}: the column {show(angle.title)} has the unit {show(angle.unit)}, "
+            "but another column of this joint has a unit of length. Correct one of them."
+        )
+    return slides
+
+
 def _find_interpolation(comments: Iterable[str]) -> str | None:
-    """Interpolation that a comment specifies; None if no comment specifies it."""
+    """Return the interpolation that a comment specifies; None if no comment specifies it."""
     names = (match["what"].lower() for x in comments if (match := _INTERPOLATION.fullmatch(x)))
     return next((x for x in names if x in INTERPOLATIONS), None)
 

@@ -66,7 +66,7 @@ def read_mesh(
 
 
 def _read(content: bytes, location: FilePath) -> tuple[FloatArray, IntArray]:
-    """Unique points, (n, 3), and triangles as point indices, (m, 3), of a file."""
+    """Return the unique points, (n, 3), and triangles as point indices, (m, 3), of a file."""
     import trimesh
 
     kind = location.suffix.lower()[1:]
@@ -98,7 +98,7 @@ def _read(content: bytes, location: FilePath) -> tuple[FloatArray, IntArray]:
 
 
 def _factor(unit: str, location: FilePath) -> float:
-    """Conversion factor from a unit of length to metres."""
+    """Return the conversion factor from a unit of length to metres."""
     try:
         return parse_quantity(f"1 {unit}", "m")
     except ValueError:

@@ -31,7 +31,7 @@ MAX_NAMED = 3
 
 
 def to_json(data: Any) -> str:
-    """Data as indented JSON text."""
+    """Return the data as indented JSON text."""
     return json.dumps(render.jsonable(data), indent=2, allow_nan=False) + "\n"
 
 
@@ -155,7 +155,7 @@ class ResultFolder:
             self._record.unlink()
 
     def _find_earlier(self) -> list[str]:
-        """Names of the files and folders of an earlier result, which may be replaced."""
+        """Return the names of the files and folders of an earlier result, which may be replaced."""
         present = _names_in(self._target) - {file_access.NEXT}
         if self._record is not None:
             present.discard(self._record.name)
@@ -210,7 +210,7 @@ class ResultFolder:
 
 
 def _names_in(folder: FilePath) -> set[str]:
-    """Names of the files and folders in a folder; empty if the folder does not exist."""
+    """Return the names of the files and folders in a folder; empty if the folder does not exist."""
     return {x.name for x in folder.iterdir()} if folder.is_dir() else set()
 
 
@@ -242,7 +242,7 @@ def kind_of(folder: FilePath) -> str:
 
 
 def verify_file(folder: FilePath, name: str) -> FilePath:
-    """Path of a file of a result; FileError if armcontour did not write it or it changed."""
+    """Check and return a result's file; FileError if armcontour did not write it or it changed."""
     written = _manifest(folder).get("files", {})
     if SUMMARY not in written:
         raise FileError(

@@ -17,7 +17,7 @@ from armcontour.motion.log import is_same_joint
 _NAME_TITLE = re.compile(r"(?:.*[./ ])?(?:joint_)?names?[_ ]?\[?\d+\]?", re.IGNORECASE)
 # The last number of a title is the index of a joint.
 _INDEX = re.compile(r".*?(\d+)\D*")
-# Number of columns before the names of the joints: seconds, nanoseconds and name of the frame.
+# Number of columns before the joint names: seconds, nanoseconds and frame name.
 _HEADER = 3
 
 
@@ -54,7 +54,7 @@ def _is_number(text: str) -> bool:
 def name_joints(
     table: CsvTable[Key], joint_names: Sequence[str]
 ) -> tuple[CsvTable[Key], tuple[str, ...]]:
-    """The table with the names of its joints instead of their numbers, and a note on the names.
+    """Name the joints of a table instead of numbering them; returns the table and a note.
 
     The names are the cells of columns such as `field.name0`, or cells with a name of `joint_names`.
     A column belongs to the name with the same index in its title, or else with the same place among
@@ -132,7 +132,7 @@ def _refuse_two_arms(
 
 
 def _name_columns(table: CsvTable[Key], joint_names: Sequence[str]) -> list[int]:
-    """Indices of the columns with names of joints."""
+    """Return the indices of the columns with names of joints."""
     used = {x.index for x in table.columns.values()}
     first = table.first_cells()
     if len(first) != table.width:
@@ -167,7 +167,7 @@ def _constant_names(table: CsvTable[Key], columns: Sequence[int]) -> dict[int, s
 def _names_of_group(
     table: CsvTable[Key], keys: Sequence[Key], names: Mapping[int, str]
 ) -> list[str]:
-    """The name of the joint of each column of one quantity, in the order of `keys`."""
+    """Return each column's joint name for one quantity, in the order of `keys`."""
     indices = [table.columns[x].index for x in keys]
     by_number = {_index(table.titles[i]): name for i, name in names.items()}
     numbers = [_index(table.titles[i]) for i in indices]
@@ -185,6 +185,6 @@ def _names_of_group(
 
 
 def _index(title: str) -> str | None:
-    """The last number of a title, without leading zeros; None without a number."""
+    """Return the last number of a title, without leading zeros; None without a number."""
     match = _INDEX.fullmatch(title)
     return str(int(match[1])) if match else None

@@ -61,7 +61,16 @@ Direction = Annotated[list[float], Items(3, 3)]
 
 
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
-    """Scene of a job; `part` is the frame of the part, for obstacles that are fixed to it."""
+    """Make the scene of a job; reads the files of meshes.
+
+    Args:
+        model: Keys of the scene.
+        folder: Folder against which relative file names are resolved.
+        part: Frame of the part, for obstacles that are fixed to it.
+
+    Raises:
+        InvalidInput: A body is wrong, or its file cannot be read.
+    """
     obstacles = tuple(_obstacle(x, folder, part) for x in model.obstacles)
     return Scene(obstacles=obstacles, margins=model.margins, floor=model.floor)
 
@@ -127,7 +136,7 @@ def more_link_shapes(
 
 
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
-    """Rotation matrix of a model, (3, 3); None if the model specifies no rotation."""
+    """Return the rotation matrix of a model, (3, 3); None if the model specifies no rotation."""
     if model.rpy is not None and model.quaternion is not None:
         raise InvalidInput(f"{key or 'It'} has rpy and quaternion. Remove one of them.")
     if model.quaternion is not None:
@@ -163,7 +172,7 @@ def _obstacle(model: ObstacleModel, folder: FilePath, part: Frame) -> Obstacle:
 
 
 def _body_frame(model: BodyModel) -> Frame:
-    """Frame of a body in its reference frame (the arm's base, the part or a link)."""
+    """Return the frame of a body in its reference frame (the arm's base, the part or a link)."""
     turned = rotation_of("", model) if model.normal is None else _towards(model.normal, model)
     return Frame(
         position=np.array(model.at or [0.0, 0.0, 0.0]),
@@ -172,7 +181,7 @@ def _body_frame(model: BodyModel) -> Frame:
 
 
 def _towards(direction: list[float], model: BodyModel) -> FloatArray:
-    """Rotation matrix whose z axis is the outward normal of a half-space."""
+    """Return the rotation matrix whose z axis is the outward normal of a half-space."""
     if model.rpy is not None or model.quaternion is not None:
         raise InvalidInput("A half-space must have only one of normal, rpy and quaternion.")
     normal = checks.check_numbers("normal", direction)
@@ -183,12 +192,12 @@ def _towards(direction: list[float], model: BodyModel) -> FloatArray:
 
 
 def upright(z: FloatArray) -> FloatArray:
-    """Rotation matrix whose z axis is the unit vector `z`, (3, 3)."""
+    """Return the rotation matrix whose z axis is the unit vector `z`, (3, 3)."""
     return exp(shortest([0.0, 0.0, 1.0], z))
 
 
 def _read_shape(model: BodyModel, folder: FilePath) -> Shape:
-    """Shape of a body; reads the file of a mesh."""
+    """Return the shape of a body; reads the file of a mesh."""
     required = BODY_KEYS[model.type]
     optional = OPTIONAL_KEYS.get(model.type, ())
     for key in ("size", "radius", "length", "normal", "file", "unit"):

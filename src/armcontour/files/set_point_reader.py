@@ -21,7 +21,17 @@ TOLERANCE = 1e-9
 
 
 def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
-    """Set-points of a file or result folder; a `LearningResult` if the folder has a lesson."""
+    """Read executed set-points of a job; a `LearningResult` if the folder has a lesson.
+
+    Args:
+        location: File of set-points, or folder of a result.
+        job: The job.
+        plan: Plan of the run.
+
+    Raises:
+        InvalidInput: The file cannot be read, or its set-points are neither those of the job nor
+            those of the lesson.
+    """
     # The returned set-points are those of the job, or of the lesson in the same folder, because the
     # file has rounded numbers. The file must equal them within its printed digits. If a result
     # folder has the plan of the job but other set-points, for example because the servo of the job

@@ -52,12 +52,12 @@ from armcontour.robot import Limits
 
 # Fields of messages and goals that contain the JointTrajectory, directly or nested.
 INNER_FIELDS = ("request", "goal", "trajectory", "joint_trajectory")
-# Names of the fields of a time in ROS 2 and ROS 1.
+# Fields of a time in ROS 2 and ROS 1.
 STAMPS = (("sec", "nanosec"), ("secs", "nsecs"))
 ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 # Resolution of times in ROS [s].
 NANOSECOND = 1e-9
-# Beginnings of the titles of export columns that are ignored without a note.
+# Export columns that are ignored without a note, by the beginnings of their titles.
 IGNORED = ("events", "torque ")
 EXAMPLE = "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured positions"
 # Times are equal if they differ by at most this [cycles]; times are printed with 12 digits.
@@ -67,7 +67,17 @@ SAME_TIME = 1e-6
 def read_ros_motion(
     file: FilePath, joint_names: Sequence[str], names: str | None = None
 ) -> TrajectoryFile:
-    """Read a JointTrajectory in the form of `ros2 topic echo`; `names` renames its joints."""
+    """Read a JointTrajectory in the form of `ros2 topic echo`.
+
+    Args:
+        file: The file (YAML).
+        joint_names: Names of the arm's joints; empty for the joints of the file.
+        names: New names of joints, as in `rename`; None for those of the file.
+
+    Raises:
+        InvalidInput: The file has not exactly one JointTrajectory, or its joints or points are
+            wrong.
+    """
     if names is not None and "=" not in names:
         raise InvalidInput(
             f"{file.name} is a file of ROS, which has no columns. --columns can only rename its "
@@ -148,7 +158,7 @@ def _nanoseconds(start: Any) -> int:
 def _join_points(
     source: str, names: Sequence[str], points: Sequence[_Point], joint_names: Sequence[str]
 ) -> TrajectoryFile:
-    """Motion of the points of a trajectory, with the resolution of the printed numbers."""
+    """Join points to a motion, with the resolution of the printed numbers."""
     requested = tuple(joint_names) or tuple(names)
     order = match_joints(names, requested, source)
     if not order:
@@ -230,7 +240,13 @@ def parse_trajectory(
     source: str = "trajectory",
     columns: str | None = None,
 ) -> TrajectoryFile:
-    """Read a trajectory from CSV text; see `read_trajectory`.
+    """Read a trajectory from CSV text.
+
+    Args:
+        text: The text, in the form that `read_trajectory` describes.
+        joint_names: As in `read_trajectory`.
+        source: Name of the text, for messages.
+        columns: As in `read_trajectory`.
 
     Raises:
         InvalidInput: As in `read_trajectory`.
@@ -319,7 +335,7 @@ def _select_columns(
 
 
 def _joint_numbers(table: CsvTable[Key], role: str) -> list[str]:
-    """Numbers of the joints as texts, starting at 1, or at 0 if there is a joint 0."""
+    """Return the numbers of the joints as texts, starting at 1, or at 0 if there is a joint 0."""
     numbers = {int(x.joint) for x in table.columns if x.role == role and x.joint.isdigit()}
     first = 0 if 0 in numbers else 1
     joints = []
@@ -348,7 +364,7 @@ class StoredRun:
     external: tuple[int, ...] = ()  # Indices of external axes
 
     def set_points(self, derivatives: int | None = None) -> SetPointTable:
-        """Table of the set-points; `derivatives` as in `tabulate`."""
+        """Return the table of the set-points; `derivatives` as in `tabulate`."""
         stored = self._read("set_points.csv")
         start = float(stored.t[0])
         return tabulate(
@@ -416,7 +432,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
 
 
 def _choose_run(folder: FilePath, runs: Mapping[str, Any], name: str | None) -> str:
-    """Name of the requested run, or of the only run."""
+    """Return the name of the requested run, or of the only run."""
     names = list_some([repr(x) for x in runs], 6)
     if name is None and len(runs) == 1:
         return next(iter(runs))

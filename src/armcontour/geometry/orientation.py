@@ -31,9 +31,9 @@ ROUNDING = 1e-15
 # Coefficients of f(u) = u.
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
 # Fields of `Orientation` with rotations: one matrix or one rotation vector per piece.
-ROTATIONS = ("starts", "first", "second")
+ROTATIONS = ("starts", "first", "second", "third")
 # Fields of `Orientation` with the coefficients of polynomials, one row per piece.
-POLYNOMIALS = ("f", "g")
+POLYNOMIALS = ("f", "g", "h")
 
 
 # Coefficients of fast rotations are large, so any finite value is accepted.
@@ -45,17 +45,19 @@ class Orientation(Checked):
     """Tool orientation along a path, in n pieces.
 
     On piece i, at distance u after its start, the tool's axes are the columns of
-    `exp(g(u) second[i]) exp(f(u) first[i]) starts[i]`; f and g are polynomials of degree 3, or 5
-    where the derivative of the angular rate must not jump. A piece of constant angular rate has
-    f(u) = u and g = 0.
+    `exp(h(u) third[i]) exp(g(u) second[i]) exp(f(u) first[i]) starts[i]`. f, g and h are
+    polynomials of degree 3, or 5 where the derivative of the angular rate must not jump. A piece of
+    constant angular rate has f(u) = u and g = h = 0. Only splines of rotations need h.
 
     Args:
         breaks: Arc lengths of the ends of the pieces, from 0 [m], (n + 1,).
         starts: Rotation matrices at the starts of the pieces, (n, 3, 3).
         first: Rotation vectors per unit of f [rad/m], (n, 3).
         second: Rotation vectors per unit of g [rad/m], (n, 3).
+        third: Rotation vectors per unit of h [rad/m], (n, 3).
         f: Coefficients of 1, u, u², ... in f, (n, 4) or (n, 6).
         g: Coefficients of 1, u, u², ... in g, of the same shape.
+        h: Coefficients of 1, u, u², ... in h, of the same shape.
         axis_only: Only the tool axis, the third column, is prescribed; rotation about it is free.
         follows: The orientation follows the tangent of its path.
 
@@ -70,8 +72,10 @@ class Orientation(Checked):
     starts: Annotated[FloatArray, FINITE, Axes("n", 3, 3)]
     first: Annotated[FloatArray, FINITE, Axes("n", 3)]
     second: Annotated[FloatArray, FINITE, Axes("n", 3)]
+    third: Annotated[FloatArray, FINITE, Axes("n", 3)]
     f: Annotated[FloatArray, FINITE, Axes("n", "terms")]
     g: Annotated[FloatArray, FINITE, Axes("n", "terms")]
+    h: Annotated[FloatArray, FINITE, Axes("n", "terms")]
     axis_only: bool = False
     follows: bool = False
     fixed: bool = field(init=False, repr=False)
@@ -82,10 +86,11 @@ class Orientation(Checked):
         n = len(self.starts)
         if len(self.breaks) != n + 1 or self.f.shape[1] not in (4, 6):
             raise InvalidInput(
-                f"An orientation of {n} pieces needs {n + 1} breaks, and f and g with 4 or 6 "
-                f"columns, but has {len(self.breaks)} breaks and {self.f.shape[1]} columns."
+                f"An orientation of {n} pieces needs {n + 1} breaks, and f, g and h with 4 or "
+                f"6 columns, but has {len(self.breaks)} breaks and {self.f.shape[1]} columns."
             )
-        object.__setattr__(self, "fixed", not (self.first.any() or self.second.any()))
+        turns = self.first.any() or self.second.any() or self.third.any()
+        object.__setattr__(self, "fixed", not turns)
         if n == 0 or self.breaks[0] != 0 or not (self.breaks[1:] > self.breaks[:-1]).all():
             raise InvalidInput("The breaks of an orientation must start at 0 and increase.")
 
@@ -180,7 +185,11 @@ class Orientation(Checked):
             return np.array(self.starts[i])
         first = exp(evaluate_polynomials(self.f[i], u)[..., None] * self.first[i])
         second = exp(evaluate_polynomials(self.g[i], u)[..., None] * self.second[i])
-        return np.asarray(second @ first @ self.starts[i])
+        turned = second @ first @ self.starts[i]
+        third = self.third[i]
+        if third.any():
+            turned = exp(evaluate_polynomials(self.h[i], u)[..., None] * third) @ turned
+        return np.asarray(turned)
 
     def rates_on_piece(self, i: IntArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Angular rate [rad/m] and its derivative [rad/m²] at distance `u` along piece `i`.
@@ -195,9 +204,19 @@ class Orientation(Checked):
         df, ddf = (evaluate_polynomials(self.f[i], u, order)[..., None] for order in (1, 2))
         second = self.second[i]
         # The second rotation also rotates the axis of the first rotation.
-        first = np.einsum("...ij,...j->...i", exp(g * second), self.first[i])
+        first = rotate(exp(g * second), self.first[i])
         rate = dg * second + df * first
         change = ddg * second + ddf * first + df * dg * np.cross(second, first)
+        third = self.third[i]
+        if third.any():
+            # The third rotation also rotates the rate of the other two.
+            h, dh, ddh = (
+                evaluate_polynomials(self.h[i], u, order)[..., None] for order in range(3)
+            )
+            turn = exp(h * third)
+            rate = rotate(turn, rate)
+            change = rotate(turn, change) + ddh * third + dh * np.cross(third, rate)
+            rate = rate + dh * third
         return np.asarray(rate), np.asarray(change)
 
     @property
@@ -258,31 +277,38 @@ class Orientation(Checked):
         before = max(-float(breaks[i[0]]), 0.0)
         if before > 0:
             # The first piece now starts inside its former range. Its start rotation is the
-            # orientation at this point, and the second rotation up to this point rotates `first`.
+            # orientation at this point. The later rotations up to this point rotate the axes of
+            # the earlier ones.
             rows["starts"][0] = self.on_piece(i[:1], np.array([before]))[0]
-            for c in (rows["f"], rows["g"]):
-                c[:1] = shift_polynomials(c[:1], np.array([before]))
-            turned = exp(rows["g"][0, 0] * self.second[i[:1]])[0]
-            rows["first"][0] = turned @ rows["first"][0]
-            rows["f"][0, 0] = rows["g"][0, 0] = 0.0
+            for name in POLYNOMIALS:
+                rows[name][:1] = shift_polynomials(rows[name][:1], np.array([before]))
+            second = exp(rows["g"][0, 0] * self.second[i[:1]])[0]
+            third = exp(rows["h"][0, 0] * self.third[i[:1]])[0]
+            rows["first"][0] = third @ second @ rows["first"][0]
+            rows["second"][0] = third @ rows["second"][0]
+            for name in POLYNOMIALS:
+                rows[name][0, 0] = 0.0
         ends = np.concatenate([[0.0], breaks[i[1:]], [length]])
         return replace(self, breaks=ends, **rows)
 
     def reverse(self) -> Orientation:
         """The orientation along the reversed path."""
         lengths = np.diff(self.breaks)
-        at_end = [shift_polynomials(x, lengths) for x in (self.f, self.g)]
-        back = exp(at_end[1][:, :1] * self.second)
+        at_end = [shift_polynomials(x, lengths) for x in (self.f, self.g, self.h)]
+        second = exp(at_end[1][:, :1] * self.second)
+        third = exp(at_end[2][:, :1] * self.third)
         # The reversed f is f(end) - f(end - u), about the reversed axis.
-        f, g = (-x * [0, -1, 1, -1, 1, -1][: x.shape[1]] for x in at_end)
+        f, g, h = (-x * [0, -1, 1, -1, 1, -1][: x.shape[1]] for x in at_end)
         return replace(
             self,
             breaks=np.concatenate([[0.0], np.cumsum(lengths[::-1])]),
             starts=self.on_piece(np.arange(len(self)), lengths)[::-1],
-            first=-np.einsum("nij,nj->ni", back, self.first)[::-1],
-            second=-self.second[::-1],
+            first=-rotate(third @ second, self.first)[::-1],
+            second=-rotate(third, self.second)[::-1],
+            third=-self.third[::-1],
             f=f[::-1],
             g=g[::-1],
+            h=h[::-1],
         )
 
     def place(self, rotation: FloatArray, scale: float) -> Orientation:
@@ -300,8 +326,10 @@ class Orientation(Checked):
             starts=rotation @ self.starts,
             first=self.first @ rotation.T / scale,
             second=self.second @ rotation.T / scale,
+            third=self.third @ rotation.T / scale,
             f=self.f / scale ** (np.arange(self.f.shape[1]) - 1.0),
             g=self.g / scale ** (np.arange(self.g.shape[1]) - 1.0),
+            h=self.h / scale ** (np.arange(self.h.shape[1]) - 1.0),
         )
 
 
@@ -309,7 +337,24 @@ class Orientation(Checked):
 def _constant_rate_columns(n: int) -> Mapping[str, FloatArray]:
     """Columns of an orientation of n pieces with constant rates, shared by many paths."""
     columns = {"second": np.zeros((n, 3)), "f": np.tile(LINEAR, (n, 1)), "g": np.zeros((n, 4))}
+    frozen = {name: checks.frozen_array(x) for name, x in columns.items()}
+    return {**frozen, **no_third_rotation(n, 4)}
+
+
+@lru_cache(maxsize=16)
+def no_third_rotation(n: int, terms: int) -> Mapping[str, FloatArray]:
+    """Columns `third` and `h` of n pieces without a third rotation, read-only.
+
+    - `n`: number of pieces.
+    - `terms`: number of coefficients of a polynomial, 4 or 6.
+    """
+    columns = {"third": np.zeros((n, 3)), "h": np.zeros((n, terms))}
     return {name: checks.frozen_array(x) for name, x in columns.items()}
+
+
+def rotate(rotations: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return vectors turned by rotation matrices, (..., 3, 3) and (..., 3) to (..., 3)."""
+    return np.asarray(np.einsum("...ij,...j->...i", rotations, vectors))
 
 
 def shift_polynomials(c: FloatArray, by: FloatArray) -> FloatArray:

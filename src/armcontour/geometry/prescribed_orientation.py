@@ -13,7 +13,15 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.frames import angle_between, exp, log, rotations, shortest
+from armcontour.core.frames import (
+    angle_between,
+    exp,
+    log,
+    perpendicular,
+    quaternions,
+    rotations,
+    shortest,
+)
 from armcontour.core.quintics import quintic
 from armcontour.geometry.biarcs import dot, unit
 from armcontour.geometry.orientation import (
@@ -21,6 +29,8 @@ from armcontour.geometry.orientation import (
     SAME_ORIENTATION,
     Orientation,
     evaluate_polynomials,
+    no_third_rotation,
+    rotate,
 )
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
@@ -28,7 +38,7 @@ from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 HALF_TURN = np.pi - 1e-6
 # Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
-# Largest angle by which a tool axis along a spline turns between two knots [rad].
+# Largest angle by which the tool turns between two knots along a spline [rad].
 LARGEST_STEP = 0.2
 # The first and last tangents of an S-shaped transition can be parallel, so their cross product
 # gives no axis. If its norm is below this fraction of the curvature times the length, the axis of
@@ -184,7 +194,12 @@ def follow_tangents(
         starts[k] = frame = frames.get(k, frame)
         frame = turns[k] @ frame
     return Orientation(
-        breaks=segments.breaks, starts=starts, **columns, axis_only=axis_only, follows=True
+        breaks=segments.breaks,
+        starts=starts,
+        **columns,
+        **no_third_rotation(len(segments), columns["f"].shape[1]),
+        axis_only=axis_only,
+        follows=True,
     )
 
 
@@ -320,11 +335,9 @@ def _turn_axes_smoothly(
     - `frame`: rotation matrix at the start, (3, 3).
     """
     s = segments.breaks[waypoints]
-    ends = np.concatenate([[0], 1 + np.flatnonzero(~smooth), [len(s) - 1]])
     knots = []
     tables: list[dict[str, FloatArray]] = []
-    for first, last in pairwise(ends.tolist()):
-        run = slice(first, last + 1)
+    for run in _splines_between_corners(smooth):
         s_run, axis, slope, bend = _spline_of_axes(s[run], axes[run])
         rates = np.cross(axis, slope), np.cross(axis, bend)
         begin, end = ((axis[x], rates[0][x], rates[1][x]) for x in (slice(-1), slice(1, None)))
@@ -339,7 +352,14 @@ def _turn_axes_smoothly(
     for k in range(len(lengths)):
         starts[k] = frame
         frame = steps[k] @ frame
-    return Orientation(breaks=breaks, starts=starts, **columns, axis_only=True, follows=False)
+    return Orientation(
+        breaks=breaks,
+        starts=starts,
+        **columns,
+        **no_third_rotation(len(lengths), 6),
+        axis_only=True,
+        follows=False,
+    )
 
 
 def _turn_smoothly(
@@ -349,47 +369,122 @@ def _turn_smoothly(
     smooth: BoolArray,
     axis_only: bool,
 ) -> Orientation:
-    """An orientation whose angular rate is continuous along splines.
+    """An orientation whose angular rate and its derivative are continuous along splines.
 
-    At the waypoints of a spline, the rate is that of the spline of rotations through them. Between
-    two waypoints it changes smoothly to a rate in the middle, and from there to the next one. At
-    other waypoints it may jump.
+    Along a spline, the unit quaternion is the cubic spline through the quaternions at the waypoints
+    over arc length, divided by its norm. At other waypoints the rate may jump.
 
     - `matrices`: rotation matrices at the waypoints, (n, 3, 3).
     - `smooth`: mask of the inner waypoints on a spline, (n - 2,).
     """
-    from scipy.spatial.transform import Rotation, RotationSpline
-
     s = segments.breaks[waypoints]
-    ends = np.concatenate([[0], 1 + np.flatnonzero(~smooth), [len(s) - 1]])
-    first, last = np.empty((2, len(s) - 1, 3))
-    for begin, end in pairwise(ends.tolist()):
-        run = slice(begin, end + 1)
-        curve = RotationSpline(s[run], Rotation.from_matrix(matrices[run]))
-        # SciPy's rates are those in the frame of the tool.
-        rates = np.einsum("nij,nj->ni", matrices[run], curve(s[run], 1))
-        first[begin:end] = rates[:-1]
-        last[begin:end] = rates[1:]
-    half = np.diff(s)[:, None] / 2
-    before = exp(first * half / 2)
-    after = exp(last * half / 2)
-    steps = matrices[1:] @ np.swapaxes(matrices[:-1], 1, 2)
-    # With the rates w0, w and w1 at the start, in the middle and at the end, and the half length h:
-    # exp(w1 h/2) exp(w h) exp(w0 h/2) is the whole turn.
-    middle = log(np.swapaxes(after, 1, 2) @ steps @ np.swapaxes(before, 1, 2)) / half
-    middles = exp(middle * half / 2) @ before @ matrices[:-1]
-    size = (2 * len(half), 1)
-    lengths = np.repeat(half, 2, axis=0)
+    knots = []
+    tables: list[dict[str, FloatArray]] = []
+    for run in _splines_between_corners(smooth):
+        s_run, *motion = _spline_of_rotations(s[run], matrices[run])
+        begin, end = (tuple(x[part] for x in motion) for part in (slice(-1), slice(1, None)))
+        tables.append(_three_turns(np.diff(s_run), begin, end))
+        knots.append(s_run[:-1])
+    columns = {x: np.concatenate([table[x] for table in tables]) for x in tables[0]}
     return Orientation(
-        breaks=np.append(np.stack([s[:-1], s[:-1] + half[:, 0]], axis=1).ravel(), s[-1]),
-        starts=np.stack([matrices[:-1], middles], axis=1).reshape(-1, 3, 3),
-        first=np.stack([first, middle], axis=1).reshape(-1, 3),
-        second=np.stack([middle, last], axis=1).reshape(-1, 3),
-        # The share 3 x² - 2 x³ of the second rate grows from 0 to 1.
-        f=np.tile([0.0, 1.0, 0.0, -1.0, 0.5, 0.0], size) * lengths ** (1.0 - np.arange(6)),
-        g=np.tile([0.0, 0.0, 0.0, 1.0, -0.5, 0.0], size) * lengths ** (1.0 - np.arange(6)),
-        axis_only=axis_only,
+        breaks=np.concatenate([*knots, s[-1:]]), **columns, axis_only=axis_only, follows=False
     )
+
+
+def _splines_between_corners(smooth: BoolArray) -> list[slice]:
+    """Return the waypoints of each run between waypoints that are not smooth, ends included.
+
+    - `smooth`: mask of the inner waypoints on a spline, (n - 2,).
+    """
+    ends = np.concatenate([[0], 1 + np.flatnonzero(~smooth), [len(smooth) + 1]])
+    return [slice(first, last + 1) for first, last in pairwise(ends.tolist())]
+
+
+def _subdivide(s: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return arc lengths [m] between which the tool turns by about `LARGEST_STEP` at most.
+
+    - `s`: arc lengths of waypoints [m], (n,).
+    - `angles`: angles by which the tool turns between them [rad], (n - 1,).
+    """
+    parts = np.maximum(np.ceil(angles / LARGEST_STEP), 1).astype(np.intp)
+    inner = [np.linspace(s[i], s[i + 1], n, endpoint=False) for i, n in enumerate(parts)]
+    return np.concatenate([*inner, s[-1:]])
+
+
+def _spline_of_rotations(
+    s: FloatArray, matrices: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Knots [m], (k,), and at them the rotation, (k, 3, 3), its rate and its change, (k, 3) each.
+
+    With a cubic spline p(s) through the unit quaternions at the points `s` and q = p / |p|, the
+    angular rate is the vector part of 2 q' q* = 2 p' p* / |p|², where * conjugates. Its derivative
+    is that of this expression. Between two points only, the rate is constant.
+    """
+    from scipy.interpolate import CubicSpline
+    from scipy.spatial.transform import Rotation
+
+    turns = log(matrices[1:] @ np.swapaxes(matrices[:-1], 1, 2))
+    knots = _subdivide(s, np.linalg.norm(turns, axis=1))
+    if len(s) == 2:
+        rates = np.tile(turns / (s[1] - s[0]), (len(knots), 1))
+        rotation = exp((knots - s[0])[:, None] * rates) @ matrices[0]
+        return knots, rotation, rates, np.zeros_like(rates)
+    points = quaternions(matrices)
+    # A quaternion and its negative are the same rotation. The shortest turn keeps the sign.
+    flips = np.sum(points[1:] * points[:-1], axis=1) < 0
+    points[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+    curve = CubicSpline(s, points)
+    value, first, second = (curve(knots, order) for order in range(3))
+    norm2 = np.sum(value * value, axis=1, keepdims=True)
+    rate = 2 * _quotient(first, value) / norm2
+    change = (2 * _quotient(second, value) - 2 * dot(first, value)[:, None] * rate) / norm2
+    return knots, Rotation.from_quat(value).as_matrix(), rate, change
+
+
+def _quotient(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Vector part of the quaternion product a b*, (n, 4) each to (n, 3), where * conjugates."""
+    v = a[:, :3]
+    w = b[:, :3]
+    return np.asarray(b[:, 3:] * v - a[:, 3:] * w - np.cross(v, w))
+
+
+def _three_turns(
+    lengths: FloatArray, begin: Sequence[FloatArray], end: Sequence[FloatArray]
+) -> dict[str, FloatArray]:
+    """Rotations and polynomials of an `Orientation` for rotations at the ends of pieces.
+
+    The third axis c is that of the whole turn, and the axes a and b of the first and second
+    rotation complete it to a right-handed frame. At the start and at the end of a piece, where
+    f = g = 0, the rate w and its derivative d in this frame, turned by the third rotation, are
+
+        w = (f', g', h'),  d = (f'' - g' h', g'' + h' f', h'' - f' g').
+
+    - `lengths`: lengths of the pieces [m], (n,).
+    - `begin`, `end`: rotation matrices, (n, 3, 3), their angular rates [rad/m] and the derivatives
+      of these rates [rad/m²], (n, 3) each, at the starts and at the ends.
+    """
+    turn = log(end[0] @ np.swapaxes(begin[0], 1, 2))
+    angle = np.linalg.norm(turn, axis=1)
+    # Without a turn, any axes serve.
+    third = np.where(angle[:, None] > NO_TURN, turn, [0.0, 0.0, 1.0])
+    third = unit(third)
+    first = unit(perpendicular(third))
+    second = np.cross(third, first)
+    axes = np.stack([first, second, third], axis=1)
+    rates = []
+    changes = []
+    turned = axes @ np.swapaxes(exp(angle[:, None] * third), 1, 2)
+    for frame, motion in ((axes, begin), (turned, end)):
+        w = rotate(frame, motion[1])
+        products = np.stack([w[:, 1] * w[:, 2], -w[:, 2] * w[:, 0], w[:, 0] * w[:, 1]], axis=1)
+        rates.append(w)
+        changes.append(rotate(frame, motion[2]) + products)
+    none = np.zeros_like(third)
+    angles = np.where([False, False, True], angle[:, None], none)
+    turns = quintic(lengths, (none, rates[0], changes[0]), (angles, rates[1], changes[1]))
+    f, g, h = np.moveaxis(turns, 2, 0) / lengths[:, None] ** np.arange(6)
+    axes_by_name = {"first": first, "second": second, "third": third}
+    return {"starts": begin[0], **axes_by_name, "f": f, "g": g, "h": h}
 
 
 def _spline_of_axes(
@@ -403,10 +498,7 @@ def _spline_of_axes(
     """
     from scipy.interpolate import CubicSpline
 
-    angles = angle_between(axes[1:], axes[:-1])
-    parts = np.maximum(np.ceil(angles / LARGEST_STEP), 1).astype(np.intp)
-    inner = [np.linspace(s[i], s[i + 1], n, endpoint=False) for i, n in enumerate(parts)]
-    knots = np.concatenate([*inner, s[-1:]])
+    knots = _subdivide(s, angle_between(axes[1:], axes[:-1]))
     if len(s) == 2:
         turn = shortest(axes[:1], axes[1:])
         rate = turn / (s[1] - s[0])

@@ -24,6 +24,7 @@ from armcontour.geometry.orientation import (
     SAME_RATE,
     Orientation,
     fit_cubics,
+    no_third_rotation,
     shift_polynomials,
     turns_between,
 )
@@ -259,7 +260,15 @@ def _insert_blends(
     second[i] = runs.rates[blended + 1]
     starts[i] = runs.starts[blended + 1]
     return Orientation(
-        breaks=breaks, starts=starts, first=first, second=second, f=f, g=g, axis_only=axis_only
+        breaks=breaks,
+        starts=starts,
+        first=first,
+        second=second,
+        f=f,
+        g=g,
+        **no_third_rotation(len(first), 4),
+        axis_only=axis_only,
+        follows=False,
     )
 
 

@@ -1,4 +1,4 @@
-"""Jobs, and the function `run`, which executes all steps of a job and returns a study."""
+"""Jobs, and the function `run`, which executes all steps of a job and returns a `JobResult`."""
 
 from armcontour.core.lazy import lazy_names
 
@@ -10,7 +10,7 @@ _HOME = {
     "run_plan": "plan_one prepare_program resume_run round_program",
     "run_record": "Advice ExperimentResult Improvement",
     "run_result": "JobResult RunResult warnings_of",
-    "study": "STEPS run",
+    "run_job": "STEPS run",
     "verdict": "Verdict",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

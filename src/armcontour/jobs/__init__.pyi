@@ -8,6 +8,8 @@ from armcontour.jobs.job import Job as Job
 from armcontour.jobs.job import Rounding as Rounding
 from armcontour.jobs.job import Run as Run
 from armcontour.jobs.job import build_plant as build_plant
+from armcontour.jobs.run_job import STEPS as STEPS
+from armcontour.jobs.run_job import run as run
 from armcontour.jobs.run_plan import plan_one as plan_one
 from armcontour.jobs.run_plan import prepare_program as prepare_program
 from armcontour.jobs.run_plan import resume_run as resume_run
@@ -18,6 +20,4 @@ from armcontour.jobs.run_record import Improvement as Improvement
 from armcontour.jobs.run_result import JobResult as JobResult
 from armcontour.jobs.run_result import RunResult as RunResult
 from armcontour.jobs.run_result import warnings_of as warnings_of
-from armcontour.jobs.study import STEPS as STEPS
-from armcontour.jobs.study import run as run
 from armcontour.jobs.verdict import Verdict as Verdict

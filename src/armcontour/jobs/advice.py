@@ -16,10 +16,10 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import split
 from armcontour.jobs.job import Job, Run, default_compensation
 from armcontour.jobs.rows import ASSIGNED, weave_speed
+from armcontour.jobs.run_job import compute_set_points, expect_errors, simulate_experiment
 from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.run_record import Advice, Improvement
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.jobs.study import compute_set_points, expect_errors, simulate_experiment
 from armcontour.jobs.verdict import EXPECTED, Errors, judging_executions
 from armcontour.motion import Method
 from armcontour.planning.explanation import DWELLS, RAPIDS
@@ -27,10 +27,10 @@ from armcontour.robot.limits import LIMITS
 from armcontour.verification import evaluate
 
 # Maximum number of listed changes.
-MAX_LISTED = 3
-# Maximum number of groups of changes that are tried.
-MAX_PLANNED = 6
-# Factor by which a limit, or the travel speed of a weave, is increased.
+MAX_CHANGES = 3
+# At most this number of groups of changes is tried.
+MAX_PLANNED_CHANGES = 6
+# A limit, or the travel speed of a weave, is multiplied by this factor.
 LIMIT_FACTOR = 1.2
 # Factor by which a corner tolerance is increased.
 TOLERANCE_FACTOR = 2.0
@@ -43,21 +43,21 @@ SPEED_FACTORS = (0.8, 0.6, 0.4, 0.2)
 RESERVES = (0.1, 0.2, 0.4)
 # Minimum reserve for the servo, as a fraction of acceleration.
 LEAST_RESERVE = 0.02
-# Fraction of the accuracy that a repair uses, so that rounding errors do not determine the verdict.
+# A repair uses this fraction of the accuracy, so that rounding errors do not decide the verdict.
 ACCURACY_SHARE = 0.98
-# Maximum number of segments in all runs of a job for which all changes are planned by default.
-SMALL = 50
-# Maximum number of segments in all planned changes of a larger job. A change takes a third of a
-# run's time.
-SEGMENTS = 200
-# Condition of a change that raises a limit of one joint, which is a limit of its drive.
+# If all runs of a job have at most this number of segments, all changes are planned by default.
+MAX_SEGMENTS_OF_SMALL_JOB = 50
+# Maximum number of segments in all planned changes of a larger job. Planning a change takes a third
+# of the time that the run takes.
+MAX_PLANNED_SEGMENTS = 200
+# Condition of a change that raises the limit of one joint, which protects its drive.
 IF_DRIVE = "the drive allows it"
 # Condition of a change that raises another limit, or the travel speed of a weave.
 IF_PROCESS = "the process allows it"
 # Condition of a change that raises the corner tolerance.
 IF_PART = "the part allows it"
 # Name of the step in progress messages.
-STEP = "changes"
+ADVICE_STEP = "changes"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,11 @@ class _Candidate:
 
 
 def advise(
-    job: Job, result: RunResult, progress: Progress | None = None, *, most: int = MAX_PLANNED
+    job: Job,
+    result: RunResult,
+    progress: Progress | None = None,
+    *,
+    most: int = MAX_PLANNED_CHANGES,
 ) -> Advice:
     """Find the changes of a run that save most time, or that repair a run with a negative verdict.
 
@@ -90,7 +94,7 @@ def advise(
         )
     else:
         likely = sorted(_savings(job, result), key=lambda x: -x[0].expected_saving)
-        groups = likely[:MAX_PLANNED]
+        groups = likely[:MAX_PLANNED_CHANGES]
         none = (
             "No single change of a limit, of the corners or of the contour order makes the motion "
             "faster."
@@ -98,12 +102,12 @@ def advise(
     smallest = -inf if repairs else MIN_SAVING * result.trajectory.duration
     for k, group in enumerate(planned := groups[:most]):
         for candidate in group:
-            report(Step((STEP,), done=k / len(planned)))
+            report(Step((ADVICE_STEP,), done=k / len(planned)))
             tried = _plan_change(candidate, result)
             if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
                 break
-    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MAX_LISTED]
+    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MAX_CHANGES]
     note = "" if suggestions else none
     if most < len(groups):
         note = (
@@ -117,7 +121,7 @@ def with_advice(
     study: JobResult, progress: Progress | None = None, *, complete: bool = False
 ) -> JobResult:
     """Study with the advice on each of its runs; for a large job only if `complete`."""
-    most = MAX_PLANNED if complete else _count_affordable(study.job)
+    most = MAX_PLANNED_CHANGES if complete else _count_affordable(study.job)
     if not most:
         return study
     runs = dict(study.runs)
@@ -130,11 +134,15 @@ def with_advice(
 
 
 def _count_affordable(job: Job) -> int:
-    """Number of changes that can be planned in about the time of the run."""
+    """Return how many changes can be planned in about the time that the run took."""
     segments = sum(len(x.path) for x in job.program.contours) * len(job.runs)
     if any(x.is_shaped for x in job.runs):
         return 0
-    return MAX_PLANNED if segments <= SMALL else min(MAX_PLANNED, SEGMENTS // segments)
+    return (
+        MAX_PLANNED_CHANGES
+        if segments <= MAX_SEGMENTS_OF_SMALL_JOB
+        else min(MAX_PLANNED_CHANGES, MAX_PLANNED_SEGMENTS // segments)
+    )
 
 
 def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None:
@@ -158,7 +166,7 @@ def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None
 
 
 def _errors(job: Job, planned: RunResult) -> dict[str, Errors]:
-    """Largest errors in each execution that judges the run."""
+    """Return the largest errors in each execution that judges the run."""
     run = planned.run
     errors = dict[str, Errors]()
     set_points = compute_set_points(job, run, planned.trajectory)
@@ -218,7 +226,7 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
 
 
 def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
-    """Yield a candidate with a higher travel speed of the weave, if `limits.speed` permits."""
+    """Yield a change to a higher travel speed of the weave, if `limits.speed` permits it."""
     weave = job.process.weave
     if weave is None or weave.speed is None or weave_speed(result) is None:
         return
@@ -237,7 +245,7 @@ def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candid
 def _raised_limit(
     job: Job, run: Run, kind: str, joint: int | None, share: float
 ) -> Iterator[_Candidate]:
-    """Yield a candidate with an increased limit; of joint limits, only that of `joint` changes."""
+    """Yield a change to a higher limit; of a joint limit, only the value of `joint` changes."""
     record = next((x for x in LIMITS.values() if x.label == kind), None)
     value = None if record is None else getattr(run.limits, record.name)
     if record is None or value is None:
@@ -267,14 +275,14 @@ def _raised_limit(
 
 
 def _describe_change(old: float, new: float, unit: str) -> str:
-    """Text with both values of a change, such as "from 0.25 to 0.5 mm"."""
+    """Write both values of a change, such as "from 0.25 to 0.5 mm"."""
     before, its = split(old, unit)
     after, unit = split(new, unit)
     return f"from {before if its == unit else f'{before} {its}'} to {after} {unit}"
 
 
 def _wider_corners(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
-    """Yield a larger corner tolerance that the required accuracy allows."""
+    """Yield a change to a larger corner tolerance that the required accuracy allows."""
     old = result.tolerance
     accuracy = result.run.accuracy
     if old is None or result.rounding_error is None:
@@ -288,7 +296,7 @@ def _wider_corners(job: Job, result: RunResult, share: float) -> Iterator[_Candi
 
 
 def _tolerance(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
-    """Change of the corner tolerance to a new value [m]."""
+    """Make the change of the corner tolerance to a new value [m]."""
     rounding = run.rounding
     assert rounding is not None and rounding.tolerance is not None
     verb = "Raise" if new > rounding.tolerance else "Lower"
@@ -303,7 +311,7 @@ def _tolerance(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> 
 
 
 def _reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
-    """Change of the reserve for the servo to a new value."""
+    """Make the change of the reserve for the servo to a new value."""
     old = run.timing.reserve
     return _Candidate(
         label=f"{'Raise' if new > old else 'Lower'} the reserve {_describe_change(old, new, '1')}",

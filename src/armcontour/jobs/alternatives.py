@@ -1,4 +1,4 @@
-"""`alternatives`: joint paths of a program without collisions."""
+"""`alternatives`: other joint paths of a program, tried to avoid collisions."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from armcontour.verification.clearance import Cell, Clearance
 from armcontour.verification.clearance.body_pairs import can_measure
 
 # Number of rotations about a free tool axis that are tried.
-TURNS = 8
+TOOL_AXIS_TURNS = 8
 REST = "at rest"
 OTHER_CONFIGURATION = (
     "the arm uses another configuration, because the contours are collision-free in it"
 )
 # Remedy for collisions of moves other than contours.
-RAISE = "Set process.approach and process.retract, or move the obstacle"
+RAISE_RAPIDS = "Set process.approach and process.retract, or move the obstacle"
 # If the tool point is nearer to the flange than this [m], the arm counts as having no tool.
 MIN_TOOL_LENGTH = 1e-3
 # Task dimension of position and orientation, including the rotation about the tool axis.
@@ -84,7 +84,7 @@ def alternatives(
 def first_clear(
     job: Job, run: Run, traced: Tracing, progress: Progress
 ) -> tuple[Tracing, tuple[str, ...]]:
-    """The first of the `alternatives` that is free of collisions, and notes on it.
+    """Return the first of the `alternatives` that is free of collisions, and notes on it.
 
     Raises:
         Collision: All alternatives have collisions.
@@ -101,24 +101,24 @@ def first_clear(
 
 
 def clearance_of(job: Job, motion: Trajectory | JointPath) -> Clearance | None:
-    """Clearance of the arm from itself and its cell; None if it is not checked."""
+    """Check the arm's clearance from itself and its cell; None if it is not checked."""
     return job.cell.check(motion) if _is_checked(job) and _has_pairs(job) else None
 
 
 def below_base(job: Job, motion: Trajectory) -> str | None:
-    """Warning about links below the base; None if no link is below it, or links are not checked."""
+    """Return a warning if links are below the base; None if none is, or links are not checked."""
     if not _is_checked(job):
         return None
     return Clearance(pairs=(), below=job.cell.below(motion)).below_base
 
 
 def _has_pairs(job: Job) -> bool:
-    """Return whether there are pairs of bodies that may collide."""
+    """Return whether any pair of bodies may collide."""
     return job.scene is not None or bool(job.cell.pairs)
 
 
 def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
-    """Function that tests if the joint path of a contour is collision-free and above the base.
+    """Return the test whether a contour's joint path is free of collisions and above the base.
 
     None if the start configuration is given or collisions are not checked.
     """
@@ -134,7 +134,7 @@ def _is_checked(job: Job) -> bool:
 
 
 def _explain_unchecked(arm: Arm) -> tuple[str, ...]:
-    """Reason why self-collision is not checked; empty for planar arms or if other notes have it."""
+    """Say why self-collision is not checked; nothing for planar arms or if other notes do."""
     if arm.dimension != 3:
         return ()
     try:
@@ -145,7 +145,7 @@ def _explain_unchecked(arm: Arm) -> tuple[str, ...]:
 
 
 def _about_tool(arm: Arm) -> tuple[str, ...]:
-    """Note on a missing or assumed shape of the tool; empty if the shape is specified."""
+    """Say that the shape of the tool is missing or assumed; nothing if it is specified."""
     if not np.linalg.norm(arm.chain.tool.position) > MIN_TOOL_LENGTH:
         return ()
     tools = [] if arm.shapes is None else [x for x in arm.shapes.shapes if x.tool]
@@ -179,14 +179,14 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
         if clearance is not None and not clearance.satisfied:
             with error_context(name):
                 near = clearance.later(span.t[0])
-                near.refuse() if span.kind == "contour" else near.refuse(RAISE)
+                near.refuse() if span.kind == "contour" else near.refuse(RAISE_RAPIDS)
     job.cell.check(trajectory).refuse()
 
 
 def _other_start(
     job: Job, run: Run, traced: Tracing, reached: float, progress: Progress
 ) -> Tracing | None:
-    """Joint paths from another start position: collision-free, or with the largest `_count_clear`.
+    """Find joint paths from another start: collision-free, or with the largest `_count_clear`.
 
     None if no start has a larger `_count_clear` than the first joint paths (`reached`).
     """
@@ -224,7 +224,7 @@ def _other_start(
 
 
 def _count_clear(traced: Tracing, cell: Cell, enough: float = 0.0) -> float:
-    """Number of collision-free contours before the first collision, infinite without a collision.
+    """Count the collision-free contours before the first collision; infinite without a collision.
 
     The collision-free share of the contour with the collision is added. Results of at most `enough`
     are upper bounds.
@@ -253,7 +253,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
     point = path([0.0])[0]
     rotation = path.orientation([0.0])[0]
     turned: list[FloatArray] = []
-    for angle in np.arange(TURNS) * 2 * np.pi / TURNS:
+    for angle in np.arange(TOOL_AXIS_TURNS) * 2 * np.pi / TOOL_AXIS_TURNS:
         pose = np.column_stack([rotation @ exp(np.array([0.0, 0.0, angle])), point])
         turned += list(configurations(arm, pose, WHOLE_POSE))
     yield turned

@@ -25,12 +25,14 @@ COOLANT = {"coolant"}
 def analog_outputs(
     program: Program, trajectory: Trajectory, process: Process, limits: Limits
 ) -> Mapping[str, Values]:
-    """Functions of the time of a plan that return the values of analog outputs, by output name.
+    """Map the names of analog outputs to their values as functions of the plan's time.
 
-    A function takes increasing times [s], (n,), where the plan starts at 0, and gives (n,). The
-    value is that of the planned tool speed while the process is at work on a contour and no output
-    that `Analog.follows` names is off, and the value of `Analog.off` otherwise. If the process
-    stays off, there are no outputs.
+    A function takes increasing times [s], (n,), where the plan starts at 0, and gives (n,). While
+    the process works on a contour and no output that `Analog.follows` names is off, the value
+    belongs to the planned tool speed v: rest + (full - rest) min(v / v_full, 1). v_full is the
+    output's speed, by default the assigned velocity. If the output is proportional to S, this is
+    multiplied by S / `full_s`. Otherwise the value is `Analog.off`. If the process stays off, the
+    mapping is empty.
 
     Raises:
         InvalidInput: An output depends on the assigned velocity, and a contour has none; or it
@@ -42,7 +44,7 @@ def analog_outputs(
     states = _States(trajectory, process)
     functions: dict[str, Values] = {}
     for name in process.analog_names:
-        # The entry is None for contours that do not have the output.
+        # None for a contour whose process lacks the output.
         outputs = [_output(process.of_contour(x), name) for x in program.contours]
         idle = next(x.off for own in process.variants if (x := _output(own, name)) is not None)
         functions[name] = partial(_values, program, trajectory, states, limits, outputs, idle)
@@ -50,7 +52,7 @@ def analog_outputs(
 
 
 def _output(process: Process, name: str) -> Analog | None:
-    """Analog output of a process with a name; None if the process has none."""
+    """Find the process's analog output with this name; None if it does not exist."""
     return next((x for x in process.analog if x.name == name), None)
 
 
@@ -93,7 +95,7 @@ def _values(
     idle: float,
     t: FloatArray,
 ) -> FloatArray:
-    """Values of an output at increasing times t [s], (n,); `outputs`: the output per contour."""
+    """Compute an output at increasing times t [s], (n,); `outputs`: the output per contour."""
     times = np.asarray(t, dtype=np.float64)
     values = np.full(len(times), float(idle))
     spans = trajectory.contour_spans
@@ -112,9 +114,8 @@ def _values(
             speeds = trajectory.s(inside, 1)
             full = output.speed
             if isinstance(path, ShapedPath) and path.curve is not None:
-                # For a smooth curve, s is the arc length of arcs that approximate the curve.
-                # Therefore the norm of the derivative of the position by s differs from 1 by a few
-                # parts per million.
+                # On a smooth curve, s is the arc length along arcs that approximate it. Therefore
+                # |dx/ds| differs from 1 by a few parts per million.
                 speeds = speeds * np.linalg.norm(path(s, 1), axis=1)
             active: FloatArray | float = output.full
             if output.rest != output.full:
@@ -128,7 +129,7 @@ def _values(
 
 
 def _times_on(span: Span, process: Process) -> tuple[float, float]:
-    """Times at which the process of a contour is switched on and off [s]."""
+    """Return the times at which a contour's process is switched on and off [s]."""
     assert span.work is not None
     begin, end = span.work
     if process.begins_on:
@@ -137,7 +138,7 @@ def _times_on(span: Span, process: Process) -> tuple[float, float]:
 
 
 class _States:
-    """States of on/off outputs and the word S over the time of a plan, without lead times."""
+    """On/off outputs and the word S over a plan's time, without lead times."""
 
     def __init__(self, trajectory: Trajectory, process: Process) -> None:
         events: dict[str, list[TimedEvent]] = {}
@@ -163,12 +164,12 @@ class _States:
             self.drawn -= {x.name for x in variant.events}
 
     def s_words(self, t: FloatArray) -> FloatArray:
-        """The word S of G-code at increasing times [s]; 0 before the first one."""
+        """Return the G-code word S at increasing times [s]; 0 before the first one."""
         dues, values = self._s_words
         return np.asarray(values[np.searchsorted(dues, t, side="right")])
 
     def on(self, process: Process, output: Analog, t: FloatArray) -> BoolArray:
-        """Mask of increasing times [s] at which the process of a contour is on."""
+        """Return at which of some increasing times [s] the process of a contour is on."""
         switch = process.switch
         names = self.drawn
         if output.follows:

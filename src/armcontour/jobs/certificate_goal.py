@@ -1,4 +1,4 @@
-"""`CertificateGoal`: required accuracy and uncertainty set of a certificate."""
+"""`CertificateGoal`: the accuracy that a certificate requires, and for which robots."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from armcontour.core.fields import Checked, declared, quantities
 from armcontour.core.quantities import (
     DEAD_TIME,
     GAIN_ERROR,
-    About,
     Axes,
     Key,
     PlainNumber,
@@ -23,13 +22,16 @@ from armcontour.core.quantities import (
 from armcontour.core.render import number_range
 from armcontour.robot.servo import ServoModel
 
-# Clauses on the errors of joints: independent, or shared.
+# Clauses that say whether joints have independent errors or share one.
 EACH = (" (independent for each joint)", " (the same error for all joints)")
 
 
 @declared(eq=False)
 class Uncertainty(Checked):
-    """The uncertainty set (box): ranges of the errors of a servo's parameters.
+    """The uncertainty set (box): how far a servo's parameters may be from its model.
+
+    >>> str(Uncertainty(gains=0.1))
+    'gains ±10 % (independent for each joint)'
 
     Args:
         gains: Relative error of the servo gains, plus and minus, 0.1 for 10 %: one number, one per
@@ -55,7 +57,7 @@ class Uncertainty(Checked):
             )
 
     def __str__(self) -> str:
-        """Ranges of the errors, and whether all joints share an error."""
+        """Write the ranges of the errors, and whether all joints share an error."""
         ranges = {x: np.unique(getattr(self, x)) for x in quantities(Uncertainty)}
         clauses = {"gains": EACH[0], "dead_time": EACH[self.dead_time_shared]}
         return "; ".join(
@@ -66,7 +68,7 @@ class Uncertainty(Checked):
         )
 
     def half_widths(self, servo: ServoModel, dof: int) -> FloatArray:
-        """Largest errors of kp, kv (relative) and dead time [s] of each joint, (3, dof)."""
+        """Return the largest errors of kp, kv (relative) and dead time [s] per joint, (3, dof)."""
         try:
             gains = np.broadcast_to(np.asarray(self.gains), (2, dof))
         except ValueError:
@@ -108,10 +110,8 @@ class CertificateGoal(Checked):
         InvalidInput: Neither tolerance nor servo_error, or a number that is not above zero.
     """
 
-    tolerance: Annotated[Tolerance | None, About("--total-tolerance")] = field(
-        default=None, kw_only=False
-    )
-    servo_error: Annotated[Tolerance | None, About("--servo-error")] = None
+    tolerance: Tolerance | None = field(default=None, kw_only=False)
+    servo_error: Tolerance | None = None
     rms: Tolerance | None = None
     box: Uncertainty | None = None
     run: str | None = None

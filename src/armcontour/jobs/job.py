@@ -1,4 +1,4 @@
-"""`Job`: path, arm, servo, runs, certificate and exports of a study, in SI units."""
+"""`Job`: path, arm, servo, runs, certificate and exports, in SI units."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from armcontour.control.compensation import CompensationOptions, InverseDynamics
-from armcontour.control.compensation.compensator import INVERSE
+from armcontour.control.compensation import INVERSE, CompensationOptions, InverseDynamics
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame
+from armcontour.core.lazy import load_method
 from armcontour.core.quantities import (
     NO_KEY,
-    About,
     Acceleration,
     AngularDistance,
     AtLeast,
@@ -32,13 +31,13 @@ from armcontour.core.quantities import (
     SpeedFactor,
 )
 from armcontour.core.render import number
-from armcontour.core.text import count_noun, digits, format_table, short_repr, show
+from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.jobs.analog_signals import check_analog
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
-from armcontour.planning import Optimal, PlanOptions, check_duration
-from armcontour.planning.timing_options import DEFAULT_ITERATIONS, FASTEST
+from armcontour.planning import FASTEST, Optimal, PlanOptions, check_duration
+from armcontour.planning.timing_options import DEFAULT_ITERATIONS, MAX_SHAPES
 from armcontour.program import Process, Program
 from armcontour.program.corner_rounding import CONTINUITIES, Continuity
 from armcontour.program.preparation import check_process
@@ -50,23 +49,10 @@ from armcontour.simulation import RigidBodyPlant
 from armcontour.simulation.rigid_body_plant import DEFAULT_STEP, DriveCycle
 from armcontour.verification.clearance import Cell, cell_of
 
-# Extensions of exported files by the name of the format.
-ENDINGS = {
-    "csv": ".csv",
-    "ros-yaml": ".yaml",
-    "urscript": ".script",
-    "kuka": ".src",
-    "abb": ".mod",
-}
-# Formats in which events are data, so that no output is named.
-WITHOUT_OUTPUTS = ("csv", "ros-yaml")
-# Extension of a template of the user.
-TEMPLATE = ".j2"
+if TYPE_CHECKING:
+    from armcontour.planning import Shaped
+
 PointTolerance = Annotated[float, Quantity("rad", "0.1 mrad", "positive")]
-# Section of the help for the options that export files for robot controllers.
-FILES = "Files for robot controllers"
-# Section of the help for the options that set the points of these files.
-POINTS = "Points of these files"
 # Maximum length of a title, which is a line in reports [characters].
 LONGEST_TITLE = 200
 # Shapes of corners: arcs, or the fastest shape within the tolerance.
@@ -76,32 +62,24 @@ SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
 # Proposed tolerance of corners that become rounded.
 FIRST_TOLERANCE = "1 mm"
-# Default of the maximum distance of transitions from the objective [m].
+# Default limit for the distance of transitions from the objective [m].
 TRANSITION_TOLERANCE = 1e-5
-
-
-def ending_of(format: str) -> str:
-    """Extension of the file of a format or template, such as ".src" for "house.src.j2"."""
-    if format in ENDINGS:
-        return ENDINGS[format]
-    if not format.endswith(TEMPLATE):
-        raise InvalidInput(
-            f"There is no format {show(format)}. The formats are {', '.join(ENDINGS)}, and "
-            f"templates of your own, such as house{TEMPLATE}."
-        )
-    return PurePath(format.removesuffix(TEMPLATE)).suffix or ".txt"
 
 
 @declared(eq=False)
 class Exports(Checked):
     """Files for robot controllers that `run` writes.
 
+    >>> lasers = {"laser": {"kuka": 17, "abb": "doLaser"}}
+    >>> Exports(formats=("kuka",), outputs=lasers).outputs_for("kuka")
+    {'laser': 17}
+
     Args:
-        formats: Formats: csv, ros-yaml, urscript, kuka, abb, or a template such as house.j2.
+        formats: Formats by name, such as csv, or a template such as house.j2.
         outputs: Output of each event and analog output of the process, by name, such as `{laser: 0,
             power: AO0}`; or one per format, such as `{laser: {kuka: 17, abb: doLaser}}`.
-        tolerances: With ros-yaml, ratio of the tolerances of a FollowJointTrajectory goal to the
-            predicted joint errors, at least 1; by default no goal.
+        tolerances: With ros-yaml, the tolerances in a FollowJointTrajectory goal, as a multiple of
+            the predicted joint errors, at least 1; by default no goal is written.
         cycle: Time between points of the plan [s]; by default the cycle of the run.
         derivatives: Highest derivative of the positions: 2, 1 or 0; by default 2, or 0 for
             set-points with command limits.
@@ -112,47 +90,27 @@ class Exports(Checked):
             file of a pendant.
     """
 
-    formats: Annotated[Sequence[str], About("--export", FILES, read="to_formats")] = ()
+    formats: Sequence[str] = ()
     outputs: Mapping[str, int | str | Mapping[str, int | str]] = field(default_factory=dict)
-    tolerances: Annotated[Factor | None, About("--tolerances", FILES)] = None
-    cycle: Annotated[Interval | None, About("--cycle", POINTS)] = None
-    derivatives: Annotated[Annotated[int, AtLeast(0, 2)] | None, About("--derivatives", POINTS)] = (
-        None
-    )
-    points: Annotated[Annotated[int, AtLeast(2)] | None, About("--points", POINTS)] = None
-    point_tolerance: Annotated[PointTolerance | None, About("--point-tolerance", POINTS)] = None
-    call: Annotated[bool, About("--call", POINTS)] = False
+    tolerances: Factor | None = None
+    cycle: Interval | None = None
+    derivatives: Annotated[int, AtLeast(0, 2)] | None = None
+    points: Annotated[int, AtLeast(2)] | None = None
+    point_tolerance: PointTolerance | None = None
+    call: bool = False
 
     def _check_together(self) -> None:
-        taken: dict[str, str] = {}
-        for name in self.formats:
-            other = taken.setdefault(ending_of(name), name)
-            if other is not name:
-                raise InvalidInput(
-                    f"The formats {other} and {name} are written to the same file. Remove one of "
-                    "them, or use a template with another extension, such as cell.txt.j2."
-                )
         if (self.points is None) != (self.point_tolerance is None):
             raise InvalidInput("points and point_tolerance require each other. Specify both.")
         if self.tolerances is not None and self.tolerances < 1:
             raise InvalidInput(
                 f"tolerances must be at least 1, but is {self.tolerances:g}.", allowed=1.0
             )
-        for key, format in (
-            ("tolerances", "ros-yaml"),
-            ("points", "ros-yaml"),
-            ("call", "urscript"),
-        ):
-            if self.formats and getattr(self, key) and format not in self.formats:
-                raise InvalidInput(
-                    f"{key} requires the format {format}. Remove {key}, or export {format}."
-                )
-        for name, outputs in self.outputs.items():
-            if isinstance(outputs, Mapping):
-                _check_formats_of(name, outputs)
+        if self.formats or self.outputs:
+            load_method("check_formats")(self)
 
     def outputs_for(self, format: str) -> dict[str, int | str]:
-        """Outputs in a format, by the names of events and analog outputs.
+        """Map events and analog outputs to their outputs in a format.
 
         Args:
             format: Name of the format, or path of a template.
@@ -168,27 +126,15 @@ class Exports(Checked):
         return chosen
 
 
-def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
-    """Check the outputs of an event by format."""
-    for format, output in outputs.items():
-        key = f"outputs.{name}.{format}"
-        with error_context(f"outputs.{name}"):
-            ending_of(format)
-        if format in WITHOUT_OUTPUTS or PurePath(format).name != format:
-            raise InvalidInput(
-                f"{key} has no effect, because outputs are of urscript, kuka, abb, and templates, "
-                f"which are named without a folder, such as house{TEMPLATE}."
-            )
-        if isinstance(output, bool) or not isinstance(output, int | str):
-            raise InvalidInput(f"{key} must be a number or a text, but is {show(output)}.")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Experiment(Checked):
-    """Options of a simulation of the arm as rigid bodies with `RigidBodyPlant`.
+    """Options for simulating the arm as rigid bodies with `RigidBodyPlant`.
 
     Plans, compensation and the controller of the robot use only the model of the arm: gravity
     feed-forward does not include this payload.
+
+    >>> Experiment(payload=Payload(mass=0.5)).unknown
+    'a payload of 0.5 kg'
 
     Args:
         step: Cycle time of the drives [s].
@@ -211,7 +157,7 @@ class Experiment(Checked):
 def default_compensation(
     servo: ServoModel, arm: Arm, experiment: Experiment | None
 ) -> CompensationOptions:
-    """Inverse of the plant that judges a run: of the arm's rigid bodies, or of the servo model."""
+    """Return the inverse of the plant that judges a run: rigid bodies, or the servo model."""
     if experiment is None or not arm.has_bodies or not servo.is_plain("second"):
         return INVERSE
     return InverseDynamics()
@@ -250,9 +196,9 @@ class Rounding(Checked):
         shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
             path whose points are all within the tolerance of the objective, at corners and along
             lines, and requires `tolerance` and the timing optimal.
-        tolerance: Largest corner error [m] (case II).
-        iterations: For the shape free, the largest number of iterations of the search.
-        speed: Lowest corner speed [m/s] (case I).
+        tolerance: Largest corner error [m].
+        iterations: For the shape free, how many iterations the search may take.
+        speed: Lowest corner speed [m/s].
         acceleration: Centripetal acceleration at that speed [m/s²]. If the limits have no
             `centripetal_acceleration`, this value limits the corner speed too.
         angular_tolerance: Largest angle between the tool and its required orientation [rad].
@@ -261,9 +207,9 @@ class Rounding(Checked):
             "curvature" for runs with jerk limits, and "tangent" for others.
     """
 
-    shape: Annotated[str, Choice(SHAPES), About("--corner-shape")] = ARC
-    tolerance: Annotated[Distance | None, About("--tolerance", usual=(1e-5, 2e-2))] = None
-    iterations: Annotated[int, AtLeast(0), NO_KEY] = DEFAULT_ITERATIONS
+    shape: Annotated[str, Choice(SHAPES)] = ARC
+    tolerance: Distance | None = None
+    iterations: Annotated[int, AtLeast(0, MAX_SHAPES), NO_KEY] = DEFAULT_ITERATIONS
     speed: Speed | None = None
     acceleration: Acceleration | None = None
     angular_tolerance: AngularDistance | None = None
@@ -279,11 +225,11 @@ class Rounding(Checked):
         """The same tolerance with arcs at the corners."""
         return replace(self, shape=ARC)
 
-    def check(self, timing: str, key: str = "corners") -> None:
+    def check(self, timing: PlanOptions, key: str = "corners") -> None:
         """Check that the values are consistent.
 
         Args:
-            timing: Timing method of the run.
+            timing: Options of the run's timing method.
             key: The key of these values in messages.
 
         Raises:
@@ -292,11 +238,11 @@ class Rounding(Checked):
         self._check_continuity(timing, key)
         if not self.free:
             return
-        if timing != Method.OPTIMAL:
+        if timing.method != Method.OPTIMAL:
             raise InvalidInput(
                 f"{key}.shape: free requires the timing method optimal, but this run has the "
-                f"method {timing}. Add corners to the run, such as corners: {{tolerance: 1 mm}}, "
-                "or set timing: {method: optimal}.",
+                f"method {timing.method}. Add corners to the run, such as corners: {{tolerance: "
+                "1 mm}, or set timing: {method: optimal}.",
                 remedies=({("shape",): ARC},),
             )
         for name in ("speed", "acceleration"):
@@ -313,7 +259,7 @@ class Rounding(Checked):
                 remedies=({("tolerance",): FIRST_TOLERANCE},),
             )
 
-    def _check_continuity(self, timing: str, key: str) -> None:
+    def _check_continuity(self, timing: PlanOptions, key: str) -> None:
         """Check that shape and timing support the continuity of the corners."""
         if self.continuity is None:
             return
@@ -323,10 +269,10 @@ class Rounding(Checked):
                 "or set shape: arc.",
                 remedies=({("continuity",): None}, {("shape",): ARC}),
             )
-        if self.continuity == CURVATURE and timing == Method.PAPER:
+        if self.continuity == CURVATURE and timing.only_arcs:
             raise InvalidInput(
-                f"{key}.continuity is curvature, but the timing method paper supports only lines "
-                "and arcs. Set continuity: tangent, or timing: {method: optimal}.",
+                f"{key}.continuity is curvature, but the timing method {timing.method} supports "
+                "only lines and arcs. Set continuity: tangent, or timing: {method: optimal}.",
                 remedies=({("continuity",): TANGENT},),
             )
 
@@ -348,12 +294,12 @@ class Run(Checked):
         cycle: Cycle [s].
         end_time: End of the time over which errors are evaluated [s]; None: when all joints are at
             rest.
-        experiment: Options of a simulation with rigid bodies; None for no such simulation.
-        accuracy: Largest allowed distance of the tool from the drawing [m]. By default, corners may
-            have errors up to their tolerances, and the contour error may be a tenth of the smallest
+        experiment: Options for simulating rigid bodies; None if they are not simulated.
+        accuracy: Largest distance of the tool from the drawing that is allowed [m]. By default,
+            corner errors may reach their tolerances, and the contour error a tenth of the smallest
             tolerance.
-        default_compensation: Whether the job file specifies no compensation. Then a certificate
-            for servos has the inverse of the servo also for a run with an experiment.
+        default_compensation: Whether the job file specifies no compensation. If so, certificates
+            for servos use the inverse of the servo, even if the run has an experiment.
         speed_factor: Fraction of the planned speed, as of `Trajectory.stretched`; None means 1, but
             0.1 for `play`.
 
@@ -377,7 +323,7 @@ class Run(Checked):
     def _check_together(self) -> None:
         check_cycle(self.cycle)
         if self.rounding is not None:
-            self.rounding.check(self.timing.method)
+            self.rounding.check(self.timing)
 
     def check_end_time(self, program: Program) -> None:
         """Check that an end of the evaluation is given for a single path only.
@@ -386,7 +332,7 @@ class Run(Checked):
             program: The program, as it is drawn or prepared.
 
         Raises:
-            InvalidInput: The run has `end_time`, and the program is no single path.
+            InvalidInput: The run has `end_time`, and the program has several paths.
         """
         if self.end_time is not None and program.single_path is None:
             raise InvalidInput(
@@ -397,18 +343,38 @@ class Run(Checked):
     @property
     def for_bodies(self) -> bool:
         """True if compensation uses the dynamics of the arm, which the servo model lacks."""
-        return isinstance(self.compensation, InverseDynamics)
+        return self.compensation.for_bodies
 
     @property
     def feeds_gravity_forward(self) -> bool:
         """True if the controller adds the gravity torque."""
-        options = self.compensation
-        return not isinstance(options, InverseDynamics) or options.gravity_feedforward
+        return self.compensation.feeds_gravity_forward
 
     @property
     def is_shaped(self) -> bool:
         """True if corners have shape free, which is optimized together with the timing."""
         return self.rounding is not None and self.rounding.free
+
+    @property
+    def shaping(self) -> Shaped | None:
+        """How free corners are shaped, with the reserve and the grid of the timing.
+
+        None for other corners.
+        """
+        rounding = self.rounding
+        if rounding is None or not rounding.free:
+            return None
+        from armcontour.planning import Shaped
+
+        # `Rounding.check` refuses other timings, and free corners without a tolerance.
+        assert isinstance(self.timing, Optimal) and rounding.tolerance is not None
+        return Shaped(
+            tolerance=rounding.tolerance,
+            angular_tolerance=rounding.angular_tolerance,
+            iterations=rounding.iterations,
+            reserve=self.timing.reserve,
+            intervals=self.timing.intervals,
+        )
 
     @property
     def continuity(self) -> Continuity | None:
@@ -419,7 +385,7 @@ class Run(Checked):
 
     @property
     def transition_tolerance(self) -> float:
-        """Maximum distance of transitions from the objective [m]; 0 if there are no transitions."""
+        """Maximum distance of transitions from the objective [m]; 0 without transitions."""
         if self.continuity != CURVATURE or self.rounding is None:
             return 0.0
         maximum = self.rounding.tolerance
@@ -447,7 +413,8 @@ class Job(Checked):
         arm: The arm.
         path: The objective path, or a program of several contours.
         process: Leads, overlaps and events that are added to the contours.
-        configuration: Branch of the inverse kinematics of a planar arm; by default the fastest.
+        configuration: For a planar arm, the branch of its inverse kinematics; by default the
+            fastest.
         seed: For an arm in space: joint positions near the start configuration [rad], (dof,); None
             takes the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.
@@ -511,7 +478,7 @@ class Job(Checked):
             object.__setattr__(self, "seed", checks.frozen_array(seed))
 
     def __str__(self) -> str:
-        """Table with arm, path, runs and further parts of the job."""
+        """Write a table with arm, path, runs and further parts of the job."""
         program = self.program
         summary = f"{count_noun(len(program.contours), 'contour')}, {digits(program.length)} m"
         return format_table(
@@ -529,7 +496,7 @@ class Job(Checked):
 
     @staticmethod
     def _words(run: Run) -> str:
-        """Text with timing, compensation, cycle and speed of a run."""
+        """Write timing, compensation, cycle and speed of a run."""
         speed = run.limits.speed
         fast = "" if speed is None else f", {digits(speed * 1e3)} mm/s"
         methods = f"{run.timing.method}, {run.compensation.method}"
@@ -540,13 +507,17 @@ class Job(Checked):
         """Arm and obstacles, with which the clearance is checked.
 
         Raises:
-            InvalidInput: As `check_clearance`.
+            InvalidInput: `check_clearance` would refuse the arm or the scene.
         """
         return cell_of(self.arm, self.scene)
 
 
 def find_run(job: Job, name: str) -> Run:
-    """Find the run of a job by its name."""
+    """Find the run of a job by its name.
+
+    Raises:
+        InvalidInput: The job has no run with this name.
+    """
     for run in job.runs:
         if run.name == name:
             return run
@@ -555,7 +526,14 @@ def find_run(job: Job, name: str) -> Run:
 
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
-    """Run with a name, or the only run; `done`: participle for the message, such as "certified"."""
+    """Find the run with this name, or the only run.
+
+    `done`: participle for the message, such as "certified"; `among`: the runs from which the only
+    one is taken, by default all.
+
+    Raises:
+        InvalidInput: The name is unknown, or several runs are possible.
+    """
     if name is not None:
         return find_run(job, name)
     able = among or job.runs

@@ -1,4 +1,4 @@
-"""Quantities of the plan of a run: full stops, weaves, torques, angular speeds."""
+"""Quantities computed from a run's plan: full stops, weaves, torques, angular speeds."""
 
 from __future__ import annotations
 
@@ -19,28 +19,34 @@ from armcontour.planning.tracing.positioner_tilt import angles_to_gravity
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, SerialArm
 
-# Reason of stops due to jerk limits, in the list of full stops.
+# Reason for which the list of full stops counts stops due to jerk limits.
 CURVATURE_JUMPS = "curvature jumps"
-# Number of samples of the planned path per wave.
+# Samples of the planned path per wave.
 PER_WAVE = 64
 # Maximum relative difference between the planned and the requested weave.
-ALLOWED = 0.02
-# Number of times at which torques are computed, in addition to the breaks of the plan.
-SAMPLES = 4000
+WEAVE_TOLERANCE = 0.02
+# Torques are computed at this number of times, and at the breaks of the plan.
+QUANTITY_SAMPLES = 4000
 
 
 class JerkStop(NamedTuple):
-    """A full stop inside a contour due to jerk limits, at a jump of the curvature."""
+    """A full stop inside a contour that jerk limits require, because the curvature jumps.
 
-    contour: str  # Name of the contour in messages; empty for a single path
-    s: float  # Arc length from the start of the contour [m]
-    point: tuple[float, ...]  # Position [m], 2 or 3 coordinates
+    Args:
+        contour: Name of the contour in messages; empty for a single path.
+        s: Arc length from the start of the contour [m].
+        point: Position [m], 2 or 3 coordinates.
+    """
+
+    contour: str
+    s: float
+    point: tuple[float, ...]
 
 
 def jerk_stops(
     program: Program, traced: Tracing | None, trajectory: Trajectory, run: Run
 ) -> tuple[JerkStop, ...]:
-    """Full stops inside contours that jerk limits require, in path order."""
+    """Find the full stops inside contours that jerk limits require, in path order."""
     if traced is None or not run.limits.limits_jerk:
         return ()
     stops = []
@@ -57,7 +63,7 @@ def jerk_stops(
 
 
 def stops_of_path(program: Program) -> dict[str, int]:
-    """Number of full stops that a program requires regardless of limits, by reason."""
+    """Count the full stops that a program requires regardless of limits, by reason."""
     stops: Counter[str] = Counter()
     for contour in program.contours:
         stops.update(count_full_stops(contour.path))
@@ -66,22 +72,29 @@ def stops_of_path(program: Program) -> dict[str, int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weaving:
-    """Planned weave of a contour, evaluated where the weave has its full width."""
+    """Planned weave of a contour, measured where the weave has its full width.
 
-    contour: str  # Name of the contour in messages
-    # Smallest and largest distance between adjacent crests, perpendicular to the seam [m].
+    Args:
+        contour: Name of the contour in messages.
+        width: Smallest and largest distance between adjacent crests, perpendicular to the seam [m].
+        frequency: Smallest and largest number of waves per second [1/s].
+        requested: Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned
+            velocity.
+        left_out: Length of seam parts that are too short to be woven [m].
+    """
+
+    contour: str
     width: tuple[float, float]
-    frequency: tuple[float, float]  # Smallest and largest number of waves per second [1/s]
-    # Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned velocity.
+    frequency: tuple[float, float]
     requested: tuple[float, float]
-    left_out: float  # Length of seam parts that are too short to be woven [m]
+    left_out: float
 
     @property
     def differs(self) -> bool:
-        """True if the planned weave differs from the requested weave by more than ALLOWED."""
+        """True if the planned and the requested weave differ by more than `WEAVE_TOLERANCE`."""
         width, frequency = self.requested
-        narrow = max(abs(x - width) for x in self.width) > ALLOWED * width
-        return narrow or self.frequency[0] < (1 - ALLOWED) * frequency or self.left_out > 0
+        narrow = max(abs(x - width) for x in self.width) > WEAVE_TOLERANCE * width
+        return narrow or self.frequency[0] < (1 - WEAVE_TOLERANCE) * frequency or self.left_out > 0
 
     @property
     def sentence(self) -> str:
@@ -103,7 +116,7 @@ class Weaving:
 
 
 def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
-    """Yield the planned weave of each contour that has waves of full width."""
+    """Yield the planned weave of each contour whose waves reach their full width."""
     for i, (contour, span) in enumerate(
         zip(program.contours, trajectory.contour_spans, strict=True)
     ):
@@ -141,10 +154,15 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Torques(Frozen):
-    """Drive torques over time."""
+    """Drive torques over time.
 
-    t: FloatArray  # Times [s], (n,)
-    values: FloatArray  # Torques [N m], (n, dof)
+    Args:
+        t: Times [s], (n,).
+        values: Torques [N m], (n, dof).
+    """
+
+    t: FloatArray
+    values: FloatArray
 
     @property
     def peak(self) -> FloatArray:
@@ -153,11 +171,11 @@ class Torques(Frozen):
 
 
 def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
-    """Torques of a plan over time; None if the masses of the arm are unknown."""
+    """Compute a plan's torques over time; None if the arm's masses are unknown."""
     if not arm.has_bodies:
         return None
-    t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)
-    # Torques from the left do not exist at the first time, torques from the right not at the last.
+    t = np.union1d(np.linspace(0, plan.duration, QUANTITY_SAMPLES), plan.breaks)
+    # The first time has no torques from the left, and the last time none from the right.
     before = torques_at(arm, plan, t[1:], side="left")
     after = torques_at(arm, plan, t[:-1])
     values = np.stack([after, before], axis=1).reshape(-1, arm.dof)
@@ -166,17 +184,17 @@ def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
 
 
 def applied_torques(executed: Execution) -> Torques | None:
-    """Drive torques in a simulation; None if the simulation has no torques."""
+    """Return the drive torques in a simulation; None if it has none."""
     return None if executed.torque is None else Torques(t=executed.t, values=executed.torque)
 
 
 def torques_at(arm: Arm, plan: Trajectory, t: FloatArray, *, side: str = "right") -> FloatArray:
-    """Torques [N m], (n, dof), of a plan at times t [s], (n,); at jumps, those on one `side`."""
+    """Compute a plan's torques [N m], (n, dof), at times t [s], (n,); at jumps, on one `side`."""
     return arm.torque(*(plan(t, order, side=side) for order in (0, 1, 2)))
 
 
 def angular_speed(execution: Execution) -> FloatArray | None:
-    """Angular speed of the tool [rad/s], (n,); None for a planar arm."""
+    """Return the tool's angular speed [rad/s], (n,); None for a planar arm."""
     if not isinstance(execution.arm, SerialArm):
         return None
     twist = execution.arm.tool_twist(execution.q, execution.dq)
@@ -184,9 +202,9 @@ def angular_speed(execution: Execution) -> FloatArray | None:
 
 
 def largest_tilt(arm: Arm, plan: Trajectory) -> float | None:
-    """Largest angle between tool axis and gravity on contours [rad]; None without a positioner."""
+    """Return the largest angle of the tool axis to gravity on contours [rad]; None if fixed."""
     if not isinstance(arm, SerialArm) or arm.chain.positioner is None:
         return None
     laws = [x.trajectory or plan for x in plan.contour_spans]
-    positions = (x(np.linspace(0.0, x.duration, SAMPLES)) for x in laws)
+    positions = (x(np.linspace(0.0, x.duration, QUANTITY_SAMPLES)) for x in laws)
     return max(float(angles_to_gravity(arm, q).max()) for q in positions)

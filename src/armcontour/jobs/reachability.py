@@ -1,4 +1,4 @@
-"""`explain`: error with the farthest unreachable point of a job, its distance, and a remedy."""
+"""`explain`: the point of a job that is farthest out of reach, and a remedy."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from armcontour.program import Contour, Program, Rapid, contour_called, prepare
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 from armcontour.robot.arm import FAR_OUT, unit_hint
 
-# Approximate number of points on each path, and on all paths; a point takes a few milliseconds.
+# Approximate number of points on each path; a point takes a few milliseconds.
 MAX_ALONG = 60
-MAX_PLACES = 400
-# Number of initial configurations of a search, and number of the worst points for which more
-# initial configurations are tried.
+# Approximate number of points on all paths.
+MAX_SEARCHED_POINTS = 400
+# Initial configurations from which a point is searched.
 FEW_SEEDS = 12
+# More initial configurations are tried for this number of the worst points.
 WORST = 6
 
 
@@ -33,7 +34,7 @@ class _PathPoints(NamedTuple):
     """Points along some paths of a program."""
 
     paths: list[tuple[str, Path]]  # Names of the paths in messages, and the paths
-    owner: IntArray  # Index of the path of each point, (n,)
+    owner: IntArray  # For each point, the index of its path, (n,)
     s: FloatArray  # Arc lengths [m], (n,)
     points: FloatArray  # Required tool positions [m], (n, dimension)
     rotations: FloatArray  # Tool orientations, (n, 3, 3); identity where none is required
@@ -41,7 +42,7 @@ class _PathPoints(NamedTuple):
     @classmethod
     def along(cls, paths: list[tuple[str, Path]]) -> _PathPoints:
         """Sample paths at ends of segments and evenly spaced points, or at a subset of these."""
-        maximum = int(np.clip(MAX_PLACES // len(paths), 2, MAX_ALONG))
+        maximum = int(np.clip(MAX_SEARCHED_POINTS // len(paths), 2, MAX_ALONG))
         rows = []
         for k, (_, path) in enumerate(paths):
             s = np.union1d(np.linspace(0, path.length, maximum), path.breaks)
@@ -54,7 +55,7 @@ class _PathPoints(NamedTuple):
         return cls(paths, *map(np.concatenate, zip(*rows, strict=True)))
 
     def some(self, selection: IntArray) -> _PathPoints:
-        """The points with the given indices."""
+        """Return the points with the given indices."""
         paths, indices, s, points, rotations = self
         return _PathPoints(
             paths, indices[selection], s[selection], points[selection], rotations[selection]
@@ -62,7 +63,7 @@ class _PathPoints(NamedTuple):
 
 
 def explain(error: Unreachable, job: Job) -> Unreachable:
-    """Error about the point of a job that is farthest out of reach, or the given error if none is.
+    """Make the error about the job's point that is farthest out of reach; the given one if none is.
 
     Points of contours have priority over points of rapids.
     """
@@ -101,16 +102,18 @@ def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
 
 def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:
     """Reduce many points to those that are farthest from the base of the arm or nearest to it."""
-    if len(points.s) <= 2 * MAX_PLACES:
+    if len(points.s) <= 2 * MAX_SEARCHED_POINTS:
         return points
     assert isinstance(arm, PlanarTwoLink | SerialArm)
     base = [arm.base, 0.0] if isinstance(arm, PlanarTwoLink) else arm.chain.base.position
     ranks = np.argsort(np.linalg.norm(points.points - base, axis=1))
-    return points.some(np.sort(np.append(ranks[: MAX_PLACES // 4], ranks[-MAX_PLACES:])))
+    return points.some(
+        np.sort(np.append(ranks[: MAX_SEARCHED_POINTS // 4], ranks[-MAX_SEARCHED_POINTS:]))
+    )
 
 
 def _reached(arm: Arm, points: _PathPoints) -> FloatArray:
-    """Reachable tool position nearest to each point [m], (n, dimension)."""
+    """Find the reachable tool position nearest to each point [m], (n, dimension)."""
     goals = points.points
     if isinstance(arm, PlanarTwoLink):
         near, far = arm.reach
@@ -138,7 +141,7 @@ def _reached(arm: Arm, points: _PathPoints) -> FloatArray:
 
 
 def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: bool) -> Unreachable:
-    """Error about point `k`, which is farthest out of reach; `away`: distances from the reach."""
+    """Make the error about point `k`, farthest out of reach; `away`: distances from the reach."""
     called, path = points.paths[points.owner[k]]
     point = points.points[k]
     s = float(points.s[k])
@@ -165,7 +168,7 @@ def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: boo
 
 
 def _remedy(points: _PathPoints, rapid: bool) -> str:
-    """Remedy for points out of reach, as sentences; the last has no period."""
+    """Write a remedy for points out of reach, as sentences; the last has no period."""
     free = suggest_remedy(points.paths[0][1]).removeprefix("Move the path or the arm")
     move = f"ove the part or the arm{free}. `armcontour place` finds a position"
     if rapid:
@@ -174,7 +177,7 @@ def _remedy(points: _PathPoints, rapid: bool) -> str:
 
 
 def _place(point: FloatArray, far: bool = False) -> str:
-    """Text with coordinates in millimetres, rounded to a micrometre; if `far`, in metres."""
+    """Write coordinates in millimetres, rounded to a micrometre; if `far`, in metres."""
     scale, digits, unit = (1.0, 6, "m") if far else (1e3, 3, "mm")
     shown = (f"{x:.{6 if far else 10}g}" for x in np.round(point * scale, digits) + 0.0)
     return f"({', '.join(shown)}) {unit}"

@@ -1,4 +1,4 @@
-"""`Resumption`: the configuration of a whole job, which the rest of the job keeps."""
+"""`Resumption`: the configuration of a whole job, which its remaining part keeps."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ class Resumption:
 
 
 def mark(objective: Program, number: int, s: FloatArray) -> Program:
-    """The program with events at places of a contour, which has no other events.
+    """Put events at places of a contour, which loses its other events.
 
     - `number`: index of the contour.
-    - `s`: arc lengths of the contour [m], (n,), which increase.
+    - `s`: increasing arc lengths on the contour [m], (n,).
     """
     contours = 0
     moves = list[Move]()
@@ -74,17 +74,17 @@ def mark(objective: Program, number: int, s: FloatArray) -> Program:
 
 
 def marked_places(contour: Contour) -> FloatArray:
-    """Arc lengths of the events of a marked contour [m], (n,)."""
+    """Return the arc lengths of a marked contour's events [m], (n,)."""
     return np.array([x.s for x in contour.events])
 
 
 def shaped_places(objective: Program, path: Program, number: int, s: FloatArray) -> FloatArray:
-    """Arc lengths of a shaped contour at places of the drawn contour [m], (n,).
+    """Find places of the drawn contour on the shaped contour; return their arc lengths [m], (n,).
 
     - `objective`: the program with sharp corners.
     - `path`: the program with shaped corners.
     - `number`: index of the contour.
-    - `s`: arc lengths of the drawn contour [m], (n,), which increase.
+    - `s`: increasing arc lengths on the drawn contour [m], (n,).
     """
     drawn = draw_with_arcs(mark(objective, number, s).contours[number])
     shaped = path.contours[number].path
@@ -118,7 +118,7 @@ class ResumedPlace:
         return cls(number=number, s=s)
 
     def traced(self, tracing: Tracing, s: float) -> TracedWhole:
-        """Joint path of the whole contour, and those of the later moves.
+        """Return the joint path of the whole contour, and those of the later moves.
 
         `s`: arc length of the place on the contour with rounded or shaped corners [m].
         """

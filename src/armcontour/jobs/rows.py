@@ -1,4 +1,4 @@
-"""Rows of a run: verdict, errors, speeds, limits, set-points and plan; all outputs print them."""
+"""Rows of a run, which all outputs print: verdict, errors, speeds, limits, set-points, plan."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ from armcontour.verification.evaluation import duration_row, tool_speeds
 
 # Name of the assigned velocity in explanations.
 ASSIGNED = LIMITS["speed"].label
-# Key of the part of a run's data with the execution on rigid bodies. The values of the execution
-# with the servo model are those of the run itself.
+# Key of the execution on rigid bodies in a run's data. The run itself has the values of the
+# execution with the servo model.
 EXPERIMENT = "experiment"
-# Relative excess of the distance from the drawing over its parts that needs an explanation.
-VISIBLE = 1e-3
-# Of an execution that is not the worst of those that judge the run, only rows whose names begin
-# with these words are shown, with a label that begins with the name of the execution.
+# If the distance from the drawing exceeds the sum of its parts by this fraction, a note says why.
+EXPLAINED_EXCESS = 1e-3
+# An execution that does not decide the verdict is shown only by rows whose names begin with these
+# words, with a label that begins with the execution's name.
 SHOWN_OF_OTHERS = ("contour_error", "torque")
 OTHERS_LABELS = {SERVO: "servo model: ", BODIES: "on rigid bodies: "}
 
@@ -54,7 +54,7 @@ def job_data(
     warnings: Sequence[str],
     parts: Mapping[str, Data],
 ) -> Data:
-    """Data of a job, its arm and its runs, with further parts."""
+    """Return the data of a job, its arm and its runs, with further parts."""
     arm = job.arm
     suffix = f", {count_noun(len(warnings), 'warning')}" if warnings else ""
     return Data(
@@ -81,7 +81,7 @@ def job_data(
 def run_data(
     result: RunRecord, job: Job | None, warnings: tuple[str, ...], remarks: tuple[str, ...]
 ) -> Data:
-    """Data of a run; without values of the execution if the run was not simulated."""
+    """Return the data of a run; without values of the execution if it was not simulated."""
     parts = dict[str, Data]()
     tables = list(_tables(result, job))
     experiment = tuple(_experiment_rows(result))
@@ -120,7 +120,7 @@ def run_data(
 
 
 def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
-    """Yield a row with the number of warnings, if there are any, and a row with the warnings."""
+    """Yield the number of warnings, unless it is 0, and a row with the warnings."""
     if warnings:
         yield Row("warning_count", len(warnings), "", "warnings", level=VERDICT)
     yield Row("warnings", warnings)
@@ -158,7 +158,7 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
 
 
 def reason_of(run: Run, verdict: Verdict) -> str:
-    """The requirement that determines a verdict, as a clause; empty if there is none."""
+    """Write the requirement that decides a verdict, as a clause; empty if none decides."""
     tolerance = None if run.rounding is None else run.rounding.tolerance
     match verdict.requirement:
         case "motion":
@@ -176,7 +176,7 @@ def reason_of(run: Run, verdict: Verdict) -> str:
 
 
 def worst_contour(run: Run, verdict: Verdict) -> Row:
-    """Row with the largest distance from the drawing."""
+    """Write the row with the largest distance from the drawing."""
     tolerance = None if run.rounding is None else run.rounding.tolerance
     # If an accuracy is specified, only the sum is limited, not the parts.
     free = run.accuracy is not None
@@ -203,10 +203,15 @@ def off_drawing(
     allowed: float | None = None,
     label: str = "off the drawing",
 ) -> Row:
-    """Row with the distance of the tool from the drawing [m], and its parts in the note.
+    """Write the row with the tool's distance from the drawing [m]; its parts stand in the note.
 
-    `deviation` is the part of the path, `errors` are the contour errors of each execution [m].
-    `tolerance` and `allowed` are the limits of rounding and contour errors [m].
+    Args:
+        distance: The distance [m].
+        deviation: Part of the distance by which the path differs from the drawing.
+        tolerance: Limit of the rounding error [m]; None without one.
+        errors: Contour error in each execution [m].
+        allowed: Limit of the contour error [m]; None without one.
+        label: Label of the row.
     """
     parts = list[tuple[str, float, float | None]]()
     if deviation.rounding is not None:
@@ -219,14 +224,14 @@ def off_drawing(
         + ("" if limit is None else f" of {number(limit, 'm')} allowed")
         for name, value, limit in parts
     )
-    if distance > (deviation.total + max(errors.values())) * (1 + VISIBLE):
+    if distance > (deviation.total + max(errors.values())) * (1 + EXPLAINED_EXCESS):
         # Contour errors are distances from the tool only, not from corners that it cuts.
         note += "; a point of the drawing is missed by this distance"
     return Row("off_drawing", distance, "m", label, note, VERDICT)
 
 
 def weave_speed(result: RunRecord) -> float | None:
-    """Travel speed of the weaves [m/s]; None without weaves, or if the run limits the speed."""
+    """Return the weaves' travel speed [m/s]; None without weaves, or if the run limits it."""
     contours = result.path.contours
     fastest = result.run.limits.speed
     if fastest is not None and any((x.path.speeds > fastest).any() for x in contours):
@@ -236,7 +241,7 @@ def weave_speed(result: RunRecord) -> float | None:
 
 
 def with_worst_execution(result: RunRecord, data: Data) -> Data:
-    """Data of a run in which the values of the execution are those of the verdict.
+    """Show the values of the execution that decides the verdict.
 
     If rigid bodies decide, their shown values replace those of the servo model.
     """
@@ -253,7 +258,7 @@ def with_worst_execution(result: RunRecord, data: Data) -> Data:
 
 
 def _execution_rows(result: RunRecord) -> Iterator[Row]:
-    """Yield rows of the execution with the servo model, or of a plan that was not simulated."""
+    """Yield the execution with the servo model, or the plan if it was not simulated."""
     evaluation = result.evaluation
     if evaluation is None and result.trajectory.arm is not None:
         yield from tool_speeds(result.motion).rows
@@ -272,7 +277,7 @@ def _execution_rows(result: RunRecord) -> Iterator[Row]:
 
 
 def _experiment_rows(result: RunRecord) -> Iterator[Row]:
-    """Yield rows of the execution on rigid bodies, or of its failure; none without either."""
+    """Yield the execution on rigid bodies, or its failure; nothing without either."""
     if result.failure is not None:
         label = f"{OTHERS_LABELS[BODIES]}failed"
         yield Row("failed", str(result.failure), "", label, level=FIRST)
@@ -292,7 +297,7 @@ def _experiment_rows(result: RunRecord) -> Iterator[Row]:
 
 
 def _row_of_execution(row: Row, execution: str, is_worst: bool) -> Row:
-    """Row of an execution, which is a main result only if this execution is the verdict."""
+    """Show a row as a main result only if its execution decides the verdict."""
     if is_worst:
         return row
     if row.label and row.name.startswith(SHOWN_OF_OTHERS):
@@ -301,7 +306,7 @@ def _row_of_execution(row: Row, execution: str, is_worst: bool) -> Row:
 
 
 def _angular_rows(execution: Execution) -> Iterator[Row]:
-    """Yield the row of the largest angular speed of the tool; nothing for a planar arm."""
+    """Yield the tool's largest angular speed; nothing for a planar arm."""
     speed = angular_speed(execution)
     if speed is not None:
         yield Row("angular_speed", speed.max(), "rad/s", "tool's angular speed, largest")
@@ -310,7 +315,7 @@ def _angular_rows(execution: Execution) -> Iterator[Row]:
 def _torque_rows(
     arm: Arm, limit: FloatArray | None, torques: Torques | None, kind: str
 ) -> Iterator[Row]:
-    """Yield rows of the largest torques, their limits, and assumed mass parameters."""
+    """Yield the largest torques, their limits, and assumed mass parameters."""
     if torques is None:
         return
     peak = torques.peak
@@ -328,7 +333,7 @@ def _torque_rows(
 
 
 def _plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
-    """Yield rows of parameters of the simulated robot and of the model in its controller."""
+    """Yield parameters of the simulated robot, and of its controller's model."""
     yield Row("plant", type(plant).__name__)
     yield Row("step", plant.step, "s")
     yield Row("gravity_feedforward", plant.gravity_feedforward)
@@ -344,7 +349,7 @@ def _plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
 
 
 def _set_points(result: RunRecord) -> Iterator[Row]:
-    """Yield rows of set-points and of command limits with their effect on the error."""
+    """Yield how set-points and command limits change the error."""
     set_points = result.set_points
     if result.servo is None and result.execution is None:
         # Set-points are not reported, because joints without a servo follow the plan exactly.
@@ -370,7 +375,7 @@ def _set_points(result: RunRecord) -> Iterator[Row]:
 
 
 def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
-    """Yield rows of path, methods, stops and shaping of a plan."""
+    """Yield path, methods, stops and shaping of a plan."""
     run = result.run
     trajectory = result.trajectory
     path = result.path
@@ -396,6 +401,8 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     yield Row("full_stops.reasons", stops)
     if job is not None and job.process.off:
         yield Row("process_off", True, "", "process off", "no output is switched")
+        if job.process.lift:
+            yield Row("lift", job.process.lift, "m", "above the part", "along its z axis")
     elif job is not None and job.process.analog_names:
         yield Row("analog", job.process.analog_names)
     if job is not None and job.export.outputs:
@@ -407,7 +414,7 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
 
 
 def _program_rows(result: RunRecord) -> Iterator[Row]:
-    """Yield rows of lengths and times of a program, with the process on and off."""
+    """Yield lengths and times of a program, with the process on and off."""
     spans = result.trajectory.spans
     path = result.path
     objective = result.objective
@@ -434,19 +441,19 @@ def _program_rows(result: RunRecord) -> Iterator[Row]:
 
 
 def work_length(contour: Contour) -> float:
-    """Length of a contour with the process on [m]."""
+    """Return the length of a contour on which the process is on [m]."""
     start, end = contour.at_work
     return end - start
 
 
 def pierce_length(contour: Contour) -> float:
-    """Length of the move from the pierce height to the lead-in or the contour [m]."""
+    """Return the length of the move from the pierce height to the lead-in or contour [m]."""
     tags = contour.path.tags
     return float(sum(contour.path.lengths[k] for k, tag in enumerate(tags) if tag == PIERCE))
 
 
 def shaping_rows(program: Program) -> Iterator[Row]:
-    """Yield rows of the time that shaping the contours saves, without rapids and dwells."""
+    """Yield the time that shaping the contours saves, without rapids and dwells."""
     outcomes = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
     if not outcomes:
         return
@@ -485,7 +492,7 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
 
 
 def _tables(result: RunRecord, job: Job | None) -> Iterator[Table]:
-    """Yield the tables of a run, which are in files only."""
+    """Yield the tables that are written to files but not printed."""
     trajectory = result.trajectory
     single = result.path.single_path
     yield Table(
@@ -526,11 +533,11 @@ def _tables(result: RunRecord, job: Job | None) -> Iterator[Table]:
 
 
 def _move_table(result: RunRecord, begin: float) -> Table:
-    """Table of the moves of a program with times; only rows of contours have all values.
+    """List the moves of a program with their times; only rows of contours have all values.
 
     `begin`: `resume_at` of the process [m].
     """
-    # Start and end of a contour as values of `resume_at` are cumulated working lengths.
+    # As values of `resume_at`, start and end of a contour are cumulated working lengths.
     ends = begin + np.cumsum([0.0, *map(work_length, result.objective.contours)])
     errors = () if result.judged is None else result.judged.contours
     contours = enumerate(result.path.contours)
@@ -561,5 +568,5 @@ def _move_table(result: RunRecord, begin: float) -> Table:
 
 
 def _columns(**columns: str) -> tuple[Row, ...]:
-    """Columns of a table for files, from the unit of each column by name."""
+    """Make the columns of a table for files; each argument is a name with its unit."""
     return tuple(Row(name, None, unit) for name, unit in columns.items())

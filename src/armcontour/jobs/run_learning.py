@@ -1,4 +1,4 @@
-"""Learning of the set-points of a run from logs of a robot."""
+"""Learning a run's set-points from the logs of a robot."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import number
 from armcontour.core.result import Data, Row
 from armcontour.jobs.job import Job, choose_run
+from armcontour.jobs.run_job import run
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.jobs.study import run
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.execution import describe_excess
 from armcontour.verification import ErrorProfile
@@ -24,15 +24,21 @@ from armcontour.verification.contour_errors import ContourExecution, pieces_of
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LearningStudy:
-    """Run of a job, and the result of learning from its executions on a robot."""
+    """A run of a job, and what was learned from its executions on a robot.
+
+    Args:
+        job: The job.
+        plan: Plan and set-points before learning.
+        lesson: Result of learning, with the set-points of the next run.
+    """
 
     job: Job
-    plan: RunResult  # Plan and set-points before learning
-    lesson: LearningResult  # Result of learning, with the set-points of the next run
+    plan: RunResult
+    lesson: LearningResult
 
     @checked
     def to_data(self) -> Data:
-        """Data of the plan and of learning, for the summary of a result."""
+        """Return the data of plan and learning, for the summary of a result."""
         study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data({"learning": self.result})
 
@@ -45,7 +51,7 @@ class LearningStudy:
         return replace(data, title=f"Run {name}", rows=rows, notes=tuple(self.notes))
 
     def errors(self, k: int) -> tuple[float, float]:
-        """RMS and largest error of the tool in run k, from 0 [m].
+        """Return the RMS and the largest error of the tool in run k, from 0 [m].
 
         The error is the contour error according to the log, or the distance from the planned
         position if the plan has no path.
@@ -55,7 +61,7 @@ class LearningStudy:
         return run.rms, largest
 
     def profile(self, k: int) -> ErrorProfile:
-        """Measured contour error over time in run k, with noise, until the end of the plan."""
+        """Return the measured contour error over time in run k, until the end of the plan."""
         assert self.lesson.lifted is not None
         t = self.lesson.lifted.t
         q = self.plan.trajectory.with_rests(t) + self.lesson.runs[k].error
@@ -95,7 +101,10 @@ class LearningStudy:
 def measured_pieces(
     job: Job, plan: RunResult, t: FloatArray, q: FloatArray
 ) -> Sequence[ContourExecution]:
-    """Measured motion along each contour until the end of the plan; velocities and demand are 0."""
+    """Divide a measured motion into its contours, until the end of the plan.
+
+    Velocities and demand are 0, because a log does not contain them.
+    """
     still = np.zeros_like(q)
     executed = Execution(
         arm=job.arm,
@@ -128,9 +137,9 @@ def learn_logs(
 ) -> LearningResult:
     """Learn from logs of successive runs, with the arm and servo of the job.
 
-    Each run executes the set-points learned before it; `set_points`: those of the first of these
-    runs, by default those of the plan. The learned set-points satisfy the limits of the run, unless
-    the executed ones exceed them.
+    Each run executes the set-points learned before it. `set_points` are those of the first run, by
+    default those of the plan. The learned set-points satisfy the limits of the run, unless the
+    executed ones exceed them.
     """
     lesson = plan.set_points if set_points is None else set_points
     for k, log in enumerate(logs, 1):

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from armcontour.control.compensation import NoCompensation
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import figure, number
 from armcontour.core.text import capitalise, count_noun, joint_label, list_some
@@ -20,24 +19,23 @@ from armcontour.jobs.rows import shaping_rows
 from armcontour.jobs.run_record import RunRecord
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.execution import describe_excess
-from armcontour.planning import Conventional
 from armcontour.program import Program, contour_called
 from armcontour.robot import compare_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation
 
-# Clearance of the arm from itself below which a remark reports the clearance [m].
-NEAR = 10e-3
+# If the arm comes closer to itself than this, a remark reports the clearance [m].
+REPORTED_CLEARANCE = 10e-3
 # Maximum number of contours that a sentence names.
 MAX_NAMES = 4
 # Relative difference below which two values count as equal.
 SAME_VALUE = 1e-9
 # Ratio of the demand to the acceleration limit above which saturation of a joint is reported.
-FAR_ABOVE = 1.5
+REPORTED_DEMAND_RATIO = 1.5
 # Ratio of the cycle to the duration above which the cycle is reported as too coarse.
-COARSE = 0.1
-# Number of times at which a plan is compared with the motion of logs, in addition to its breaks.
+COARSE_CYCLE_SHARE = 0.1
+# A plan is compared with the motion in logs at this number of times, and at its breaks.
 PLAN_SAMPLES = 1000
 # Minimum joint error that is reported [rad].
 MIN_JOINT_ERROR = 1e-6
@@ -46,7 +44,7 @@ SAME_SPEED = 1e-3
 
 
 def warnings(result: RunRecord) -> Iterator[str | None]:
-    """Yield warnings about deviations of the result from the request; None has no warning."""
+    """Yield warnings about what differs from the request; None stands for no warning."""
     run = result.run
     trajectory = result.trajectory
     executed = result.execution
@@ -60,7 +58,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
         yield _slow(result)
     yield from (x.sentence for x in result.weaves if x.differs)
     yield from _collisions(result)
-    if run.cycle > COARSE * trajectory.duration:
+    if run.cycle > COARSE_CYCLE_SHARE * trajectory.duration:
         yield (
             f"the cycle of {number(run.cycle, 's')} is more than a tenth of the duration of the "
             f"motion, {number(trajectory.duration, 's')}. A number without a unit is in seconds; "
@@ -70,7 +68,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
         yield from _changed_commands(result.set_points, result.servo)
     if result.servo is not None:
         yield beyond_logs(result.servo, trajectory)
-        if not isinstance(run.compensation, NoCompensation):
+        if run.compensation.compensates:
             yield result.servo.doubt
     if executed is not None and result.evaluation is not None:
         yield _unsettled(executed)
@@ -108,7 +106,7 @@ def remarks(result: RunRecord) -> Iterator[str]:
 
 
 def _first_stop(program: Program) -> str:
-    """The place of the first full stop inside a contour, as the end of a sentence."""
+    """Write where the first full stop inside a contour is, as the end of a sentence."""
     for index, contour in enumerate(program.contours):
         if len(contour.path.stops):
             s = float(contour.path.stops[0])
@@ -127,7 +125,9 @@ def _describe_shaping(result: RunRecord) -> Iterator[str]:
 def _describe_clearance(result: RunRecord) -> Iterator[str]:
     """Yield the clearance if a scene, a near pair or an avoided configuration makes it relevant."""
     if (clearance := result.clearance) is not None:
-        relevant = (x.kind == "environment" or x.low <= NEAR for x in clearance.nearest)
+        relevant = (
+            x.kind == "environment" or x.low <= REPORTED_CLEARANCE for x in clearance.nearest
+        )
         if result.avoided or any(relevant):
             yield " ".join([clearance.sentence, *(f"{capitalise(x)}." for x in result.avoided)])
 
@@ -163,7 +163,7 @@ def _describe_unlimited_jerk(result: RunRecord) -> Iterator[str]:
 
 
 def unknown_notes(runs: Iterable[RunRecord]) -> tuple[str, ...]:
-    """Notes about properties of simulated robots that plan and controller do not model."""
+    """Return notes about properties of simulated robots that plan and controller do not model."""
     notes: dict[str, list[str]] = {}
     for result in runs:
         if result.run.experiment is not None and (unknown := result.run.experiment.unknown):
@@ -204,7 +204,7 @@ def _capped(program: Program, run: Run) -> Iterator[str]:
 
 
 def _at_corners(path: Path) -> FloatArray:
-    """Smaller tolerance of the segments at each vertex [m], (vertices,); NaN if it is no corner."""
+    """Return the smaller tolerance of both segments at each corner [m], (vertices,); else NaN."""
     tolerances = path.tolerances
     return np.where(
         path.turns > TANGENT_TOLERANCE, np.fmin(tolerances[:-1], tolerances[1:]), np.nan
@@ -212,7 +212,7 @@ def _at_corners(path: Path) -> FloatArray:
 
 
 def _slow(result: RunRecord) -> str:
-    """Warning for the end of a lead that is slowest relative to its assigned velocity."""
+    """Warn of the lead end with the lowest speed relative to its assigned velocity."""
     run = result.run
     slow = list[tuple[float, str]]()
     spans = result.trajectory.contour_spans
@@ -238,7 +238,7 @@ def _slow(result: RunRecord) -> str:
 
 
 def _warn_of_jerk_stops(stops: tuple[JerkStop, ...]) -> str:
-    """Warning for all full stops due to jerk limits."""
+    """Warn of all full stops that jerk limits require."""
     if not stops:
         return ""
     point = ", ".join(number(x, "m") for x in stops[0].point)
@@ -251,7 +251,7 @@ def _warn_of_jerk_stops(stops: tuple[JerkStop, ...]) -> str:
 
 
 def _collisions(result: RunRecord) -> Iterator[str | None]:
-    """Yield warnings for collisions executed or not checked, and for links below the base."""
+    """Yield warnings if bodies touch, if that is not checked, or if links are below the base."""
     planned = result.clearance
     executed = result.executed_clearance
     if planned is None:
@@ -263,7 +263,7 @@ def _collisions(result: RunRecord) -> Iterator[str | None]:
 
 
 def _changed_commands(set_points: SetPoints, servo: ServoModel | None) -> Iterator[str]:
-    """Yield warnings for set-points that are truncated, changed, or beyond limits of the plan."""
+    """Yield warnings if set-points are truncated, changed, or beyond limits of the plan."""
     if set_points.truncated is not None and set_points.truncated.max() >= MIN_JOINT_ERROR:
         j = int(np.argmax(set_points.truncated))
         unit = unit_of(set_points.trajectory.arm, "rad", j)
@@ -283,7 +283,7 @@ def _changed_commands(set_points: SetPoints, servo: ServoModel | None) -> Iterat
 
 
 def _unsettled(executed: Execution) -> str:
-    """Warning if the joints are not at rest at the end of the execution."""
+    """Warn if the joints are not at rest at the end of the execution."""
     if executed.unsettled is None:
         return ""
     j = int(np.argmax(executed.unsettled))
@@ -306,8 +306,8 @@ def _not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> str:
             f"of the arm (with the servo model, the contour error is {error}). Add an experiment "
             "to the job, such as experiment: {}."
         )
-    # The method "conventional" is excluded, because it does not consider joint limits.
-    if run.for_bodies or ratio <= FAR_ABOVE or isinstance(run.timing, Conventional):
+    # A method that ignores joint limits saturates joints as expected.
+    if run.for_bodies or ratio <= REPORTED_DEMAND_RATIO or run.timing.ignores_joint_limits:
         return ""
     t = float(executed.t[int(np.abs(executed.demand[:, joint]).argmax())])
     label = joint_label(joint + 1, executed.arm.joint_names)
@@ -319,7 +319,7 @@ def _not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> str:
 
 
 def _worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> str:
-    """Warning if compensation increases the contour error of the rigid-body simulation."""
+    """Warn if compensation increases the contour error of the rigid-body simulation."""
     compensated = judged.contour_error
     without = uncompensated.contour_error
     if compensated.rms <= without.rms and compensated.max <= without.max:
@@ -345,13 +345,13 @@ def _worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) ->
 
 
 def beyond_logs(servo: ServoModel, trajectory: Trajectory) -> str:
-    """Warning if the plan exceeds the motion with which the servo was identified; else empty."""
+    """Warn if the plan exceeds the motion with which the servo was identified; else return ""."""
     if servo.model_error is None or servo.logged_velocity is None:
         return ""
     return servo.describe_excess(*sample_rates(trajectory))
 
 
 def sample_rates(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
-    """Joint velocities [rad/s] and accelerations [rad/s²] of a plan, (n, dof) each."""
+    """Sample a plan's joint velocities [rad/s] and accelerations [rad/s²], (n, dof) each."""
     t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, PLAN_SAMPLES))
     return trajectory(t, 1), trajectory(t, 2)

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,8 +33,6 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
     Explanation,
-    Optimal,
-    Shaped,
     Tracing,
     at_speed,
     explain,
@@ -54,19 +52,22 @@ from armcontour.program import (
     smooth_curvature,
 )
 
-# Length of a lead below which the arm reaches none [m].
+if TYPE_CHECKING:
+    from armcontour.planning import Shaped
+
+# If the arm does not reach a lead of this length, it reaches none [m].
 SHORTEST_LEAD = 1e-3
-# Ratio of a lead to the length on which the tool accelerates along the contour, because the arm
-# accelerates less in other positions.
-LONGER = 1.25
-# Number of points along a contour with known speed.
-PLACES = 401
+# A lead is longer than the tool needs to accelerate along the contour by this factor, because the
+# arm may accelerate less in other positions.
+LEAD_FACTOR = 1.25
+# The speed along a contour is known at this number of points.
+LEAD_SPEED_SAMPLES = 401
 # Keys of the process that are ignored while automatic leads are determined.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
-# Name of the first step of a run, in which corners are rounded.
-ROUNDING = "rounding"
-# Name of the first step of a run with corners of shape free, in which contours are shaped.
-SHAPING = "shaping"
+# Name of a run's first step, in which corners are rounded.
+ROUNDING_STEP = "rounding"
+# Name of the first step if corners have shape free: contours are shaped.
+SHAPING_STEP = "shaping"
 
 
 def plan_one(
@@ -101,9 +102,10 @@ def plan_one(
 def resume_run(
     job: Job, run: Run, progress: Progress | None = None, *, clear: bool = True
 ) -> Resumption | None:
-    """Configuration of the whole job where it is resumed; None if it is not resumed.
+    """Find the configuration in which the whole job passes the place where it is resumed.
 
-    The whole job is traced, but not timed. `clear`: whether the whole job avoids collisions.
+    None if the job is not resumed. The whole job is traced, but not timed. `clear`: whether it
+    avoids collisions.
     """
     resume_at = job.process.resume_at
     if resume_at == 0:
@@ -130,7 +132,7 @@ def resume_run(
 
 @contextmanager
 def explained_reach(job: Job) -> Iterator[None]:
-    """Context in which an error of reach names the farthest unreachable point of a job."""
+    """Replace an error of reach in this context by one about the farthest point of the job."""
     try:
         yield
     except Unreachable as error:
@@ -140,7 +142,7 @@ def explained_reach(job: Job) -> Iterator[None]:
 
 
 def explain_plan(job: Job, trajectory: Trajectory) -> Explanation | None:
-    """Active limits along a plan; None if its timing is not optimal, or if it was stretched."""
+    """Find the active limits along a plan; None if it is not optimal, or was stretched."""
     if trajectory.method is not Method.OPTIMAL or trajectory.speed_factor != 1.0:
         return None
     return explain(trajectory, job.arm)
@@ -149,17 +151,17 @@ def explain_plan(job: Job, trajectory: Trajectory) -> Explanation | None:
 def prepare_program(
     job: Job, run: Run, progress: Progress | None = None, resumption: Resumption | None = None
 ) -> Program:
-    """Program of a job with leads, overlaps and events of the process, and with sharp corners.
+    """Add the process's leads, overlaps and events to a job's program; corners stay sharp.
 
-    `resumption`: as of `resume_run`; automatic leads depend on it.
+    `resumption`: see `resume_run`; automatic leads depend on it.
 
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
     """
-    subprogress(progress)(Step((SHAPING if run.is_shaped else ROUNDING,)))
+    subprogress(progress)(Step((SHAPING_STEP if run.is_shaped else ROUNDING_STEP,)))
     leads = None
     if job.process.automatic:
-        if not isinstance(run.timing, Optimal):
+        if not run.timing.automatic_leads:
             raise InvalidInput(
                 f"Run {run.name}: leads of automatic length require the timing method optimal, but "
                 f"the method is {run.timing.method}. Specify the lengths of the leads."
@@ -172,7 +174,7 @@ def prepare_program(
 
 
 def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list[Leads]:
-    """Leads with which each contour has full speed where the process switches on and off.
+    """Find leads with which each contour has full speed where the process switches on and off.
 
     The tool is assumed to accelerate as along the contour itself. Full speed is the assigned
     velocity; without one, the largest speed along the contour. Leads that the arm does not reach
@@ -180,8 +182,7 @@ def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list
     """
     # Corners of shape free are replaced by arcs here, because shaping takes long.
     rounding = None if run.rounding is None else run.rounding.with_arcs
-    assert isinstance(run.timing, Optimal)
-    timing = dataclasses.replace(run.timing, duration=None)
+    timing = run.timing.without_duration()
     run = dataclasses.replace(run, rounding=rounding, timing=timing, speed_factor=None)
     process = job.process
     # The contours are arranged first, so they have their direction already.
@@ -208,14 +209,14 @@ def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list
 
 
 def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory | None) -> Leads:
-    """Lengths of the automatic leads of a contour, from its motion without leads."""
+    """Find a contour's automatic leads from its motion without leads."""
     assert motion is not None
     process = job.process.of_contour(contour)
     leads = Leads()
     contour = dataclasses.replace(contour, work=None)
     path = contour.path
     length_of_motion = float(motion.s(motion.duration))
-    distances = np.linspace(0.0, length_of_motion, PLACES)[1:]
+    distances = np.linspace(0.0, length_of_motion, LEAD_SPEED_SAMPLES)[1:]
     for key, name, s, side in (
         ("lead_in", "before", 0.0, "right"),
         ("lead_out", "after", path.length, "left"),
@@ -230,7 +231,7 @@ def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory |
         if lead.shape == "arc" and run.limits.centripetal_acceleration is not None:
             # A shorter quarter of a circle is too tight for the speed.
             needed = max(needed, math.pi / 2 * speed**2 / run.limits.centripetal_acceleration)
-        length = needed = LONGER * needed
+        length = needed = LEAD_FACTOR * needed
         ends = Process(begin="drawn", up=process.up, **{key: lead})
         while True:
             tried = Leads(**{name: length})
@@ -244,7 +245,7 @@ def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory |
                 length /= 2
         # Limits of the contour may not allow the full speed.
         reached = planned.trajectory.speed_at(planned.path.contours[0].at_work[name == "after"])
-        length = min(length, LONGER * needed * (float(reached) / speed) ** 2)
+        length = min(length, LEAD_FACTOR * needed * (float(reached) / speed) ** 2)
         leads = dataclasses.replace(leads, **{name: length})
     return leads
 
@@ -258,30 +259,15 @@ def round_program(
 ) -> Program:
     """Round or shape the corners of a program as the run specifies; they can stay sharp.
 
-    `resumption`: as of `resume_run`; shapes depend on the configuration.
+    `resumption`: see `resume_run`; shapes depend on the configuration.
     """
+    shaping = run.shaping
+    if shaping is not None:
+        with error_context("corners"):
+            return _shape(job, run, shaping, program, progress, resumption)
     rounding = run.rounding
     if rounding is None:
         return program
-    if rounding.free:
-        from armcontour.planning import shape
-
-        with error_context("corners"):
-            assert isinstance(run.timing, Optimal) and rounding.tolerance is not None
-            configuration = job.configuration
-            seed = job.seed
-            if resumption is not None and resumption.whole is not None:
-                configuration, seed = resumption.whole.start_of(program.contours[0], job.arm)
-            options = Shaped(
-                tolerance=rounding.tolerance,
-                angular_tolerance=rounding.angular_tolerance,
-                iterations=rounding.iterations,
-                reserve=run.timing.reserve,
-                configuration=configuration,
-                seed=seed,
-                intervals=run.timing.intervals or intervals_of(program),
-            )
-            return shape(program, job.arm, run.limits, options, progress=progress)
     acceleration = rounding.acceleration
     if acceleration is None:
         acceleration = run.limits.centripetal_acceleration
@@ -296,15 +282,39 @@ def round_program(
     return _join_smoothly(rounded, run, rounded=True)
 
 
+def _shape(
+    job: Job,
+    run: Run,
+    shaping: Shaped,
+    program: Program,
+    progress: Progress | None,
+    resumption: Resumption | None,
+) -> Program:
+    """Shape a program from the configuration of the job, or of the job that is resumed."""
+    from armcontour.planning import shape
+
+    configuration = job.configuration
+    seed = job.seed
+    if resumption is not None and resumption.whole is not None:
+        configuration, seed = resumption.whole.start_of(program.contours[0], job.arm)
+    options = dataclasses.replace(
+        shaping,
+        configuration=configuration,
+        seed=seed,
+        intervals=shaping.intervals or intervals_of(program),
+    )
+    return shape(program, job.arm, run.limits, options, progress=progress)
+
+
 def places_on_path(
     job: Job, run: Run, objective: Program, path: Program, number: int, s: FloatArray
 ) -> FloatArray:
-    """Arc lengths of a contour with rounded or shaped corners at places of the drawing [m], (n,).
+    """Find places of a drawn contour on the path; return their arc lengths [m], (n,).
 
     - `objective`: the program with sharp corners.
     - `path`: the program with rounded or shaped corners.
     - `number`: index of the contour.
-    - `s`: arc lengths of the contour with sharp corners [m], (n,), which increase.
+    - `s`: increasing arc lengths on the contour with sharp corners [m], (n,).
     """
     if run.is_shaped:
         return shaped_places(objective, path, number, s)
@@ -319,9 +329,9 @@ def trace_run(
     progress: Progress,
     resumption: Resumption | None = None,
 ) -> Tracing:
-    """Trace the joint paths of all moves of a program within the limits of a run.
+    """Trace the joint paths of all moves in a program within the run's limits.
 
-    `resumption`: as of `resume_run`.
+    `resumption`: see `resume_run`.
     """
     # A shaped program is traced in the configuration with which it was shaped, other programs in
     # the fastest configuration that is collision-free and above the base.

@@ -34,7 +34,7 @@ from armcontour.jobs.verdict import (
     judging,
 )
 from armcontour.motion import Execution, SetPoints, Trajectory, arm_of
-from armcontour.planning import Conventional, Explanation, Tracing
+from armcontour.planning import Explanation, Tracing
 from armcontour.program import Program
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
@@ -85,7 +85,7 @@ class Advice(Result):
     note: str
 
     def to_data(self) -> Data:
-        """Result with the table of the changes, or with the note."""
+        """Return the table of the changes, or the note."""
         return Data("What to change", tables=(self.table,), notes=(self.note,) if self.note else ())
 
     @property
@@ -134,7 +134,7 @@ class ExperimentResult:
     uncompensated: Evaluation | None = None
 
     def __str__(self) -> str:
-        """The evaluation of the experiment."""
+        """Write the evaluation of the experiment."""
         return f"Experiment on rigid bodies. {self.evaluation}"
 
     __repr__ = short_repr
@@ -193,7 +193,7 @@ class RunRecord:
 
     @property
     def deviations(self) -> list[Deviation]:
-        """Deviation of each contour of the path from the drawing."""
+        """For each contour, how far the path deviates from the drawing."""
         pairs = zip(self.path.contours, self.objective.contours, strict=True)
         return [Deviation.of_path(x.path, drawn.path) for x, drawn in pairs]
 
@@ -283,7 +283,6 @@ class RunRecord:
     @property
     def stops_of_path(self) -> dict[str, int]:
         """Number of full stops that the path requires regardless of limits, by reason."""
-        if isinstance(self.run.timing, Conventional):
-            # The conventional method does not stop, because it passes corners at uniform speed.
+        if self.run.timing.passes_corners:
             return {}
         return stops_of_path(self.path)

@@ -18,7 +18,7 @@ from armcontour.jobs.run_record import RunRecord
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunResult(RunRecord, Result):
-    """Result of one run of a job: its plan, its set-points, their execution and its evaluation.
+    """Result of one run in a job: its plan, its set-points, their execution and its evaluation.
 
     Args:
         run: The run.
@@ -45,11 +45,11 @@ class RunResult(RunRecord, Result):
     """
 
     def to_data(self) -> Data:
-        """Verdict on the run, its values, tables, notes and warnings."""
+        """Return the verdict on the run, its values, tables, notes and warnings."""
         return self.data()
 
     def data(self, job: Job | None = None) -> Data:
-        """Data of the run, with values of the job's process if the job is given."""
+        """Return the data of the run, with values of the job's process if the job is given."""
         return rows.run_data(self, job, self.warnings, self.remarks)
 
     __repr__ = short_repr
@@ -94,7 +94,7 @@ class JobResult:
 
     @checked
     def to_data(self, parts: Mapping[str, Data] = MappingProxyType({})) -> Data:
-        """Data of the job, its arm and its runs, for the summary of a result.
+        """Return the data of the job, its arm and its runs, for the summary of a result.
 
         Args:
             parts: Further parts of the summary by key.
@@ -103,7 +103,7 @@ class JobResult:
         return rows.job_data(self.job, self.simulated, self.figures, warnings, parts)
 
     def __str__(self) -> str:
-        """Table with a row for every run."""
+        """Write a table with a row for every run."""
         data = self.to_data()
         return lay_out(data.title, compare(data.parts["runs"].parts))
 
@@ -111,7 +111,7 @@ class JobResult:
 
 
 def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
-    """Warnings of several runs with the names of the runs; equal warnings are merged."""
+    """List the warnings of several runs with the names of the runs; equal ones are merged."""
     messages: dict[str, list[str]] = {}
     for plan in plans:
         for sentence in plan.warnings:

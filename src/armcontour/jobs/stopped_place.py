@@ -16,20 +16,20 @@ from armcontour.program import contour_called
 # Largest distances of the measured tool from its path at which it counts as on the path [m]. The
 # second one applies if the tool was always farther than the first one.
 ON_PATH = (0.1e-3, 2e-3)
-# Largest time by which the measured tool follows its plan [s].
-LAG = 0.5
-# Duration before the end of a motion in which the tool is searched on its path [s].
-SEARCHED = 5.0
+# The measured tool may lag its plan by at most this time [s].
+LONGEST_LAG = 0.5
+# The tool is searched on its path during this time before the end of a motion [s].
+SEARCHED_TIME = 5.0
 # Time between two points of the path with which a measured tool is compared [s].
-STEP = 2e-3
+COMPARED_STEP = 2e-3
 # Numbers of samples that are compared at once.
-AT_ONCE = 500
-# Number of places of a contour that are compared in one iteration, and number of iterations: the
-# last one has places that are 1e-9 of the contour apart.
-PLACES = 1001
+SAMPLES_AT_ONCE = 500
+# One iteration compares this number of places along a contour.
+PLACES_PER_ITERATION = 1001
+# In the last iteration, places are 1e-9 of the contour apart.
 ITERATIONS = 3
 # Resolution of the arc length within a contour [m].
-RESOLUTION = 1e-6
+PLACE_RESOLUTION = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,20 +82,20 @@ def find_stopped_place(
 def _last_time_on_path(
     planned: RunResult, end: float, t: FloatArray, measured: FloatArray
 ) -> tuple[float, float] | None:
-    """Last time of the plan that the measured tool reached [s], and its distance [m] there.
+    """Find the last plan time that the measured tool reached [s], and its distance there [m].
 
     None if the tool was not on its path before it stopped.
     """
     arm = planned.arm
-    last = t >= min(end, float(t[-1])) - SEARCHED
+    last = t >= min(end, float(t[-1])) - SEARCHED_TIME
     tools = arm.tool_position(measured[last])
     latest = np.clip(t[last], 0.0, end)
     # The first point is the end, which a robot that follows its plan reaches exactly.
-    ages = np.append(np.arange(0.0, LAG, STEP), LAG)
+    ages = np.append(np.arange(0.0, LONGEST_LAG, COMPARED_STEP), LONGEST_LAG)
     nearest_times = list[FloatArray]()
     smallest_distances = list[FloatArray]()
-    for first in range(0, len(tools), AT_ONCE):
-        part = slice(first, first + AT_ONCE)
+    for first in range(0, len(tools), SAMPLES_AT_ONCE):
+        part = slice(first, first + SAMPLES_AT_ONCE)
         times = np.maximum(latest[part, None] - ages, 0.0)
         points = arm.tool_position(planned.trajectory(times.ravel())).reshape(*times.shape, -1)
         distances = np.linalg.norm(points - tools[part, None], axis=2)
@@ -115,7 +115,7 @@ def _last_time_on_path(
 
 
 def _place_at(job: Job, planned: RunResult, time: float, distance: float) -> StoppedPlace:
-    """Place at a time of the plan [s], or before it by a distance within the contour [m]."""
+    """Find the place at a plan time [s], or before it by a distance within the contour [m]."""
     objective = planned.objective
     works = [contour.at_work for contour in objective.contours]
     lengths = np.cumsum([0.0, *(end - start for start, end in works)])
@@ -136,24 +136,24 @@ def _place_at(job: Job, planned: RunResult, time: float, distance: float) -> Sto
             return StoppedPlace(resume_at=float(breaks[number]), words=f"at the start of {name}")
         if drawn < end - REPEATED_POINT:
             # Rounded down, so that the text of the option is not after the place.
-            value = np.floor((breaks[number] + drawn - start) / RESOLUTION) * RESOLUTION
+            value = np.floor((breaks[number] + drawn - start) / PLACE_RESOLUTION) * PLACE_RESOLUTION
             return StoppedPlace(resume_at=float(max(value, breaks[number])), words=f"on {name}")
     return StoppedPlace(resume_at=None, words="all contours are complete")
 
 
 def _drawn_place(job: Job, planned: RunResult, number: int, s: float) -> float:
-    """Arc length of a contour with sharp corners at or before a place of the path [m].
+    """Find the arc length on the drawn contour at or before a place of the path [m].
 
-    `s`: arc length of the contour with rounded or shaped corners [m].
+    `s`: arc length on the contour with rounded or shaped corners [m].
     """
     low = 0.0
     high = planned.objective.contours[number].path.length
     for _ in range(ITERATIONS):
-        drawn = np.linspace(low, high, PLACES)
+        drawn = np.linspace(low, high, PLACES_PER_ITERATION)
         placed = places_on_path(job, planned.run, planned.objective, planned.path, number, drawn)
         i = int(np.searchsorted(placed, s, side="right")) - 1
         low = float(drawn[max(i, 0)])
-        high = float(drawn[min(max(i, 0) + 1, PLACES - 1)])
+        high = float(drawn[min(max(i, 0) + 1, PLACES_PER_ITERATION - 1)])
         if high <= low:
             break
     return low

@@ -21,10 +21,10 @@ SERVO = "servo"
 BODIES = "rigid bodies"
 EXPECTED = "expected"
 Requirement: TypeAlias = Literal["", "motion", "corners", "accuracy", "contour error"]
-# Default of the allowed contour error, as a fraction of the smallest corner tolerance.
+# Default contour error that a run allows, as a fraction of the smallest corner tolerance.
 DEFAULT_ACCURACY = 0.1
 # Relative excess of a limit that is ignored as a rounding error.
-ROUNDING = 1e-9
+VERDICT_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +45,7 @@ class Deviation:
 
     @classmethod
     def of_path(cls, path: Path, objective: Path) -> Deviation:
-        """Return the deviation of a path from the objective path of which it was made."""
+        """Return how far a path deviates from the objective path of which it was made."""
         rounding = getattr(path, "deviation", None)
         if path.segments is objective.segments:
             return cls(rounding=None if rounding is None else 0.0)
@@ -59,7 +59,7 @@ class Deviation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Errors:
-    """Largest errors of one execution on each contour.
+    """For each contour, the largest errors of one execution.
 
     Args:
         contour: Contour errors [m].
@@ -112,8 +112,8 @@ class Verdict:
         off_drawing: This distance in the worst execution that judges the run [m], as measured
             between the tool and the drawing in both directions. For errors that are only expected,
             the upper bound `deviation.total` plus contour error. None without an execution.
-        deviation: Deviation of this contour of the path. The parts can be largest at different
-            places, so their sum can be larger than `off_drawing`.
+        deviation: How far this contour of the path deviates from the drawing. The parts can be
+            largest at different places, so their sum can be larger than `off_drawing`.
         errors: Contour error of this contour [m] in each execution that judges the run.
         others: Largest contour error [m] in each other execution.
     """
@@ -139,7 +139,7 @@ def judge(
 
     Args:
         run: The run.
-        deviations: Deviation of each contour of the path from the drawing.
+        deviations: For each contour, how far the path deviates from the drawing.
         errors: Errors of each execution by its name; None without an execution.
         failed: Whether the simulated robot does not complete the motion.
     """
@@ -166,11 +166,11 @@ def judge(
         requirement = "motion"
     elif allowed is None:
         kept = None
-    elif tolerance is not None and largest_rounding > tolerance * (1 + ROUNDING):
+    elif tolerance is not None and largest_rounding > tolerance * (1 + VERDICT_ROUNDING):
         kept = False
         requirement = "corners"
     elif run.accuracy is not None:
-        kept = distances[k] <= run.accuracy * (1 + ROUNDING)
+        kept = distances[k] <= run.accuracy * (1 + VERDICT_ROUNDING)
         requirement = "accuracy"
     elif largest_error > allowed:
         kept = False
@@ -188,9 +188,9 @@ def judge(
 
 
 def allowed_error(run: Run, deviation: float) -> float | None:
-    """Contour error that a run allows [m]; None if it specifies no accuracy and no tolerance.
+    """Return the contour error that a run allows [m]; None without accuracy and tolerance.
 
-    With this contour error, the tool certainly stays within an accuracy.
+    If a contour error stays below it, the tool certainly stays within the accuracy.
 
     `deviation`: largest deviation of the path from the drawing [m].
     """
@@ -210,6 +210,6 @@ def judging(run: Run, executions: Mapping[str, T]) -> dict[str, T]:
 
 
 def judging_executions(run: Run) -> dict[str, Experiment | None]:
-    """Experiments of the executions that judge a run, by name; None for the servo model."""
+    """Map the executions that judge a run to experiments; None for the servo model."""
     bodies = {} if run.experiment is None else {BODIES: run.experiment}
     return judging(run, {SERVO: None, **bodies})

@@ -8,7 +8,7 @@ _HOME = {
     "derivative_bounds": "largest_shares",
     "execution": "Execution FineMotion LONGEST_CLOCK LimitCost SetPoints check_cycle",
     "joint_path": "JointPath",
-    "laws": "LapLaw Law LawAlongPath LineLaw PathLaw Rates dwell_law",
+    "laws": "LapLaw Law LawAlongPath PathLaw Rates dwell_law",
     "log": "Log",
     "trajectory": "DEFAULT_CYCLE LawPhase Method Samples Span TimedEvent Trajectory arm_of",
     "armcontour.core.quintics": "quintic",

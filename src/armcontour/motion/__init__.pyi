@@ -14,7 +14,6 @@ from armcontour.motion.kernels import interval_times as interval_times
 from armcontour.motion.laws import LapLaw as LapLaw
 from armcontour.motion.laws import Law as Law
 from armcontour.motion.laws import LawAlongPath as LawAlongPath
-from armcontour.motion.laws import LineLaw as LineLaw
 from armcontour.motion.laws import PathLaw as PathLaw
 from armcontour.motion.laws import Rates as Rates
 from armcontour.motion.laws import dwell_law as dwell_law

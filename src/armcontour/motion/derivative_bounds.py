@@ -18,10 +18,10 @@ from armcontour.motion.laws import LapLaw, Law, PathLaw
 from armcontour.motion.trajectory import Trajectory
 
 # Relative allowance of the bounds for rounding.
-ROUNDING = 1e-12
+BOUND_ROUNDING = 1e-12
 # How often an interval is halved at most. If the limit is then still not proven, the result is the
 # interval's bound.
-HALVINGS = 40
+MAX_BOUND_HALVINGS = 40
 # A function and its derivatives at n points, each (n,) or (dof, n).
 Derivatives: TypeAlias = list[FloatArray]
 
@@ -59,7 +59,7 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
     for fastest in parts:
         travel[done : done + len(fastest)] = fastest
         done += len(fastest)
-    travel[1:] *= np.diff(t)[:, None] * (1 + ROUNDING)
+    travel[1:] *= np.diff(t)[:, None] * (1 + BOUND_ROUNDING)
     np.cumsum(travel, axis=0, out=travel)
     return t, travel
 
@@ -134,7 +134,7 @@ def largest_shares(
     begin = law.breaks[:-1]
     end = law.breaks[1:]
     largest = np.zeros(6)
-    for _ in range(HALVINGS):
+    for _ in range(MAX_BOUND_HALVINGS):
         middle = (begin + end) / 2
         shares = _ratios(law, i, (begin, middle, end), limits, speeds)
         values = shares[:, :6]

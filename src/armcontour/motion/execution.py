@@ -21,7 +21,7 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.arm import unit_of
 
 # Largest distance between the end of a plant's motion and the next sample [rad].
-SAME_POSITION = 1e-9
+SAME_END_POSITION = 1e-9
 # Largest distance of a time from a whole number of steps [steps].
 WHOLE_STEPS = 1e-3
 # The start of the plan coincides with a set-point if their times differ by less than this fraction
@@ -33,7 +33,7 @@ INTERVALS = (1e-6, 1.0)
 # Time between samples of an execution made from a plan [s]; longer for a plan of many samples.
 PLANNED_STEP = 1e-3
 # Largest number of samples in an execution made from a plan.
-MAX_PLANNED = 20_000
+MAX_PLANNED_SAMPLES = 20_000
 # Longest cycle of a controller [s]; industrial controllers have cycles of 1 to 40 ms.
 LONGEST_CLOCK = 0.1
 
@@ -105,7 +105,7 @@ class Execution(Checked):
             trajectory: The plan.
             arm: The arm of the plan.
         """
-        cycle = max(PLANNED_STEP, trajectory.duration / MAX_PLANNED)
+        cycle = max(PLANNED_STEP, trajectory.duration / MAX_PLANNED_SAMPLES)
         samples = trajectory.sample(cycle)
         set_points = SetPoints(cycle=cycle, q=samples.q, trajectory=trajectory, method="none")
         return cls(
@@ -135,7 +135,7 @@ class Execution(Checked):
         if motion is None:
             return None
         deviation = np.abs(motion(self.t[indices + 1]) - self.q[indices + 1])
-        return motion if deviation.max(initial=0.0) < SAME_POSITION else None
+        return motion if deviation.max(initial=0.0) < SAME_END_POSITION else None
 
     def _are_steps(self, indices: IntArray) -> bool:
         """Return whether samples are one step apart and the cycle is a whole number of steps."""

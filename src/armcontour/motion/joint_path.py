@@ -19,14 +19,14 @@ from armcontour.geometry import Path
 from armcontour.motion.kernels import JointDerivatives, examine_pieces, joint_motions, spline_pieces
 
 # Rounding error in differences between arc lengths, divided by the largest arc length.
-ROUNDING = 4 * float(np.finfo(np.float64).eps)
+ARC_LENGTH_ROUNDING = 4 * float(np.finfo(np.float64).eps)
 # Largest permitted jump of a position at a break [rad]; no robot resolves it.
 LARGEST_JUMP = 1e-6
 # Smallest difference between two spline parameters, divided by the largest one. Points that are
 # repeated up to rounding errors have parameters that differ by less.
 REPEATED = 1e-12
 # Largest relative jump of dq_ds at a break without a stop; traced paths have errors of this size.
-LARGEST_KINK = 1e-6
+LARGEST_SLOPE_JUMP = 1e-6
 # A dq_ds below this fraction of its summed terms is a rounding error, whose direction is random.
 NO_DIRECTION = 1e-12
 NO_STOPS = checks.frozen_array([])
@@ -70,7 +70,7 @@ class JointPath(Checked):
             )
         kinks = np.empty(n - 1, dtype=np.bool_)
         sound, jump = examine_pieces(
-            self.breaks, self.coefficients, LARGEST_KINK, NO_DIRECTION, kinks
+            self.breaks, self.coefficients, LARGEST_SLOPE_JUMP, NO_DIRECTION, kinks
         )
         if not sound:
             raise InvalidInput("A joint path must be finite and its breaks must increase.")
@@ -132,7 +132,7 @@ class JointPath(Checked):
         return cls(
             breaks=knots,
             coefficients=quintic(
-                np.diff(knots), first, last, ROUNDING * float(np.abs(knots).max())
+                np.diff(knots), first, last, ARC_LENGTH_ROUNDING * float(np.abs(knots).max())
             ),
             stops=stops,
             tool_path=tool_path,

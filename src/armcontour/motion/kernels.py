@@ -13,7 +13,7 @@ from armcontour.core.kernel_cache import compiled
 # Below this product of slope and squared time a series is exact.
 SERIES_BELOW = 1e-4
 # Below this angle, hyperbolic and circular functions are computed by their series.
-SMALL_ANGLE = 1e-2
+SERIES_ANGLE = 1e-2
 
 
 @compiled(inner=True)
@@ -206,7 +206,7 @@ def path_motions(
         # functions.
         z = slope[j] * u * u
         size = math.sqrt(abs(z))
-        if size < SMALL_ANGLE:
+        if size < SERIES_ANGLE:
             c = 1 + z / 2 * (1 + z / 12 * (1 + z / 30))
             h = 1 + z / 6 * (1 + z / 20 * (1 + z / 42))
             p = 0.5 * (1 + z / 12 * (1 + z / 30 * (1 + z / 56)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -22,10 +22,6 @@ from armcontour.motion.kernels import (
     path_motions,
     write_law,
 )
-from armcontour.robot import Arm
-
-# Bisection steps for the time in an interval at an arc length; exact to the last digit.
-HALVINGS = 50
 
 
 class Law(Frozen, ABC):
@@ -189,61 +185,6 @@ def dwell_law(q: FloatArray, duration: Interval) -> LapLaw:
     return LapLaw(
         breaks=np.array([0.0, duration]), q=np.tile(position, (2, 1)), dq=zeros, ddq=zeros
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LineLaw(LapLaw, LawAlongPath):
-    """Laps along a straight line in the tool path.
-
-    Between knots, uniform joint accelerations leave the line slightly; s is then the arc length of
-    the nearest point of the line.
-
-    Args:
-        arm: The arm, whose tool follows the line.
-        ends: Arc lengths at the first and the last knot [m].
-        point: Point of the line at the first knot [m], (dimension,).
-        direction: Unit vector along the line, (dimension,).
-    """
-
-    arm: Arm
-    ends: tuple[float, float]
-    point: FloatArray
-    direction: FloatArray
-    s: FloatArray = field(init=False)
-
-    def _check_together(self) -> None:
-        # `super` without arguments does not work in a dataclass with slots.
-        LapLaw._check_together(self)
-        # The knots of a traced path are on the line, except for rounding errors.
-        s = np.maximum.accumulate(np.clip(self._along(self.q), *self.ends))
-        s[0], s[-1] = self.ends
-        object.__setattr__(self, "s", checks.frozen_array(s))
-
-    def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """Return the arc length or a derivative, from the tool's motion along the line, (n,)."""
-        q = self.on_interval(i, t, 0)
-        if order == 0:
-            return np.clip(self._along(q), self.s[i], self.s[i + 1])
-        dq = self.on_interval(i, t, 1)
-        if order == 1:
-            return np.asarray(self.arm.tool_velocity(q, dq) @ self.direction)
-        ddq = self.on_interval(i, t, 2)
-        return np.asarray(self.arm.tool_acceleration(q, dq, ddq) @ self.direction)
-
-    def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
-        """Bisect for the times at which intervals `i` reach arc lengths inside them [s], (n,)."""
-        low = self.breaks[i]
-        high = self.breaks[i + 1]
-        for _ in range(HALVINGS):
-            middle = (low + high) / 2
-            short = self._along(self.on_interval(i, middle, 0)) < s
-            low = np.where(short, middle, low)
-            high = np.where(short, high, middle)
-        return high
-
-    def _along(self, q: FloatArray) -> FloatArray:
-        """Project the tool onto the line and return the arc lengths there [m], (n,)."""
-        return np.asarray(self.ends[0] + (self.arm.tool_position(q) - self.point) @ self.direction)
 
 
 class Rates(NamedTuple):

@@ -26,7 +26,7 @@ POSITIONS = ("command", "measured")
 # Smallest number of samples; fewer samples cannot separate four parameters and the noise.
 FEWEST = 50
 # Largest number of names in one message.
-MAX_NAMED = 8
+MAX_LISTED_NAMES = 8
 # A longer sequence of equal positions is a rest of the joint [samples].
 LONGEST_REPEAT = 10
 # Smallest fraction of repeated positions in motion.
@@ -37,9 +37,9 @@ LEAST_REPEATED = 0.1
 RESOLUTIONS = 4.0
 # A joint is also slow if the position after a repeat differs by less than this fraction of the
 # difference between two positions without repeats (medians).
-SLOW = 0.5
+SLOW_SHARE = 0.5
 # Differences of positions up to this fraction of their range are rounding errors.
-ROUNDING = 1e-9
+LOG_ROUNDING = 1e-9
 # Times jitter if the standard deviation of their steps exceeds this fraction of the interval.
 LEAST_JITTER = 0.02
 # The other times describe a motion better if it deviates from a smooth motion by less than this
@@ -206,7 +206,7 @@ def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArra
     """Return the mask of the samples from `start` to `end`, (n,); InvalidInput if none."""
     for name, value in (("first", start), ("last", end)):
         # NaN fails the comparison; NumPy cannot compare larger integers.
-        largest = checks.LARGEST if isinstance(value, int) else math.inf
+        largest = checks.LARGEST_NUMBER if isinstance(value, int) else math.inf
         if not (isinstance(value, int | float | np.number) and abs(value) <= largest):
             raise InvalidInput(
                 f"The {name} time of {source} must be a number in s, not {show(value)}."
@@ -321,7 +321,7 @@ def _find_repeats(q: FloatArray) -> BoolArray:
     """Return a mask, (n,): positions of a moving joint that repeat the previous position."""
     repeated = np.full(len(q), False)
     steps = np.abs(np.diff(q))
-    changes = np.flatnonzero(steps > ROUNDING * np.ptp(q))
+    changes = np.flatnonzero(steps > LOG_ROUNDING * np.ptp(q))
     lengths = np.diff(changes)
     jumps = steps[changes[1:]]
     moving = lengths <= LONGEST_REPEAT
@@ -331,7 +331,7 @@ def _find_repeats(q: FloatArray) -> BoolArray:
         return repeated
     jump = float(np.median(jumps[held]))
     ordinary = float(np.median(jumps[single])) if single.any() else 0.0
-    if jump < RESOLUTIONS * jumps.min() or jump < SLOW * ordinary:
+    if jump < RESOLUTIONS * jumps.min() or jump < SLOW_SHARE * ordinary:
         return repeated
     starts = changes[:-1][held] + 1
     ends = changes[1:][held] + 1
@@ -405,8 +405,8 @@ def raise_other_joints(
         titles: Column titles for --columns, one per name.
         notes: Sentences that end the message.
     """
-    have = list_some([show(x) for x in names], MAX_NAMED)
-    arm = list_some([show(x) for x in joint_names], MAX_NAMED)
+    have = list_some([show(x) for x in names], MAX_LISTED_NAMES)
+    arm = list_some([show(x) for x in joint_names], MAX_LISTED_NAMES)
     fix = "Add the other joints to the file"
     if len(names) >= len(joint_names):
         fix = "Name the joints in the file like those of the arm"
@@ -416,8 +416,8 @@ def raise_other_joints(
             fix = f"{fix} (for example with --columns '{missing[0]}={spare[0]}')"
         elif missing and spare:
             # Only the user knows which of them belong together.
-            pairs = ",".join(f"{x}=NAME" for x in missing[:MAX_NAMED])
-            names_left = list_some([show(x) for x in spare], MAX_NAMED)
+            pairs = ",".join(f"{x}=NAME" for x in missing[:MAX_LISTED_NAMES])
+            names_left = list_some([show(x) for x in spare], MAX_LISTED_NAMES)
             fix = f"{fix} (with --columns '{pairs}', where each NAME is one of {names_left})"
     sentence = (
         f"{source} has {count_noun(len(names), 'joint')} ({have}), but the arm has "
@@ -444,7 +444,7 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
         return log
     notes = []
     if spare := [x for i, x in enumerate(names) if i not in order]:
-        ignored = list_some(spare, MAX_NAMED)
+        ignored = list_some(spare, MAX_LISTED_NAMES)
         notes.append(f"Joints of {source} that the arm does not have are ignored: {ignored}.")
     return replace(
         log,

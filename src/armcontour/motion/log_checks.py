@@ -21,7 +21,7 @@ from armcontour.robot import Arm
 # Smallest time step [s]. Controllers sample at 1 MHz at most, and times are printed with at most
 # nine decimals, so a shorter step means damaged data. Divisions by the square of a very short step
 # can overflow.
-SHORTEST_STEP = 1e-9
+SHORTEST_LOG_STEP = 1e-9
 # Smallest distinguishable difference of two times, in units in the last place.
 STEP_ULPS = 4
 # Largest time [s]: 300 years. It admits seconds since 1970, and rejects milliseconds since 1970.
@@ -37,10 +37,10 @@ GAP = 3.0
 MAX_GAPS = 0.05
 # Joint positions [rad] above this require a unit in the column title, because they may be degrees.
 # No arm of the library turns by more than two turns.
-MAX_ANGLE = 4 * math.pi
+MAX_RADIANS = 4 * math.pi
 # Times that increase by this [s] or more per sample (median) may be milliseconds. They require a
 # unit in the column title if the joints would be slow; see MIN_SPEED.
-LONG_STEP = 1.0
+LONG_TIME_STEP = 1.0
 # With long steps, times require a unit in the column title if all joints are slower than this
 # [rad/s].
 MIN_SPEED = 0.01
@@ -54,8 +54,9 @@ MAX_MISSING = 0.1
 # Largest distance of a measured position from the range of its joint [rad].
 RANGE_MARGIN = 0.1
 # Largest speed of a joint [rad/s]. The last joint of a fast delta robot turns at 60 rad/s.
-FASTEST = 100.0
-# Velocities are averaged over so many samples that noise causes at most this fraction of FASTEST.
+FASTEST_JOINT = 100.0
+# Velocities are averaged over so many samples that noise causes at most this fraction of
+# FASTEST_JOINT.
 NOISE_SHARE = 0.05
 # Smallest number of sample intervals over which velocities are averaged.
 MIN_INTERVALS = 5
@@ -93,7 +94,7 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Pla
     # The bound depends on the later time; a step back is below any bound.
     # The difference of two times that are printed a nanosecond apart may be a little less.
     rounding = STEP_ULPS * np.finfo(np.float64).eps * np.abs(t[1:])
-    short = np.flatnonzero(~(np.diff(t) >= np.maximum(0.999 * SHORTEST_STEP, rounding)))
+    short = np.flatnonzero(~(np.diff(t) >= np.maximum(0.999 * SHORTEST_LOG_STEP, rounding)))
     if len(short):
         i = int(short[0]) + 1
         before, after = (f"{float(x)!r} s" for x in t[i - 1 : i + 1])
@@ -141,7 +142,7 @@ def check_angle_unit(column: str, values: FloatArray, fix: str) -> None:
         fix: Value of --columns that sets the unit to degrees, for the message.
     """
     low, high = values.min(), values.max()
-    if MAX_ANGLE < max(-low, high) <= LARGEST["q"]:
+    if MAX_RADIANS < max(-low, high) <= LARGEST["q"]:
         raise InvalidInput(
             f"{column} has no unit. Its values from {low:.4g} to {high:.4g} would be up to "
             f"{max(-low, high) / (2 * math.pi):.3g} turns in rad. Specify the unit, such as "
@@ -160,7 +161,7 @@ def check_time_unit(column: str, title: str, t: FloatArray, q: FloatArray) -> No
     """
     steps = np.diff(t)
     usable = steps > 0
-    if not usable.any() or not q.shape[1] or np.median(steps[usable]) < LONG_STEP:
+    if not usable.any() or not q.shape[1] or np.median(steps[usable]) < LONG_TIME_STEP:
         return
     speed = float((np.abs(np.diff(q, axis=0)[usable]) / steps[usable][:, None]).max())
     if 0 < speed < MIN_SPEED:
@@ -292,20 +293,20 @@ def check_speeds(
     noise = white_noise(q)
     interval = float(np.median(np.diff(t)))
     for j, y in enumerate(q.T):
-        window = math.ceil(2 * float(noise[j]) / (NOISE_SHARE * FASTEST * interval))
+        window = math.ceil(2 * float(noise[j]) / (NOISE_SHARE * FASTEST_JOINT * interval))
         k = min(max(window, MIN_INTERVALS), len(y) - 1)
         speeds = np.abs(y[k:] - y[:-k]) / (t[k:] - t[:-k])
         i = int(np.argmax(speeds))
-        if speeds[i] > FASTEST:
+        if speeds[i] > FASTEST_JOINT:
             unit = joint_units("rad/s", prismatic)[j]
             raise InvalidInput(
                 f"{source}: {joint_names[j]} moves at {speeds[i]:.3g} {unit} at t = {clock(t[i])} "
-                f"s, but no joint is faster than {FASTEST:g} {unit}. Specify the units of the "
-                "columns, such as t [s].",
+                f"s, but no joint is faster than {FASTEST_JOINT:g} {unit}. Specify the units of "
+                "the columns, such as t [s].",
                 joint=j,
                 t=float(t[i]),
                 needed=float(speeds[i]),
-                allowed=FASTEST,
+                allowed=FASTEST_JOINT,
             )
 
 

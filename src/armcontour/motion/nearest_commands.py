@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampled_data import differences
 from armcontour.motion.trajectory import COMMAND_SLACK
@@ -23,21 +23,23 @@ COMMAND_LIMITS = (*BY_ORDER[1:], *JOINT_RANGE)
 # Number of decimals of set-points within limits [rad], the same as in written files.
 DECIMALS = 12
 # Maximum number of iterations; 12 to 30 are usual.
-MAX_STEPS = 80
+MAX_SEARCH_ITERATIONS = 80
 # Tolerance of a solution's violation of its bounds, relative to half the distance between them.
-EXACT = 1e-10
+BOUND_VIOLATION = 1e-10
 # Tolerance of a solution's duality gap, relative to the sum of the squared changes of the values.
-OPTIMAL = 1e-9
+OPTIMAL_GAP = 1e-9
 # Tolerance of the same gap, relative to the same sum, if rounding errors end the search.
-ROUNDED = 1e-5
+ROUNDED_GAP = 1e-5
 # Initial product of slack and multiplier if a bound is exceeded by at least half the distance
 # between the bounds.
 FIRST_PRODUCT = 1.0
 # A missing bound is replaced by this multiple of the largest magnitude of the values and of the
 # other bound.
-FAR = 10.0
+MISSING_BOUND = 10.0
 # Fraction of the longest feasible step that is used, so that slacks and multipliers stay positive.
-INSIDE = 0.995
+STEP_SHARE = 0.995
+# Signs of a difference in its upper and its lower bound.
+BOUND_SIGNS = np.array([[1.0], [-1.0]])
 
 
 def check_command_limits(limits: Limits, dof: int) -> Limits:
@@ -97,19 +99,33 @@ def find_excess(
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
             continue
         values = differences(q, order) / cycle**order if order else q
-        upper, lower = (np.where(np.isfinite(y) & (order > 0), np.abs(y), 1.0) for y in (high, low))
-        beyond = np.maximum((values - high) / upper, (low - values) / lower) - share * (order > 0)
-        k, j = (int(i) for i in np.unravel_index(int(np.argmax(beyond)), beyond.shape))
-        if beyond[k, j] > worst:
-            worst = float(beyond[k, j])
-            value = float(values[k, j])
-            end = int(value > high[j])
-            limit = float(bounds[order, end, j])
-            row = min(k, len(q) - 1)
+        beyond = _excess_of(values, low, high, relative=order > 0)
+        if order > 0:
+            beyond = beyond - share
+        row, joint = (int(i) for i in np.unravel_index(int(np.argmax(beyond)), beyond.shape))
+        if beyond[row, joint] > worst:
+            worst = float(beyond[row, joint])
+            value = float(values[row, joint])
+            end = int(value > high[joint])
             sign = -1.0 if order and value < 0 else 1.0
-            name = BY_ORDER[order] or JOINT_RANGE[end]
-            excess = Excess(name, order, row, j, sign * value, sign * limit)
+            excess = Excess(
+                name=BY_ORDER[order] or JOINT_RANGE[end],
+                order=order,
+                row=min(row, len(q) - 1),
+                joint=joint,
+                needed=sign * value,
+                allowed=sign * float(bounds[order, end, joint]),
+            )
     return excess
+
+
+def _excess_of(
+    values: FloatArray, low: FloatArray, high: FloatArray, *, relative: bool
+) -> FloatArray:
+    """Return how far values, (n, dof), exceed their bounds, or as fractions of finite bounds."""
+    low_unit = np.where(np.isfinite(low) & relative, np.abs(low), 1.0)
+    high_unit = np.where(np.isfinite(high) & relative, np.abs(high), 1.0)
+    return np.asarray(np.maximum((values - high) / high_unit, (low - values) / low_unit))
 
 
 def find_range_or_speed_excess(q: FloatArray, cycle: float, limits: Limits) -> Excess | None:
@@ -140,15 +156,7 @@ def nearest_commands(
         one = q[:, j : j + 1]
         if find_excess(one, cycle, joint_bounds[:, :, None]) is None:
             continue
-        steps = cycle ** np.arange(len(joint_bounds))[:, None]
-        digit = 10.0**-DECIMALS
-        margin = digit * 2.0 ** np.arange(len(joint_bounds))[:, None] + COMMAND_SLACK * np.abs(
-            joint_bounds * steps
-        )
-        inside = joint_bounds * steps + np.where(np.isfinite(joint_bounds), margin, 0.0) * (
-            1.0,
-            -1.0,
-        )
+        inside = _bounds_before_rounding(joint_bounds, cycle)
         nearest = nearest_within(one[:, 0], [(float(x), float(y)) for x, y in inside])
         if nearest is None:
             if otherwise is None:
@@ -161,112 +169,222 @@ def nearest_commands(
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
-    """Least-squares nearest values within bounds on values and differences; None if impossible.
+    """Return the least-squares nearest values within bounds on values and differences.
 
     The first and the last value do not change; before and after them the values are assumed
-    constant. The method is a primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2,
-    575-601, 1992) on banded equations, so the time is proportional to the number of values.
+    constant. The result is None if no values satisfy the bounds.
 
-    The values have shape (n,). `bounds` apply to the values, then to their differences of orders
-    1, 2, ....
+    - `values`: (n,).
+    - `bounds`: lower and upper bounds of the values, then of their differences of orders 1, 2, ...
     """
-    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-
     orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]
     if not orders or len(values) < 3:
         return values
-    rooms = []
-    scales = []
-    for k in orders:
-        values_of_order = differences(values, k) if k else values[1:-1]
-        # A missing bound is replaced by a bound that the nearest values do not reach.
-        distant = FAR * max(
-            float(np.abs(values_of_order).max()), *(abs(x) for x in bounds[k] if isfinite(x))
-        )
-        low = max(bounds[k][0], -distant)
-        high = min(bounds[k][1], distant)
-        scales.append(2 / (high - low))
-        rooms.append(scales[-1] * np.stack([high - values_of_order, values_of_order - low]))
-    room = np.concatenate(rooms, axis=1)
-    cuts = np.cumsum([x.shape[1] for x in rooms])[:-1]
-    excess = -float(room.min())
-    if excess <= 0:
+    scaled = _scale_bounds(values, bounds, orders)
+    if scaled.excess <= 0:
         return values
-    change = np.zeros(len(values) - 2)
-    side = np.array([[1.0], [-1.0]])
-
-    def forward(x: FloatArray) -> FloatArray:
-        """Scaled differences of x, the changes of the inner values; other changes are zero."""
-        parts = zip(orders, scales, strict=True)
-        return np.concatenate([scale * np.diff(np.pad(x, k), k) for k, scale in parts])
-
-    def adjoint(x: FloatArray) -> FloatArray:
-        """Transpose of `forward`, applied to the upper minus the lower row of x."""
-        parts = zip(orders, scales, np.split(x[0] - x[1], cuts), strict=True)
-        return np.asarray(sum(scale * (-1) ** k * np.diff(y, k) for k, scale, y in parts))
-
-    def direction(
-        matrix: FloatArray,
-        gradient: FloatArray,
-        outside: FloatArray,
-        slacks: FloatArray,
-        multipliers: FloatArray,
-        target: FloatArray,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Newton step that changes slacks times multipliers by `target`: x, slacks, multipliers."""
-        right = -gradient - adjoint((target + multipliers * outside) / slacks)
-        step = cho_solve_banded((matrix, True), right, check_finite=False)
-        wider = -outside - side * forward(step)
-        return step, wider, (target - multipliers * wider) / slacks
-
-    slacks = np.maximum(room, max(excess, 1.0))
-    multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
-    for _ in range(MAX_STEPS):
-        outside = side * forward(change) + slacks - room
-        gradient = change + adjoint(multipliers)
-        products = slacks * multipliers
-        gap = float(products.sum())
-        size = float(change @ change)
-        satisfied = float(np.abs(outside).max()) < EXACT
-        if satisfied and gap < OPTIMAL * size:
-            break
-        if not isfinite(gap + size):
-            return None
-        weights = np.split((multipliers / slacks).sum(axis=0), cuts)
-        try:
-            matrix = _bands(len(change), orders, scales, weights)
-            matrix = cholesky_banded(matrix, lower=True, check_finite=False)
-        except LinAlgError:
-            if satisfied and gap < ROUNDED * size:
-                break
-            return None
-
-        state = matrix, gradient, outside, slacks, multipliers
-        _, wider, stronger = direction(*state, -products)
-        primal = _step_fraction(slacks, wider)
-        dual = _step_fraction(multipliers, stronger)
-        after = float(np.sum((slacks + primal * wider) * (multipliers + dual * stronger)))
-        mean = (after / gap) ** 3 * gap / slacks.size
-        step, wider, stronger = direction(*state, mean - products - wider * stronger)
-        primal = INSIDE * _step_fraction(slacks, wider)
-        dual = INSIDE * _step_fraction(multipliers, stronger)
-        change += primal * step
-        slacks += primal * wider
-        multipliers += dual * stronger
-    else:
+    change = _smallest_change(scaled)
+    if change is None:
         return None
     nearest = values.copy()
     nearest[1:-1] += change
     return nearest
 
 
-def _bands(
-    count: int, orders: Sequence[int], scales: Sequence[float], weights: Sequence[FloatArray]
-) -> FloatArray:
-    """Lower bands, diagonal first, of `I + sum(D' W D)`: scaled differences D, weights W."""
-    bands = np.zeros((max(orders) + 1, count))
+def _bounds_before_rounding(bounds: FloatArray, cycle: float) -> FloatArray:
+    """Return bounds of differences that also hold after rounding to DECIMALS, (orders, 2).
+
+    `bounds` are bounds of the derivatives of one joint, (orders, 2). Rounding changes a difference
+    of order k by at most `2^k` half digits.
+    """
+    orders = np.arange(len(bounds))[:, None]
+    differences_allowed = bounds * cycle**orders
+    digit = 10.0**-DECIMALS
+    margin = digit * 2.0**orders + COMMAND_SLACK * np.abs(differences_allowed)
+    return differences_allowed + np.where(np.isfinite(bounds), margin, 0.0) * (1.0, -1.0)
+
+
+class _ScaledBounds(NamedTuple):
+    """Bounds `D x <= room[0]` and `-D x <= room[1]` on changes x of the inner values.
+
+    The rows of D are the differences of all bounded orders, each order scaled so that its two
+    bounds are 2 apart. All values except the inner ones keep their value, so x is zero there.
+    """
+
+    size: int  # Number n of inner values
+    orders: list[int]  # Bounded orders of differences
+    scales: list[float]  # Factor of the differences of each order
+    cuts: IntArray  # First rows of all orders but the first
+    room: FloatArray  # Distances from the upper and the lower bounds at x = 0, (2, rows)
+
+    @property
+    def excess(self) -> float:
+        """Largest violation of a bound by the unchanged values."""
+        return -float(self.room.min())
+
+    def differences(self, x: FloatArray) -> FloatArray:
+        """Return the scaled differences `D x`, (rows,)."""
+        parts = zip(self.orders, self.scales, strict=True)
+        return np.concatenate([scale * np.diff(np.pad(x, k), k) for k, scale in parts])
+
+    def differences_transposed(self, x: FloatArray) -> FloatArray:
+        """Return `D' (x[0] - x[1])`, the transposed operator for both bounds, (n,)."""
+        parts = zip(self.orders, self.scales, np.split(x[0] - x[1], self.cuts), strict=True)
+        return np.asarray(sum(scale * (-1) ** k * np.diff(y, k) for k, scale, y in parts))
+
+
+def _scale_bounds(
+    values: FloatArray, bounds: Sequence[tuple[float, float]], orders: list[int]
+) -> _ScaledBounds:
+    """Make the scaled bounds of the given orders; missing bounds become very distant ones."""
+    rooms = []
+    scales = []
+    for k in orders:
+        values_of_order = differences(values, k) if k else values[1:-1]
+        largest = float(np.abs(values_of_order).max())
+        distant = MISSING_BOUND * max(largest, *(abs(x) for x in bounds[k] if isfinite(x)))
+        low = max(bounds[k][0], -distant)
+        high = min(bounds[k][1], distant)
+        scales.append(2 / (high - low))
+        rooms.append(scales[-1] * np.stack([high - values_of_order, values_of_order - low]))
+    cuts = np.cumsum([x.shape[1] for x in rooms])[:-1]
+    return _ScaledBounds(len(values) - 2, orders, scales, cuts, np.concatenate(rooms, axis=1))
+
+
+def _smallest_change(scaled: _ScaledBounds) -> FloatArray | None:
+    """Return the smallest change x within the bounds, (n,); None if none exists.
+
+    At the minimum of `|x|² / 2`, slacks s and multipliers y, both nonnegative, satisfy
+
+        ±D x + s = room,  x + D' (y[0] - y[1]) = 0,  s y = 0.
+
+    Mehrotra's primal-dual interior-point method (SIAM J. Optim. 2, 575-601, 1992) solves these
+    conditions. Their matrix is banded, so the time is proportional to the number of values.
+    """
+    iterate = _first_iterate(scaled)
+    for _ in range(MAX_SEARCH_ITERATIONS):
+        conditions = _conditions_at(scaled, iterate)
+        if conditions.are_satisfied(OPTIMAL_GAP):
+            return iterate.change
+        if not isfinite(conditions.gap + conditions.size):
+            return None
+        factor = _factorize(scaled, iterate)
+        if factor is None:
+            # Rounding errors end the search.
+            return iterate.change if conditions.are_satisfied(ROUNDED_GAP) else None
+        _take_step(scaled, iterate, conditions, factor)
+    return None
+
+
+class _Iterate(NamedTuple):
+    """Arrays of an iterate, changed in place; the rows of slacks and multipliers as in `room`."""
+
+    change: FloatArray  # x, (n,)
+    slacks: FloatArray  # s, (2, rows)
+    multipliers: FloatArray  # y, (2, rows)
+
+
+class _Conditions(NamedTuple):
+    """Residuals of the conditions at an iterate."""
+
+    outside: FloatArray  # ±D x + s - room, (2, rows)
+    gradient: FloatArray  # x + D' (y[0] - y[1]), (n,)
+    products: FloatArray  # s y, (2, rows)
+    gap: float  # Sum of s y, which is the duality gap once the other conditions are satisfied
+    size: float  # |x|²
+
+    def are_satisfied(self, share: float) -> bool:
+        """Return whether x is within the bounds and the gap below a share of `|x|²`."""
+        return float(np.abs(self.outside).max()) < BOUND_VIOLATION and self.gap < share * self.size
+
+
+class _Step(NamedTuple):
+    """Changes of the arrays of an iterate."""
+
+    change: FloatArray
+    slacks: FloatArray
+    multipliers: FloatArray
+
+
+def _first_iterate(scaled: _ScaledBounds) -> _Iterate:
+    excess = scaled.excess
+    slacks = np.maximum(scaled.room, max(excess, 1.0))
+    multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
+    return _Iterate(np.zeros(scaled.size), slacks, multipliers)
+
+
+def _conditions_at(scaled: _ScaledBounds, iterate: _Iterate) -> _Conditions:
+    change, slacks, multipliers = iterate
+    products = slacks * multipliers
+    return _Conditions(
+        outside=BOUND_SIGNS * scaled.differences(change) + slacks - scaled.room,
+        gradient=change + scaled.differences_transposed(multipliers),
+        products=products,
+        gap=float(products.sum()),
+        size=float(change @ change),
+    )
+
+
+def _factorize(scaled: _ScaledBounds, iterate: _Iterate) -> FloatArray | None:
+    """Return the Cholesky factor of `I + D' W D` with `W = y / s`; None if rounding prevents it."""
+    from scipy.linalg import LinAlgError, cholesky_banded
+
+    weights = (iterate.multipliers / iterate.slacks).sum(axis=0)
+    matrix = _bands(scaled, np.split(weights, scaled.cuts))
+    try:
+        return np.asarray(cholesky_banded(matrix, lower=True, check_finite=False))
+    except LinAlgError:
+        return None
+
+
+def _take_step(
+    scaled: _ScaledBounds, iterate: _Iterate, conditions: _Conditions, factor: FloatArray
+) -> None:
+    """Move an iterate by Mehrotra's step: Newton's step, corrected by what it would change."""
+    change, slacks, multipliers = iterate
+    products = conditions.products
+    gap = conditions.gap
+    # Predictor: the step to products of zero, and the gap that remains after it
+    predicted = _newton_step(scaled, iterate, conditions, factor, -products)
+    primal = _step_fraction(slacks, predicted.slacks)
+    dual = _step_fraction(multipliers, predicted.multipliers)
+    slacks_after = slacks + primal * predicted.slacks
+    after = float(np.sum(slacks_after * (multipliers + dual * predicted.multipliers)))
+    # Corrector: the step to the mean product that the predictor can reach, with its second order
+    mean = (after / gap) ** 3 * gap / slacks.size
+    second_order = predicted.slacks * predicted.multipliers
+    step = _newton_step(scaled, iterate, conditions, factor, mean - products - second_order)
+    primal = STEP_SHARE * _step_fraction(slacks, step.slacks)
+    dual = STEP_SHARE * _step_fraction(multipliers, step.multipliers)
+    change += primal * step.change
+    slacks += primal * step.slacks
+    multipliers += dual * step.multipliers
+
+
+def _newton_step(
+    scaled: _ScaledBounds,
+    iterate: _Iterate,
+    conditions: _Conditions,
+    factor: FloatArray,
+    target: FloatArray,
+) -> _Step:
+    """Return Newton's step that removes the residuals and changes s y by `target`, (2, rows)."""
+    from scipy.linalg import cho_solve_banded
+
+    _, slacks, multipliers = iterate
+    pushed = (target + multipliers * conditions.outside) / slacks
+    right = -conditions.gradient - scaled.differences_transposed(pushed)
+    change = cho_solve_banded((factor, True), right, check_finite=False)
+    wider = -conditions.outside - BOUND_SIGNS * scaled.differences(change)
+    return _Step(change, wider, (target - multipliers * wider) / slacks)
+
+
+def _bands(scaled: _ScaledBounds, weights: Sequence[FloatArray]) -> FloatArray:
+    """Return the lower bands of `I + D' W D`, diagonal first; `weights` by order of differences."""
+    count = scaled.size
+    bands = np.zeros((max(scaled.orders) + 1, count))
     bands[0] = 1.0
-    for k, scale, weight in zip(orders, scales, weights, strict=True):
+    for k, scale, weight in zip(scaled.orders, scaled.scales, weights, strict=True):
         signs = [(-1) ** j * comb(k, j) * scale for j in range(k + 1)]
         for band in range(min(k + 1, count)):
             for j in range(band, k + 1):

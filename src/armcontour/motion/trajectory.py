@@ -27,7 +27,7 @@ from armcontour.robot import Arm, Limits
 # Default cycle [s].
 DEFAULT_CYCLE = 4e-3
 # Largest number of times that are computed together, which limits the memory.
-AT_ONCE = 50_000
+TIMES_AT_ONCE = 50_000
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
 # rounding errors.
 COMMAND_SLACK = 1e-9
@@ -716,8 +716,8 @@ def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:
     else:
         order = np.arange(len(law_index))
     edges = np.flatnonzero(np.diff(law_index)) + 1
-    if len(law_index) > AT_ONCE:
-        edges = np.union1d(edges, np.arange(AT_ONCE, len(law_index), AT_ONCE))
+    if len(law_index) > TIMES_AT_ONCE:
+        edges = np.union1d(edges, np.arange(TIMES_AT_ONCE, len(law_index), TIMES_AT_ONCE))
     bounds = [0, *edges.tolist(), len(law_index)]
     for begin, end in zip(bounds[:-1], bounds[1:], strict=True) if len(law_index) else ():
         yield int(law_index[begin]), order[begin:end]

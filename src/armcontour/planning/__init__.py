@@ -3,12 +3,13 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "early_stop": "stop",
+    "stop_in_play": "stop",
     "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
-    "timing_options": "Conventional METHODS Optimal Paper PlanOptions Shaped",
-    "planner": "check_duration intervals_of plan",
-    "program_timing": "at_speed check_jerk_support",
+    "optimal_timing": "FASTEST Optimal intervals_of",
+    "timing_options": "PlanOptions",
+    "planner": "check_duration plan",
+    "program_timing": "at_speed",
     "program_tracing": "Tracing trace_program turn_along",
-    "shaping": "shape",
+    "shaping": "Shaped shape",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

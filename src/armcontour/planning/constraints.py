@@ -23,6 +23,7 @@ from armcontour.planning.topp.limit_forms import (
     BY_X,
     HIGH,
     LOW,
+    X_ROUNDING,
     A,
     B,
     Ceiling,
@@ -36,7 +37,7 @@ from armcontour.planning.topp.limit_forms import (
     check_form,
     combine_forms,
 )
-from armcontour.planning.topp.sampled_joint_path import ROUNDING, SampledJointPath
+from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, require_orientation
 from armcontour.robot.limits import LIMITS, TOOL_LIMITS, WITHOUT_CONSTRAINT
@@ -54,7 +55,7 @@ EVEN_CURVATURE = 1e-3
 # contact is at least this fraction of the larger of the curvatures at both ends.
 TOUCH = 0.8
 # A piece with at most this curvature is a straight line [1/m].
-STRAIGHT = 1e-3
+STRAIGHT_CURVATURE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -378,7 +379,7 @@ class JointMotion(Constraint):
         q1 = np.abs(first).max(axis=1) + w**2 / 8 * third
         q2 = np.abs(second).max(axis=1) + w * third
         rise[..., BY_U] = w**2 / 8 * 5 * third
-        rise[..., BY_X] = w**2 / 8 * fourth + ROUNDING / w * q1
+        rise[..., BY_X] = w**2 / 8 * fourth + X_ROUNDING / w * q1
         rise[..., BY_SLOPE] = w**2 / 8 * 4 * q2
         return LinearRows(ends, rise)
 
@@ -404,7 +405,9 @@ class ToolMetric:
         samples = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
         largest, smallest = samples.max(axis=1), samples.min(axis=1)
         speed, curvature = 2 * largest - smallest
-        uneven = (largest[1] > STRAIGHT) & (largest[1] - smallest[1] > EVEN_CURVATURE * largest[1])
+        uneven = (largest[1] > STRAIGHT_CURVATURE) & (
+            largest[1] - smallest[1] > EVEN_CURVATURE * largest[1]
+        )
         return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
@@ -429,8 +432,8 @@ class ToolMetric:
             s = grid.s[i] + INTERVAL_SAMPLES * grid.width[i]
             pieces = np.broadcast_to(grid.piece[i], s.shape)
             values = _measure(self.joint_path, self.arm, pieces, s)[1]
-            begin = np.maximum(values[0], STRAIGHT)
-            end = np.maximum(values[-1], STRAIGHT)
+            begin = np.maximum(values[0], STRAIGHT_CURVATURE)
+            end = np.maximum(values[-1], STRAIGHT_CURVATURE)
             even = begin + INTERVAL_SAMPLES[1:-1] * (end - begin)
             bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
             chords[:, i] = np.stack([begin, end]) * bent

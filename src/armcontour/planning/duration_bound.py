@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from armcontour.robot import Limits
 # A joint path is divided into approximately this many equal parts.
 EVEN_PARTS = 100
 # A piece has one more part for each change of its direction by this angle [rad].
-TURN = 0.1
+PART_TURN = 0.1
 
 
 @compiled(inner=True, allocates=True)
@@ -43,13 +44,19 @@ def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
                 change += (direction[j] - previous[j]) ** 2
                 previous[j] = direction[j]
             turn += math.sqrt(change) if sample else 0.0
-        parts[i] = 1 + int(EVEN_PARTS * (breaks[i + 1] - breaks[i]) / length) + int(turn / TURN)
+        parts[i] = (
+            1 + int(EVEN_PARTS * (breaks[i + 1] - breaks[i]) / length) + int(turn / PART_TURN)
+        )
     return parts
 
 
 @compiled(inner=True)
 def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatArray) -> float:
-    """Largest x = ds² for which some u = dds gives `low <= b u + c x <= high` for all joints."""
+    """Largest x = ds² for which some u = dds gives `low <= b u + c x <= high` for all joints.
+
+    A joint with b = 0 limits x itself. Otherwise its bounds on u are lines in x, and x is largest
+    where the lowest upper line meets the highest lower line.
+    """
     ceiling = math.inf
     for j in range(len(low)):
         p = b[i, j]
@@ -108,91 +115,165 @@ def _shortest_time(
     )
 
 
+class _PathParts(NamedTuple):
+    """Parts of a joint path, and largest values of x = ds² at their m + 1 ends.
+
+    Rows 2 i and 2 i + 1 of `b` and `c` are the start and the end of part i, because derivatives
+    jump at breaks.
+    """
+
+    width: FloatArray  # Lengths [m], (m,)
+    b: FloatArray  # dq_ds, (2 m, dof)
+    c: FloatArray  # d2q_ds2, (2 m, dof)
+    top: FloatArray  # The larger of the largest x at both ends of each part, (m,)
+    x: FloatArray  # (m + 1,)
+
+
 @compiled()
 def least_duration(
-    breaks: FloatArray,  # Arc lengths of the ends of the pieces [m], (n + 1,)
-    coefficients: FloatArray,  # Coefficients of the quintics [rad], (n, 6, dof)
-    rests: BoolArray,  # True at breaks at which the motion rests, (n + 1,)
-    ceilings: FloatArray,  # Largest ds² on each piece [m²/s²], (n,)
+    breaks: FloatArray,
+    coefficients: FloatArray,
+    rests: BoolArray,
+    ceilings: FloatArray,
     bounds: FloatArray,
 ) -> float:
     """Lower bound of the duration of any motion along a joint path [s]; 0 if no limit applies.
 
-    The result is a lower bound, because limits are evaluated at points only, and between two points
-    ds² may change at the larger of the rates at both points.
+    The method is a forward and a backward pass over points of the path, as in `topp`. The result is
+    a lower bound, because limits are evaluated at points only, and between two points ds² may
+    change at the larger of the rates at both points.
 
-    `bounds` are lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
-    joints, (4, dof).
+    - `breaks`: arc lengths of the ends of the pieces [m], (n + 1,).
+    - `coefficients`: coefficients of the quintics [rad], (n, 6, dof).
+    - `rests`: true at breaks at which the motion rests, (n + 1,).
+    - `ceilings`: largest ds² on each piece [m²/s²], (n,).
+    - `bounds`: lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
+      joints, (4, dof).
     """
-    n = len(coefficients)
-    dof = coefficients.shape[2]
-    slow = bounds[0]
-    fast = bounds[1]
+    parts = _sample_limits(breaks, coefficients, rests, ceilings, bounds)
     low = bounds[2]
     high = bounds[3]
-    parts = _count_parts(breaks, coefficients)
+    up = np.empty(len(parts.width))
+    down = np.empty(len(parts.width))
+    _limit_rises(parts, low, high, up)
+    _limit_falls(parts, low, high, down)
+    duration = 0.0
+    for i in range(len(parts.width)):
+        duration += _shortest_time(
+            parts.width[i], parts.x[i], parts.x[i + 1], up[i], down[i], parts.top[i]
+        )
+    return duration if math.isfinite(duration) else 0.0
+
+
+@compiled(inner=True, allocates=True)
+def _sample_limits(
+    breaks: FloatArray,
+    coefficients: FloatArray,
+    rests: BoolArray,
+    ceilings: FloatArray,
+    bounds: FloatArray,
+) -> _PathParts:
+    """Divide all pieces into parts, and evaluate derivatives and limits of x at their ends."""
+    counts = _count_parts(breaks, coefficients)
+    n = len(coefficients)
+    dof = coefficients.shape[2]
     size = 0
     for i in range(n):
-        size += parts[i]
-    # Rows 2 i and 2 i + 1 are the start and the end of part i, because derivatives jump at breaks.
-    b = np.empty((2 * size, dof))
-    c = np.empty((2 * size, dof))
-    widths = np.empty(size)
-    tops = np.empty(size)
-    x = np.empty(size + 1)
-    part = 0
+        size += counts[i]
+    parts = _PathParts(
+        np.empty(size),
+        np.empty((2 * size, dof)),
+        np.empty((2 * size, dof)),
+        np.empty(size),
+        np.empty(size + 1),
+    )
     for i in range(size + 1):
-        x[i] = math.inf
+        parts.x[i] = math.inf
+    part = 0
     for i in range(n):
         width = breaks[i + 1] - breaks[i]
         if rests[i]:
-            x[part] = 0.0
-        for p in range(parts[i]):
-            widths[part] = width / parts[i]
-            tops[part] = 0.0
+            parts.x[part] = 0.0
+        for p in range(counts[i]):
+            parts.width[part] = width / counts[i]
+            parts.top[part] = 0.0
             for end in range(2):
-                share = (p + end) / parts[i]
                 row = 2 * part + end
-                ceiling = ceilings[i]
-                for j in range(dof):
-                    first = second = 0.0
-                    for k in range(5, 0, -1):
-                        second = second * share + first
-                        first = first * share + k * coefficients[i, k, j]
-                    b[row, j] = first / width
-                    c[row, j] = second / (width * width)
-                    if first != 0.0:
-                        velocity = fast[j] if first > 0.0 else slow[j]
-                        ceiling = min(ceiling, (velocity / b[row, j]) ** 2)
-                ceiling = min(ceiling, _ceiling(b, c, row, low, high))
-                x[part + end] = min(x[part + end], ceiling)
-                tops[part] = max(tops[part], ceiling)
+                share = (p + end) / counts[i]
+                _write_slopes(coefficients, i, share, width, parts, row)
+                largest = min(ceilings[i], _ceiling_of_speeds(parts.b, row, bounds))
+                largest = min(largest, _ceiling(parts.b, parts.c, row, bounds[2], bounds[3]))
+                parts.x[part + end] = min(parts.x[part + end], largest)
+                parts.top[part] = max(parts.top[part], largest)
             part += 1
     if rests[n]:
-        x[size] = 0.0
-    steepest = np.empty((size, 2))
-    for backward in range(2):
-        sign = 1.0 - 2.0 * backward
-        for step in range(size):
-            i = size - 1 - step if backward else step
-            begin = i + backward
-            finish = i + 1 - backward
-            near_row = 2 * i + backward
-            far_row = 2 * i + 1 - backward
-            u = max(
-                _largest_u(b, c, near_row, low, high, x[begin], sign),
-                _largest_u(b, c, far_row, low, high, x[begin], sign),
-            )
-            reached = max(x[begin] + 2.0 * widths[i] * u, 0.0)
-            u = max(u, _largest_u(b, c, far_row, low, high, reached, sign))
-            steepest[i, backward] = u
-            x[finish] = min(x[finish], max(x[begin] + 2.0 * widths[i] * u, 0.0))
-    duration = 0.0
-    for i in range(size):
-        duration += _shortest_time(
-            widths[i], x[i], x[i + 1], steepest[i, 0], steepest[i, 1], tops[i]
-        )
-    return duration if math.isfinite(duration) else 0.0
+        parts.x[size] = 0.0
+    return parts
+
+
+@compiled(inner=True)
+def _write_slopes(
+    coefficients: FloatArray, i: int, share: float, width: float, parts: _PathParts, row: int
+) -> None:
+    """Write dq_ds and d2q_ds2 at the fraction `share` of piece i, by Horner's method."""
+    for j in range(coefficients.shape[2]):
+        first = second = 0.0
+        for k in range(5, 0, -1):
+            second = second * share + first
+            first = first * share + k * coefficients[i, k, j]
+        parts.b[row, j] = first / width
+        parts.c[row, j] = second / (width * width)
+
+
+@compiled(inner=True)
+def _ceiling_of_speeds(b: FloatArray, row: int, bounds: FloatArray) -> float:
+    """Largest x = ds² that the velocity bounds of the joints allow."""
+    ceiling = math.inf
+    for j in range(b.shape[1]):
+        slope = b[row, j]
+        if slope != 0.0:
+            velocity = bounds[1, j] if slope > 0.0 else bounds[0, j]
+            ceiling = min(ceiling, (velocity / slope) ** 2)
+    return ceiling
+
+
+@compiled(inner=True)
+def _largest_rate(
+    parts: _PathParts,
+    rows: tuple[int, int],
+    low: FloatArray,
+    high: FloatArray,
+    x: float,
+    sign: float,
+) -> float:
+    """Largest u, or -u with sign -1, at either end of a part from x at its first end."""
+    # `rows`: first and last end in the direction of the pass
+    near, far = rows
+    width = parts.width[near // 2]
+    u = max(
+        _largest_u(parts.b, parts.c, near, low, high, x, sign),
+        _largest_u(parts.b, parts.c, far, low, high, x, sign),
+    )
+    reached = max(x + 2.0 * width * u, 0.0)
+    return max(u, _largest_u(parts.b, parts.c, far, low, high, reached, sign))
+
+
+@compiled(inner=True)
+def _limit_rises(parts: _PathParts, low: FloatArray, high: FloatArray, up: FloatArray) -> None:
+    """Forward pass: reduce x so that it rises by the largest u at most; write this u, (m,)."""
+    x = parts.x
+    for i in range(len(parts.width)):
+        up[i] = _largest_rate(parts, (2 * i, 2 * i + 1), low, high, x[i], 1.0)
+        x[i + 1] = min(x[i + 1], max(x[i] + 2.0 * parts.width[i] * up[i], 0.0))
+
+
+@compiled(inner=True)
+def _limit_falls(parts: _PathParts, low: FloatArray, high: FloatArray, down: FloatArray) -> None:
+    """Backward pass: reduce x so that it falls by the largest -u at most; write this -u, (m,)."""
+    x = parts.x
+    for i in range(len(parts.width) - 1, -1, -1):
+        down[i] = _largest_rate(parts, (2 * i + 1, 2 * i), low, high, x[i + 1], -1.0)
+        x[i] = min(x[i], max(x[i + 1] + 2.0 * parts.width[i] * down[i], 0.0))
 
 
 def bound_duration(joint_path: JointPath, limits: Limits) -> float:

@@ -19,24 +19,26 @@ from armcontour.motion import JointPath
 from armcontour.motion.kernels import value_and_slopes
 from armcontour.planning.path_grid import Grid
 
-# A piece is straight if its distance from a line is at most the share STRAIGHT of its size plus the
-# share ROUNDING of its position.
-STRAIGHT = 1e-12
-ROUNDING = 4e-15
+# A piece is straight if its distance from a line is at most the share STRAIGHT_DEVIATION of its
+# size plus the share LINE_ROUNDING of its position.
+STRAIGHT_DEVIATION = 1e-12
+LINE_ROUNDING = 4e-15
 # Lines in joint space with a larger sine of the angle between them have different directions.
-SAME_LINE = 1e-6
+SAME_DIRECTION = 1e-6
 # Motions between two reversals shorter than this share of their line are rounding errors.
-SHORTEST = 1e-12
+SHORTEST_MOTION = 1e-12
 # Samples of a piece: EVEN_SAMPLES at even distances, and the distances 2^-1 to 2^-CLOSE_SAMPLES
 # from both ends, because dq_ds often becomes small at a break.
 EVEN_SAMPLES = 64
 CLOSE_SAMPLES = 40
-CLOSE = 0.5 ** np.arange(1, CLOSE_SAMPLES + 1)
-SAMPLES = np.unique(np.concatenate([np.linspace(0.0, 1.0, EVEN_SAMPLES + 1), CLOSE, 1.0 - CLOSE]))
+CLOSE_TO_BREAK = 0.5 ** np.arange(1, CLOSE_SAMPLES + 1)
+SAMPLE_FRACTIONS = np.unique(
+    np.concatenate([np.linspace(0.0, 1.0, EVEN_SAMPLES + 1), CLOSE_TO_BREAK, 1.0 - CLOSE_TO_BREAK])
+)
 # Converts coefficients of powers 0 to 4 to Bernstein coefficients, which enclose the polynomial.
 BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range(5)])
 # Bisections that locate a reversal between two samples.
-BISECTIONS = 50
+TURN_BISECTIONS = 50
 # A path needs another parameter if the grid loses this share of an acceleration limit.
 LARGEST_SHARE = 1e-2
 # Near a reversal, `2 D q2 / q1²` is 1, because the path is like a parabola. Up to this value it
@@ -60,10 +62,10 @@ def replace_uneven_parameter(grid: Grid) -> JointPath | None:
     along = np.einsum("nkj,nj->nk", path.coefficients, directions)
     along[:, 0] = 0.0
     same = np.einsum("nj,nj->n", directions[1:], directions[:-1])
-    same[np.abs(same) < 1 - SAME_LINE**2] = 0.0
+    same[np.abs(same) < 1 - SAME_DIRECTION**2] = 0.0
     same[np.isin(path.breaks[1:-1], path.stops)] = 0.0
     intervals = np.bincount(grid.piece, minlength=len(straight))
-    if not is_uneven(along, np.sign(same), straight, intervals, SAMPLES):
+    if not is_uneven(along, np.sign(same), straight, intervals, SAMPLE_FRACTIONS):
         return None
     return _replace_lines(path, straight, directions, same == 0.0)
 
@@ -80,7 +82,7 @@ def find_straight(c: FloatArray) -> tuple[BoolArray, FloatArray]:
     line = c[row, 1 + k] / np.where(largest > 0, largest, 1.0)[:, None]
     along = np.einsum("nkj,nj->nk", c[:, 1:], line)
     deviation = np.abs(c[:, 1:] - along[..., None] * line[:, None]).max(axis=(1, 2))
-    allowed = ROUNDING * (1 + np.abs(c[:, 0]).max(axis=1)) + STRAIGHT * largest
+    allowed = LINE_ROUNDING * (1 + np.abs(c[:, 0]).max(axis=1)) + STRAIGHT_DEVIATION * largest
     return (deviation <= allowed) & (largest > 0), line
 
 
@@ -112,14 +114,45 @@ def is_uneven(
     - `x`: increasing fractions of a piece at which it is sampled, (samples,).
     """
     n = len(straight)
-    count = len(x)
-    travel = np.empty((n, count))
-    turns = np.empty(n * count + 2)
+    travel = np.empty((n, len(x)))
+    turns = np.empty(n * len(x) + 2)
+    last_turn = _measure_travel(along, same, straight, x, travel, turns)
+    rounding = DISTANCE_ROUNDING * turns[last_turn]
+    before = 0
+    for i in range(n):
+        if not straight[i]:
+            continue
+        for k in range(len(x)):
+            while before + 1 < last_turn and turns[before + 1] <= travel[i, k]:
+                before += 1
+            distance = min(travel[i, k] - turns[before], turns[before + 1] - travel[i, k])
+            distance -= rounding
+            _, slope, bend = _along(along[i], x[k])
+            if _is_unresolved(max(distance, 0.0), slope, bend, intervals[i]):
+                return True
+    return False
+
+
+@compiled(inner=True)
+def _measure_travel(
+    along: FloatArray,
+    same: FloatArray,
+    straight: BoolArray,
+    x: FloatArray,
+    travel: FloatArray,
+    turns: FloatArray,
+) -> int:
+    """Measure the way along all lines up to each sample, (n, samples), and to each turn.
+
+    A turn is a reversal, or an end of a line. Returns the index of the last turn; its way is the
+    length of all lines.
+    """
     turns[0] = 0.0
     number = 1
     total = 0.0
+    # Direction of the motion before a sample; 0 at the start of a line
     before = 0.0
-    for i in range(n):
+    for i in range(len(straight)):
         if not straight[i]:
             before = 0.0
             continue
@@ -132,19 +165,10 @@ def is_uneven(
             turns[number] = total
             number += 1
         last, _, _ = _along(along[i], 0.0)
-        for k in range(count):
+        for k in range(len(x)):
             value, slope, _ = _along(along[i], x[k])
             if slope * before < 0.0:
-                low = x[max(k - 1, 0)]
-                high = x[k]
-                for _ in range(BISECTIONS):
-                    middle = (low + high) / 2
-                    _, slope_there, _ = _along(along[i], middle)
-                    if slope_there * before > 0.0:
-                        low = middle
-                    else:
-                        high = middle
-                turn, _, _ = _along(along[i], high)
+                turn = _find_turn(along[i], x[max(k - 1, 0)], x[k], before)
                 turns[number] = total + abs(turn - last)
                 number += 1
                 total += abs(turn - last)
@@ -155,25 +179,39 @@ def is_uneven(
             if slope != 0.0:
                 before = slope
     turns[number] = total
-    number += 1
-    after = 0
-    for i in range(n):
-        if not straight[i]:
-            continue
-        for k in range(count):
-            while after + 1 < number - 1 and turns[after + 1] <= travel[i, k]:
-                after += 1
-            distance = min(travel[i, k] - turns[after], turns[after + 1] - travel[i, k])
-            distance -= DISTANCE_ROUNDING * total
-            _, slope, bend = _along(along[i], x[k])
-            squared = slope * slope
-            share = 2 * max(distance, 0.0) * abs(bend)
-            relative = bend / intervals[i]
-            if share > PARABOLA * squared and (
-                share * relative * relative > LARGEST_SHARE * squared * squared
-            ):
-                return True
-    return False
+    return number
+
+
+@compiled(inner=True)
+def _find_turn(c: FloatArray, low: float, high: float, before: float) -> float:
+    """Position at which a piece turns back between two samples, by bisection of its slope.
+
+    `before` has the sign of the slope at the first sample.
+    """
+    for _ in range(TURN_BISECTIONS):
+        middle = (low + high) / 2
+        _, slope, _ = _along(c, middle)
+        if slope * before > 0.0:
+            low = middle
+        else:
+            high = middle
+    turn, _, _ = _along(c, high)
+    return turn
+
+
+@compiled(inner=True)
+def _is_unresolved(distance: float, slope: float, bend: float, intervals: int) -> bool:
+    """Test whether the grid loses more than LARGEST_SHARE of an acceleration limit at a sample.
+
+    - `distance`: distance D from the nearest turn.
+    - `slope`, `bend`: derivatives q1 and q2 in the fraction of the piece.
+    - `intervals`: number 1 / w of intervals of the piece.
+    """
+    squared = slope * slope
+    share = 2 * distance * abs(bend)
+    relative = bend / intervals
+    lost = share * relative * relative
+    return share > PARABOLA * squared and lost > LARGEST_SHARE * squared * squared
 
 
 def _replace_lines(
@@ -327,7 +365,7 @@ def _roots(c: FloatArray) -> FloatArray:
 
 def _find_reversals(values: FloatArray) -> list[int]:
     """Indices of both ends of a line, and of the positions at which it turns back."""
-    small = SHORTEST * float(np.abs(np.diff(values)).sum())
+    small = SHORTEST_MOTION * float(np.abs(np.diff(values)).sum())
     kept = [0]
     for k in range(1, len(values)):
         step = values[k] - values[kept[-1]]

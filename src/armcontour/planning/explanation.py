@@ -37,7 +37,7 @@ ACTIVE_WITH_JERK = 0.9
 # The assigned velocity counts as reached from this fraction of it on.
 REACHED = 0.999
 # An extreme of the speed is confirmed once the speed differs from it by this fraction.
-FLAT = 0.01
+FLAT_SPEED = 0.01
 # Label of the parts with the limit "nothing".
 BETWEEN = "between two limits"
 # Label of the time of rapid moves.
@@ -460,8 +460,8 @@ def _shortfalls(
 def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tuple[int, int, str]]:
     """First and last index of every extreme of the speed, and its kind: "fastest" or "slowest".
 
-    An extreme is confirmed once the speed differs from it by the fraction `FLAT`. All points within
-    `FLAT` belong to it.
+    An extreme is confirmed once the speed differs from it by the fraction `FLAT_SPEED`. All points
+    within `FLAT_SPEED` belong to it.
 
     `points` are the indices at which the sign of the slope changes, and the index of the last
     point.
@@ -471,14 +471,14 @@ def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tu
     extreme = first
     for i in points:
         if rising is None:
-            if abs(speed[i] - speed[extreme]) > FLAT * max(speed[i], speed[extreme]):
+            if abs(speed[i] - speed[extreme]) > FLAT_SPEED * max(speed[i], speed[extreme]):
                 rising = bool(speed[i] > speed[extreme])
                 extreme = i
             continue
         if (speed[i] > speed[extreme]) == rising:
             extreme = i
-        elif abs(speed[i] - speed[extreme]) > FLAT * max(speed[i], speed[extreme]):
-            outside = np.abs(speed[first : i + 1] - speed[extreme]) > FLAT * speed[extreme]
+        elif abs(speed[i] - speed[extreme]) > FLAT_SPEED * max(speed[i], speed[extreme]):
+            outside = np.abs(speed[first : i + 1] - speed[extreme]) > FLAT_SPEED * speed[extreme]
             before = outside[: extreme - first][::-1]
             after = outside[extreme - first + 1 :]
             first_index = int(np.argmax(before)) if before.any() else len(before)

@@ -1,16 +1,15 @@
-"""Time laws and limit checks that several timing methods share."""
+"""Limit checks of time laws that several timing methods share."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.errors import InvalidInput, NotRealizable
-from armcontour.geometry import Path
-from armcontour.motion import JointPath, Law, LawAlongPath, PathLaw, Rates
+from armcontour.core.errors import NotRealizable
+from armcontour.motion import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 from armcontour.robot.limits import LIMITS
@@ -19,52 +18,7 @@ from armcontour.robot.limits import LIMITS
 # less than 1e-4 below the true peak.
 PEAK_SAMPLES = 33
 # Rounding error by which a law may exceed a limit, as a fraction of the limit
-ROUNDING = 1e-6
-
-
-def tool_path_of(joint_path: JointPath, method: str) -> Path:
-    """Return the tool path of a joint path, which the method requires."""
-    if joint_path.tool_path is None:
-        raise InvalidInput(
-            f"The method {method} plans along a tool path, but this joint path has none. Pass "
-            "a Path to plan, or the joint path that trace returns for it."
-        )
-    return joint_path.tool_path
-
-
-def require_speed(limits: Limits, method: str) -> float:
-    """Return the assigned velocity [m/s], which the method requires."""
-    if limits.speed is None:
-        raise InvalidInput(
-            f"The method {method} needs an assigned velocity, but no limit speed is specified. "
-            "Specify the limit speed [m/s]."
-        )
-    return limits.speed
-
-
-def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: FloatArray) -> PathLaw:
-    """Time law with constant path acceleration on each interval.
-
-    - `s`: arc lengths of the interval ends [m], (n + 1,).
-    - `start`: tool speed at the start of each interval [m/s], (n,).
-    - `end`: tool speed at the end of each interval [m/s], (n,).
-    """
-    lengths = np.diff(s)
-    times = 2 * lengths / (start + end)
-    none = np.zeros_like(lengths)
-    rates = Rates(ds=start, dds=(end - start) / times, slope=none, jerk=none)
-    return PathLaw(
-        joint_path=joint_path, breaks=np.concatenate([[0.0], np.cumsum(times)]), s=s, rates=rates
-    )
-
-
-def law_peaks(laws: Sequence[Law], arm: Arm) -> dict[str, Any]:
-    """Peak joint accelerations, (dof,), and peak tool speed of laws, as fields of `LawPhase`."""
-    states = [law_states(x, arm) for x in laws]
-    return {
-        "demand": np.max([np.abs(x.ddq).max(axis=0) for x in states], axis=0),
-        "speed": max(float(x.measure("speed")[0].max()) for x in states),
-    }
+LIMIT_ROUNDING = 1e-6
 
 
 def law_states(law: Law, arm: Arm) -> States:
@@ -104,7 +58,7 @@ def check_limits(
         for name in limited:
             use = states.use(name, limits)
             ratio = use.ratio
-            if ratio.max() <= 1 + ROUNDING:
+            if ratio.max() <= 1 + LIMIT_ROUNDING:
                 continue
             index = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
             joint = int(index[1]) if len(index) == 2 else None

@@ -4,24 +4,27 @@ The method is backward and forward reachability in (s, ds²), after TOPP-RA. On 
 path acceleration is linear in s. Its slope is chosen in advance so that the active constraint is
 active on the whole interval. Every constraint is satisfied at both ends of an interval with a
 margin that bounds its rise between them; for torques and some limits of the tool the bound is
-sampled. docs/guides/optimal.md has the proof.
+sampled. docs/concepts/time_optimal.md has the proof.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NoReturn
+from dataclasses import field, replace
+from typing import Annotated, NoReturn
 
 import numpy as np
 
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
-from armcontour.core.kernel_cache import FUSED, compiled
-from armcontour.core.simd import choose, highest, load
+from armcontour.core.fields import declared
+from armcontour.core.quantities import NO_KEY, AtLeast, Quantity
+from armcontour.core.render import number
+from armcontour.core.text import show
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
-from armcontour.motion.kernels import interval_time
-from armcontour.planning.constraints import Constraint, constraints_of, limits_on
+from armcontour.planning.constraints import FROM_LIMITS, Constraint, constraints_of, limits_on
 from armcontour.planning.even_parameter import replace_uneven_parameter
 from armcontour.planning.law_checks import raise_too_fast
 from armcontour.planning.path_grid import (
@@ -32,39 +35,22 @@ from armcontour.planning.path_grid import (
     resting_breaks,
     split,
 )
-from armcontour.planning.timing_options import FASTEST, Optimal, Task
-from armcontour.planning.topp.grid_plan import (
-    END,
-    FINER,
-    FOUND,
-    START,
-    STUCK,
-    GridPlan,
-    Rules,
-    acceleration_range,
-    next_joint,
-    path_slopes,
-    plan_on_grid,
+from armcontour.planning.timing_options import (
+    LONGEST_MOTION,
+    MAX_ITERATIONS,
+    IntervalCount,
+    PlanOptions,
+    Task,
 )
-from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
+from armcontour.planning.topp.grid_plan import GridPlan, plan_on_grid
+from armcontour.planning.topp.limit_forms import GridLimits
+from armcontour.planning.topp.plan_losses import estimate_losses
+from armcontour.planning.topp.plan_rules import END, FINER, FOUND, START, STUCK, Rules
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
+from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
-AT_BOUND = 0.02  # u is at its bound within this fraction of its range
-# Lost share of the time of an interval per unused share of the range of u, inside the motion. The
-# factor was measured against finer grids; it is too large where the range is small compared with u.
-BY_GAP = 0.25
-# The same factor for an interval that begins or ends at rest.
-BY_GAP_AT_REST = 1.5
-# Let u be at its lower bound at one end of an interval and at its upper bound at the other end,
-# because of different limits. If at least this share of the range of u is then unused, x may be too
-# low by an unknown factor, and the time to reach a higher x may be lost.
-CROSSED = 0.4
-# Such a time counts as lost only if x times this factor allows a range of u at both ends.
-LARGER_X = 1.02
-REACH = 0.05  # this loss extends over this share of the length in which x changes by its own value
-INSIDE = 0.02  # a new grid point closer to an interval end than this share saves no time
 # The grid is refined while the margin for maxima inside intervals exceeds this share of a limit.
 LARGEST_MARGIN = 3e-3
 # Share of a limit that replaces LARGEST_MARGIN on a first grid with fewer intervals than COARSE, to
@@ -96,137 +82,110 @@ FEWER = 0.8
 # With more than half of MAX_REFINED intervals, a refinement for loss must increase the number of
 # intervals by at least this factor.
 LEAST_GROWTH = 1.1
+# Options that apply to a single path only, because a program rests between its paths.
+SINGLE_PATH_OPTIONS = ("start_speed", "end_speed")
+# Default total number of grid intervals of a program of many contours. Each contour has fewer
+# intervals than a single path, because it is shorter.
+MAX_TOTAL_INTERVALS = 40_000
+# Smallest default number of grid intervals per contour of such a program.
+FEWEST_INTERVALS = 500
+MotionTime = Annotated[
+    float, Quantity("s", "6.5 s", within=(checks.SMALLEST_NUMBER, LONGEST_MOTION))
+]
+PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
 
 
-@compiled(inner=True, fastmath=FUSED)
-def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
-    steepest = 0.0
-    joint = 0
-    for group in range(len(limits.joints) // ROWS):
-        a, _ = path_slopes(grid, i, joint, end)
-        joint = next_joint(grid, joint)
-        offset = ROWS * group
-        back = load(limits.joints, offset + BACKWARD)
-        forth = load(limits.joints, offset + FORWARD)
-        steepest = max(steepest, highest(a * a * choose(a, 0.0, back, forth)))
-    for r in range(limits.squares.largest.shape[1]):
-        steepest = max(steepest, limits.squares.ends[i, end, r])
-    return float(min(limits.ceiling[i, end], 1.0 / steepest))
+@declared(eq=False)
+class Optimal(PlanOptions):
+    """Options of the method "optimal", in addition to those of `PlanOptions`.
 
+    The method computes the fastest timing that satisfies every limit.
 
-@compiled(inner=True)
-def _shortest_time(
-    w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
-) -> tuple[float, float]:
-    """Shortest time [s] through an interval, and the switch point as a fraction of the interval.
+    >>> slow = ac.plan(path, arm, limits, ac.Optimal(duration=2.0))
+    >>> round(slow.duration, 6)
+    2.0
 
-    - `w`: length of the interval.
-    - `x`: values of x at its ends.
-    - `rates`: largest u and largest -u.
-    - `ceiling`: largest x between the ends.
+    Args:
+        duration: Required duration [s]. All contours are slowed down by one factor; rapids and
+            dwells are not. By default the motion is the fastest.
+        intervals: Approximate number of grid intervals of each contour; by default 4000, fewer for
+            a program of many contours.
+        iterations: Largest number of iterations with limits of jerk. A plan that was stopped early
+            is slower, and satisfies all limits.
+        start_speed: Path speed at the start of a single path [m/s]; 0 with limits of jerk.
+        end_speed: Path speed at the end of a single path [m/s]; 0 with limits of jerk.
+        from_limits: Kinds of constraints: subclasses of `Constraint` that serve fields of `Limits`.
+            For each plan, the planner makes a constraint of each kind from the limits. Replace a
+            kind to plan its limits with a formula of your own. A limit that no kind serves is
+            refused; to plan without it, remove it from the limits.
+        constraints: Constraints of your own, in addition to the limits: objects that are ready,
+            such as `SecondOrder(...)`. `explain` needs them again, because a plan does not contain
+            them.
+
+    Raises:
+        InvalidInput: A value of the wrong type or out of range, or a motion of a given duration
+            that starts or ends at a speed.
     """
-    up, down = 2 * rates[0], 2 * rates[1]
-    first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
-    top = x[0] + up * first
-    last_switch = first
-    if top > ceiling:
-        top = max(ceiling, x[0], x[1])
-        first = min((top - x[0]) / up, w)
-        last_switch = w - min((top - x[1]) / down, w)
-    speeds = math.sqrt(x[0]), math.sqrt(top), math.sqrt(x[1])
-    time = interval_time(first, speeds[0], speeds[1], 0.0) if first > 0.0 else 0.0
-    if last_switch < w:
-        time += interval_time(w - last_switch, speeds[1], speeds[2], 0.0)
-    if last_switch > first:
-        time += (last_switch - first) / speeds[1]
-    share = first / w if first > INSIDE * w else last_switch / w
-    return time, share
+
+    method = Method.OPTIMAL
+    automatic_leads = True
+    duration: Annotated[MotionTime | None, NO_KEY] = None
+    intervals: Annotated[IntervalCount | None, NO_KEY] = None
+    iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS), NO_KEY] = MAX_ITERATIONS
+    start_speed: Annotated[PathSpeed, NO_KEY] = 0.0
+    end_speed: Annotated[PathSpeed, NO_KEY] = 0.0
+    from_limits: Annotated[tuple[type[Constraint], ...], NO_KEY] = field(
+        default=FROM_LIMITS, repr=False
+    )
+    constraints: Annotated[tuple[Constraint, ...], NO_KEY] = ()
+
+    def _check_together(self) -> None:
+        for kind in self.from_limits:
+            if not (isinstance(kind, type) and issubclass(kind, Constraint) and kind.serves):
+                raise InvalidInput(
+                    "from_limits must contain subclasses of Constraint whose `serves` names fields "
+                    f"of Limits, but it contains {show(kind)}. Pass a constraint that is "
+                    "ready in constraints."
+                )
+        for name in ("start_speed", "end_speed"):
+            if self.duration is not None and getattr(self, name):
+                raise InvalidInput(
+                    f"A motion with a given duration starts and ends at rest, but {name} is "
+                    f"{number(getattr(self, name), 'm/s')}. Remove {name} or duration."
+                )
+
+    def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+        """Plan the fastest motion along a contour."""
+        return plan_optimal(joint_path, arm, limits, self)
+
+    def check_jerk(self, limits: Limits) -> None:
+        """Accept limits of jerk, because the method keeps them."""
+
+    def without_duration(self) -> Optimal:
+        """Return the options without the required duration."""
+        return replace(self, duration=None)
+
+    def for_program(self, program: Program) -> Optimal:
+        """Return the options with fewer grid intervals if the program has many contours."""
+        for name in SINGLE_PATH_OPTIONS if program.single_path is None else ():
+            if getattr(self, name):
+                raise InvalidInput(
+                    f"{name} applies to a single path only, because a program rests between its "
+                    f"moves. Remove {name}."
+                )
+        fewer = intervals_of(program)
+        return self if self.intervals or fewer is None else replace(self, intervals=fewer)
 
 
-@compiled(fastmath=FUSED)
-def estimate_losses(
-    grid: Intervals, limits: GridLimits, plan: GridPlan
-) -> tuple[float, FloatArray, FloatArray]:
-    """Estimate the time that a plan loses by its grid and its slopes.
+def intervals_of(program: Program) -> int | None:
+    """Number of grid intervals for each contour of a program; None for the default of a path."""
+    count = len(program.contours)
+    if count <= MAX_TOTAL_INTERVALS // DEFAULT_INTERVALS:
+        return None
+    return max(FEWEST_INTERVALS, MAX_TOTAL_INTERVALS // count)
 
-    Returns the duration of the plan [s]; the time lost on each interval [s], (n,); and the point in
-    each interval at which a new grid point saves most [m], (n,), or the start of the interval.
-    """
-    s = grid.s
-    x = plan.x
-    k = plan.k
-    lost = plan.lost
-    n = len(plan.k)
-    duration = 0.0
-    loss = np.empty(n)
-    point = np.empty(n)
-    valley = np.zeros(n)
-    for i in range(n):
-        w = s[i + 1] - s[i]
-        x0 = x[i]
-        x1 = x[i + 1]
-        time = interval_time(w, math.sqrt(x0), math.sqrt(x1), k[i])
-        duration += time
-        loss[i] = time * lost[i] / 2
-        point[i] = s[i]
-        near = AT_BOUND + lost[i]
-        by_gap = BY_GAP if x0 > 0.0 and x1 > 0.0 else BY_GAP_AT_REST
-        top0 = _ceiling(grid, limits, i, 0)
-        top1 = _ceiling(grid, limits, i, 1)
-        if x0 > 0.0 and x1 > 0.0 and x0 >= (1 - near) * top0 and x1 >= (1 - near) * top1:
-            use = (math.sqrt(x0 / top0) + math.sqrt(x1 / top1)) / 2
-            loss[i] = time * max(1 - use, 0.0)
-            continue
-        mean = (x1 - x0) / (2 * w)
-        turn = k[i] * w / 2
-        low0, high0, wide0, below0, above0 = acceleration_range(grid, limits, i, 0, x0)
-        low1, high1, wide1, below1, above1 = acceleration_range(grid, limits, i, 1, x1)
-        if not (wide0 < math.inf or wide1 < math.inf):
-            continue
-        # Unused share of the range up to each bound. An end that does not limit u gets the shares
-        # of the other end.
-        up0 = (high0 - mean + turn) / wide0
-        up1 = (high1 - mean - turn) / wide1
-        down0 = (mean - turn - low0) / wide0
-        down1 = (mean + turn - low1) / wide1
-        if not wide0 < math.inf:
-            up0, down0 = up1, down1
-        if not wide1 < math.inf:
-            up1, down1 = up0, down0
-        rising = min(up0, up1) < near
-        falling = min(down0, down1) < near
-        up = (up0 + up1) / 2
-        down = (down0 + down1) / 2
-        if rising and falling:
-            gap = min(up, down)
-            if gap > CROSSED and above0 != below1 and below0 != above1:
-                rate = max(max(abs(low0), abs(high0)), max(abs(low1), abs(high1)))
-                low0, high0, _, _, _ = acceleration_range(grid, limits, i, 0, LARGER_X * x0)
-                low1, high1, _, _, _ = acceleration_range(grid, limits, i, 1, LARGER_X * x1)
-                if low0 < high0 and low1 < high1:
-                    wrong = by_gap * gap * math.sqrt(x0) / min(high0 - low0, high1 - low1)
-                    reach = max(REACH * min(x0, x1) / rate, w)
-                    first = last = i
-                    while first > 0 and s[i] - s[first] < reach:
-                        first -= 1
-                    while last < n - 1 and s[last] - s[i] < reach:
-                        last += 1
-                    # Numba compiles an assigned slice for seconds.
-                    for j in range(first, last + 1):
-                        valley[j] = max(valley[j], wrong)
-            loss[i] += by_gap * max(gap, 0.0) * time
-        elif rising or falling:
-            loss[i] += by_gap * time * max(up if rising else down, 0.0)
-        else:
-            rates = (high0 + high1) / 2, -(low0 + low1) / 2
-            if rates[0] > mean and -rates[1] < mean:
-                shortest, share = _shortest_time(w, (x0, x1), rates, max(top0, top1))
-                loss[i] += max(time - shortest, 0.0)
-                if INSIDE < share < 1 - INSIDE:
-                    point[i] += share * w
-    for i in range(n):
-        loss[i] += valley[i]
-    return duration, loss, point
+
+FASTEST = Optimal()
 
 
 def plan_optimal(

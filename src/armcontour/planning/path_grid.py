@@ -24,7 +24,7 @@ MAX_INTERVALS = 5_000_000
 # distributed in proportion to the change of direction in joint space.
 EVEN_SHARE = 0.5
 # Points with a dq_ds below this fraction of the largest dq_ds have no direction.
-AT_REST = 1e-9
+RESTING_SLOPE = 1e-9
 # dq_ds counts as zero below this share of the sum of its terms, which is its rounding error.
 VANISHED = 1e-12
 
@@ -57,7 +57,7 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     if intervals is not None:
         count = intervals
     width = breaks[1:] - breaks[:-1]
-    turning = turning_rates(breaks, joint_path.coefficients, AT_REST)
+    turning = turning_rates(breaks, joint_path.coefficients, RESTING_SLOPE)
     if not len(turning):
         raise InvalidInput("No joint moves along the joint path, so there is nothing to plan.")
     turn = width * turning

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, NoReturn
 
@@ -17,30 +16,20 @@ from armcontour.geometry import Path
 from armcontour.geometry.rounding.rounded_path import RoundedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import describe_unfinished
-from armcontour.motion import JointPath, Method, Trajectory
-from armcontour.planning.path_grid import DEFAULT_INTERVALS
+from armcontour.motion import JointPath, Trajectory
+from armcontour.planning.optimal_timing import FASTEST, Optimal
 from armcontour.planning.program_timing import (
     Timing,
-    check_jerk_support,
     check_longest,
     slow_down,
-    time_contour,
     time_program,
 )
 from armcontour.planning.program_tracing import TracedMove, Tracing, trace_program
-from armcontour.planning.timing_options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
+from armcontour.planning.timing_options import LONGEST_MOTION, PlanOptions
 from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
 from armcontour.robot.limits import reduce_limits
-
-# Options that apply to a single path only, because a program rests between its paths.
-SINGLE_PATH_OPTIONS = ("start_speed", "end_speed")
-# Default total number of grid intervals of a program of many contours. Each contour has fewer
-# intervals than a single path, because it is shorter.
-MAX_TOTAL_INTERVALS = 40_000
-# Smallest default number of grid intervals per contour of such a program.
-FEWEST_INTERVALS = 500
 
 
 @checked
@@ -90,18 +79,15 @@ def plan(
     if not isinstance(path, Tracing) and (warning := compare_limits(bounds, arm)):
         # Only jobs plan tracings, and they issue their own warnings.
         warnings.warn(capitalise(warning), stacklevel=3)
-    check_jerk_support(options.method, bounds)
+    options.check_jerk(bounds)
     traced: Tracing | JointPath
     if isinstance(path, JointPath | Tracing):
         traced = _check_traced(path, arm, bounds, options)
     else:
         program = Program.from_path(path)
         check_duration(program, bounds)
-        if isinstance(options, Shaped):
-            from armcontour.planning.shaping import Shaping
-
-            shaping = Shaping(arm, bounds, options)
-            program = shaping.shape(program, progress, named=program is path)
+        if options.changes_path:
+            program = options.reshape(program, arm, bounds, progress, named=program is path)
             for doubt in describe_unfinished(x.path for x in program.contours):
                 warnings.warn(capitalise(doubt), stacklevel=3)
         traced = trace_program(
@@ -115,9 +101,9 @@ def plan(
     reduced = reduce_limits(bounds, options.reserve)
     if isinstance(traced, JointPath):
         timing = Timing(arm, reduced, options)
-        trajectory = time_contour(traced, timing)
+        trajectory = options.time(traced, arm, reduced)
     else:
-        timing = Timing(arm, reduced, _fit_options(traced.program, options))
+        timing = Timing(arm, reduced, options.for_program(traced.program))
         trajectory = time_program(traced, timing, progress)
     if isinstance(options, Optimal) and options.duration is not None:
         trajectory = slow_down(trajectory, options.duration, traced, timing)
@@ -126,7 +112,7 @@ def plan(
         bounds, options.reserve, None if isinstance(arm, _JointSpace) else arm
     )
 
-    if isinstance(traced, Tracing) and traced is not path and options.method != Method.CONVENTIONAL:
+    if isinstance(traced, Tracing) and traced is not path and not options.passes_corners:
         _warn_of_turns(traced.program)
     if not isinstance(path, Tracing) and bounds.limits_jerk:
         _warn_of_stops(trajectory)
@@ -206,27 +192,6 @@ def _require_arm(
     return arm
 
 
-def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
-    if not isinstance(options, Optimal):
-        return options
-    for name in SINGLE_PATH_OPTIONS if program.single_path is None else ():
-        if getattr(options, name):
-            raise InvalidInput(
-                f"{name} applies to a single path only, because a program rests between its "
-                f"moves. Remove {name}."
-            )
-    fewer = intervals_of(program)
-    return options if options.intervals or fewer is None else replace(options, intervals=fewer)
-
-
-def intervals_of(program: Program) -> int | None:
-    """Number of grid intervals for each contour of a program; None for the default of a path."""
-    count = len(program.contours)
-    if count <= MAX_TOTAL_INTERVALS // DEFAULT_INTERVALS:
-        return None
-    return max(FEWEST_INTERVALS, MAX_TOTAL_INTERVALS // count)
-
-
 def check_duration(program: Program, limits: Limits) -> None:
     """Check the duration of a program at its assigned velocities against LONGEST_MOTION."""
     total = assigned_time(program, limits)
@@ -253,10 +218,10 @@ def _check_traced(
 ) -> JointPath | Tracing:
     """Check that a joint path or tracing fits the arm and the options, and return it."""
     # A joint path with a tool path is returned as a tracing.
-    if isinstance(options, Shaped):
+    if options.changes_path:
         raise InvalidInput(
-            "The method shaped changes the tool path, but this path is already traced. Pass "
-            "the Path or Program to plan."
+            f"The method {options.method} changes the tool path, but this path is already traced. "
+            "Pass the Path or Program to plan."
         )
     if not (options.configuration is None and options.seed is None):
         specified = "seed" if options.configuration is None else "configuration"

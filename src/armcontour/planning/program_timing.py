@@ -16,7 +16,6 @@ from armcontour.motion import (
     JointPath,
     Law,
     LawAlongPath,
-    Method,
     PathLaw,
     Span,
     TimedEvent,
@@ -26,16 +25,9 @@ from armcontour.motion import (
 )
 from armcontour.planning.constraints import RapidSpeed
 from armcontour.planning.law_checks import check_limits
-from armcontour.planning.optimal_timing import plan_optimal
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.program_tracing import TracedMove, Tracing, ends_of
-from armcontour.planning.timing_options import (
-    LONGEST_MOTION,
-    Conventional,
-    Optimal,
-    Paper,
-    PlanOptions,
-    Shaped,
-)
+from armcontour.planning.timing_options import LONGEST_MOTION, PlanOptions
 from armcontour.program import Contour, Dwell, Event
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import LIMITS, reduce_limits
@@ -97,28 +89,8 @@ def _time_move(
 ) -> Trajectory:
     joint_path, is_contour = move
     if is_contour:
-        return time_contour(joint_path, timing)
+        return timing.options.time(joint_path, timing.arm, timing.limits)
     return time_rapid(joint_path, timing.arm, timing.limits, rapid_speed)
-
-
-def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
-    """Plan the motion along a contour."""
-    problem = (joint_path, timing.arm, timing.limits)
-    options = timing.options
-    if isinstance(options, Conventional):
-        from armcontour.planning.paper_timing import plan_conventional
-
-        return plan_conventional(*problem)
-    if isinstance(options, Paper):
-        from armcontour.planning.paper_timing import plan_paper
-
-        return plan_paper(*problem, options)
-    if isinstance(options, Optimal):
-        return plan_optimal(*problem, options)
-    assert isinstance(options, Shaped)
-    return replace(
-        plan_optimal(*problem, Optimal(intervals=options.intervals)), method=Method.SHAPED
-    )
 
 
 def time_rapid(
@@ -270,29 +242,6 @@ class JoinedMoves:
         self.events.append(
             TimedEvent(name=event.name, value=event.value, t=t, due=due, s=s, point=point)
         )
-
-
-def check_jerk_support(method: Method, limits: Limits) -> None:
-    """Raise NotRealizable if the method does not support the given limit of jerk."""
-    if not limits.limits_jerk or method == Method.OPTIMAL:
-        return
-    remedy = (
-        "remove joint_jerk with limits.replace(joint_jerk=math.inf) (in a job, "
-        "limits: {joint_jerk: inf})"
-    )
-    if method == Method.SHAPED:
-        raise NotRealizable(
-            f"Accelerations jump along a shaped path, where joint_jerk would stop the tool. Round "
-            'corners with continuity="curvature" and plan by the method optimal (in a job, '
-            f"corners: {{shape: arc}}, whose curvature is continuous if jerk is limited), or "
-            f"{remedy}.",
-            limit="joint_jerk",
-        )
-    raise NotRealizable(
-        f"The method {method} does not support limits of jerk, but joint_jerk is given. Plan by "
-        f"the method optimal (in a job, timing: {{method: optimal}}), or {remedy}.",
-        limit="joint_jerk",
-    )
 
 
 def slow_down(

@@ -19,28 +19,27 @@ from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import cut_path
 from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
-from armcontour.planning.optimal_timing import plan_optimal
-from armcontour.planning.timing_options import Optimal
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.tracing import sketch_all, trace, trace_all, trace_rest, trace_to
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 
 # Joint positions closer than this are equal [rad]; closed-form inverse kinematics has this error.
-SAME_POSITION = 1e-9
+SAME_JOINT_POSITION = 1e-9
 # Distance of the vertices of two paths below which the paths are equal [m].
 SAME_VERTEX = 1e-12
 # Options of the coarse plans by which configurations are compared
 COARSE_PLAN = Optimal(intervals=400)
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
-MAX_PLANNED = 8_000
+MAX_PLANNED_PIECES = 8_000
 # On paths of more segments than this, configurations are compared on parts of the path.
-LONG_PATH = 20_000
+MANY_SEGMENTS = 20_000
 # Approximate number of segments of such a part.
 PART_SEGMENTS = 200
 # A long path has one such part for each of this many segments.
 PART_EVERY = 2500
 # Largest number of such parts.
-MAX_PARTS = 40
+MAX_COMPARED_PARTS = 40
 # Configurations that are slower than the fastest one on the parts by at most this fraction are
 # traced along the whole path, because durations of parts are accurate to a few thousandths only.
 MAX_SLOWER = 0.01
@@ -270,7 +269,7 @@ class _Tracer:
         if self.last is not None:
             end = ends_of(self.last)[1]
             q = ends_of(joint_path)[0]
-            if np.abs(q - end).max() > SAME_POSITION:
+            if np.abs(q - end).max() > SAME_JOINT_POSITION:
                 self.steps.append(
                     TracedMove(move=None, joint_path=_straight_line(end, q), called=called)
                 )
@@ -414,7 +413,7 @@ def trace_by_duration(
     bounds = resolve_limits("trace_by_duration", arm, limits)
     # Limits of jerk increase the computing time and do not change the order of configurations.
     rough = bounds.without_jerk
-    if isinstance(path, Path) and len(path) > LONG_PATH and isinstance(arm, SerialArm):
+    if isinstance(path, Path) and len(path) > MANY_SEGMENTS and isinstance(arm, SerialArm):
         joint_path = (
             _trace_long(path, arm, bounds) if configuration is None and seed is None else None
         )
@@ -434,7 +433,7 @@ def _group_by_duration(
     """Yield lists of equally fast joint paths, the fastest first, and plan no more than needed."""
     lower_bounds = [bound_duration(x, rough) for x in joint_paths]
     order = np.argsort(lower_bounds, kind="stable").tolist()
-    if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MAX_PLANNED:
+    if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MAX_PLANNED_PIECES:
         yield from ([joint_paths[i]] for i in order)
         return
     # Durations of the joint paths that are planned but not yet yielded, by index
@@ -459,7 +458,7 @@ def _group_by_duration(
 def find_starts(path: Path, arm: SerialArm) -> list[FloatArray]:
     """Joint positions at the start of a path, one for each configuration [rad], (dof,) each."""
     # A long path is checked at a few points only, so a configuration may not complete it.
-    if len(path) > LONG_PATH:
+    if len(path) > MANY_SEGMENTS:
         try:
             return [x[0] for x in sketch_all(path, arm)[1]]
         except Unreachable:
@@ -515,7 +514,7 @@ def _compare_on_parts(
     `solutions` are the joint positions at the arc lengths `s` [m] in each configuration, (n, dof).
     """
     rough = limits.without_jerk
-    parts = min(max(len(path) // PART_EVERY, 1), MAX_PARTS)
+    parts = min(max(len(path) // PART_EVERY, 1), MAX_COMPARED_PARTS)
     length = path.length * min(PART_SEGMENTS / len(path), 1.0)
     first = np.searchsorted(s, np.linspace(0, path.length - length, parts), side="right") - 1
     last = np.append(s[first[:-1]] + length, path.length)

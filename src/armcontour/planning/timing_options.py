@@ -1,46 +1,38 @@
-"""Options of the timing methods, one class per method."""
+"""`PlanOptions`: options of a timing method, and values that the methods share."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Self
 
-from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput
+from armcontour.core.errors import NotRealizable
 from armcontour.core.fields import Options, declared
+from armcontour.core.progress import Progress
 from armcontour.core.quantities import (
-    About,
-    AngularDistance,
+    NO_KEY,
     AtLeast,
-    Distance,
-    Interval,
     Quantity,
     Reserve,
 )
-from armcontour.core.render import number
-from armcontour.core.text import show
-from armcontour.motion import DEFAULT_CYCLE, JointPath, Method, check_cycle
-from armcontour.planning.constraints import FROM_LIMITS, Constraint
+from armcontour.motion import JointPath, Method, Trajectory
+from armcontour.planning.constraints import Constraint
 from armcontour.planning.path_grid import FEWEST_PER_PIECE, MAX_INTERVALS
+from armcontour.program import Program
+from armcontour.robot import Arm, Limits
 
 # Largest duration [s], about eleven days. Longer durations are mistakes, and times are rounded to a
 # nanosecond.
 LONGEST_MOTION = 1e6
-MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
-Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MAX_INTERVALS)]
-# Marks a field that is a key of a job; the other fields have a key elsewhere, or no key.
-KEY = About()
-PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
-# Smallest number of intervals per line of the paper's method. With fewer, a short line from rest to
-# rest has none left for its motion.
-FEWEST_LAPS = 8
-# Largest number of intervals per line of the paper's method, which needs several GB for an arm with
-# six joints.
-MAX_LAPS = 5_000_000
+IntervalCount = Annotated[int, AtLeast(FEWEST_PER_PIECE, MAX_INTERVALS)]
 # Largest number of iterations of each pass with limits of jerk.
 MAX_ITERATIONS = 150
+# How to plan without limits of jerk, for messages.
+WITHOUT_JERK = (
+    "remove joint_jerk with limits.replace(joint_jerk=math.inf) (in a job, "
+    "limits: {joint_jerk: inf})"
+)
 # Default number of iterations of shaping.
 DEFAULT_ITERATIONS = 60
 # Largest number of iterations of shaping.
@@ -67,140 +59,87 @@ class PlanOptions(Options):
     """
 
     method: ClassVar[Method]
-    reserve: Annotated[Reserve, About(usual=(0.0, 0.9))] = 0.0
-    configuration: str | None = None
-    seed: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
-    accept: Callable[[JointPath], bool] | None = None
+    # True if a run can have leads of automatic length, after which the tool has full speed
+    automatic_leads: ClassVar[bool] = False
+    # True if the method plans along lines and arcs only
+    only_arcs: ClassVar[bool] = False
+    # True if the tool passes corners without a stop
+    passes_corners: ClassVar[bool] = False
+    # True if the plan can exceed the limits of joint velocity and acceleration
+    ignores_joint_limits: ClassVar[bool] = False
+    # True if `reshape` changes the path, so that the method cannot plan along a given joint path
+    changes_path: ClassVar[bool] = False
+    reserve: Reserve = 0.0
+    configuration: Annotated[str | None, NO_KEY] = None
+    seed: Annotated[Annotated[FloatArray, Quantity("rad", "10 deg")] | None, NO_KEY] = None
+    accept: Annotated[Callable[[JointPath], bool] | None, NO_KEY] = None
 
+    def reshape(
+        self, program: Program, arm: Arm, limits: Limits, progress: Progress | None, *, named: bool
+    ) -> Program:
+        """Return the program with the paths along which the method plans.
 
-@declared(eq=False)
-class Optimal(PlanOptions):
-    """Options of the method "optimal", in addition to those of `PlanOptions`.
+        Args:
+            program: The program.
+            arm: The arm.
+            limits: Limits of the plan.
+            progress: Called with the step and the fraction done.
+            named: Whether error messages start with the name of the contour.
+        """
+        return program
 
-    The method computes the fastest timing that satisfies every limit.
+    def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+        """Plan the motion along a contour.
 
-    >>> slow = ac.plan(path, arm, limits, ac.Optimal(duration=2.0))
-    >>> round(slow.duration, 6)
-    2.0
+        Args:
+            joint_path: The joint path of the contour.
+            arm: The arm.
+            limits: Limits less the reserve, one value per joint.
 
-    Args:
-        duration: Required duration [s]. All contours are slowed down by one factor; rapids and
-            dwells are not. By default the motion is the fastest.
-        intervals: Approximate number of grid intervals of each contour; by default 4000, fewer for
-            a program of many contours.
-        iterations: Largest number of iterations with limits of jerk. A plan that was stopped early
-            is slower, and satisfies all limits.
-        start_speed: Path speed at the start of a single path [m/s]; 0 with limits of jerk.
-        end_speed: Path speed at the end of a single path [m/s]; 0 with limits of jerk.
-        from_limits: Kinds of constraints: subclasses of `Constraint` that serve fields of `Limits`.
-            For each plan, the planner makes a constraint of each kind from the limits. Replace a
-            kind to plan its limits with a formula of your own. A limit that no kind serves is
-            refused; to plan without it, remove it from the limits.
-        constraints: Constraints of your own, in addition to the limits: objects that are ready,
-            such as `SecondOrder(...)`. `explain` needs them again, because a plan does not contain
-            them.
+        Raises:
+            NotRealizable: The method cannot satisfy the limits.
+        """
+        raise NotImplementedError
 
-    Raises:
-        InvalidInput: A value of the wrong type or out of range, or a motion of a given duration
-            that starts or ends at a speed.
-    """
+    def check_jerk(self, limits: Limits) -> None:
+        """Refuse limits of jerk unless the method keeps them.
 
-    method = Method.OPTIMAL
-    duration: MotionTime | None = None
-    intervals: Intervals | None = None
-    iterations: Annotated[int, AtLeast(1, MAX_ITERATIONS)] = MAX_ITERATIONS
-    start_speed: PathSpeed = 0.0
-    end_speed: PathSpeed = 0.0
-    from_limits: tuple[type[Constraint], ...] = field(default=FROM_LIMITS, repr=False)
-    constraints: tuple[Constraint, ...] = ()
+        Args:
+            limits: The limits of the plan.
 
-    def _check_together(self) -> None:
-        for kind in self.from_limits:
-            if not (isinstance(kind, type) and issubclass(kind, Constraint) and kind.serves):
-                raise InvalidInput(
-                    "from_limits must contain subclasses of Constraint whose `serves` names fields "
-                    f"of Limits, but it contains {show(kind)}. Pass a constraint that is "
-                    "ready in constraints."
-                )
-        for name in ("start_speed", "end_speed"):
-            if self.duration is not None and getattr(self, name):
-                raise InvalidInput(
-                    f"A motion with a given duration starts and ends at rest, but {name} is "
-                    f"{number(getattr(self, name), 'm/s')}. Remove {name} or duration."
-                )
+        Raises:
+            NotRealizable: The method does not support the given limits of jerk.
+        """
+        if limits.limits_jerk:
+            raise NotRealizable(
+                f"The method {self.method} does not support limits of jerk, but joint_jerk is "
+                "given. Plan by the method optimal (in a job, timing: {method: optimal}), or "
+                f"{WITHOUT_JERK}.",
+                limit="joint_jerk",
+            )
 
+    def at_cycle(self, cycle: float) -> Self:
+        """Return the options for a controller cycle.
 
-@declared(eq=False)
-class Shaped(PlanOptions):
-    """Options of the method "shaped", in addition to those of `PlanOptions`.
+        Args:
+            cycle: Cycle [s]; most methods do not depend on it.
+        """
+        return self
 
-    The method finds the fastest path within a tolerance of the given path.
+    def without_duration(self) -> Self:
+        """Return the options for a motion as fast as possible."""
+        return self
 
-    >>> options = ac.Shaped(tolerance=1e-3, iterations=1)
-    >>> ac.plan(objective, arm, limits, options).duration < planned.duration
-    True
+    def for_program(self, program: Program) -> Self:
+        """Return the options for the contours of a program.
 
-    Args:
-        tolerance: Largest distance of the path from the objective, and of the vertices of the
-            objective from the path [m]; 0 stops at every vertex. Tolerances of the path's own
-            segments cap it, and so does half of a stretch between two sharp corners.
-        angular_tolerance: Largest angle between the tool and its required orientation [rad], as in
-            `round_corners`.
-        iterations: Largest number of iterations. The path satisfies all limits after each one.
-        intervals: Approximate number of grid intervals of the plans that are compared.
+        Args:
+            program: The program.
 
-    Raises:
-        InvalidInput: A value of the wrong type or out of range.
-    """
-
-    method = Method.SHAPED
-    tolerance: Distance
-    angular_tolerance: AngularDistance | None = None
-    iterations: Annotated[int, AtLeast(0, MAX_SHAPES)] = DEFAULT_ITERATIONS
-    intervals: Intervals | None = None
-
-
-@declared(eq=False)
-class Paper(PlanOptions):
-    """Options of the paper's method for lines and arcs, in addition to those of `PlanOptions`.
-
-    >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
-    >>> ac.plan(straight, arm, limits, ac.Paper(knots=10)).method
-    <Method.PAPER: 'paper'>
-
-    Args:
-        knots: Intervals of equal length per line. By default the distance between knots is at most
-            the travel of the tool in one cycle at the assigned velocity. An interval next to a rest
-            is subdivided.
-        cycle: Cycle [s].
-
-    Raises:
-        InvalidInput: A value of the wrong type or out of range.
-    """
-
-    method = Method.PAPER
-    knots: Annotated[Annotated[int, AtLeast(FEWEST_LAPS, MAX_LAPS)] | None, KEY] = None
-    cycle: Interval = DEFAULT_CYCLE
-
-    def _check_together(self) -> None:
-        check_cycle(self.cycle)
-
-
-@declared(eq=False)
-class Conventional(PlanOptions):
-    """Options of the method "conventional", uniform tool speed: those of `PlanOptions`.
-
-    >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
-    >>> ac.plan(straight, arm, limits, ac.Conventional()).method
-    <Method.CONVENTIONAL: 'conventional'>
-    """
-
-    method = Method.CONVENTIONAL
-
-
-FASTEST = Optimal()
-# Options by method, for the methods that do not change the path.
-METHODS: dict[str, type[PlanOptions]] = {x.method.value: x for x in (Optimal, Paper, Conventional)}
+        Raises:
+            InvalidInput: An option applies to a single path only, but the program has several.
+        """
+        return self
 
 
 @dataclass(frozen=True, slots=True)

@@ -127,7 +127,8 @@ def prepare(
         for i, move in enumerate(result):
             if isinstance(move, Rapid) and move.path is not None:
                 result[i] = Rapid(path=set_limits(move.path, limit))
-    return replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
+    program = replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
+    return program.placed(process.lift * process.up) if process.lift else program
 
 
 def check_process(program: Program, process: Process) -> None:
@@ -141,9 +142,10 @@ def check_process(program: Program, process: Process) -> None:
                 f"{listed}."
             )
     pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
-    if program.dimension == 2 and (process.approach or process.retract or pierces):
+    heights = (process.approach, process.retract, process.lift)
+    if program.dimension == 2 and (any(heights) or pierces):
         raise InvalidInput(
-            "approach, retract and the height of a pierce are vertical motions, which a program in "
+            "approach, retract, lift and the height of a pierce are vertical, which a program in "
             "the plane does not support. Remove them, or use an arm in space."
         )
 

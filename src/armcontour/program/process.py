@@ -15,7 +15,6 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import (
     NO_KEY,
-    About,
     AtLeast,
     Choice,
     Convert,
@@ -35,13 +34,12 @@ from armcontour.core.quantities import (
     Speed,
     Time,
 )
+from armcontour.core.render import number
 from armcontour.core.text import Keys
 from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weave import Weave
 from armcontour.program.moves import Contour, Event, Value
 
-# Section of the help for the options of the first run of a job on a robot.
-FIRST_RUN = "First run on the robot"
 # In a file, "auto" is the length of a lead that the arm needs.
 LEAD_LENGTH = Key(
     hint=Annotated[Literal["auto"] | Distance, Convert(lambda x: None if x == "auto" else x)],
@@ -285,6 +283,8 @@ class Process(Checked, LayerProcess):
         off: Whether the process stays off, for a first run on the robot: the tool moves along the
             same path, but no output is switched, no analog output has a value, and pierces take no
             time.
+        lift: Distance of the tool above the part, along `up`, for a first run on the robot with
+            `off` [m]: every contour, rapid and approach is moved by one constant vector.
         resume_at: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m]. A job keeps the configuration
             of the whole job.
@@ -309,8 +309,9 @@ class Process(Checked, LayerProcess):
     kerf_side: Annotated[str, Choice((*SIDES, WASTE))] = WASTE
     rapid_speed: Speed | None = None
     approach_speed: Speed | None = None
-    off: Annotated[bool, About("--process-off", FIRST_RUN)] = False
-    resume_at: Annotated[Distance, About("--resume-at")] = 0.0
+    off: bool = False
+    lift: Distance = 0.0
+    resume_at: Distance = 0.0
     _parts: Mapping[str | int, Process] = field(init=False, repr=False)
 
     def _check_together(self) -> None:
@@ -320,6 +321,12 @@ class Process(Checked, LayerProcess):
                 f"direction {self.direction} requires the tool to the {side} of the contour, but "
                 f"kerf_side is {self.kerf_side}. Remove direction or kerf_side.",
                 remedies=({("direction",): None}, {("kerf_side",): None}),
+            )
+        if self.lift and not self.off:
+            raise InvalidInput(
+                f"lift moves the tool {number(self.lift, 'm')} above the part, where the process "
+                "must stay off. Also set off: true (--process-off), or remove lift.",
+                remedies=({("off",): True}, {("lift",): None}),
             )
         object.__setattr__(self, "begin", _checked_begin(self.begin))
         names = [x.name for x in self.analog]

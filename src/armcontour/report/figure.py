@@ -35,7 +35,7 @@ DIGITS = 5
 X_DIGITS = 7
 # Height of a plot [px].
 HEIGHT = 150
-# Values whose digits say nothing to a reader, see `render.FINE`.
+# Values whose digits say nothing to a reader, see `render.SIX_DECIMALS_BELOW`.
 TINY = re.compile(r"(?<![\d.])-?0\.000\d{3}(?= [\w%])")
 
 

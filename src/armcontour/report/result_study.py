@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from armcontour import planning
-from armcontour.control import compensation
+from armcontour.control.compensation import Inverse
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.jobs import Job, JobResult, Run, RunResult
+from armcontour.jobs.methods import COMPENSATIONS, TIMINGS
 from armcontour.motion import DEFAULT_CYCLE, Execution, Method, Span, Trajectory, arm_of
-from armcontour.planning import explain
+from armcontour.planning import Optimal, explain
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
 from armcontour.report.figure import Figure, Picture
 from armcontour.report.sections.joints import draw_joints
@@ -126,8 +126,8 @@ def _planned(
 def _run(name: str, plan: Trajectory, method: str, limits: Limits, cycle: float) -> Run:
     return Run(
         name=name,
-        timing=planning.METHODS.get(plan.method, planning.Optimal)(),
-        compensation=compensation.METHODS.get(method, compensation.Inverse)(),
+        timing=TIMINGS.get(plan.method, Optimal)(),
+        compensation=COMPENSATIONS.get(method, Inverse)(),
         limits=limits,
         cycle=cycle,
     )

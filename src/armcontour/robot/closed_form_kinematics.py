@@ -12,10 +12,10 @@ from armcontour.core.frames import Frame, cross_matrix
 from armcontour.robot.chain import Chain, link_poses
 
 # Tolerance for axes that intersect [m] or are parallel [1].
-EXACT = 1e-9
+AXIS_TOLERANCE = 1e-9
 # The closed form returns no result for poses closer than this to the limit of the reach [m] or to a
 # singular posture [1]; the search determines their solutions.
-NEAR = 1e-6
+NEAR_SINGULARITY = 1e-6
 
 
 # Either axis 4 is parallel to axes 2 and 3, and axes 5 and 6 intersect, as in the arms of Universal
@@ -130,7 +130,7 @@ class ClosedForm:
         if center is None or not _parallel(axes[1], axes[2]):
             return None
         fourth = _intersect_axes(points[3:5], axes[3:5])
-        wrist = fourth is not None and bool(np.abs(fourth - center).max() < EXACT)
+        wrist = fourth is not None and bool(np.abs(fourth - center).max() < AXIS_TOLERANCE)
         if not wrist and not _parallel(axes[1], axes[3]):
             return None
         last = Frame(position=points[5], rotation=links[5, :, :3])
@@ -150,13 +150,15 @@ class ClosedForm:
             pose: Tool pose in the work frame, (3, 4).
         """
         reach = Reach(*(value[0] for value in self._reach(base[None], pose[None])))
-        if reach.lacking > NEAR:
+        if reach.lacking > NEAR_SINGULARITY:
             return np.empty((0, 6))
         first, normal, third, fourth, fifth, sixth = self.axes
         upper, fore = self._links
         square = _dot(reach.vector, reach.vector)
-        doubtful = reach.feasible & (reach.flat | (np.abs(reach.gap) <= NEAR) | (square <= NEAR))
-        if reach.lacking > -NEAR or doubtful.any():
+        doubtful = reach.feasible & (
+            reach.flat | (np.abs(reach.gap) <= NEAR_SINGULARITY) | (square <= NEAR_SINGULARITY)
+        )
+        if reach.lacking > -NEAR_SINGULARITY or doubtful.any():
             return None
         # The last array axis is for the two elbow angles; a wrist adds an axis for its two angles.
         cosine = (square - upper @ upper - fore @ fore) / 2
@@ -169,7 +171,7 @@ class ClosedForm:
             axis = normal.turn(-together, reach.target_axis[:, None, None])
             rotated = first.turn(q1, normal.turn(together, fourth.along)) @ reach.turned
             lacking, q5 = fifth.solve_angles(sixth.along, fourth.along, axis @ fourth.along)
-            if (exists & (np.abs(lacking) <= NEAR)).any():
+            if (exists & (np.abs(lacking) <= NEAR_SINGULARITY)).any():
                 return None
             exists = (exists & (lacking <= 0))[..., None]
             q1 = q1[..., None]
@@ -213,8 +215,8 @@ class ClosedForm:
             missing, q5 = fifth.solve_angles(sixth.along, normal.along, target @ normal.along)
             bent = fifth.turn(q5, sixth.along)
             level = normal.across(bent)
-            is_open = np.repeat(missing[..., None] <= NEAR, 2, axis=2)
-            flat = _dot(level, level) < NEAR
+            is_open = np.repeat(missing[..., None] <= NEAR_SINGULARITY, 2, axis=2)
+            flat = _dot(level, level) < NEAR_SINGULARITY
             angle_sum = normal.angle(bent, target[:, :, None])
             end_point = end_point + normal.turn(angle_sum, self.points[3] - self.center)
         upper, fore = (float(np.linalg.norm(x)) for x in self._links)
@@ -231,7 +233,7 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _parallel(first: FloatArray, second: FloatArray) -> bool:
     """Return whether two directions are parallel."""
-    return float(np.linalg.norm(np.cross(first, second))) < EXACT
+    return float(np.linalg.norm(np.cross(first, second))) < AXIS_TOLERANCE
 
 
 def _intersect_axes(points: FloatArray, axes: FloatArray) -> FloatArray | None:
@@ -239,7 +241,7 @@ def _intersect_axes(points: FloatArray, axes: FloatArray) -> FloatArray | None:
     across = np.cross(axes[0], axes[1])
     size = float(across @ across)
     gap = points[1] - points[0]
-    if size < EXACT or abs(float(gap @ across)) > EXACT * np.sqrt(size):
+    if size < AXIS_TOLERANCE or abs(float(gap @ across)) > AXIS_TOLERANCE * np.sqrt(size):
         return None
     along = float(np.cross(gap, axes[1]) @ across) / size
     return np.asarray(points[0] + along * axes[0])

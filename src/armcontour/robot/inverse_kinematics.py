@@ -21,13 +21,13 @@ SEARCH_WEIGHT = 0.5
 # pose [m/rad].
 REACH_WEIGHT = 10.0
 # Largest number of steps in each search.
-MAX_STEPS = 200
+MAX_SEARCH_STEPS = 200
 # Number of joint positions at which the search for the nearest reachable tool point starts.
 REACH_SEEDS = 60
 # Number of parts into which the search is divided, each in its own thread.
-PARTS = 8
+SEARCH_THREADS = 8
 # Two solutions are distinct if they differ by more than this [rad or m].
-APART = 1e-3
+DISTINCT_SOLUTIONS = 1e-3
 # Two solutions of a redundant arm are distinct if they differ by more than this [rad or m]. It is
 # large, because redundant arms have infinitely many solutions.
 APART_REDUNDANT = 0.5
@@ -69,11 +69,11 @@ def search(arm: Arm, pose: FloatArray, task: int, near: FloatArray | None = None
     target = np.ascontiguousarray(pose)
 
     def approach(part: slice) -> FloatArray:
-        parameters = q[part], SEARCH_WEIGHT, MAX_STEPS
+        parameters = q[part], SEARCH_WEIGHT, MAX_SEARCH_STEPS
         return np.asarray(newton.approach(arm.link_table, task, target, *parameters))
 
     if near is None:
-        residuals = np.concatenate(map_in_threads(approach, split_evenly(len(q), PARTS)))
+        residuals = np.concatenate(map_in_threads(approach, split_evenly(len(q), SEARCH_THREADS)))
     else:
         residuals = approach(slice(1))
     solutions = q[(residuals < MET).all(axis=1)]
@@ -81,7 +81,7 @@ def search(arm: Arm, pose: FloatArray, task: int, near: FloatArray | None = None
     if near is None:
         turned = np.pi - np.mod(np.pi - solutions, 2 * np.pi)
         solutions = np.where(slides, solutions, turned)
-    apart = APART if task == arm.dof else APART_REDUNDANT
+    apart = DISTINCT_SOLUTIONS if task == arm.dof else APART_REDUNDANT
     distinct = []
     remaining = np.arange(len(solutions))
     turns = np.exp(1j * solutions * ~slides)
@@ -142,6 +142,6 @@ def _approach(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the joint positions that the searches end at, (k, dof), and tool distances [m]."""
     tried = q.copy()
-    parameters = tried, REACH_WEIGHT, MAX_STEPS
+    parameters = tried, REACH_WEIGHT, MAX_SEARCH_STEPS
     residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)
     return tried, np.asarray(residuals[:, 0])

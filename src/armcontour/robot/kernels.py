@@ -1,10 +1,12 @@
-"""Compiled kinematics and inverse dynamics of a serial chain, for many states in one call."""
+"""Compiled kinematics and inverse dynamics of a serial chain, for many states in one call.
 
-# A chain is a table of links, (dof + 1, 13): rotation, row by row, and position of the frames of
-# all joints and of the tool, each relative to the previous frame, with z along the joint axis; then
-# 1 if the joint is prismatic, otherwise 0. The first frame is relative to the work frame. Many
-# states are computed in blocks, so that the processor uses vector instructions: a row of a block
-# holds one number of all its states.
+A chain is a table of links, (dof + 1, 13): rotation, row by row, and position of the frames of all
+joints and of the tool, each relative to the previous frame, with z along the joint axis; then 1 if
+the joint is prismatic, otherwise 0. The first frame is relative to the work frame.
+
+Many states are computed in blocks, so that the processor uses vector instructions: a row of a block
+holds one number of all its states.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,8 @@ Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, flo
 # Number of states per block.
 B = 32
 # Pi is the sum of these two parts of 33 bits [rad].
-HALF_TURN = 3.1415926534682512
-REST_OF_IT = 1.2154201012607932e-10
+PI_HIGH = 3.1415926534682512
+PI_LOW = 1.2154201012607932e-10
 # Multiples of both parts of pi are exact for angles below this [rad].
 EXACT_TO = 1e6
 # Adding this number and subtracting it again rounds a value to a whole number.
@@ -72,7 +74,7 @@ def write_sines(rows: FloatArray) -> None:
     for i in range(B):
         turns = (rows[i] * (1 / math.pi) + TO_WHOLE) - TO_WHOLE
         odd = turns - 2.0 * ((turns * 0.5 + TO_WHOLE) - TO_WHOLE)
-        x = (rows[i] - turns * HALF_TURN) - turns * REST_OF_IT
+        x = (rows[i] - turns * PI_HIGH) - turns * PI_LOW
         square = x * x
         sine = 0.0
         cosine = 0.0
@@ -203,9 +205,16 @@ def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
 
 @compiled(inner=True, fastmath=FUSED)
 def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
-    """Propagate velocities, angular velocities and their derivatives to the next frame."""
-    # A vector l of a link has the derivatives `l1 = w x l`, `l2 = e x l + w x l1` and
-    # `l3 = f x l + 2 e x l1 + w x l2`. The same holds for the axis of the next joint.
+    """Propagate velocities, angular velocities and their derivatives to the next frame.
+
+    With the angular velocity w of the previous link and its derivatives e and f, a vector l of this
+    link has the derivatives
+
+        l1 = w x l,  l2 = e x l + w x l1,  l3 = f x l + 2 e x l1 + w x l2.
+
+    The same holds for the axis of the joint, whose derivatives times those of the joint position
+    are added to the angular velocity.
+    """
     # The highest derivative is updated first, because it depends on the lower derivatives of the
     # previous frame.
     for i in range(B if order > 2 else 0):
@@ -241,10 +250,15 @@ def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
 
 @compiled(inner=True, fastmath=FUSED)
 def add_sliding_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
-    """Propagate velocities and their derivatives over a prismatic joint, as `add_motion`."""
-    # The lever l has the derivatives `l1 = w x l + r1 a`, `l2 = e x l + w x l1 + r2 a + r1 a1` and
-    # `l3 = f x l + 2 e x l1 + w x l2 + r3 a + 2 r2 a1 + r1 a2` for the axis a and the derivatives r
-    # of the joint position. The link does not turn.
+    """Propagate velocities and their derivatives over a prismatic joint, as `add_motion`.
+
+    For the axis a and the derivatives r of the joint position, the lever l has the derivatives
+
+        l1 = w x l + r1 a,  l2 = e x l + w x l1 + r2 a + r1 a1,
+        l3 = f x l + 2 e x l1 + w x l2 + r3 a + 2 r2 a1 + r1 a2.
+
+    The link does not turn.
+    """
     for i in range(B):
         lever = get(state, LEVER, i)
         axis = get(state, AXIS, i)
@@ -268,6 +282,85 @@ def add_sliding_motion(order: int, joint: FloatArray, state: FloatArray) -> None
             put(state, MOTION + 12, i, add(get(state, MOTION + 12, i), 1.0, lever3))
 
 
+@compiled(inner=True, fastmath=FUSED)
+def write_base(state: FloatArray) -> None:
+    """Write the base, which has the unit rotation and no motion, into a block."""
+    for i in range(STATE_ROWS * B):
+        state[i] = 0.0
+    for k in range(3):
+        for i in range(B):
+            state[4 * k * B + i] = 1.0
+
+
+@compiled(inner=True, fastmath=FUSED)
+def write_joint(
+    j: int,
+    begin: int,
+    q: FloatArray,
+    first: FloatArray,
+    second: FloatArray,
+    third: FloatArray,
+    joint: FloatArray,
+) -> None:
+    """Write position and derivatives of joint j for the block of states from `begin` on."""
+    for i in range(B):
+        # The last block is padded with the last state.
+        index = min(begin + i, len(q) - 1)
+        joint[i] = q[index, j]
+        joint[2 * B + i] = first[index, j]
+        joint[3 * B + i] = second[index, j]
+        joint[4 * B + i] = third[index, j]
+
+
+@compiled(inner=True, fastmath=FUSED)
+def write_fixed(joint: FloatArray) -> None:
+    """Write a joint that does not turn or move, such as that of the tool."""
+    for i in range(JOINT_ROWS * B):
+        joint[i] = 1.0 if i < B else 0.0
+
+
+@compiled(inner=True, fastmath=FUSED)
+def take_slide(joint: FloatArray, slide: FloatArray) -> None:
+    """Move the positions of a prismatic joint into `slide`; its link does not turn."""
+    for i in range(B):
+        slide[i] = joint[i]
+        joint[i] = 1.0
+        joint[B + i] = 0.0
+
+
+@compiled(inner=True, fastmath=FUSED)
+def move_to_link(links: FloatArray, j: int, joint: FloatArray, state: FloatArray) -> None:
+    """Replace the frames of a block by those of link j; write its lever and its joint axis."""
+    r = rotation_of(links, j)
+    p0 = links[j, 9]
+    p1 = links[j, 10]
+    p2 = links[j, 11]
+    for i in range(B):
+        c = joint[i]
+        s = joint[B + i]
+        for k in range(3):
+            x = state[k * B + i]
+            y = state[(3 + k) * B + i]
+            z = state[(6 + k) * B + i]
+            lever = x * p0 + y * p1 + z * p2
+            state[(POSITION + k) * B + i] += lever
+            state[(LEVER + k) * B + i] = lever
+            x, y, z = into_link(r, c, s, (x, y, z))
+            state[k * B + i] = x
+            state[(3 + k) * B + i] = y
+            state[(AXIS + k) * B + i] = state[(6 + k) * B + i] = z
+
+
+@compiled(inner=True, fastmath=FUSED)
+def add_slide(slide: FloatArray, state: FloatArray) -> None:
+    """Add the positions of a prismatic joint along its axis to the position and the lever."""
+    for k in range(3):
+        for i in range(B):
+            moved = slide[i] * state[(AXIS + k) * B + i]
+            state[(POSITION + k) * B + i] += moved
+            state[(LEVER + k) * B + i] += moved
+
+
 @compiled(fastmath=FUSED)
 def tool_motion(
     links: FloatArray,
@@ -278,6 +371,9 @@ def tool_motion(
     third: FloatArray,
 ) -> FloatArray:
     """Poses of the tool, or the derivatives of its motion up to an order, for many states.
+
+    The motion is propagated from the base to the tool, link by link (Featherstone, Rigid Body
+    Dynamics Algorithms, 2008, 5.3), with the formulas of `add_motion` and `add_sliding_motion`.
 
     Returns for order 0 rotation and position, (3, 4) row by row, (n, 12); otherwise velocity and
     angular velocity, then their derivatives, (n, 6 order).
@@ -292,60 +388,28 @@ def tool_motion(
     state = np.empty(STATE_ROWS * B)
     slide = np.empty(B)
     for begin in range(0, n, B):
-        # The base has the unit rotation and no motion.
-        for i in range(STATE_ROWS * B):
-            state[i] = 0.0
-        for k in range(3):
-            for i in range(B):
-                state[4 * k * B + i] = 1.0
+        write_base(state)
         for j in range(dof + 1):
-            if j == dof:
-                # The tool is fixed to the last link.
-                for i in range(JOINT_ROWS * B):
-                    joint[i] = 1.0 if i < B else 0.0
-            for i in range(B if j < dof else 0):
-                # The last block is padded with the last state.
-                index = min(begin + i, n - 1)
-                joint[i] = q[index, j]
-                joint[2 * B + i] = first[index, j]
-                joint[3 * B + i] = second[index, j]
-                joint[4 * B + i] = third[index, j]
+            # Joint of the link
             slides = links[j, SLIDES] != 0.0
-            r = rotation_of(links, j)
-            p0 = links[j, 9]
-            p1 = links[j, 10]
-            p2 = links[j, 11]
+            if j == dof:
+                write_fixed(joint)
+            else:
+                write_joint(j, begin, q, first, second, third, joint)
             if slides:
-                for i in range(B):
-                    slide[i] = joint[i]
-                    joint[i] = 1.0
-                    joint[B + i] = 0.0
+                take_slide(joint, slide)
             elif j < dof:
                 write_sines(joint)
-            for i in range(B):
-                c = joint[i]
-                s = joint[B + i]
-                for k in range(3):
-                    x = state[k * B + i]
-                    y = state[(3 + k) * B + i]
-                    z = state[(6 + k) * B + i]
-                    lever = x * p0 + y * p1 + z * p2
-                    state[(POSITION + k) * B + i] += lever
-                    state[(LEVER + k) * B + i] = lever
-                    x, y, z = into_link(r, c, s, (x, y, z))
-                    state[k * B + i] = x
-                    state[(3 + k) * B + i] = y
-                    state[(AXIS + k) * B + i] = state[(6 + k) * B + i] = z
+            # Frame of the link
+            move_to_link(links, j, joint, state)
             if slides:
-                for k in range(3):
-                    for i in range(B):
-                        moved = slide[i] * state[(AXIS + k) * B + i]
-                        state[(POSITION + k) * B + i] += moved
-                        state[(LEVER + k) * B + i] += moved
-                if order > 0:
-                    add_sliding_motion(order, joint, state)
+                add_slide(slide, state)
+            # Motion of the link
+            if order > 0 and slides:
+                add_sliding_motion(order, joint, state)
             elif order > 0:
                 add_motion(order, joint, state)
+        # Results of the states of the block, without the padding
         for i in range(min(B, n - begin)):
             for k in range(result.shape[1]):
                 row = MOTION + k if order else 3 * (k % 4) + k // 4

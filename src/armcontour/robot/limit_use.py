@@ -19,10 +19,10 @@ from armcontour.robot.serial import SerialArm
 
 # Below this tool speed [m/s] the direction of motion is not defined, so the centripetal
 # acceleration is not defined either.
-SLOWEST = 1e-6
+STILL_TOOL = 1e-6
 # Below this joint velocity [rad/s] dry friction may have any value up to Coulomb friction, in both
 # directions.
-STILL = 1e-6
+STILL_JOINT = 1e-6
 # Assumed distance from the only end of a one-sided range to its middle [rad].
 ONE_SIDED = np.pi
 ORDERS = ("q", "dq", "ddq", "dddq")
@@ -263,10 +263,10 @@ class States:
         for change in self.changes(without_dry, others, 2):
             error += np.abs(change)
         helped = np.maximum(np.abs(others) - dry, 0.0)
-        value = np.where(np.abs(self.dq) <= STILL, helped, np.abs(drive))
+        value = np.where(np.abs(self.dq) <= STILL_JOINT, helped, np.abs(drive))
         if self.errors:
             # If a joint may be at rest, the required torque may be as small as the torque at rest.
-            still = np.abs(self.dq) <= STILL + self.errors[1]
+            still = np.abs(self.dq) <= STILL_JOINT + self.errors[1]
             error += np.where(still, np.maximum(value - helped, 0.0), 0.0)
         return value, error
 
@@ -275,9 +275,9 @@ class States:
         speed, speed_error = self.measure("speed")
         size, error = self.measure("tool_acceleration")
         # If the direction of motion is wrong, a part of the tangential acceleration becomes normal.
-        turned = size * np.minimum(1.0, speed_error / np.maximum(speed, SLOWEST))
+        turned = size * np.minimum(1.0, speed_error / np.maximum(speed, STILL_TOOL))
         value = across(self.tool_velocity, self.tool_acceleration)
-        return value, np.where(speed > SLOWEST, error + turned, 0.0)
+        return value, np.where(speed > STILL_TOOL, error + turned, 0.0)
 
 
 def require_orientation(arm: Arm) -> SerialArm:
@@ -297,11 +297,11 @@ def angular(twist: Quantity) -> Quantity:
 
 
 def across(velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Return the acceleration's norm normal to `velocity`, (n,); 0 below the speed `SLOWEST`."""
+    """Return the acceleration's norm normal to `velocity`, (n,); 0 below the speed `STILL_TOOL`."""
     speed = length(velocity)
-    direction = velocity / np.maximum(speed, SLOWEST)[:, None]
+    direction = velocity / np.maximum(speed, STILL_TOOL)[:, None]
     along = np.einsum("ij,ij->i", acceleration, direction)
-    return np.where(speed > SLOWEST, length(acceleration - along[:, None] * direction), 0.0)
+    return np.where(speed > STILL_TOOL, length(acceleration - along[:, None] * direction), 0.0)
 
 
 def length(vectors: FloatArray) -> FloatArray:

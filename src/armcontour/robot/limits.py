@@ -17,7 +17,6 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked, declared, parts_of
 from armcontour.core.quantities import (
-    About,
     AccelerationLimit,
     AngularAccelerationLimit,
     AngularSpeedLimit,
@@ -121,27 +120,19 @@ class Limits(Checked):
         InvalidInput: A limit is not positive, bounds do not include zero, or a range is empty.
     """
 
-    joint_acceleration: Annotated[
-        JointAccelerations | None, Limit(2, reserved=True), About(usual=(1e-2, 100.0))
-    ] = None
-    joint_velocity: Annotated[JointVelocities | None, Limit(1), About(usual=(1e-2, 10.0))] = None
+    joint_acceleration: Annotated[JointAccelerations | None, Limit(2, reserved=True)] = None
+    joint_velocity: Annotated[JointVelocities | None, Limit(1)] = None
     joint_torque: Annotated[
         JointTorques | None,
         Limit(2, power=0, rate=methodcaller("torque"), needs_bodies=True, reserved=True),
     ] = None
-    joint_jerk: Annotated[JointJerks | None, Limit(3), About(usual=(1.0, 1e4))] = None
+    joint_jerk: Annotated[JointJerks | None, Limit(3)] = None
     joint_lower: Annotated[JointRanges | None, Limit(0)] = None
     joint_upper: Annotated[JointRanges | None, Limit(0)] = None
-    speed: Annotated[
-        SpeedLimit | None, Limit(1, "assigned velocity"), About("--speed", usual=(1e-3, 2.0))
-    ] = None
-    tool_acceleration: Annotated[AccelerationLimit | None, Limit(2), About(usual=(1e-2, 50.0))] = (
-        None
-    )
+    speed: Annotated[SpeedLimit | None, Limit(1, "assigned velocity")] = None
+    tool_acceleration: Annotated[AccelerationLimit | None, Limit(2)] = None
     centripetal_acceleration: Annotated[
-        AccelerationLimit | None,
-        Limit(2, rate=methodcaller("centripetal")),
-        About(usual=(1e-2, 20.0)),
+        AccelerationLimit | None, Limit(2, rate=methodcaller("centripetal"))
     ] = None
     angular_speed: Annotated[AngularSpeedLimit | None, Limit(1)] = None
     angular_acceleration: Annotated[AngularAccelerationLimit | None, Limit(2)] = None

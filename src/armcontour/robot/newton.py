@@ -1,9 +1,10 @@
-"""Compiled inverse kinematics: Newton's method, damped least squares, pose sequences."""
+"""Compiled inverse kinematics: Newton's method, damped least squares, pose sequences.
 
-# The task dimension is the number of equations per target pose: 6; 5 if rotation about the tool
-# axis is free; 3 for the tool point only. If the arm has more joints than equations, guide
-# equations `w q = w g` fix the redundant degrees of freedom: w are the rows of the guide, g its
-# joint positions.
+The task dimension is the number of equations per target pose: 6; 5 if rotation about the tool axis
+is free; 3 for the tool point only. If the arm has more joints than equations, guide equations
+`w q = w g` fix the redundant degrees of freedom: w are the rows of the guide, g its joint
+positions.
+"""
 
 from __future__ import annotations
 
@@ -21,17 +22,17 @@ from armcontour.robot.kernels import SLIDES, Vector, add, cross, write_frames
 # the square of this step times the condition number of the Jacobian.
 ARRIVED = 1e-10
 # Largest number of steps of Newton's method.
-MAX_STEPS = 15
+MAX_NEWTON_ITERATIONS = 15
 # Longest step of a joint [rad]; longer steps are reduced.
-LONGEST_STEP = 0.5
+LONGEST_JOINT_STEP = 0.5
 # `follow`: longest correction of any joint [rad].
 FOLLOW_STEP = 0.15
 # `follow`: largest number of corrections per step.
 FOLLOW_CORRECTIONS = 6
 # `follow` gives up after it has halved the step between two poses this many times.
-MAX_HALVINGS = 12
+MAX_FOLLOW_HALVINGS = 12
 # A matrix counts as singular if the ratio of its smallest to its largest pivot is below this.
-SINGULAR = 1e-11
+SINGULAR_PIVOTS = 1e-11
 
 
 @compiled(inner=True)
@@ -182,25 +183,43 @@ def newton(
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)
     for i in range(n):
         converged[i] = False
-        for _ in range(MAX_STEPS):
+        for _ in range(MAX_NEWTON_ITERATIONS):
             write_equations(links, task, q[i], targets[i], equations)
             for r in range(task, dof):
                 write_row(w[i, 0, r - task], a[r])
                 b[r] = 0.0
                 for k in range(dof):
                     b[r] += a[r, k] * (g[i, 0, k] - q[i, k])
-            if solve(a, b, dof) < SINGULAR:
+            if solve(a, b, dof) < SINGULAR_PIVOTS:
                 break
             size = 0.0
             for k in range(dof):
                 size = max(size, abs(b[k]))
-            scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
+            scale = LONGEST_JOINT_STEP / size if size > LONGEST_JOINT_STEP else 1.0
             for k in range(dof):
                 q[i, k] += scale * b[k]
             if size < ARRIVED:
                 converged[i] = True
                 break
     return converged
+
+
+class PathRates(NamedTuple):
+    """Motion of a target pose along the path, per arc length."""
+
+    move: Vector  # First derivative of the position
+    acceleration: Vector  # Second derivative of the position [1/m]
+    turn: Vector  # Angular velocity [rad/m]
+    twist: Vector  # Its derivative [rad/m²]
+
+
+class PathDerivatives(NamedTuple):
+    """Derivatives of joint positions at the poses of a path."""
+
+    dq_ds: FloatArray  # [rad/m], (n, dof)
+    d2q_ds2: FloatArray  # [rad/m²], (n, dof)
+    # Ratio of the smallest to the largest pivot of the equations, (n,); 0 if singular
+    pivot_ratio: FloatArray
 
 
 @compiled()
@@ -212,14 +231,22 @@ def path_derivatives(
     rates: FloatArray,
     w: FloatArray,
     g: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Derivatives dq_ds [rad/m] and d2q_ds2 [rad/m²], (n, dof), at the poses of a path."""
-    # Also returns the ratio of the smallest to the largest pivot, (n,); 0 if singular. If rotation
-    # about the tool axis is free, the equations of the orientation are `x . omega = x . rate` for
-    # the target's x and y axes, which rotate with the target. The second derivative follows from
-    # differentiating these equations. rates, (n, 4, 3): first and second derivative of the
-    # position, angular velocity and its derivative. w, (n, 3, dof - task, dof), and g, (n, 3, dof):
-    # guide and its first two derivatives.
+) -> PathDerivatives:
+    """First and second derivatives of joint positions in the arc length, at the poses of a path.
+
+    The equations of a pose and of the guide are differentiated once and twice. With the derivative
+    J of the tool pose by q, the tool's velocity is `J dq`, and its acceleration `J ddq + r`, where
+    r is the acceleration for `ddq = 0`. If rotation about the tool axis is free, the equations of
+    the orientation are `x . omega = x . turn` for the target's x and y axes, which rotate with the
+    target.
+
+    - `links`: (dof + 1, 13).
+    - `q`: joint positions at the poses [rad], (n, dof).
+    - `targets`: (n, 3, 4).
+    - `rates`: `PathRates` of the targets, (n, 4, 3).
+    - `w`: guide and its first two derivatives, (n, 3, dof - task, dof).
+    - `g`: joint positions of the guide and their first two derivatives, (n, 3, dof).
+    """
     n, dof = q.shape
     first = np.empty((n, dof))
     second = np.empty((n, dof))
@@ -229,15 +256,16 @@ def path_derivatives(
     b = np.empty(dof)
     copy = np.empty((dof, dof))
     for i in range(n):
+        # Matrix of the equations, whose rows are those of the pose and of the guide
         write_equations(links, task, q[i], targets[i], PoseEquations(frames, a, b))
-        rate = rates[i]
-        move = (rate[0, 0], rate[0, 1], rate[0, 2])
-        acceleration = (rate[1, 0], rate[1, 1], rate[1, 2])
-        turn = (rate[2, 0], rate[2, 1], rate[2, 2])
-        twist = (rate[3, 0], rate[3, 1], rate[3, 2])
-        write_task(task, targets[i], move, turn, b)
+        rate = PathRates(
+            row_of(rates, i, 0), row_of(rates, i, 1), row_of(rates, i, 2), row_of(rates, i, 3)
+        )
         for r in range(task, dof):
             write_row(w[i, 0, r - task], a[r])
+        # First derivative: w dq = w dg - dw (q - g)
+        write_task(task, targets[i], rate.move, rate.turn, b)
+        for r in range(task, dof):
             b[r] = 0.0
             for k in range(dof):
                 b[r] += a[r, k] * g[i, 1, k] - w[i, 1, r - task, k] * (q[i, k] - g[i, 0, k])
@@ -245,25 +273,8 @@ def path_derivatives(
             write_row(a[k], copy[k])
         pivot_ratio[i] = solve(copy, b, dof)
         write_row(b, first[i])
-        # Angular velocity of the tool, and its acceleration and angular acceleration at ddq = 0.
-        turned = tool_acceleration = twisted = (0.0, 0.0, 0.0)
-        for k in range(dof):
-            # The rotation of the previous link turns the joint axis, which adds omega x axis dq.
-            axis = column(frames[k], 2)
-            if links[k, SLIDES] != 0.0:
-                # The Coriolis acceleration is 2 omega x axis dq; it does not turn later links.
-                tool_acceleration = add(tool_acceleration, 2.0 * b[k], cross(turned, axis))
-            else:
-                twisted = add(twisted, b[k], cross(turned, axis))
-                turned = add(turned, b[k], axis)
-            lever = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
-            tool_acceleration = add(tool_acceleration, 1.0, cross(twisted, lever))
-            tool_acceleration = add(tool_acceleration, 1.0, cross(turned, cross(turned, lever)))
-        # The tool may rotate about its axis at another rate than the target, so the difference of
-        # the angular velocities is along the tool axis.
-        free = cross(add(turn, -1.0, turned), turn)
-        twist = add(add(twist, -1.0, twisted), 1.0, free)
-        write_task(task, targets[i], add(acceleration, -1.0, tool_acceleration), twist, b)
+        # Second derivative: w ddq = w ddg - 2 dw (dq - dg) - ddw (q - g)
+        write_second_task(links, task, frames, targets[i], rate, b)
         for r in range(task, dof):
             w0 = w[i, 0, r - task]
             w1 = w[i, 1, r - task]
@@ -274,7 +285,46 @@ def path_derivatives(
                 b[r] -= w2[k] * (q[i, k] - g[i, 0, k])
         solve(a, b, dof)
         write_row(b, second[i])
-    return first, second, pivot_ratio
+    return PathDerivatives(first, second, pivot_ratio)
+
+
+@compiled(inner=True)
+def row_of(rates: FloatArray, i: int, k: int) -> Vector:
+    """Vector k of pose i."""
+    return rates[i, k, 0], rates[i, k, 1], rates[i, k, 2]
+
+
+@compiled(inner=True)
+def write_second_task(
+    links: FloatArray,
+    task: int,
+    frames: FloatArray,
+    target: FloatArray,
+    rate: PathRates,
+    b: FloatArray,
+) -> None:
+    """Replace dq, (dof,), by the target's acceleration less the tool's for `ddq = 0`, (task,)."""
+    dof = len(b)
+    # Angular velocity of the tool, and its acceleration and angular acceleration for ddq = 0,
+    # from joint to joint
+    turned = tool_acceleration = twisted = (0.0, 0.0, 0.0)
+    for k in range(dof):
+        # The rotation of the previous link turns the joint axis, which adds omega x axis dq.
+        axis = column(frames[k], 2)
+        if links[k, SLIDES] != 0.0:
+            # The Coriolis acceleration is 2 omega x axis dq; it does not turn later links.
+            tool_acceleration = add(tool_acceleration, 2.0 * b[k], cross(turned, axis))
+        else:
+            twisted = add(twisted, b[k], cross(turned, axis))
+            turned = add(turned, b[k], axis)
+        lever = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
+        tool_acceleration = add(tool_acceleration, 1.0, cross(twisted, lever))
+        tool_acceleration = add(tool_acceleration, 1.0, cross(turned, cross(turned, lever)))
+    # The tool may rotate about its axis at another rate than the target, so the difference of the
+    # angular velocities is along the tool axis.
+    free = cross(add(rate.turn, -1.0, turned), rate.turn)
+    twist = add(add(rate.twist, -1.0, twisted), 1.0, free)
+    write_task(task, target, add(rate.acceleration, -1.0, tool_acceleration), twist, b)
 
 
 @compiled()
@@ -414,7 +464,7 @@ def approach(
             size = write_shortest_step(task, best, damping, square, right, step)
             if not math.isfinite(size):
                 break
-            scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
+            scale = LONGEST_JOINT_STEP / size if size > LONGEST_JOINT_STEP else 1.0
             for k in range(dof):
                 trial[k] = q[i, k] + scale * step[k]
     return residual
@@ -472,7 +522,7 @@ def follow(
             write_row(q[branch, i - 1], current)
             done = 0.0
             fraction = 1.0
-            while done < 1.0 and fraction >= 0.5**MAX_HALVINGS:
+            while done < 1.0 and fraction >= 0.5**MAX_FOLLOW_HALVINGS:
                 ahead = min(done + fraction, 1.0)
                 target = targets[i]
                 if ahead < 1.0:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 CREEP = 1e-3
 # The motion is linearized at times this far apart [s], with interpolation between them, because the
 # dynamics change slowly.
-APART = 10e-3
+LINEARIZATION_TIME = 10e-3
 # A motion: joint positions, velocities or accelerations (order 0, 1, 2) at times, (n, dof).
 Motion = Callable[[FloatArray, int], FloatArray]
 
@@ -308,7 +308,8 @@ def linear_along(
         dq: Joint velocities [rad/s], (n, dof).
         ddq: Joint accelerations [rad/s²], (n, dof).
     """
-    rows = np.linspace(0, len(t) - 1, max(int((t[-1] - t[0]) / APART), 1) + 1).astype(np.intp)
+    count = max(int((t[-1] - t[0]) / LINEARIZATION_TIME), 1)
+    rows = np.linspace(0, len(t) - 1, count + 1).astype(np.intp)
     position = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
     before = np.minimum(position.astype(np.intp), len(rows) - 2)
     fraction = (position - before)[:, None, None]

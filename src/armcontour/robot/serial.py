@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 # Joint axes are parallel if the sine of their angle is below this, which allows for rounding
 # errors.
-PARALLEL = 1e-9
+PARALLEL_AXES = 1e-9
 
 
 class SerialArm(Arm):
@@ -103,10 +103,10 @@ class SerialArm(Arm):
         # The angular part of the Jacobian has the revolute joint axes as columns.
         axes = jacobian[3:, ~slides]
         paths = jacobian[:3, slides]
-        rank = np.linalg.matrix_rank(axes, tol=PARALLEL) if axes.size else 0
+        rank = np.linalg.matrix_rank(axes, tol=PARALLEL_AXES) if axes.size else 0
         if rank == 0:
-            return bool(np.linalg.matrix_rank(paths, tol=PARALLEL) < 3)
-        return bool(rank == 1 and (np.abs(axes[:, 0] @ paths) < PARALLEL).all())
+            return bool(np.linalg.matrix_rank(paths, tol=PARALLEL_AXES) < 3)
+        return bool(rank == 1 and (np.abs(axes[:, 0] @ paths) < PARALLEL_AXES).all())
 
     @checked
     def with_tool(self, tool: Pose, payload: Payload | None = None) -> SerialArm:

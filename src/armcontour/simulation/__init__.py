@@ -1,4 +1,4 @@
-"""Plants (simulated robots) that execute set-points, independent of the compensators' formulas."""
+"""Plants: simulated robots that execute set-points, independent of the compensators' formulas."""
 
 from armcontour.core.lazy import lazy_names
 

@@ -1,4 +1,4 @@
-"""Compiled loop over the steps of the drives that move the rigid bodies of MuJoCo."""
+"""Compiled loop over the drives' steps, in which MuJoCo moves the rigid bodies."""
 
 from __future__ import annotations
 
@@ -16,7 +16,14 @@ POINTER = ir.IntType(8).as_pointer()
 
 
 class Functions(NamedTuple):
-    """Addresses of MuJoCo's functions mj_step, mj_kinematics, mj_comPos and mj_rne."""
+    """Addresses of MuJoCo's functions.
+
+    Args:
+        step: mj_step.
+        kinematics: mj_kinematics.
+        com_pos: mj_comPos.
+        rne: mj_rne.
+    """
 
     step: int
     kinematics: int
@@ -25,46 +32,74 @@ class Functions(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """A MuJoCo model and its state; the arrays are views of MuJoCo's memory."""
+    """A MuJoCo model and its state; the arrays are views of MuJoCo's memory.
 
-    model: int  # Address of the mjModel
-    data: int  # Address of the mjData
-    q: FloatArray  # Positions of all degrees of freedom [rad], (n,)
-    dq: FloatArray  # Velocities of all degrees of freedom [rad/s], (n,)
-    torque: FloatArray  # Applied torques; in the controller, gravity torques at rest [N m], (n,)
+    Args:
+        model: Address of the mjModel.
+        data: Address of the mjData.
+        q: Positions of the model's n joints [rad], (n,).
+        dq: Velocities of these joints [rad/s], (n,).
+        torque: Applied torques; in the controller, gravity torques at rest [N m], (n,).
+    """
+
+    model: int
+    data: int
+    q: FloatArray
+    dq: FloatArray
+    torque: FloatArray
 
     @classmethod
     def from_model(cls, model: Any, data: Any) -> Bodies:
-        """The bodies of a model and its `data`, valid as long as `data` exists."""
+        """Return the bodies of a model and its `data`, valid as long as `data` exists."""
         return cls(model._address, data._address, data.qpos, data.qvel, data.qfrc_applied)
 
 
 class Loops(NamedTuple):
-    """Parameters and integrals of the loops of the drives, see `RigidBodyPlant`."""
+    """Parameters and integrals of the drives' control loops, see `RigidBodyPlant`.
 
-    kp: FloatArray  # Gains of the position loops [1/s], (dof,)
-    kv: FloatArray  # Gains of the velocity loops [1/s], (dof,)
-    ki: FloatArray  # Integral gains of the velocity loops [1/s], (dof,)
-    integral: FloatArray  # Integrals of the velocity errors [rad], (dof,); updated by the loop
-    step: float  # Time between two computations of the loops [s]
-    inertia: FloatArray  # Inertias J of the servo [kg m²], (dof,)
-    limit: FloatArray  # Torque limits [N m], (dof,)
-    gravity_feedforward: bool  # True if the controller adds the gravity torque
-    gravity_added: bool  # True if the gravity torque is added to the limited torque
+    Args:
+        kp: Position-loop gains [1/s], (dof,).
+        kv: Velocity-loop gains [1/s], (dof,).
+        ki: Integral gains of the velocity loops [1/s], (dof,).
+        integral: Integrals of the velocity errors [rad], (dof,); `advance` updates them.
+        step: Time between two computations of the loops [s].
+        inertia: Inertias J of the servo [kg m²], (dof,).
+        limit: Torque limits [N m], (dof,).
+        gravity_feedforward: Whether the controller adds the gravity torque.
+        gravity_added: Whether the gravity torque is added after the torque limit.
+    """
+
+    kp: FloatArray
+    kv: FloatArray
+    ki: FloatArray
+    integral: FloatArray
+    step: float
+    inertia: FloatArray
+    limit: FloatArray
+    gravity_feedforward: bool
+    gravity_added: bool
 
 
 class Rows(NamedTuple):
-    """Output of the loop, one row per step."""
+    """Output of the loop, one row per step.
 
-    q: FloatArray  # Positions at the starts of the steps and at the end [rad], (steps + 1, n)
-    dq: FloatArray  # Velocities at these times [rad/s], (steps + 1, n)
-    commanded_acceleration: FloatArray  # Accelerations before saturation [rad/s²], (steps, dof)
-    commanded_torque: FloatArray  # Torques before saturation [N m], (steps, dof)
-    torque: FloatArray  # Torques after saturation [N m], (steps, dof)
+    Args:
+        q: Positions at the start of each step and at the end [rad], (steps + 1, n).
+        dq: Velocities at these times [rad/s], (steps + 1, n).
+        commanded_acceleration: Accelerations before saturation [rad/s²], (steps, dof).
+        commanded_torque: Torques before saturation [N m], (steps, dof).
+        torque: Torques after saturation [N m], (steps, dof).
+    """
+
+    q: FloatArray
+    dq: FloatArray
+    commanded_acceleration: FloatArray
+    commanded_torque: FloatArray
+    torque: FloatArray
 
 
 def _intrinsic(function: Callable[..., Any]) -> Any:
-    """Typed decorator for functions that generate machine code."""
+    """Decorate a function that generates machine code; `intrinsic` itself has no type."""
     return intrinsic(function)
 
 
@@ -111,15 +146,29 @@ def advance(
     runaway_speed: float,
     rows: Rows,
 ) -> int:
-    """Simulate steps `first` to `end - 1`; returns `end`, or the step with a runaway joint.
+    """Simulate steps `first` to `end - 1`; return `end`, or the step with a runaway joint.
 
-    - `controller`: the controller's model of the arm, at rest.
-    - `parts`: integration steps per step of the drives.
-    - `commands`: [rad], (steps, dof).
-    - `integrated`: commands of the integrators, without acceleration feed-forward [rad], (steps,
-      dof).
-    - `noise`: noise of measured positions [rad], (steps, dof), or (0, dof) without noise.
-    - `runaway_speed`: velocity above which joints run away [rad/s].
+    In each step, the loops compute, with the command u and the measured position q and velocity dq,
+
+    - the velocity error e = k_p (u_i - q) - dq of the integrator, whose command u_i lacks the
+      acceleration feed-forward, and the integral z, which grows by e times the step,
+    - the demanded acceleration a = k_v (k_p (u - q) - dq + k_i z),
+    - the torque J a + gravity, clipped to the torque limit. What the limit removes is taken back
+      from z, as in `ServoModel`.
+
+    Args:
+        functions: MuJoCo's functions.
+        bodies: The simulated arm.
+        controller: The controller's model of the arm, at rest.
+        loops: Parameters and integrals of the loops.
+        parts: Integration steps per step of the drives.
+        commands: Commands u [rad], (steps, dof).
+        integrated: Commands u_i of the integrators [rad], (steps, dof).
+        noise: Noise of measured positions [rad], (steps, dof), or (0, dof) without noise.
+        first: First step.
+        end: Step before which the simulation ends.
+        runaway_speed: Velocity above which joints run away [rad/s].
+        rows: Output, which is written.
     """
     dof = len(loops.kp)
     n = len(bodies.q)

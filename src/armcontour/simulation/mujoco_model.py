@@ -1,4 +1,4 @@
-"""MuJoCo model of a chain of rigid bodies, its number of integration steps, and its stability."""
+"""MuJoCo model of a kinematic chain: its integration steps and its stability."""
 
 from __future__ import annotations
 
@@ -19,26 +19,27 @@ from armcontour.robot.chain import Chain
 from armcontour.simulation.drive_loop import Functions
 
 # MuJoCo models friction as a stiff constraint, so a sticking joint creeps. With the standard
-# stiffness, the position loop would remove the offset of a sticking joint within a second. With the
-# stiffest constraint, the offset remains for hours. MAX_IMPEDANCE: largest impedance that MuJoCo
-# accepts. STOPPING_STEPS: shortest time in which a joint can be stopped [integration steps].
+# stiffness, the position loop would remove a sticking joint's offset within a second. With the
+# stiffest constraint, the offset remains for hours. This is the largest impedance that MuJoCo
+# accepts.
 MAX_IMPEDANCE = 0.9999
+# Shortest time in which a constraint can stop a joint [integration steps].
 STOPPING_STEPS = 2.0
-# An inertia counts as zero if it is at most the fraction SINGULAR_SHARE of the arm's largest
-# inertia, or at most LEAST_INERTIA [kg m²].
-SINGULAR_SHARE = 1e-12
-LEAST_INERTIA = 1e-13
-# Largest number of set-points at which stability is checked before the simulation.
+# An inertia counts as zero if it is at most this fraction of the arm's largest inertia ...
+ZERO_INERTIA_SHARE = 1e-12
+# ... or at most this [kg m²].
+ZERO_INERTIA = 1e-13
+# Stability is checked at up to this number of set-points before the simulation.
 MAX_CHECKS = 50
-# MAX_PHASE: largest decay exponent of the fastest mode of viscous friction per integration step;
-# the integrator is stable up to 2.8. MAX_PARTS: largest number of integration steps per step of the
-# drives.
-MAX_PHASE = 0.5
-MAX_PARTS = 50
+# Largest product of an integration step and the fastest rate of viscous damping; the integrator is
+# stable up to 2.8.
+MAX_DAMPING_PER_STEP = 0.5
+# Largest number of integration steps in a step of the drives.
+MAX_INTEGRATION_STEPS = 50
 
 
 def import_mujoco() -> Any:
-    """Import mujoco; raises an error with the installation command if it is missing."""
+    """Import mujoco; if it is missing, raise an error with the installation command."""
     try:
         # Import by name, because mujoco has no type annotations.
         return importlib.import_module("mujoco")
@@ -50,7 +51,7 @@ def import_mujoco() -> Any:
 
 
 def function_addresses() -> Functions:
-    """Addresses of the functions of MuJoCo that compiled code calls."""
+    """Return the addresses of MuJoCo's functions that compiled code calls."""
     # On Linux and macOS, symbols of a module include the symbols of its libraries.
     module = FilePath(import_mujoco()._functions.__file__)
     library = ctypes.CDLL(str(module.with_name("mujoco.dll") if os.name == "nt" else module))
@@ -72,16 +73,15 @@ def build_model(chain: Chain, step: float, *, friction: bool) -> Any:
     spec = mujoco.MjSpec()
     spec.option.timestep = step
     spec.option.gravity = np.array(chain.gravity)
-    # The error of this integrator is far below the effect of a torque that is constant for a drive
-    # cycle.
+    # This integrator's error is far below the effect of holding a torque for a drive cycle.
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    # Tolerance of the friction solver. It is near rounding errors and as fast as the default 1e-8.
+    # The friction solver ends near rounding errors, which takes no longer than the default 1e-8.
     # With 0, every step would use the maximum number of iterations.
     spec.option.tolerance = 1e-12
     # MuJoCo must not reset a diverging simulation, because divergence is reported as an error.
     disabled = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if not friction or not np.any(chain.coulomb):
-        # Without dry friction there are no constraints, and searching for them takes time.
+        # Without dry friction, nothing is constrained, and searching for constraints takes time.
         disabled |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     spec.option.disableflags = disabled
     masses, moments = _add_links(mujoco, spec, chain)
@@ -95,8 +95,8 @@ def build_model(chain: Chain, step: float, *, friction: bool) -> Any:
         model.dof_frictionloss[:] = np.asarray(chain.coulomb)
     model.dof_solimp[:] = [MAX_IMPEDANCE, MAX_IMPEDANCE, 1e-3, 0.5, 2.0]
     set_step(model, step)
-    # Joints without inertia are detected with additional inertia at every joint, because otherwise
-    # MuJoCo writes a warning to a file.
+    # Joints without inertia are detected while every joint has an additional inertia, because
+    # MuJoCo would otherwise write a warning to a file.
     for extra in (1.0, 0.0):
         model.dof_armature[:] = extra + np.asarray(chain.armature)
         mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -113,12 +113,15 @@ def set_step(model: Any, step: float) -> None:
 
 
 def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
-    """Mass matrix at positions q of the links, including the armature [kg m²], (dof, dof)."""
+    """Return the mass matrix M(q) at the links' positions q [kg m²], (dof, dof).
+
+    It includes the drives' inertias (armature).
+    """
     return np.asarray(mass_matrices(model, q[None])[0])
 
 
 def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
-    """Mass matrices as in `mass_matrix`, (k, n, n), at several positions, (k, dof)."""
+    """Return the mass matrices, (k, dof, dof), at several positions of the links, (k, dof)."""
     mujoco = import_mujoco()
     # One state is used for all positions, because allocating it takes longer than a matrix.
     data = mujoco.MjData(model)
@@ -134,7 +137,7 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
 
 
 def gravity_torques(model: Any, data: Any, q: FloatArray) -> FloatArray:
-    """Gravity torques at positions q of the links [N m], (dof,); overwrites the state `data`."""
+    """Return gravity torques at the links' positions q [N m], (dof,); overwrite `data`."""
     mujoco = import_mujoco()
     torque = np.zeros(model.nv)
     data.qpos[:] = q
@@ -147,7 +150,7 @@ def gravity_torques(model: Any, data: Any, q: FloatArray) -> FloatArray:
 def _check_inertia(chain: Chain, matrix: FloatArray) -> None:
     """Raise an error if the mass matrix is singular; the message names the joint."""
     values, vectors = np.linalg.eigh(matrix)
-    if values[0] <= max(SINGULAR_SHARE * values[-1], LEAST_INERTIA):
+    if values[0] <= max(ZERO_INERTIA_SHARE * values[-1], ZERO_INERTIA):
         j = int(np.argmax(np.abs(vectors[:, 0])))
         raise InvalidInput(
             f"Every joint must move an inertia, but joint {j + 1} ({chain.joints[j]}) moves none. "
@@ -156,7 +159,7 @@ def _check_inertia(chain: Chain, matrix: FloatArray) -> None:
 
 
 def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[FloatArray]]:
-    """Add the links of a chain to a specification; returns masses and principal moments."""
+    """Add the links of a chain to a specification; return masses and principal moments."""
     body = spec.worldbody
     masses = []
     moments = []
@@ -183,7 +186,7 @@ def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[
 
 
 def _link_body(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
-    """Mass, centre of mass and central inertia of link k; the last link includes the payload."""
+    """Return mass, centre of mass and central inertia of link k; the last link has the payload."""
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
     mass = float(chain.masses[k])
     center = chain.centers[k]
@@ -197,7 +200,7 @@ def _link_body(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
 
 
 def _to_quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
-    """Quaternion of a rotation matrix in the order of MuJoCo, w, x, y, z, (4,)."""
+    """Convert a rotation matrix to a quaternion in MuJoCo's order, w, x, y, z, (4,)."""
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, np.array(rotation).ravel())
     return quaternion
@@ -206,28 +209,40 @@ def _to_quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
 def count_parts(
     model: Any, set_points: SetPoints, step: float, loop: FloatArray, viscous: FloatArray
 ) -> int:
-    """Number of integration steps per step of the drives; raises an error for unstable drives.
+    """Count the integration steps per step of the drives; refuse unstable drives.
 
-    With a torque that is constant for a step h, joints are stable if the rate K_v J / M of each
-    mode of the velocity loops times h is below 2.
+    Viscous friction damps joints with the rates of M⁻¹ D, with the mass matrix M and the friction
+    coefficients D. The fastest rate times an integration step may be at most
+    `MAX_DAMPING_PER_STEP`.
 
-    `loop` is J K_v [N m s/rad], (dof,).
+    A drive holds its torque for a step h. The velocity loops have the rates of M⁻¹ K, with
+    K = J K_v; they are stable if the fastest rate times h is below 2.
+
+    Args:
+        model: The MuJoCo model.
+        set_points: The set-points, at which M is computed.
+        step: Step h of the drives [s].
+        loop: K [N m s/rad], (dof,).
+        viscous: D [N m s/rad], (dof,).
+
+    Raises:
+        ExecutionError: A rate is too fast.
     """
     largest = 1
     looks = spread_indices(len(set_points.q), MAX_CHECKS)
     for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):
         t = float(set_points.start_time + i * set_points.cycle)
         rates = np.linalg.eigvals(np.linalg.solve(mass, np.diag(viscous)))
-        parts = int(np.ceil(np.abs(rates).max() * step / MAX_PHASE))
-        if parts > MAX_PARTS:
+        parts = int(np.ceil(np.abs(rates).max() * step / MAX_DAMPING_PER_STEP))
+        if parts > MAX_INTEGRATION_STEPS:
             raise ExecutionError(
                 f"Viscous friction of the joints requires {parts} integration steps in a step of "
-                f"{step:.3g} s at t = {t:.4g} s, but at most {MAX_PARTS} are supported. Reduce the "
-                "viscous friction, increase the inertias of drives (armature), or shorten the "
-                "step.",
+                f"{step:.3g} s at t = {t:.4g} s, but at most {MAX_INTEGRATION_STEPS} are "
+                "supported. Reduce the viscous friction, increase the inertias of drives "
+                "(armature), or shorten the step.",
                 t=t,
                 needed=float(parts),
-                allowed=float(MAX_PARTS),
+                allowed=float(MAX_INTEGRATION_STEPS),
             )
         largest = max(largest, parts)
         rate = np.sqrt(loop)

@@ -1,10 +1,10 @@
-"""`simulate`, base classes of plants, and the plant of independent joint servos."""
+"""`simulate`, base classes of plants, and the plant with independent joint servos."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from copy import copy
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -33,14 +33,13 @@ REST_CHUNK = 0.25
 # A loop whose gain times the cycle of its drive is not below this value is unstable.
 LARGEST_STABLE = 2.0
 # Longest time between two results for which quintics between them are exact enough [time
-# constants]. For time constants of 1 ms, their error is about 2e-11 s² times the acceleration of
-# the servo.
-MAX_TIME_CONSTANTS = 1.0
-# A set-point that reaches a joint within this fraction of a step from a result counts as reaching
-# the joint at the result.
+# constants]. For time constants of 1 ms, their error is about 2e-11 s² times the acceleration.
+SMOOTH_TIME_CONSTANTS = 1.0
+# If a set-point reaches a joint within this fraction of a step before or after a result, it counts
+# as arriving with the result.
 ARRIVAL_TOLERANCE = 1e-6
-# Number of parts into which the motion between two results is divided. Cubics over a part have
-# errors below 1e-11 rad for time constants of 1 ms.
+# The motion between two results is divided into this number of parts. For time constants of 1 ms,
+# a cubic over a part has an error below 1e-11 rad.
 FINE_PARTS = 16
 
 
@@ -57,7 +56,7 @@ class Plant(ABC):
         """
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
-        """Motion between successive results of an execution on this plant.
+        """Compute the motion between successive results of an execution on this plant.
 
         Args:
             executed: The execution, with all results.
@@ -69,7 +68,7 @@ class Plant(ABC):
         return None
 
     def __repr__(self) -> str:
-        """The class, and the arm if the plant has one."""
+        """Write the class, and the arm if the plant has one."""
         arm = getattr(self, "arm", None)
         return f"{type(self).__name__}({'' if arm is None else repr(arm)})"
 
@@ -82,12 +81,15 @@ class LimitedPlant(Immutable, Plant):
     limits: Limits | None
 
     @abstractmethod
-    def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
-        """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""
+    def _set_saturation(self, planned: Limits | None) -> None:
+        """Set the attributes for saturation, before the plant is frozen.
+
+        `planned`: limits of the plan; they count if the plant has no explicit limits.
+        """
 
     @checked
     def for_plan(self, set_points: SetPoints) -> Self:
-        """The plant with the limits of a plan, unless the plant has explicit limits.
+        """Copy the plant with the limits of a plan; explicit limits of the plant stay.
 
         Args:
             set_points: Set-points of the plan.
@@ -96,7 +98,9 @@ class LimitedPlant(Immutable, Plant):
         if planned is None:
             return self
         other = copy(self)
-        vars(other).update(self._saturation_values(planned))
+        del vars(other)["_frozen"]
+        other._set_saturation(planned)
+        other._freeze()
         return other
 
 
@@ -114,7 +118,8 @@ def simulate(
         set_points: The set-points.
         plant: The plant, or the servos of the planned arm; it should differ from the model for
             which compensation was computed.
-        resolution: Largest time between two results [s]; it does not change the motion.
+        resolution: Largest time between two results [s], by default 1 ms; it does not change the
+            motion.
 
     Raises:
         InvalidInput: The set-points and the plant have different numbers of joints, the gains are
@@ -135,7 +140,7 @@ def simulate(
 
 
 def check_joints(set_points: SetPoints, arm: Arm) -> None:
-    """Raise an error if set-points and arm have different numbers of joints."""
+    """Refuse set-points and an arm with different numbers of joints."""
     checks.check_type("set_points", set_points, SetPoints)
     if set_points.q.shape[1] != arm.dof:
         raise ArmMismatch(
@@ -145,10 +150,17 @@ def check_joints(set_points: SetPoints, arm: Arm) -> None:
 
 
 def check_weight(arm: Arm, weight: FloatArray, limit: FloatArray, location: str, t: float) -> None:
-    """Raise an error if gravity torques exceed torque limits at rest at time t [s].
+    """Refuse gravity torques that exceed torque limits at rest.
 
-    - `weight`: magnitudes of the gravity torques [N m], (dof,).
-    - `limit`: torque limits [N m], (dof,).
+    Args:
+        arm: The arm.
+        weight: Magnitudes of the gravity torques [N m], (dof,).
+        limit: Torque limits [N m], (dof,).
+        location: Where the arm rests, for the message.
+        t: Time for the error [s].
+
+    Raises:
+        ExecutionError: A drive is too weak.
     """
     heavy = weight > limit
     if heavy.any():
@@ -167,7 +179,7 @@ def check_weight(arm: Arm, weight: FloatArray, limit: FloatArray, location: str,
 
 
 def _check_stability(servo: ServoModel) -> None:
-    """Raise an error if a loop is unstable, because its drive holds its output for a cycle.
+    """Refuse a loop that is unstable because its drive holds its output for a cycle.
 
     With the gains K_p and K_v of order "second", the characteristic polynomial in z of a cycle T is
     z² - (2 - K_v T - K_p K_v T²/2) z + 1 - K_v T + K_p K_v T²/2. By Jury's criterion, its roots are
@@ -193,13 +205,13 @@ def _check_stability(servo: ServoModel) -> None:
 
 
 def count_intervals(set_points: SetPoints, servo: ServoModel) -> int:
-    """Number of cycles until the last set-point has reached all joints."""
+    """Count the cycles until the last set-point has reached all joints."""
     delay = int(np.ceil(servo.dead_time.max() / set_points.cycle * (1 - 1e-12)))
     return len(set_points.q) - 1 + delay
 
 
 def longest_settling(duration: float) -> float:
-    """Longest time until rest after a motion of some duration [s]."""
+    """Return the longest time that joints may take to come to rest after a motion [s]."""
     return max(LONGEST_SETTLING, SETTLING_DURATIONS * duration)
 
 
@@ -213,8 +225,8 @@ class ServoPlant(LimitedPlant):
     Args:
         arm: The arm.
         servo: The servo of the simulated robot; it may differ from the nominal servo.
-        limits: Limits with the joint accelerations at which drives saturate, instead of the limits
-            of the plan; for a plan without limits, those of the arm are used.
+        limits: Limits with the joint accelerations at which drives saturate. By default, the
+            limits of the plan count; if the plan has none, those of the arm.
         saturation: Limit at which a servo of order "second" saturates. "acceleration" is (7) with
             acceleration_limit of the servo, otherwise joint_acceleration. "none" disables
             saturation. The default is "acceleration" if acceleration limits are known, otherwise
@@ -250,11 +262,11 @@ class ServoPlant(LimitedPlant):
         self.servo = servo.for_joints(arm.dof)
         self.limits = limits
         self._requested_saturation = saturation
-        vars(self).update(self._saturation_values(None))
+        self._set_saturation(None)
         self._freeze()
 
-    def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
-        """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""
+    def _set_saturation(self, planned: Limits | None) -> None:
+        """Set `saturation` and the acceleration bounds."""
         arm = self.arm
         servo = self.servo
         resolved = resolve_limits("A ServoPlant", arm, self.limits, planned)
@@ -262,11 +274,9 @@ class ServoPlant(LimitedPlant):
         lower, upper = np.full((2, arm.dof), [[-np.inf], [np.inf]])
         if saturation == "acceleration":
             lower, upper = servo.saturate(*resolved.acceleration_bounds(arm.dof))
-        return {
-            "saturation": saturation,
-            "lower": checks.frozen_array(lower),
-            "acceleration": checks.frozen_array(upper),
-        }
+        self.saturation = saturation
+        self.lower = checks.frozen_array(lower)
+        self.acceleration = checks.frozen_array(upper)
 
     def run(self, set_points: SetPoints, resolution: float) -> Execution:
         """Execute set-points; the motion is exact between the starts and ends of saturation.
@@ -282,7 +292,7 @@ class ServoPlant(LimitedPlant):
         return self.for_plan(set_points)._execute(set_points, resolution)
 
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
-        """Execute set-points with the limits of this plant, which `for_plan` has set."""
+        """Execute set-points with the limits that `for_plan` has chosen."""
         steps = int(np.ceil(set_points.cycle / resolution * (1 - 1e-12)))
         runs, unsettled = self._until_rest(set_points, steps)
         start = np.zeros((self.arm.dof, 1, 3))
@@ -307,7 +317,7 @@ class ServoPlant(LimitedPlant):
         )
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
-        """Motion between successive results of an execution on this plant.
+        """Compute the motion between successive results of an execution on this plant.
 
         Intervals with smooth motion are quintics. Otherwise the motion is exact at 16 uniform times
         of the interval and when set-points reach joints, and cubic between these times.
@@ -357,13 +367,13 @@ class ServoPlant(LimitedPlant):
         if not ((self.lower < demand) & (demand < self.acceleration)).all():
             return False
         delay = servo.dead_time / width
-        slow = max(servo.kv.max(), servo.kp.max()) * width <= MAX_TIME_CONSTANTS
+        slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH_TIME_CONSTANTS
         return bool(slow and (abs(delay - np.round(delay)) < ARRIVAL_TOLERANCE).all())
 
     def _until_rest(
         self, set_points: SetPoints, steps: int
     ) -> tuple[list[JointMotions], FloatArray | None]:
-        """Consecutive runs from rest until rest, and `Execution.unsettled`."""
+        """Simulate until the joints rest; return successive parts and `Execution.unsettled`."""
         cycle = set_points.cycle
         simulation = ServoSimulation(
             set_points.q, cycle, self.servo, self.lower, self.acceleration, steps=steps

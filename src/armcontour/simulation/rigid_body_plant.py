@@ -1,10 +1,10 @@
-"""The plant of rigid bodies, simulated by MuJoCo, with drives that do not depend on the job."""
+"""Plant of rigid bodies, simulated by MuJoCo, with drives that do not depend on the job."""
 
 from __future__ import annotations
 
 import importlib.util
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -31,9 +31,9 @@ from armcontour.simulation.plant import (
     longest_settling,
 )
 
-# Default cycle time of a drive [s]. A rate of 4 kHz is usual, and every usual cycle of set-points
-# is a multiple of this cycle. It delays the loop by 2 % of the time constant 1 / K_v of the paper's
-# servo.
+# Default cycle time of a drive [s]. A rate of 4 kHz is usual, and every usual set-point cycle is a
+# multiple of this cycle. It delays the velocity loop by 2 % of the time constant 1 / K_v in the
+# paper's servo.
 DEFAULT_STEP = 2.5e-4
 # Shortest and longest cycle time of a drive [s]. Shorter cycles would make the simulation slow,
 # because each cycle is a step that takes some microseconds to compute. No drive of an arm has a
@@ -43,25 +43,26 @@ STEP_RANGE = (1e-6, 0.1)
 LARGEST_NOISE = 0.1
 DriveCycle = Annotated[float, Quantity("s", "4 ms", within=STEP_RANGE)]
 PositionNoise = Annotated[float, Quantity("rad", "2 deg", within=(0.0, LARGEST_NOISE))]
-# After the last set-point, a joint is at rest if it stays within a range of REST_RANGE [rad] (1 µm
-# at 1 m) for REST_TIME [s] and for the slowest time constant of a position loop. The test does not
-# use the rest position, because it depends on friction and gravity.
-REST_TIME = 0.25
-REST_RANGE = 1e-6
-# Additional range of a joint at rest due to noise of the measured position [standard deviations].
-REST_NOISE = 4.0
-# Equilibrium under gravity: position change at which the iteration ends [rad], and largest number
-# of iterations.
+# After the last set-point, a joint is at rest if it stays within a range for this time [s] and for
+# the slowest time constant of a position loop. The test does not use the rest position, because it
+# depends on friction and gravity.
+RIGID_REST_TIME = 0.25
+# This range [rad] (1 µm at 1 m).
+RIGID_REST_RANGE = 1e-6
+# Noise of the measured position widens this range by so many standard deviations.
+RIGID_REST_DEVIATIONS = 4.0
+# The iteration to the equilibrium under gravity ends when positions change by at most this [rad],
+# and fails after the largest number of iterations.
 EQUILIBRIUM_TOLERANCE = 1e-13
-MAX_ITERATIONS = 200
-# Number of random poses in which the default torque limits allow the acceleration limits.
+MAX_EQUILIBRIUM_ITERATIONS = 200
+# The default torque limits allow the acceleration limits in this number of random poses.
 RATED_POSES = 200
 # Duration of one block of the simulation [s].
 BLOCK_DURATION = 1.0
 # Largest number of integration steps in one compiled call; a call takes up to 0.1 s.
 MAX_CALL_STEPS = 1000
-# Fields of a log with one row per step.
-LOGGED = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
+# Fields of a record with one row per step.
+RECORD_FIELDS = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
 
 
 class RigidBodyPlant(LimitedPlant):
@@ -69,11 +70,11 @@ class RigidBodyPlant(LimitedPlant):
 
     At the start of every step (drive cycle), each drive sets its torque to
     `J K_v (K_p (u - q) - dq)` and holds it for the step. An integrator in the velocity loop adds
-    `J K_v k_i` times the sum of the velocity errors of all steps, with anti-windup as in
-    `ServoModel`. The controller can add the gravity torque. u is the command, delayed by the dead
-    time of the servo. J is the inertia of the servo. By default J is the inertia of the joint with
-    its drive, without payload, with all joints in the middle of their ranges (at 0 without a
-    range). Therefore J does not depend on the job.
+    `J K_v k_i z`, where z is the velocity error `K_p (u - q) - dq` integrated over time, with
+    anti-windup as in `ServoModel`. The controller can add the gravity torque. u is the command,
+    delayed by the servo's dead time. J is the servo's inertia. If the servo specifies none, J is
+    the inertia that the joint moves with its drive, without payload, with all joints in the middle
+    of their ranges (at 0 without a range). Therefore J does not depend on the job.
 
     >>> heavy = arm.with_dynamics(payload=ac.Payload(mass=0.5), armature=0.1)
     >>> plant = ac.RigidBodyPlant(heavy, servo, noise=1e-5, seed=1)
@@ -83,16 +84,16 @@ class RigidBodyPlant(LimitedPlant):
     Args:
         arm: The arm, with masses.
         servo: The gains of the drives, a servo of order "second".
-        limits: Limits with the joint torques at which drives saturate, instead of the limits of the
-            plan; for a plan without limits, those of the arm are used. Without torque limits, the
-            drives are strong enough for the acceleration limits of all joints together in the worst
-            pose.
-        step: Cycle time of the drives [s]; it is shortened to an integer fraction of the cycle.
-        gravity_feedforward: True if the controller adds the gravity torque, including that of the
-            payload in its model.
-        noise: Standard deviation of measured joint positions [rad], independent in every step.
-            Measured velocities have no noise, because the filters of drives are unknown.
-        seed: Seed of the noise, which is the same in every run.
+        limits: Limits with the joint torques at which drives saturate. By default, the limits of
+            the plan count; if the plan has none, those of the arm. Without torque limits, the
+            drives are strong enough for all joints' acceleration limits together in the worst pose.
+        step: Cycle time of the drives [s], by default 0.25 ms; it is shortened to an integer
+            fraction of the set-points' cycle.
+        gravity_feedforward: Whether the controller adds the gravity torque (default), including
+            that of the payload in its model.
+        noise: Standard deviation of measured joint positions [rad], independent in every step; by
+            default 0. Measured velocities are exact, because the filters in drives are unknown.
+        seed: Seed of the noise, by default 0; with one seed, the noise is the same in every run.
         controller: The controller's model of the arm, for example without a payload that the
             controller does not know; by default the arm itself. It determines J, the gravity
             torque, and torque limits that follow from acceleration limits.
@@ -160,19 +161,17 @@ class RigidBodyPlant(LimitedPlant):
         else:
             self.nominal_inertia = self.servo.inertia
         self.limits = limits
-        vars(self).update(self._saturation_values(None))
+        self._set_saturation(None)
         self._freeze()
 
-    def _saturation_values(self, planned: Limits | None) -> dict[str, Any]:
-        """Attributes for the saturation of the drives, by name; `planned`: limits of the plan."""
+    def _set_saturation(self, planned: Limits | None) -> None:
+        """Set the torque limits, and which torques they restrict."""
         resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
         torques = _torque_limits(resolved, self.arm.limits, self.controller_chain)
         # A torque limit restricts the sum of the torques for motion and gravity. A limit that
         # follows from acceleration limits restricts only the torque for motion (_gravity_added).
-        return {
-            "torque_limit": checks.frozen_array(torques),
-            "_gravity_added": resolved.joint_torque is None,
-        }
+        self.torque_limit = checks.frozen_array(torques)
+        self._gravity_added = resolved.joint_torque is None
 
     def run(self, set_points: SetPoints, resolution: float) -> Execution:
         """Execute set-points from the equilibrium at the first set-point.
@@ -189,7 +188,7 @@ class RigidBodyPlant(LimitedPlant):
         return self.for_plan(set_points)._execute(set_points, resolution)
 
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
-        """Execute set-points with the limits of this plant, which `for_plan` has set."""
+        """Execute set-points with the limits that `for_plan` has chosen."""
         steps = int(np.ceil(set_points.cycle / self.step * (1 - 1e-12)))
         span = set_points.cycle / steps
         every = _steps_per_result(steps, span, resolution)
@@ -215,7 +214,7 @@ class RigidBodyPlant(LimitedPlant):
     def _come_to_rest(
         self, robot: _Robot, set_points: SetPoints, steps: int, every: int
     ) -> list[_DriveRecord]:
-        """Simulate after the last set-point until all joints are at rest; returns the logs."""
+        """Simulate after the last set-point until all joints rest; return the records."""
         window = rest_window(self.servo)
         commands = np.tile(set_points.q[-1], (int(np.ceil(window / set_points.cycle)) * steps, 1))
         begin = robot.now
@@ -225,7 +224,7 @@ class RigidBodyPlant(LimitedPlant):
             log = robot.advance(commands, commands)
             logs.append(log.thinned(every))
             moved = log.moved(robot.step)
-            if (moved <= REST_RANGE + REST_NOISE * self.noise).all():
+            if (moved <= RIGID_REST_RANGE + RIGID_REST_DEVIATIONS * self.noise).all():
                 self._check_strength(log, set_points.q[-1], robot.now)
                 return logs
         j = int(np.argmax(moved))
@@ -246,7 +245,7 @@ class RigidBodyPlant(LimitedPlant):
         )
 
     def _check_strength(self, log: _DriveRecord, last: FloatArray, now: float) -> None:
-        """Raise an error if a drive is saturated during the whole time at rest."""
+        """Refuse a drive that is saturated all the time while the joints rest."""
         weak = (log.torque_demand != log.torque).all(axis=0)
         if not weak.any():
             return
@@ -266,8 +265,8 @@ class RigidBodyPlant(LimitedPlant):
         )
 
     def _execution(self, set_points: SetPoints, logs: list[_DriveRecord], span: float) -> Execution:
-        """Join consecutive logs with the time `span` between results [s] to an execution."""
-        columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in LOGGED}
+        """Join consecutive records, with `span` between results [s], to an execution."""
+        columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in RECORD_FIELDS}
         return Execution(
             arm=self.arm,
             set_points=set_points,
@@ -284,7 +283,7 @@ class RigidBodyPlant(LimitedPlant):
         )
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion:
-        """Motion between successive results of an execution: cubics of the joint positions.
+        """Interpolate joint positions between successive results by cubics.
 
         Args:
             executed: The execution, with all results.
@@ -295,7 +294,7 @@ class RigidBodyPlant(LimitedPlant):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _DriveRecord:
-    """Results of n successive steps of the drives."""
+    """What the drives did in n successive steps."""
 
     q: FloatArray  # Positions at the starts of the steps [rad], (n, dof)
     dq: FloatArray  # Velocities at the starts of the steps [rad/s], (n, dof)
@@ -316,7 +315,7 @@ class _DriveRecord:
         torque: FloatArray,
         step: float,
     ) -> _DriveRecord:
-        """Log from states at the starts of steps and at the end, (n + 1, ...), and loop outputs."""
+        """Make a record from states at the starts and the end, (n + 1, ...), and loop outputs."""
         return cls(
             q=q[:-1],
             dq=dq[:-1],
@@ -329,20 +328,20 @@ class _DriveRecord:
         )
 
     def moved(self, step: float) -> FloatArray:
-        """Range of motion of the joints, also within steps [rad], (dof,)."""
+        """Return each joint's range of motion, also within steps [rad], (dof,)."""
         return np.asarray(np.ptp(self.q, axis=0) + np.abs(self.dq).max(axis=0) * step)
 
     def thinned(self, every: int) -> _DriveRecord:
-        """Copy with one of `every` steps, so that the memory of the other steps can be freed."""
+        """Keep every `every`-th step, so that the memory of the other steps can be freed."""
         return _DriveRecord(
             demand_range=self.demand_range,
             saturated=self.saturated,
-            **{name: getattr(self, name)[::every].copy() for name in LOGGED},
+            **{name: getattr(self, name)[::every].copy() for name in RECORD_FIELDS},
         )
 
 
 class _Robot:
-    """One run of a plant: state of the rigid bodies and of the drives."""
+    """A plant's state during one simulation: rigid bodies and drives."""
 
     def __init__(self, plant: RigidBodyPlant, step: float, set_points: SetPoints) -> None:
         self.plant = plant
@@ -353,8 +352,7 @@ class _Robot:
         self.model = mujoco_model.build_model(plant.chain, step, friction=True)
         self.data = self.mujoco.MjData(self.model)
         self.parts = 1
-        # controller_model, controller_data: the controller's model with a state at rest, for
-        # gravity torques.
+        # The controller computes gravity torques with its own model, in a state at rest.
         self.controller_model = (
             self.model
             if plant.controller_chain is plant.chain
@@ -419,14 +417,14 @@ class _Robot:
         return _DriveRecord.from_steps(*rows, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rest positions [rad], and torques of the loops [N m], (dof,) each."""
+        """Find rest positions [rad] and the loops' torques at rest [N m], (dof,) each."""
         # The command is the first set-point. The integrator, or without it the position loop,
         # compensates the weight that is not fed forward.
         plant = self.plant
         q = first
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(MAX_EQUILIBRIUM_ITERATIONS):
             weight, fed = self._weight(q)
             before = q
             q = first - (weight - fed) / gain
@@ -451,7 +449,7 @@ class _Robot:
         return q, torque
 
     def _weight(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Gravity torques at positions q, and those that the controller adds [N m], (dof,) each."""
+        """Return gravity torques at q, and those that the controller adds [N m], (dof,) each."""
         weight = mujoco_model.gravity_torques(self.model, self.data, q)
         if not self.plant.gravity_feedforward:
             return weight, np.zeros(len(q))
@@ -459,7 +457,7 @@ class _Robot:
         return weight, mujoco_model.gravity_torques(*controller, q)
 
     def _raise_runaway(self, k: int) -> None:
-        """Raise the error for a joint that is faster than RUNAWAY_SPEED in step k."""
+        """Raise the error for a joint that is faster than `RUNAWAY_SPEED` in step k."""
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
         speed = velocity[j]
@@ -479,14 +477,14 @@ def can_simulate() -> bool:
 
 
 def rest_window(servo: ServoModel) -> float:
-    """Time for which the joints must stay within `REST_RANGE` to be at rest [s]."""
+    """Return the time for which joints must stay within `RIGID_REST_RANGE` to be at rest [s]."""
     # With an integrator, the slowest time constant of a position loop is at most `1 / kp + 1 / ki`.
     slowest = 1 / servo.kp + np.where(servo.ki > 0, 1 / np.where(servo.ki > 0, servo.ki, 1.0), 0.0)
-    return min(max(REST_TIME, float(slowest.max())), LONGEST_SETTLING)
+    return min(max(RIGID_REST_TIME, float(slowest.max())), LONGEST_SETTLING)
 
 
 def _require_chain(arm: Arm) -> Chain:
-    """The chain of an arm; raises an error if masses are missing."""
+    """Return the chain of an arm; refuse an arm whose masses are missing."""
     if not arm.has_bodies:
         raise InvalidInput(
             f"A rigid-body plant requires masses, but those of the arm {arm.name} are not known. "
@@ -496,9 +494,11 @@ def _require_chain(arm: Arm) -> Chain:
 
 
 def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
-    """Torque limits of the drives [N m], (dof,)."""
-    # Without torque limits, the drives are strong enough for the acceleration limits of all joints
-    # together, without payload, in RATED_POSES random poses.
+    """Return the torque limits of the drives [N m], (dof,).
+
+    Without torque limits, the drives are strong enough for the acceleration limits of all joints
+    together, without payload, in RATED_POSES random poses: the limit is the largest |M(q)| ddq.
+    """
     if limits.joint_torque is not None:
         return limits.joint_torque
     dof = len(chain)
@@ -518,7 +518,7 @@ def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArr
 
 
 def _steps_per_result(steps: int, span: float, resolution: float) -> int:
-    """Number of steps per result: the largest divisor of `steps` that satisfies the resolution."""
+    """Return the steps per result: the largest divisor of `steps` within the resolution."""
     if span > resolution * (1 + 1e-9):
         raise InvalidInput(
             f"The step of the rigid-body plant must be at most the resolution of {resolution:.4g} "

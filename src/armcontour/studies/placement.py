@@ -34,7 +34,7 @@ __all__ = ["Place", "Placement", "place"]
 # Axes of a grid and their units. The last axis changes fastest. Arms in the plane have no z.
 AXES = {"x": "m", "y": "m", "z": "m", "yaw": "rad"}
 # Number of points per contour for the middle of a program.
-SAMPLES = 200
+CONTOUR_SAMPLES = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -258,7 +258,7 @@ def _center(job: Job, moved: str) -> FloatArray:
         return job.arm.chain.base.position if isinstance(job.arm, SerialArm) else middle
     paths = [x.path for x in job.program.contours]
     # Vertices, because samples can miss them.
-    sampled = [x(np.linspace(0, x.length, SAMPLES)) for x in paths]
+    sampled = [x(np.linspace(0, x.length, CONTOUR_SAMPLES)) for x in paths]
     points = np.concatenate([*sampled, *(x.vertices for x in paths)])
     middle[: points.shape[1]] = (points.min(axis=0) + points.max(axis=0)) / 2
     return checks.frozen_array(middle)

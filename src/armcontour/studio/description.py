@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import About, unit_of
+from armcontour.core.quantities import unit_of
 from armcontour.core.text import Keys
-from armcontour.files.file_keys import key_fields, kinds_of_keys, leaves, quantity_of
+from armcontour.files.file_keys import quantity_of
 from armcontour.files.job_file import GEOMETRY_KEYS
-from armcontour.files.job_model import JobModel, RunModel
+from armcontour.files.job_model import JobModel
 from armcontour.files.job_patch import full_key, locate_key
 from armcontour.files.job_text_edits import line_of, value_at
 from armcontour.jobs import Job
@@ -27,6 +24,7 @@ from armcontour.studio.document import Document
 from armcontour.studio.edits.keys import run_of, value_of
 from armcontour.studio.edits.layout import tilt_of
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_on_base
+from armcontour.studio.slider_ranges import SLIDER_RANGES
 
 # Labels of edits in the undo list, by `do` of the edit.
 LABELS = {
@@ -45,20 +43,13 @@ LABELS = {
 }
 
 
-@cache
-def slider_ranges() -> dict[Keys, tuple[float, float]]:
-    """Return each slider key's usual range, in SI units; keys of the plant have no slider."""
-    every = usual_ranges().items()
-    return {keys: x for keys, x in every if len(keys) <= 2 and keys[0] != "plant"}
-
-
 def slider_rows(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[str, Any]]:
     """Return the shown run's slider rows by key, in SI units.
 
     A quantity whose joint values differ has one row per joint, with the joint index in the key.
     """
     rows = dict[str, dict[str, Any]]()
-    for keys in slider_ranges():
+    for keys in SLIDER_RANGES:
         rows.update(_quantity(keys, data, job, run))
     return rows
 
@@ -91,7 +82,7 @@ def _row(keys: Keys, value: float | None, written: Any) -> dict[str, Any]:
     kind = quantity_of(JobModel, full_key(keys))
     assert kind is not None
     unit, factor = unit_of(written, kind)
-    low, high = usual = slider_ranges()[keys]
+    low, high = usual = SLIDER_RANGES[keys]
     if value is not None and value > 0 and low > 0:
         low = min(low, 10.0 ** math.floor(math.log10(value)))
         high = max(high, 10.0 ** math.ceil(math.log10(value)))
@@ -243,25 +234,3 @@ def _waypoints(handles: Handles) -> list[dict[str, Any]]:
         }
         for x in handles.waypoints
     ]
-
-
-def settings(
-    kind_of_file: type = JobModel, outer: Keys = ()
-) -> Iterator[tuple[Keys, About, Any, str]]:
-    """Yield the keys with an `About`: key path, `About`, annotation and description."""
-    order = [x.name for x in dataclasses.fields(kind_of_file)]
-    fields = sorted(key_fields(kind_of_file).items(), key=lambda x: order.index(x[1].name))
-    for key, field in fields:
-        keys = (*outer, key)
-        for about in getattr(field.hint, "__metadata__", ()):
-            if isinstance(about, About):
-                yield keys, about, field.hint, field.text
-        for leaf in leaves(field.hint):
-            for kind in kinds_of_keys(leaf):
-                yield from settings(kind, keys)
-
-
-def usual_ranges() -> dict[Keys, tuple[float, float]]:
-    """Return the usual ranges of job and run quantities in SI units, by key path."""
-    every = chain(settings(JobModel), settings(RunModel))
-    return {keys: about.usual for keys, about, *_ in every if about.usual[1]}

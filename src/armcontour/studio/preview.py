@@ -26,6 +26,7 @@ from armcontour.files.scene_file import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
+from armcontour.jobs.run_job import compute_set_points, simulate_experiment
 from armcontour.jobs.run_plan import (
     explain_plan,
     explained_reach,
@@ -36,14 +37,13 @@ from armcontour.jobs.run_plan import (
     trace_run,
 )
 from armcontour.jobs.run_result import RunResult
-from armcontour.jobs.study import compute_set_points, simulate_experiment
 from armcontour.jobs.verdict import BODIES, SERVO, Errors, judging, judging_executions
 from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
-from armcontour.report.plan_frames import Preview, Tier
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
+from armcontour.studio.plan_frames import Preview, Tier
 from armcontour.studio.step_cache import LARGE_RESULTS, StepCache
 from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import ContourExecution, pieces_of, settling_time

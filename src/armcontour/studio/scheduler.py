@@ -19,18 +19,18 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.program import Program
 from armcontour.report.arm_frame import arm_frame
 from armcontour.report.message_frame import MessageFrame
-from armcontour.report.plan_frames import (
+from armcontour.report.view import View
+from armcontour.robot import Arm
+from armcontour.robot.scene import Scene
+from armcontour.studio.execution_frame import execution_frame
+from armcontour.studio.pages import Answers
+from armcontour.studio.plan_frames import (
     Preview,
     Tier,
     drawing_frame,
     picture_frame,
     refusal_header,
 )
-from armcontour.report.view import View
-from armcontour.robot import Arm
-from armcontour.robot.scene import Scene
-from armcontour.studio.execution_frame import execution_frame
-from armcontour.studio.pages import Answers
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.tasks import dispatch
 from armcontour.studio.workers import PreviewWorker, StaleCheck, TaskWorker

@@ -22,7 +22,6 @@ from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.files.job_file import cell_names
 from armcontour.report.message_frame import MessageFrame
-from armcontour.report.plan_frames import drawing_frame, refusal_header
 from armcontour.report.view import View
 from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import CHANGED, Document
@@ -30,6 +29,7 @@ from armcontour.studio.editor import Editor, Revision
 from armcontour.studio.handles import drawing_view, is_blank
 from armcontour.studio.opening import new_document, open_file
 from armcontour.studio.pages import Page, PageMessage, Pages
+from armcontour.studio.plan_frames import drawing_frame, refusal_header
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.recent import listed_recent
 from armcontour.studio.scheduler import DocumentState, Scheduler, SchedulerOptions

@@ -19,9 +19,9 @@ from armcontour.motion import Execution, FineMotion, Span
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.verification.error_profile import (
-    CLOSE,
-    ROUNDING,
-    SHARP,
+    ERROR_ROUNDING,
+    PEAK_EXCESS,
+    SHARP_TURN,
     Coverage,
     ErrorProfile,
     Followed,
@@ -236,7 +236,7 @@ class ContourExecution:
         if self._has_fine_motion:
             # `follow_path` assumes straight tool motion between samples. Therefore only the
             # distances from path points of samples are exact.
-            guessed = (np.abs(arc_lengths - followed.s) > ROUNDING) & (distances >= 0)
+            guessed = (np.abs(arc_lengths - followed.s) > ERROR_ROUNDING) & (distances >= 0)
         exact = np.where(guessed, -1.0, distances)
         i = int(np.argmax(exact))
         largest = Coverage(
@@ -264,7 +264,7 @@ class ContourExecution:
         candidates = [(error.max, nearest, error.s_max - self.offset)]
         candidates += zip(bounds, rows.tolist(), arc_lengths[rows].tolist(), strict=True)
         for bound, k, s in sorted(candidates, key=lambda x: -x[0]):
-            if bound > largest.max * (1 + CLOSE) and work[0] <= s <= work[1]:
+            if bound > largest.max * (1 + PEAK_EXCESS) and work[0] <= s <= work[1]:
                 value, t = self._distance_to_motion(path([s])[0], k)
                 # Outside of the piece the tool may come nearer; `distances` includes the samples
                 # there.
@@ -318,7 +318,7 @@ class ContourExecution:
         if self._has_fine_motion:
             # Where the path turns sharply, a peak may exceed the mean of both samples by half of
             # the tool's step.
-            sharp = np.flatnonzero(followed.turns(SHARP) > SHARP)
+            sharp = np.flatnonzero(followed.turns(SHARP_TURN) > SHARP_TURN)
             hidden = sharp, length(self.tool[sharp + 1] - self.tool[sharp]) / 2
         return self._over_time(followed.distance, followed.s, measure, side, hidden)
 

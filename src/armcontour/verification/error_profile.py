@@ -20,41 +20,41 @@ from armcontour.geometry.orientation import turns_between
 from armcontour.geometry.projection import find_nearest, pack_segments, pad_to_space
 
 # A value between samples is a peak only if it exceeds the highest sample by more than this fraction
-# of the sample plus ROUNDING.
-CLOSE = 3e-7
+# of the sample plus ERROR_ROUNDING.
+PEAK_EXCESS = 3e-7
 # Differences of errors or of arc lengths up to this are rounding errors [m or rad].
-ROUNDING = 1e-13
+ERROR_ROUNDING = 1e-13
 # Number of parts per searched interval.
-PARTS = 32
+SEARCH_PARTS = 32
 # Largest number of subdivisions of a searched interval.
 MAX_CUTS = 12
 # If the path turns by more than this between two samples [rad], the error may have a peak there
 # that no sample shows.
-SHARP = 0.2
+SHARP_TURN = 0.2
 # Sample times of the first search for the maximum of a smooth function, as fractions of the
 # interval.
-FEW = np.arange(9) / 8
+FIRST_FRACTIONS = np.arange(9) / 8
 # Number of these searches, each with steps 16 times shorter than the previous one.
-CLOSER = 3
+CLOSER_SEARCHES = 3
 # Sample times of an interval, as fractions of its width.
-SHARES = np.arange(PARTS + 1) / PARTS
+SHARES = np.arange(SEARCH_PARTS + 1) / SEARCH_PARTS
 # Sample times of the next search relative to the estimated peaks, as fractions of the width of the
 # interval.
 AROUND = np.array([0.0, -0.03, 0.03])[:, None, None]
 # Smallest distance of sample times from the ends of an interval, as a fraction of its width; the
 # values at the ends are known.
-NEAR = 0.01
+END_DISTANCE = 0.01
 # Number of largest angles in the first batch; each further batch has four times as many.
-FIRST = 100
+FIRST_BATCH = 100
 
 # The first leash is this multiple of the largest of three lengths: the largest distance of some
-# points from the path, the longest step of the tool, and SHORTEST. The leash is doubled until it
-# suffices.
-SLACK = 4.0
+# points from the path, the longest step of the tool, and SHORTEST_LENGTH. The leash is doubled
+# until it suffices.
+LEASH_FACTOR = 4.0
 # Approximate number of points whose distances from the path determine the first leash.
 SOME = 500
 # Smallest of the lengths that determine the first leash [m].
-SHORTEST = 1e-7
+SHORTEST_LENGTH = 1e-7
 # Indices of samples after which an error may have a peak, (m,), and bounds on the height of the
 # peaks above the mean of the samples on both sides, (m,).
 Hidden = tuple[IntArray, FloatArray]
@@ -304,12 +304,14 @@ def _search_interval(
         values = values[order]
         high, guesses, bound = _find_tops(t, values)
         width = t[high + 1] - t[high]
-        uncertain = (bound > _threshold(best)) & (width > PARTS * 4 * np.spacing(t[-1]))
+        uncertain = (bound > _threshold(best)) & (width > SEARCH_PARTS * 4 * np.spacing(t[-1]))
         if not uncertain.any():
             break
         low = t[high[uncertain]]
         width = width[uncertain]
-        times = low + width * np.clip(guesses[:, uncertain] + AROUND, NEAR, 1 - NEAR)
+        times = low + width * np.clip(
+            guesses[:, uncertain] + AROUND, END_DISTANCE, 1 - END_DISTANCE
+        )
         times = np.unique(times)
     return peak
 
@@ -321,14 +323,14 @@ def maximize_smooth(
 
     `measure` maps times, (m, n), to the values of each function at them, (m, n).
     """
-    step = (last - first) * FEW[1]
+    step = (last - first) * FIRST_FRACTIONS[1]
     rows = np.arange(len(first))
-    times = first[:, None] + (last - first)[:, None] * FEW
+    times = first[:, None] + (last - first)[:, None] * FIRST_FRACTIONS
     best = np.full(len(first), -np.inf)
-    for _ in range(CLOSER):
+    for _ in range(CLOSER_SEARCHES):
         values = measure(times)
         best = np.maximum(best, values.max(axis=1))
-        k = np.clip(values.argmax(axis=1), 1, len(FEW) - 2)
+        k = np.clip(values.argmax(axis=1), 1, len(FIRST_FRACTIONS) - 2)
         low, top, high = (values[rows, k + side] for side in (-1, 0, 1))
         curvature = low + high - 2 * top
         shift = np.where(
@@ -336,14 +338,16 @@ def maximize_smooth(
         )
         middle = times[rows, k] + np.clip(shift, -1, 1) * step
         step = step / 16
-        times = middle[:, None] + step[:, None] * (FEW - 0.5) * (len(FEW) - 1)
+        times = middle[:, None] + step[:, None] * (FIRST_FRACTIONS - 0.5) * (
+            len(FIRST_FRACTIONS) - 1
+        )
         times = np.clip(times, first[:, None], last[:, None])
     return best
 
 
 def _threshold(best: float) -> float:
     """Value that must be exceeded to continue the search."""
-    return best + CLOSE * abs(best) + ROUNDING
+    return best + PEAK_EXCESS * abs(best) + ERROR_ROUNDING
 
 
 def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -405,7 +409,7 @@ def smallest_angles(
     angle = orientation_angles(path.orientation, nearest.s, turned)
     geometry = pack_segments(path.segments)
     order = np.argsort(-angle)
-    size = FIRST
+    size = FIRST_BATCH
     done = 0
     worst = -np.inf
     while done < len(order) and angle[order[done]] > worst:
@@ -469,7 +473,7 @@ class Followed:
 
         padded = pad_to_space(points)
         travel = float(length(points - points[0]).max())
-        leash = SLACK * max(distance_bound, travel, SHORTEST)
+        leash = LEASH_FACTOR * max(distance_bound, travel, SHORTEST_LENGTH)
         low, high = min(ends), max(ends)
         begins = self.geometry[:, 11]
         farthest = float(begins[-1] + self.geometry[-1, 10]) + 2 * (distance_bound + travel)
@@ -507,8 +511,8 @@ def follow_path(
     some = points[: last : max(1, last // SOME)]
     deviation = float(find_nearest(path.segments, some, in_order=True).distance.max())
     # Shortest leash with which all points may be followed.
-    leash = SLACK * max(
-        deviation, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST
+    leash = LEASH_FACTOR * max(
+        deviation, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST_LENGTH
     )
     farthest = path.length + float(length(points - path.starts[0]).max())
     while True:

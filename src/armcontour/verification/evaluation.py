@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, Frozen
+from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
@@ -34,7 +34,7 @@ from armcontour.verification.error_profile import Coverage, ErrorProfile, error_
 from armcontour.verification.limit_verdict import measure_limit_ratios
 
 # Fraction of a limit from which a joint counts as at the limit.
-NEAR = 0.99
+AT_LIMIT = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -129,7 +129,7 @@ class Evaluation(Result, Frozen):
 
     @property
     def _errors(self) -> tuple[Row, ...]:
-        """Rows of the duration and of the tool errors."""
+        """Rows of duration and tool errors."""
         model_error: tuple[Row, ...] = (Row("model_error", None),)
         if self.model_error is not None:
             along, across = self.model_error
@@ -153,7 +153,7 @@ class Evaluation(Result, Frozen):
 
     @property
     def _motion(self) -> tuple[Row, ...]:
-        """Rows of speeds and of the use of limits."""
+        """Rows of speeds and limit use."""
         uses = self.limit_ratios
         largest = ""
         if uses:
@@ -305,9 +305,7 @@ def evaluate(
             the program is not the planned one.
     """
     program = Program.from_path(path)
-    before = None
-    if objective is not None:
-        before = Program.from_path(objective)
+    before = None if objective is None else Program.from_path(objective)
     if end_time is not None and program.single_path is None:
         raise InvalidInput(
             "end_time is allowed only for a single path, because the contours of a program are "
@@ -315,59 +313,85 @@ def evaluate(
         )
     trajectory = executed.set_points.trajectory
     bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
-    t = executed.t
-    speed = executed.tool_speed
-    duration = trajectory.duration
-    moved = (t >= 0) & (t <= duration)
-    settled = settling_time(executed, speed)
     _, end = evaluated_times(executed, end_time)
     pieces = pieces_of(executed, program, before, end_time)
-    contours = tuple(x.contour_error for x in pieces)
-    shares = [x.speed_ratios(bounds.speed) for x in pieces]
-    ratio = max(float(x.max()) for x in shares)
+    contour_errors = tuple(x.contour_error for x in pieces)
+    drawing_errors = tuple(y for piece in pieces if (y := piece.drawing_error) is not None)
+    speed_ratios = [x.speed_ratios(bounds.speed) for x in pieces]
     jerk = executed_jerk(executed)
-    times = [(t[moved], speed[moved])]
-    if program.single_path is None:
-        times = [(x.t, x.speed) for x in pieces]
+    is_program = program.single_path is None
     return Evaluation(
-        duration=duration,
-        settled=settled,
+        duration=trajectory.duration,
+        settled=settling_time(executed, executed.tool_speed),
         end_time=end,
-        contour_error=ErrorProfile.join(contours),
+        contour_error=ErrorProfile.join(contour_errors),
         coverage_error=max((x.coverage_error for x in pieces), key=lambda x: x.max),
         tracking_error=ErrorProfile.join([x.tracking_error() for x in pieces]),
         model_error=_largest_errors([x.model_error for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
-        objective_coverage_error=max(
-            (x for piece in pieces if (x := piece.objective_coverage_error)),
-            key=lambda x: x.max,
-            default=None,
-        ),
+        objective_coverage_error=_largest_coverage([x.objective_coverage_error for x in pieces]),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
-        corners=_join_corners(pieces, is_program=program.single_path is None),
-        contours=contours,
-        drawing_errors=tuple(y for piece in pieces if (y := piece.drawing_error) is not None),
+        corners=_join_corners(pieces, is_program=is_program),
+        contours=contour_errors,
+        drawing_errors=drawing_errors,
         speed=max(float(x.speed.max()) for x in pieces),
         rapid_speed=tool_speeds(executed).rapids,
-        speed_ratio=ratio if ratio > 0 else np.nan,
-        speed_overshoot=max(
-            float((piece.speed * (1 - 1 / np.maximum(share, 1.0))).max())
-            for piece, share in zip(pieces, shares, strict=True)
-        ),
-        path_velocity=float(
-            sum(integrate(y, x) for x, y in times)
-            / (duration if program.single_path else sum(x[-1] - x[0] for x, _ in times))
-        ),
+        speed_ratio=_largest_ratio(speed_ratios),
+        speed_overshoot=_largest_overshoot(pieces, speed_ratios),
+        path_velocity=_mean_speed(pieces) if is_program else _mean_planned_speed(executed),
         demand=executed.peak_demand,
         demand_ratio=demand_ratio(executed, bounds),
         jerk=jerk,
         jerk_ratio=use_of("joint_jerk", bounds, jerk).ratio,
         command_jerk=commanded_jerk(executed.set_points),
         saturated=saturated_fractions(executed, end),
-        time_at_limit=_time_at_limit(executed, bounds, duration) if limit_use else None,
+        time_at_limit=_time_at_limit(executed, bounds) if limit_use else None,
         limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
         judged=EvaluationInputs(executed=executed, path=program, objective=before, limits=bounds),
     )
+
+
+def _largest_coverage(errors: Sequence[Coverage | None]) -> Coverage | None:
+    """Return the largest of the coverage errors that are not None; None if all are None."""
+    known = [x for x in errors if x is not None]
+    return max(known, key=lambda x: x.max, default=None)
+
+
+def _largest_ratio(speed_ratios: Sequence[FloatArray]) -> float:
+    """Return the largest ratio to the assigned velocity; NaN if no velocity is assigned."""
+    ratio = max(float(x.max()) for x in speed_ratios)
+    return ratio if ratio > 0 else np.nan
+
+
+def _largest_overshoot(
+    pieces: Sequence[ContourExecution], speed_ratios: Sequence[FloatArray]
+) -> float:
+    """Return the largest excess of the tool speed over the assigned velocity [m/s]."""
+    overshoots = []
+    for piece, ratio in zip(pieces, speed_ratios, strict=True):
+        overshoot = piece.speed * (1 - 1 / np.maximum(ratio, 1.0))
+        overshoots.append(float(overshoot.max()))
+    return max(overshoots)
+
+
+def _mean_speed(pieces: Sequence[ContourExecution]) -> float:
+    """Return the mean tool speed over the time at work [m/s]."""
+    lengths = [integrate(x.speed, x.t) for x in pieces]
+    durations = [x.t[-1] - x.t[0] for x in pieces]
+    return float(sum(lengths) / sum(durations))
+
+
+def _mean_planned_speed(executed: Execution) -> float:
+    """Return the mean tool speed over the planned time of the motion [m/s]."""
+    moved = _planned_times(executed)
+    length = integrate(executed.tool_speed[moved], executed.t[moved])
+    return float(length / executed.set_points.trajectory.duration)
+
+
+def _planned_times(executed: Execution) -> BoolArray:
+    """Return the mask of the samples in the planned time of the motion, (n,)."""
+    duration = executed.set_points.trajectory.duration
+    return (executed.t >= 0) & (executed.t <= duration)
 
 
 def demand_ratio(executed: Execution, limits: Limits) -> FloatArray:
@@ -406,16 +430,16 @@ def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float
     return None if along < 0 else (along, across)
 
 
-def _time_at_limit(executed: Execution, limits: Limits, duration: float) -> float:
-    """Fraction of times up to `duration` [s] at which a joint uses at least `NEAR` of a limit."""
-    moved = (executed.t >= 0) & (executed.t <= duration)
+def _time_at_limit(executed: Execution, limits: Limits) -> float:
+    """Fraction of the planned time in which a joint uses at least the share AT_LIMIT of a limit."""
+    moved = _planned_times(executed)
     values = {"joint_acceleration": executed.ddq, "joint_velocity": executed.dq}
     if executed.torque is not None:
         values["joint_torque"] = executed.torque
     elif limits.joint_torque is not None and executed.arm.has_bodies:
         values["joint_torque"] = executed.arm.torque(executed.q, executed.dq, executed.ddq)
     ratios = [use_of(name, limits, x[moved]).ratio for name, x in values.items()]
-    return float((np.max(ratios, axis=0) >= NEAR).any(axis=1).mean())
+    return float((np.max(ratios, axis=0) >= AT_LIMIT).any(axis=1).mean())
 
 
 def executed_jerk(executed: Execution) -> FloatArray:

@@ -28,9 +28,9 @@ from armcontour.verification.trajectory_check import STEPS_SHOWN, TimeSamples, c
 # Largest number of times per interval of a law at which the distance from the path is computed.
 # With 32 times per interval, the peak of a smooth error exceeds the largest computed value by at
 # most 0.3 %.
-MAX_PER_INTERVAL = 32
-# Total number of times above which intervals have fewer times than MAX_PER_INTERVAL.
-MAX_TIMES = 400_000
+MAX_DISTANCES_PER_INTERVAL = 32
+# Total number of times above which intervals have fewer times than MAX_DISTANCES_PER_INTERVAL.
+MAX_DISTANCES = 400_000
 # Interpolations whose velocity is discontinuous at the points.
 IN_STEPS = ("lines", "held", "next point")
 # Fraction by which commands may exceed a limit, because interpolation adds up to this fraction to a
@@ -184,7 +184,7 @@ def check_interpolation(
 def _times(points: TimeSamples) -> FloatArray:
     """Times at the points and between them, since the first point [s], (n,)."""
     t = np.round(np.asarray(points.t) - points.t[0], 9)
-    return subdivide(t, int(np.clip(MAX_TIMES // len(t), 2, MAX_PER_INTERVAL)))
+    return subdivide(t, int(np.clip(MAX_DISTANCES // len(t), 2, MAX_DISTANCES_PER_INTERVAL)))
 
 
 def _law_acceleration(curve: CommandCurve, limits: Limits, t: FloatArray) -> float:

@@ -17,17 +17,17 @@ from armcontour.geometry import Path
 from armcontour.motion import Trajectory
 from armcontour.robot import Arm, Limits, SerialArm
 from armcontour.robot.arm import unit_of
-from armcontour.robot.limit_use import STILL, States, Use, use_of
+from armcontour.robot.limit_use import STILL_JOINT, States, Use, use_of
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, LIMITS
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
 from armcontour.verification.error_profile import maximize_smooth, smallest_angles
 
 # Smallest number of evaluated times per interval of a law, including its ends.
 MIN_PER_INTERVAL = 3
-# Largest number of evaluated times per interval of a law, unless FEWEST requires more.
-MAX_PER_INTERVAL = 20
+# Largest number of evaluated times per interval of a law, unless FEWEST_TIMES requires more.
+MAX_TIMES_PER_INTERVAL = 20
 # Smallest number of evaluated times in all intervals of a law together.
-FEWEST = 4000
+FEWEST_TIMES = 4000
 # Number of evaluated times in all intervals of a law together that is enough: intervals have no
 # more times than it requires, but at least MIN_PER_INTERVAL.
 ENOUGH = 12_000
@@ -40,7 +40,7 @@ VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
 UNSEEN = 1e-3
 # The rounding of printed digits may explain an excess up to this fraction of a limit. Coarser
 # digits leave the verdict open.
-COARSE = 1e-2
+COARSE_DIGITS = 1e-2
 
 # Units of the limits by their names.
 UNITS = LIMIT_UNITS | {
@@ -52,7 +52,7 @@ UNITS = LIMIT_UNITS | {
 CHUNK = 200_000
 # The acceleration may jump at a break by the jerk limit times this time [s]. No controller resolves
 # this time, and jumps due to rounding are smaller.
-AT_ONCE = 1e-5
+JUMP_TIME = 1e-5
 ORDERS = ("positions", "velocities", "accelerations", "jerks")
 # Permitted jump of joint positions at a break [rad], which is due to rounding only.
 POSITION_STEP = 1e-9
@@ -142,7 +142,7 @@ def decide_verdict(certain: float, highest: Occurrence, tolerance: float) -> str
     """Verdict on a limit, from the largest certain ratio and the use with the largest ratio."""
     if certain > 1 + tolerance:
         return VIOLATED
-    rounding = max(UNSEEN, min(highest.slack, COARSE))
+    rounding = max(UNSEEN, min(highest.slack, COARSE_DIGITS))
     return KEPT if highest.ratio <= 1 + tolerance + rounding else CANNOT_TELL
 
 
@@ -403,11 +403,11 @@ def _record_acceleration_steps(
 ) -> None:
     """Record the jumps of accelerations at breaks, which the jerk on both sides does not show."""
     # Before a motion that starts at rest, and after one that ends at rest, accelerations are zero.
-    resting = np.abs(law(t, 1)).max(axis=1) <= STILL
+    resting = np.abs(law(t, 1)).max(axis=1) <= STILL_JOINT
     before, after = (np.array(law(t, 2, side=side)) for side in ("left", "right"))
     before[resting & (t == ends[0])] = 0.0
     after[resting & (t == ends[1])] = 0.0
-    allowed = AT_ONCE * cast("FloatArray", tally.limits.joint_jerk)
+    allowed = JUMP_TIME * cast("FloatArray", tally.limits.joint_jerk)
     tally.record(Use("acceleration_step", np.abs(after - before), allowed), t, law(t))
 
 
@@ -447,8 +447,8 @@ def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, f
     """Largest ratio of each limit in a motion, by name of the limit."""
     breaks = motion.smooth_breaks
     jerk = has_checkable_jerk(motion, limits, motion.starts[:1])
-    few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
-    count = max(MIN_PER_INTERVAL, few, min(MAX_PER_INTERVAL, enough))
+    few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST_TIMES, ENOUGH))
+    count = max(MIN_PER_INTERVAL, few, min(MAX_TIMES_PER_INTERVAL, enough))
     part = np.linspace(0.0, 1.0, count)[:, None]
     size = max(1, CHUNK // count)
     best: dict[str, float] = {}

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernel_cache import compiled
 from armcontour.core.sampled_data import number_parts
-from armcontour.geometry.kernels import Point, distance2, find_foot, point_at
+from armcontour.geometry.kernels import Foot, Point, distance2, find_foot, point_at
 
 # Distances that differ by less than this are equal, because coordinates are not more accurate [m].
 EQUAL = 1e-9
@@ -22,7 +22,7 @@ MAX_SUBINTERVALS = 64
 # Search of a path part for the point farthest from the tool: accuracy of the distance [m].
 DISTANCE_ACCURACY = 1e-10
 # Approximate number of point-segment pairs per batch, to bound the memory.
-PAIRS = 50_000
+PAIRS_AT_ONCE = 50_000
 
 
 class FollowedTool(NamedTuple):
@@ -52,6 +52,50 @@ class PathParts(NamedTuple):
     bounds: FloatArray  # Bounds on the distance from each part to the tool [m], (m,)
 
 
+class _Reach(NamedTuple):
+    """Part of a segment, or of its circle, within the leash of a point, which is symmetric."""
+
+    nearest: float  # Arc length of its middle, the nearest point [m]
+    half: float  # Half of its length [m]
+    turn: float  # Length of the circle [m]; 0 on a line
+    laps: int  # Number of middles: 2 on a circle, 1 on a line, 0 if no point is within the leash
+
+
+class _PathPoint(NamedTuple):
+    """Path point of a tool point."""
+
+    distance: float  # [m]
+    s: float  # Arc length [m]
+    # True if it is the start of an interval only because arc length must not decrease
+    held: bool
+
+
+class FollowedPoints(NamedTuple):
+    """Path points of tool points."""
+
+    distance: FloatArray  # Distance of each path point [m], (n,)
+    s: FloatArray  # Arc length of each path point [m], (n,)
+    followed: int  # Number of tool points that were followed
+    held: bool  # True if any path point was restricted because arc length must not decrease
+
+
+@compiled(inner=True)
+def _part_within(foot: Foot, curvature: float, leash2: float) -> _Reach:
+    """Part of a line or circle at most the leash from a point, given the point's foot point."""
+    room = leash2 - foot.off2
+    if not room >= 0.0:
+        return _Reach(foot.along, 0.0, 0.0, 0)
+    if curvature == 0.0:
+        return _Reach(foot.along, math.sqrt(room), 0.0, 1)
+    turn = 2 * math.pi / curvature
+    nearest = math.atan2(foot.along, foot.across) / curvature
+    # The squared distance of a point of the circle exceeds the smallest one by farthest2 times the
+    # squared sine of half its angle from the foot point.
+    farthest2 = distance2(foot, curvature, turn / 2) - foot.off2
+    fraction = room / farthest2 if room < farthest2 else 1.0
+    return _Reach(nearest, 2 * math.asin(math.sqrt(fraction)) / curvature, turn, 2)
+
+
 @compiled(inner=True)
 def _reachable_intervals(
     p: Point,
@@ -61,18 +105,25 @@ def _reachable_intervals(
     new: PathIntervals,
     before: float,
     leash2: float,
-) -> tuple[int, float, float, bool]:
-    """Find the path intervals that the tool can reach at point p, and the nearest path point."""
-    # Returns the number of new intervals, distance and arc length of the path point [m], and True
-    # if the path point is an interval's start only because arc length must not decrease.
+) -> tuple[int, _PathPoint]:
+    """Find the path intervals that the tool can reach at point p, and the nearest path point.
+
+    From each point of an old interval, the tool may move ahead on the path as long as the path is
+    within the leash. Returns the number of new intervals and the path point.
+
+    - `rows`: segments from `pack_segments`, (segments, 15).
+    - `old`, `count`: intervals of the previous tool point, and their number.
+    - `new`: intervals of this tool point, output.
+    - `before`: arc length of the previous path point [m].
+    - `leash2`: square of the largest distance [m²].
+    """
     new_count = 0
-    best = math.inf
-    nearest_s = 0.0
-    held = False
+    point = _PathPoint(math.inf, 0.0, False)
     done = -1.0
     for k in range(count):
         low, high = old.ends[k, 0], old.ends[k, 1]
         begin = max(low, done)
+        # True while the last new interval may continue on the next segment
         is_open = False
         for j in range(old.first[k], len(rows) if begin <= high else 0):
             base = rows[j, 11]
@@ -81,29 +132,15 @@ def _reachable_intervals(
             if base + length < begin:
                 continue
             foot = find_foot(p, rows[j])
-            room = leash2 - foot.off2
-            # A line has one foot point, a full circle two.
-            laps = 1
-            turn = 0.0
-            nearest = foot.along
-            # Half of the length of the part of the segment that is within the leash (largest
-            # allowed distance) of p; the foot point is its middle.
-            half = math.sqrt(max(room, 0.0))
-            if curvature != 0.0 and room >= 0.0:
-                laps = 2
-                turn = 2 * math.pi / curvature
-                nearest = math.atan2(foot.along, foot.across) / curvature
-                # Difference of the squared distances of the farthest and the nearest point of the
-                # circle.
-                farthest2 = distance2(foot, curvature, turn / 2) - foot.off2
-                fraction = room / farthest2 if room < farthest2 else 1.0
-                half = 2 * math.asin(math.sqrt(fraction)) / curvature
-            for lap in range(laps if room >= 0.0 else 0):
-                centre = nearest + lap * turn
-                x = max(centre - half, begin - base, 0.0)
-                y = min(centre + half, length)
+            reach = _part_within(foot, curvature, leash2)
+            for lap in range(reach.laps):
+                # Part of the segment from x to y, around a nearest point
+                centre = reach.nearest + lap * reach.turn
+                x = max(centre - reach.half, begin - base, 0.0)
+                y = min(centre + reach.half, length)
                 if x > y:
                     continue
+                # It continues the open interval, or begins a new one, if the tool can get there.
                 if not (is_open and base + x <= done + EQUAL):
                     if base + x > high:
                         break
@@ -113,33 +150,33 @@ def _reachable_intervals(
                     is_open = True
                 done = max(done, base + y)
                 new.ends[new_count - 1, 1] = done
+                # Its nearest point; of equally near ones, the next one ahead of `before`
                 arc = min(max(centre, x), y)
                 d = math.sqrt(distance2(foot, curvature, arc - centre))
-                # If several path points are equally near, the next one ahead of `before` is used.
-                if d < best - EQUAL or (d <= best + EQUAL and nearest_s < before - EQUAL):
-                    nearest_s = base + arc
-                    # `held` is for the start of an interval; the start of a segment alone does not
-                    # restrict the path point.
+                is_equal = d <= point.distance + EQUAL
+                if d < point.distance - EQUAL or (is_equal and point.s < before - EQUAL):
+                    # The start of a segment alone does not restrict the path point.
                     held = centre < x and x > 0.0 and base + x <= low + EQUAL
-                best = min(best, d)
+                    point = _PathPoint(min(point.distance, d), base + arc, held)
+                else:
+                    point = _PathPoint(min(point.distance, d), point.s, point.held)
+            # Beyond the old interval, the next segment is reached only through this one's end.
             if base + length >= high and not (is_open and done >= base + length - EQUAL):
                 break
-    return new_count, best, nearest_s, held
+    return new_count, point
 
 
 @compiled()
 def follow(
     points: FloatArray, rows: FloatArray, start: float, leash: float, needed: int
-) -> tuple[FloatArray, FloatArray, int, bool]:
-    """Distances and arc lengths of the path points of a tool that never moves back on the path.
+) -> FollowedPoints:
+    """Find the path points of a tool that never moves back on the path.
 
     At each point, the kernel stores the intervals of the path that the tool can have reached if its
     distance from the path point never exceeded `leash` [m] and arc length never decreased.
 
     The first path point is at or before `start` [m]. The first `needed` points must be followed,
-    later points only until the tool leaves the path. Returns distances and arc lengths [m], (n,)
-    each; the number of followed points; and True if any path point was restricted because arc
-    length must not decrease.
+    later points only until the tool leaves the path; `held` ignores them.
 
     - `points`: (n, 3) [m].
     - `rows`: segments from `pack_segments`, (segments, 15).
@@ -158,16 +195,14 @@ def follow(
     held = False
     for i in range(n):
         p = points[i, 0], points[i, 1], points[i, 2]
-        count, best, before, point_held = _reachable_intervals(
-            p, rows, now, count, after, before, leash * leash
-        )
+        count, point = _reachable_intervals(p, rows, now, count, after, before, leash * leash)
         if count == 0:
-            return distance, s, i, held
+            return FollowedPoints(distance, s, i, held)
         now, after = after, now
-        distance[i] = best
-        s[i] = before
-        held = held or (point_held and i < needed)
-    return distance, s, n, held
+        distance[i] = point.distance
+        s[i] = before = point.s
+        held = held or (point.held and i < needed)
+    return FollowedPoints(distance, s, n, held)
 
 
 def find_path_points(
@@ -186,7 +221,9 @@ def find_path_points(
     within = reach + EQUAL
     indices = [np.empty(0, np.intp)]
     arc_lengths = [np.empty(0)]
-    for part in np.array_split(np.arange(len(points)), 1 + len(points) * len(rows) // PAIRS):
+    for part in np.array_split(
+        np.arange(len(points)), 1 + len(points) * len(rows) // PAIRS_AT_ONCE
+    ):
         p = points[part, None]
         limit = within[part, None]
         offset = p - rows[:, :3]

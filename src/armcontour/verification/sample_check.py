@@ -15,19 +15,19 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.robot import Limits, SerialArm
-from armcontour.robot.limit_use import SLOWEST, Quantity, States, across, angular, length
+from armcontour.robot.limit_use import STILL_TOOL, Quantity, States, across, angular, length
 from armcontour.robot.limits import DIRECTED, JOINT_LIMITS, LIMITS
 from armcontour.verification.limit_verdict import LimitUseAccumulator
 
 # Fractions of a sample interval at which the distance of the cubic from the path is computed.
-BETWEEN = np.arange(1, 8) / 8
+FRACTIONS_BETWEEN = np.arange(1, 8) / 8
 # Between samples at which the direction of motion turns by more than this sine, the whole
 # acceleration of the tool may be centripetal.
 WIDEST_TURN = 0.2
 
 # Number of steps of Newton's method for the smallest jerk. The first step determines the sign. The
 # others leave a relative error below 1e-7, and their result is a lower bound.
-NEWTON_STEPS = 5
+JERK_NEWTON_STEPS = 5
 ONE = np.ones(1)
 
 # Values at the samples, (n, columns), and bounds on the errors, (n, columns), or on the norm of the
@@ -102,7 +102,7 @@ def record_samples(log: SampledMotion, tally: LimitUseAccumulator) -> None:
         if log.dq is not None:
             # The weights of the velocities in the cubic sum to at most a quarter of the interval.
             position_error = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
-            between = (log.t[:-1, None] + np.diff(log.t)[:, None] * BETWEEN).ravel()
+            between = (log.t[:-1, None] + np.diff(log.t)[:, None] * FRACTIONS_BETWEEN).ravel()
             tally.record_pose(
                 between, CubicHermiteSpline(log.t, log.q, log.dq)(between), position_error
             )
@@ -180,18 +180,18 @@ def _record_centripetal(log: SampledMotion, tally: LimitUseAccumulator, tool: li
     # If the direction turns between the samples, tangential acceleration has a component normal to
     # the middle direction. The component is at most the sine of the angle times the largest
     # tangential acceleration here and in the neighbouring intervals.
-    cosine = np.einsum("ij,ij->i", before, after) / np.maximum(first * last, SLOWEST**2)
+    cosine = np.einsum("ij,ij->i", before, after) / np.maximum(first * last, STILL_TOOL**2)
     sine = np.sqrt(np.maximum(0.0, 1 - np.minimum(cosine, 1.0) ** 2))
-    moving = (slowest > SLOWEST) & (cosine > 0) & (sine < WIDEST_TURN)
-    turned = np.minimum(1.0, sine + velocity_error / np.maximum(slowest, SLOWEST))
-    middle = np.maximum(np.linalg.norm(before + after, axis=1), SLOWEST)
+    moving = (slowest > STILL_TOOL) & (cosine > 0) & (sine < WIDEST_TURN)
+    turned = np.minimum(1.0, sine + velocity_error / np.maximum(slowest, STILL_TOOL))
+    middle = np.maximum(np.linalg.norm(before + after, axis=1), STILL_TOOL)
     along = np.abs(np.einsum("ij,ij->i", mean, before + after)) / middle
     padded = np.pad(along + error, 1, mode="edge")
     along = np.maximum.reduce([padded[:-2], padded[1:-1], padded[2:]])
     value = across(before + after, mean)
     bound = error + turned * along
     # Where the direction turns further, the whole acceleration may be normal to the motion.
-    sharp = ~moving & (slowest > SLOWEST + velocity_error)
+    sharp = ~moving & (slowest > STILL_TOOL + velocity_error)
     value[sharp] = bound[sharp] = size[sharp]
     counts = moving | sharp
     name = "centripetal_acceleration"
@@ -284,7 +284,7 @@ def _smallest_jerk(moments: list[Column]) -> Column:
         return np.abs(bend) * 0.75, errors[0] * 0.75
     tilt, change = others
     jerk = np.maximum((np.abs(tilt) + np.hypot(tilt, change)) / 2, np.finfo(np.float64).tiny)
-    for step in range(NEWTON_STEPS):
+    for step in range(JERK_NEWTON_STEPS):
         half = np.maximum(0.5 - change / (4 * jerk), 1e-12)
         middle = np.clip(tilt / (4 * jerk * half), half - 1, 1 - half)
         norm = 2 / 3 + 2 * (middle**2 - half**2) + 8 / 3 * half**3

@@ -10,7 +10,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.motion.log_checks import GAP
 
 # With fewer intervals, the usual interval is unknown: these are waypoints, not a log.
-FEWEST_INTERVALS = 20
+FEWEST_LOG_INTERVALS = 20
 # Number of intervals on either side of a gap whose median is the usual interval there.
 NEIGHBOURS = 10
 # Fraction of the intervals that are ordinary, and factor of their excess over the median that is
@@ -19,16 +19,17 @@ ORDINARY = 0.95
 EXCESS = 5.0
 # The intervals of a log are uneven if the longest ordinary one exceeds the median by this factor.
 # The gaps of an uneven log exceed all of its other intervals by the same factor.
-UNEVEN = 2.0
+UNEVEN_INTERVALS = 2.0
 # Factor of the largest movement in an ordinary interval that an uneven log may have in a long one.
 # A log that is written when a joint has moved has long intervals while the joints are slow.
 MOVED = 2.0
 # The arm rests in a gap if no joint moves in it by more than this fraction of its travel, or this
-# multiple of its noise, and if it moves in the intervals before and after by at most SLOW times its
-# largest ordinary movement. A periodic motion also returns to its position, but moves there.
-REST = 1e-4
-REST_NOISE = 6.0
-SLOW = 0.05
+# multiple of its noise, and if it moves in the intervals before and after by at most SLOW_MOVEMENT
+# times its largest ordinary movement. A periodic motion also returns to its position, but moves
+# there.
+REST_MOVEMENT = 1e-4
+REST_NOISE_FACTOR = 6.0
+SLOW_MOVEMENT = 0.05
 # Factor of the median of the third differences of white noise that gives its standard deviation.
 NOISE_OF_MEDIAN = 1.4826 / np.sqrt(20)
 
@@ -73,15 +74,17 @@ def find_gaps(
     - `lines`: lines of the samples in their file, (n,).
     """
     steps = np.diff(t)
-    if len(steps) < FEWEST_INTERVALS:
+    if len(steps) < FEWEST_LOG_INTERVALS:
         return ()
     usual = float(np.median(steps))
     longest = float(np.quantile(steps, ORDINARY))
     limit = max(GAP * usual, usual + EXCESS * (longest - usual))
-    uneven = longest > UNEVEN * usual
+    uneven = longest > UNEVEN_INTERVALS * usual
     if uneven:
         ordered = np.sort(steps)
-        jumps = np.flatnonzero((ordered[1:] > limit) & (ordered[1:] > UNEVEN * ordered[:-1]))
+        jumps = np.flatnonzero(
+            (ordered[1:] > limit) & (ordered[1:] > UNEVEN_INTERVALS * ordered[:-1])
+        )
         limit = float(ordered[jumps[0]] if len(jumps) else ordered[-1])
     gaps = steps > limit
     for i in np.flatnonzero(gaps).tolist():
@@ -108,9 +111,9 @@ def find_gaps(
 
 def _find_rests(q: FloatArray, moved: FloatArray, most: FloatArray, error: FloatArray) -> BoolArray:
     """Mask of the intervals in which no joint moves, but for noise and rounding, (n - 1,)."""
-    noise = REST_NOISE * NOISE_OF_MEDIAN * np.median(np.abs(np.diff(q, 3, axis=0)), axis=0)
-    still = np.maximum(REST * np.ptp(q, axis=0), noise) + 2 * error
-    slow = (moved <= np.maximum(still, SLOW * most)).all(axis=1)
+    noise = REST_NOISE_FACTOR * NOISE_OF_MEDIAN * np.median(np.abs(np.diff(q, 3, axis=0)), axis=0)
+    still = np.maximum(REST_MOVEMENT * np.ptp(q, axis=0), noise) + 2 * error
+    slow = (moved <= np.maximum(still, SLOW_MOVEMENT * most)).all(axis=1)
     around = np.pad(slow, 1, constant_values=True)
     resting: BoolArray = (moved <= still).all(axis=1) & around[:-2] & around[2:]
     return resting

@@ -54,7 +54,7 @@ ULPS = 4
 ON_GRID = 1e-3
 UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 # Largest joint velocity that counts as rest at an end [rad/s]; measured velocities have noise.
-AT_REST = 0.01
+LARGEST_REST_VELOCITY = 0.01
 # Displayed times have a resolution of at most this fraction of the shortest interval, and at most
 # so many decimals.
 STEPS_SHOWN = 4
@@ -191,7 +191,7 @@ class Check(Result):
             yield f"Not judged, because a limit, masses or samples are missing: {names}."
         ends = zip(("start", "end"), self.end_speeds, self.end_units, strict=True)
         for end, speed, unit in ends:
-            if speed > AT_REST:
+            if speed > LARGEST_REST_VELOCITY:
                 yield (
                     f"The motion does not {end} at rest: at its {end} a joint moves at "
                     f"{number(speed, unit)}, so the robot can execute it only as a part of a "

@@ -8,7 +8,6 @@ import pytest
 import scipy.sparse as sp
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
 from armcontour.core.render import number, plain
 from armcontour.files import read_job
 from armcontour.files.exports import CsvFormat, export, make_table
@@ -123,8 +122,8 @@ def test_the_stated_error_equals_that_of_the_execution(arm, reserve, duration, r
     plant = ac.ServoPlant(arm, SERVO, saturation="none")
     fast = ac.Limits(joint_velocity=9.0)
     set_points = [
-        ac.compensate(plan, SERVO, METHODS[method](command_limits=limits), cycle=CYCLE, limits=fast)
-        for method, limits in (("inverse", LIBFRANKA), ("inverse", None), ("none", None))
+        ac.compensate(plan, SERVO, options, cycle=CYCLE, limits=fast)
+        for options in (ac.Inverse(command_limits=LIBFRANKA), ac.Inverse(), ac.NoCompensation())
     ]
     error, exact, plain = (
         ac.evaluate(ac.simulate(x, plant, resolution=CYCLE), path).contour_error for x in set_points

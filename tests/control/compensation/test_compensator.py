@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS, CompensationOptions
+from armcontour.control.compensation import CompensationOptions
+from armcontour.jobs.methods import COMPENSATIONS
 from armcontour.motion import PathLaw, Rates
 
 from .motions import laps
@@ -66,9 +67,9 @@ def test_set_points_begin_and_end_at_the_rests_of_the_plan():
     plan = laps([0.0, 0.5, 1.0], [(0.0, 0.0), (0.5, -0.5)], [(1.0, -1.0), (-1.0, 1.0)])
     still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
     for method in NAMES:
-        set_points = ac.compensate(plan, UNEVEN, METHODS[method](), cycle=0.01)
+        set_points = ac.compensate(plan, UNEVEN, COMPENSATIONS[method](), cycle=0.01)
         np.testing.assert_array_equal(set_points.q[0], plan(0.0), err_msg=method)
-        q = ac.compensate(still, UNEVEN, METHODS[method](), cycle=0.05).q
+        q = ac.compensate(still, UNEVEN, COMPENSATIONS[method](), cycle=0.05).q
         np.testing.assert_allclose(q, np.tile((0.3, -0.2), (len(q), 1)), atol=1e-14)
     trajectory = smooth()
     set_points = ac.compensate(trajectory, UNEVEN, ac.NoCompensation(), cycle=0.1)
@@ -116,7 +117,7 @@ def test_the_inverse_compensates_joints_of_different_orders(refuses):
     errors = {}
     for method in ("inverse", "none"):
         execution = ac.simulate(
-            ac.compensate(plan, servo, METHODS[method]()), ac.ServoPlant(arm, servo)
+            ac.compensate(plan, servo, COMPENSATIONS[method]()), ac.ServoPlant(arm, servo)
         )
         errors[method] = np.abs(execution.q - plan(np.clip(execution.t, 0, plan.duration))).max(
             axis=0

@@ -8,7 +8,7 @@ from benchmarks.ur5e import CORNER, CORNER_ERROR, DOWN, square
 from numpy.polynomial import Polynomial
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
+from armcontour.jobs.methods import COMPENSATIONS
 from armcontour.motion import Law
 from armcontour.robot.nominal_robot import Drives
 from armcontour.robot.servo.simulation import command_pieces, sample_command
@@ -228,6 +228,6 @@ def test_unsupported_plans_arms_and_servos_are_refused(light, refuses):
         refuses(call, ac.InvalidInput, words)
     for method in ("none", "inverse", "pole_placement"):
         first, second = (
-            ac.compensate(SWING, SERVO, METHODS[method](), arm=x).q for x in (None, light)
+            ac.compensate(SWING, SERVO, COMPENSATIONS[method](), arm=x).q for x in (None, light)
         )
         np.testing.assert_array_equal(first, second)

@@ -150,7 +150,7 @@ def test_dry_friction_is_identified_if_the_data_support_it():
     assert joint.friction.value == pytest.approx(2e-4, rel=0.2)
 
 
-def test_a_gap_splits_a_log_and_lost_samples_do_not_matter(fed):
+def test_log_is_split_at_gaps_and_tolerates_lost_samples(fed):
     log = fed.logs[1]
     indices = np.delete(np.arange(len(log.t)), [*range(300, 304), *range(700, 900)])
     cut = Log(t=log.t[indices], command=log.command[indices], measured=log.measured[indices])

@@ -11,9 +11,9 @@ import armcontour as ac
 from armcontour.cli.command_execution import execute
 from armcontour.cli.commands import Identify
 from armcontour.cli.identify_command import identify as identify_logs
-from armcontour.control.compensation import METHODS
 from armcontour.files import parse_job
 from armcontour.files.limits_and_servo_files import read_servo
+from armcontour.jobs.methods import COMPENSATIONS
 from armcontour.report.identification import render_identification
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
@@ -81,7 +81,7 @@ def test_a_joint_whose_contour_error_remains_in_a_log_is_weak(good):
     assert not any(x.note for x in (fit.joints[0], *good.joints))
 
 
-def test_the_judged_contour_error_is_that_of_the_tool(good):
+def test_judged_contour_error_equals_distance_of_tool_from_commanded_path(good):
     arm = ac.load_arm("pmk3s")
     fit = ac.identify([robot_log(1), robot_log(2)], ac.ServoFit(kinematics=arm))
     assert fit.judgement.ratio < 0.02
@@ -156,7 +156,7 @@ def test_the_delay_that_joints_share_is_compensated_for_a_joint_without_a_model(
     ):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            set_points = ac.compensate(planned, x, METHODS[method]())
+            set_points = ac.compensate(planned, x, COMPENSATIONS[method]())
         executed = ac.simulate(set_points, ac.ServoPlant(arm, truth))
         errors.append(ac.evaluate(executed, path).contour_error.rms)
     # Compensation of one joint turns the delay of the other one into contour error.

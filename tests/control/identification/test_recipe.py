@@ -72,6 +72,26 @@ def test_the_expected_error_holds_on_another_program():
     found = expect(draw(3), 3)
     assert RATIOS[0] < found.true / found.expected < RATIOS[1]
     assert not found.kept or found.true <= found.allowed
+    # The drives differentiate the command faster than set-points arrive.
+    for joint, drive in zip(found.identification.joints, draw(3).joints, strict=True):
+        feed = joint.acceleration_feedforward
+        assert feed.low < drive.bend < feed.high
+        assert joint.velocity_feedforward.low < drive.feed < joint.velocity_feedforward.high
+        assert joint.dead_time.low < drive.dead_time < joint.dead_time.high
+        assert not feed.determined
+
+
+def test_the_expected_error_holds_if_the_log_contains_only_noise():
+    found = expect(draw(7), 7)
+    assert RATIOS[0] < found.true / found.expected < RATIOS[1]
+
+
+def test_parameters_that_compensate_for_another_effect_have_no_interval():
+    joint = ac.identify(logs(draw(18), 18)).joints[0]
+    assert joint.effective
+    assert joint.rms > 3 * joint.noise
+    assert np.isnan(joint.kp.low) and np.isnan(joint.kp.high)
+    assert joint.kp.sd > 0
 
 
 def test_both_servos_with_exchanged_gains_are_named():

@@ -70,7 +70,7 @@ def test_learning_ends_if_only_differences_between_logs_remain():
     assert np.mean(stated) == pytest.approx(0.7, abs=0.25)
 
 
-def test_single_logs_of_runs_give_no_noise():
+def test_noise_is_unknown_without_repeated_runs_of_same_set_points():
     """Differences of runs with other set-points are no noise."""
     robot = Robot(0)
     set_points = robot.set_points

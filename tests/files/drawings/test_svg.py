@@ -521,7 +521,7 @@ def test_any_path_data_is_read_or_refused(d, points):
         assert "in line 1" in str(error)
 
 
-def test_a_reference_to_nothing_is_skipped_with_a_note():
+def test_svg_use_of_missing_element_is_skipped_with_a_note():
     rect = '<rect x="10" y="10" width="30" height="20"/>'
     for dead in ('<use href="#gone" x="5"/>', '<use xlink:href="#gone"/>', "<use/>"):
         for body in (

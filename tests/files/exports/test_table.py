@@ -30,7 +30,7 @@ from armcontour.files.exports import (
 )
 from armcontour.files.exports import export_table as table_module
 from armcontour.files.exports.export_table import csv_pieces, event_data
-from armcontour.jobs.job import ENDINGS
+from armcontour.files.exports.formats import ENDINGS
 from armcontour.motion import TimedEvent
 
 CYCLE = 0.004

@@ -29,7 +29,7 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
     tube = Tube.around(LINES, 1e-3)
     options = ac.Shaped(tolerance=1e-3)
     timer = Timer(arm, limits, "positive", None, 800)
-    search = next(make_searches(LINES, tube, timer, options))
+    search = next(make_searches(LINES, tube, timer, options.tolerances))
     durations = []
     for _, candidate in zip(range(8), search.run(), strict=False):
         durations.append(candidate.duration)
@@ -64,7 +64,7 @@ def tube_of(path, options):
 
 def test_the_starts_of_the_search_use_the_whole_tolerance():
     options = ac.Shaped(tolerance=5e-3)
-    starts = make_starts(LINES, tube_of(LINES, options), options)
+    starts = make_starts(LINES, tube_of(LINES, options), options.tolerances)
     assert set(starts) == {STOPS, ARCS, PARABOLAS}
     for name in (ARCS, PARABOLAS):
         path, _ = starts[name]
@@ -74,7 +74,7 @@ def test_the_starts_of_the_search_use_the_whole_tolerance():
     points = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)]
     segment_limits = ac.SegmentLimits(tolerance=1e-3)
     path = ac.Path.polyline(points, segment_limits=segment_limits)
-    start_path, _ = make_starts(path, tube_of(path, options), options, 0.7)[ARCS]
+    start_path, _ = make_starts(path, tube_of(path, options), options.tolerances, 0.7)[ARCS]
     np.testing.assert_allclose(start_path.corners.error, 0.7e-3, rtol=1e-9)
 
 
@@ -83,7 +83,7 @@ def test_the_middle_of_a_starting_arc_belongs_to_its_corner():
     for turn in (0.3, 1.5, 2.6, 3.0):
         end = np.array([0.1, 0]) + 0.1 * np.array([np.cos(turn), np.sin(turn)])
         path = ac.Path.polyline([(0, 0), (0.1, 0), end])
-        arcs, places = make_starts(path, tube_of(path, options), options)[ARCS]
+        arcs, places = make_starts(path, tube_of(path, options), options.tolerances)[ARCS]
         assert (np.diff(places, axis=0) >= 0).all(), turn
         # By symmetry the middle of the arc passes the corner; each half belongs to its line.
         middle = (arcs.corners.start[0] + arcs.corners.end[0]) / 2
@@ -94,7 +94,7 @@ def test_the_middle_of_a_starting_arc_belongs_to_its_corner():
         np.testing.assert_allclose(distances, np.abs(arcs(before[:, 1])[:, 1]), atol=1e-9)
     # A corner that turns back is a stop.
     path = ac.Path.polyline([(0, 0), (0.1, 0), (0.02, 0), (0.02, 0.1)])
-    arcs, _ = make_starts(path, tube_of(path, options), options)[ARCS]
+    arcs, _ = make_starts(path, tube_of(path, options), options.tolerances)[ARCS]
     assert len(arcs.stops) == 1 and arcs.corners.reason[0] == "turn-back"
 
 
@@ -123,7 +123,7 @@ def case(request):
     tube = Tube.around(objective, TOLERANCE)
     options = ac.Shaped(tolerance=TOLERANCE)
     timer = Timer(arm, arm.limits.for_joints(arm.dof), configuration, start)
-    path, places = make_starts(objective, tube, options, 0.7)[PARABOLAS]
+    path, places = make_starts(objective, tube, options.tolerances, 0.7)[PARABOLAS]
     candidate = timer.candidate(PARABOLAS, path, places)
     return arm, objective, tube, place_nodes(candidate, tube, arm, configuration)
 

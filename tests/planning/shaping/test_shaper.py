@@ -84,7 +84,7 @@ def test_a_long_path_shaped_in_parts_is_about_as_fast_as_in_one_part(arm, limits
         return ac.plan(path, arm, limits, ac.Shaped(**options, **more))
 
     whole = plan()
-    monkeypatch.setattr(shape_search, "LONG_PATH", 4)
+    monkeypatch.setattr(shape_search, "MANY_CORNERS", 4)
     monkeypatch.setattr(shape_search, "CHUNKED", 4)
     monkeypatch.setattr(shape_search, "CORNERS", 4)
     parts = plan()

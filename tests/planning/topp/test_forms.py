@@ -7,7 +7,8 @@ from scipy.optimize import linprog
 import armcontour as ac
 from armcontour.planning.constraints import Constraint, JointTorque, constraints_of, limits_on
 from armcontour.planning.path_grid import place_grid
-from armcontour.planning.topp.grid_plan import MotionBounds, Rules, plan_on_grid, rows_with_friction
+from armcontour.planning.topp.friction_rows import rows_with_friction
+from armcontour.planning.topp.grid_plan import plan_on_grid
 from armcontour.planning.topp.limit_forms import (
     HIGH,
     LOW,
@@ -16,9 +17,11 @@ from armcontour.planning.topp.limit_forms import (
     Ceiling,
     Friction,
     LinearRows,
+    MotionBounds,
     Rounds,
     Squares,
 )
+from armcontour.planning.topp.plan_rules import Rules
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 RNG = np.random.default_rng(4)

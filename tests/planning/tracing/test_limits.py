@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.planning import METHODS
+from armcontour.jobs.methods import TIMINGS
 from armcontour.planning.tracing import check_joint_range, trace_all
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -123,4 +123,4 @@ def test_every_method_refuses_paths_out_of_the_joint_range(traced, arm, limits):
     narrow = limits.replace(joint_upper=traced(0.0) + 0.01)
     for method in ("optimal", "paper", "conventional"):
         with pytest.raises(ac.Unreachable, match="beyond its upper limit"):
-            ac.plan(traced, arm, narrow, METHODS[method]())
+            ac.plan(traced, arm, narrow, TIMINGS[method]())

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
+from armcontour.jobs.methods import COMPENSATIONS
 from armcontour.motion import SetPoints
 
 CYCLE = 4e-3  # s, between set-points
@@ -118,7 +118,7 @@ def test_the_response_equals_the_transfer_function_of_scipy():
 
 
 def follow(plan, arm, servo, limits, method):
-    set_points = ac.compensate(plan, servo, METHODS[method](), cycle=CYCLE)
+    set_points = ac.compensate(plan, servo, COMPENSATIONS[method](), cycle=CYCLE)
     return set_points, ac.simulate(set_points, ac.ServoPlant(arm, servo, limits))
 
 
@@ -240,7 +240,7 @@ def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
     servo = ac.ServoModel(kp=25.0, kv=150.0, velocity_feedforward=1.0)
     errors = []
     for method in ("inverse_dynamics", "none"):
-        set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
+        set_points = ac.compensate(plan, servo, COMPENSATIONS[method](), arm=arm)
         execution = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
         errors.append(ac.evaluate(execution, path).contour_error.rms)
     assert errors[0] < min(1e-6, 0.1 * errors[1])

@@ -18,7 +18,7 @@ from tests.oracle.test_franka_limiter import commands_changed, fast_line, recipe
 import armcontour as ac
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import Franka, Motion, play
-from armcontour.controllers.controller import START
+from armcontour.controllers.controller import START_TOLERANCE
 from armcontour.controllers.player import Stopper, approach_of, uncompensated_motion
 from armcontour.files import parse_job
 from armcontour.motion import SetPoints
@@ -104,7 +104,7 @@ def stopper_of(trajectory, arm):
 def played(robot, motion, job, limits, stop_requested=lambda: False):
     """The record of a motion that is played from its start, until one is faithful."""
     for _ in range(TRIES):
-        if np.abs(robot.position() - motion.q[0]).max() > START:
+        if np.abs(robot.position() - motion.q[0]).max() > START_TOLERANCE:
             approach = approach_of(job, limits, robot.position(), motion.q[0], 0.1)
             record = robot.stream(uncompensated_motion(approach, job.arm, 1e-3))
             if record.stopped is not None:

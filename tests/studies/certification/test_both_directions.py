@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
 from armcontour.files import certificate_page, parse_job
+from armcontour.jobs.methods import COMPENSATIONS
 
 JOB = """
 name: own
@@ -68,7 +68,7 @@ def test_the_tool_respects_the_speed_of_every_segment(method):
     set_points = ac.compensate(
         ac.plan(job.path, job.arm, certificate.result.run.limits),
         job.servo,
-        METHODS[method](),
+        COMPENSATIONS[method](),
         cycle=4e-3,
     )
     fast = executed(replace(certificate, result=replace(certificate.result, set_points=set_points)))

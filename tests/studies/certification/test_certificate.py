@@ -173,7 +173,7 @@ def test_a_result_of_the_search_that_fails_the_proof_is_refused(monkeypatch):
 
 
 @pytest.mark.parametrize("more", ["ki: 6 1/s", "ki: 6 1/s, drive_cycle: 4 ms"])
-def test_a_cascade_stays_within_its_budget(more):
+def test_certified_servo_with_integrator_stays_within_error_budget(more):
     line = LINE.replace("kv: 150 1/s", f"kv: 150 1/s, {more}")
     certificate = ac.certify(parse_job(line), goal=ac.CertificateGoal(servo_error=2e-5))
     assert 0 < judged(certificate).contour_error.max <= 2e-5
@@ -298,7 +298,7 @@ def test_the_refusal_names_the_limiting_requirement(refuses):
         refuses(call, ac.NotRealizable, *words, **data)
 
 
-def test_a_budget_has_room_for_what_the_servo_model_does_not_explain(refuses):
+def test_error_budget_includes_error_that_servo_model_does_not_explain(refuses):
     short_job = job(SHORT, servo=", model_error: 0.1 mrad")
     certificate = ac.certify(short_job, goal=CertificateGoal(servo_error=0.2e-3))
     budget = certificate.budget

@@ -14,7 +14,7 @@ pinocchio()
 from soak import clearance as judge  # noqa: E402
 
 
-def test_a_clear_verdict_excludes_contact():
+def test_motion_judged_clear_never_touches():
     tally = judge.Tally()
     for name in judge.ARMS:
         arm = ac.load_arm(name)

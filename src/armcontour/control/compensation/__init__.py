@@ -3,7 +3,10 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "compensator": "METHODS CompensationOptions Inverse InverseDynamics NoCompensation "
-    "PolePlacement compensate"
+    "compensator": "compensate",
+    "inverse": "INVERSE Inverse",
+    "inverse_dynamics": "InverseDynamics",
+    "method": "CompensationOptions",
+    "no_compensation": "NoCompensation",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -1,6 +1,6 @@
 """Set-points for a servo with feed-forward, and their transient after the motion."""
 
-# See docs/guides/compensations.md.
+# See docs/concepts/compensation.md.
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CORRECTION_TOLERANCE = 1e-13
 def invert_feedforward(
     plain: FloatArray, cycle: float, servo: ServoModel, duration: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Set-points for a servo with feed-forward, and bounds of the errors due to truncation.
+    """Compute set-points for a servo with feed-forward, and bounds of truncation errors.
 
     The servo with feed-forward responds to the returned set-points like a servo without
     feed-forward to `plain` [rad], (n, dof). In every cycle, the mean of the command including
@@ -60,14 +60,19 @@ def invert_feedforward(
     return np.asarray(set_points), None
 
 
+def has_transient(servo: ServoModel) -> bool:
+    """Return whether set-points change after the motion, due to feed-forward or an integrator."""
+    return servo.has_feedforward or bool(servo.ki.any())
+
+
 def tail_duration(servo: ServoModel, duration: float) -> float:
-    """Duration of the transient of set-points after a motion, at most `longest_tail` [s]."""
+    """Return how long set-points change after a motion [s], at most `longest_tail`."""
     longest = longest_tail(duration)
     return longest if servo.ki.any() else min(SETTLING * float(servo.lead[0].max()), longest)
 
 
 def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Fade set-points to the last one, in place; returns bounds of joint errors [rad], (dof,)."""
+    """Fade set-points to the last one, in place; return bounds of joint errors [rad], (dof,)."""
     # The exact tail moves no joint, so the error is the response to the removed part of the tail.
     # After the tail, the set-points are constant, so the error decays.
     share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, len(tail) + 1) / len(tail))
@@ -90,13 +95,13 @@ def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -
 
 
 def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Means of the command over the interval before each set-point [rad], (n, dof)."""
+    """Return the command's means over the interval before each set-point [rad], (n, dof)."""
     pieces = add_feedforward(command_pieces(q, cycle, servo.interpolation), servo)[:, :-1, :4]
     return np.asarray((pieces @ (cycle ** np.arange(4) / np.arange(1, 5))).T)
 
 
 def _solve_means(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Set-points whose command has given means over the interval before each of them, (n, dof)."""
+    """Solve for set-points, (n, dof), from the command's means over the interval before each."""
     # Set-points and means are relative to the position before the first set-point [rad]. Cubic
     # interpolation is approximated by linear interpolation.
     from scipy.signal import lfilter

@@ -1,13 +1,16 @@
-"""Set-points by the inverse dynamics of the robot, for the method "inverse_dynamics"."""
+"""`InverseDynamics`: set-points by the inverse dynamics of the arm and its drives."""
 
 # `armcontour.robot.nominal_robot` computes the exact command with which the drives follow the plan,
 # at every time. Set-points are chosen so that their interpolation approximates this command best,
-# see docs/guides/compensations.md.
+# see docs/concepts/compensation.md.
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
+from armcontour.control.compensation.method import CompensationOptions
 from armcontour.control.compensation.set_point_times import (
     SetPointTimes,
     advance_set_points,
@@ -16,6 +19,8 @@ from armcontour.control.compensation.set_point_times import (
 )
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
+from armcontour.core.fields import declared
+from armcontour.core.quantities import NO_KEY
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import Trajectory
 from armcontour.robot import Arm
@@ -27,6 +32,44 @@ from armcontour.robot.servo import ServoModel
 # line is the mean of its ends, and the middle of a cubic is
 # `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
 MEAN_WEIGHTS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
+
+
+@declared(eq=False)
+class InverseDynamics(CompensationOptions):
+    """Inverse of drives that move the arm's rigid bodies; extends `CompensationOptions`.
+
+    The method is most accurate for plans with jerk limits. With the first and the last set-point,
+    the arm is at rest at the ends of the plan. The method requires an arm with masses and a servo
+    of order "second".
+
+    >>> options = ac.InverseDynamics(gravity_feedforward=True)
+    >>> options.method
+    'inverse_dynamics'
+
+    Args:
+        gravity_feedforward: Whether the controller adds the gravity torque.
+        controller: The arm model of the controller, for example without a payload that was
+            identified later; by default the nominal arm.
+    """
+
+    method = "inverse_dynamics"
+    for_bodies = True
+    gravity_feedforward: bool = True
+    controller: Annotated[Arm | None, NO_KEY] = None
+
+    @property
+    def feeds_gravity_forward(self) -> bool:
+        """True if the controller adds the gravity torque."""
+        return self.gravity_feedforward
+
+    def set_points(
+        self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None
+    ) -> tuple[float, FloatArray]:
+        """Compute set-points by the inverse dynamics of the arm and its drives."""
+        return invert_dynamics(
+            trajectory, servo, cycle, arm,
+            gravity_feedforward=self.gravity_feedforward, controller=self.controller,
+        )  # fmt: skip
 
 
 def invert_dynamics(

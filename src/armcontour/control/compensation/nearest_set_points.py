@@ -22,11 +22,11 @@ from armcontour.robot.limits import LIMITS
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 
-# Limited set-points begin earlier and end later by this number of time constants of the slowest
-# servo, plus the time of RAMPS.
+# Limited set-points begin earlier and end later by so many of the slowest servo's time constants,
+# plus the time of RAMPS.
 TIME_CONSTANTS = 2.0
-# Limited set-points also begin earlier and end later by this multiple of the duration of a
-# jerk-limited ramp from zero to the acceleration limit.
+# Limited set-points also begin earlier and end later by so many jerk-limited ramps from zero to the
+# acceleration limit.
 RAMPS = 4.0
 # Set-points are changed to satisfy a limit of velocity or acceleration that the plan exceeds by at
 # most this fraction. A plan with a larger excess is rejected.
@@ -75,7 +75,10 @@ def limit_set_points(
 
 
 def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
-    """Raise an error if the plan exceeds bounds; bounds of derivatives are widened by `share`."""
+    """Raise an error if the plan exceeds bounds.
+
+    - `share`: fraction by which bounds of derivatives are widened.
+    """
     plan = set_points.trajectory
     cycle = set_points.cycle
     # The times extend to the end of the plan, because set-points with a time advance end earlier.
@@ -104,7 +107,7 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
 def _limit_cost(
     set_points: SetPoints, change: FloatArray, servo: ServoModel, arm: Arm | None
 ) -> LimitCost:
-    """Errors due to a change of set-points [rad], (n, dof); the servos are assumed linear."""
+    """Return errors due to a change of set-points [rad], (n, dof), with linear servos."""
     deviation = np.abs(change).max(axis=0)
     plan = set_points.trajectory
     arm = plan.arm if arm is None else arm

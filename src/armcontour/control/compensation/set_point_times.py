@@ -13,12 +13,12 @@ from armcontour.robot.servo import ServoModel
 
 # A set-point that is closer to a break of the trajectory than this [cycles] is moved to the break.
 SNAP = 1e-9
-# Set-points continue after the end of the motion for this number of time constants, so that the
-# transient of the compensation decays.
+# Set-points continue after the motion for so many time constants, so that the compensation's
+# transient decays.
 SETTLING = 36.0
 # The transient of set-points after a motion is truncated after this time at the latest [s].
 LONGEST_TAIL = 1.0
-# The transient is also truncated after this fraction of the duration of the motion.
+# The transient is also truncated after this fraction of the motion's duration.
 TAIL_SHARE = 0.2
 
 
@@ -33,7 +33,10 @@ class SetPointTimes:
 
 
 def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -> SetPointTimes:
-    """Times of set-points from `offset` (0 or before the motion) to the end of the motion."""
+    """Return set-point times until the motion ends.
+
+    - `offset`: first time, 0 or before the motion [s].
+    """
     duration = trajectory.duration
     count = int(np.ceil((duration - offset) / cycle * (1 - 1e-15) - SNAP))
     grid = offset + np.arange(max(count, 1), dtype=np.float64) * cycle
@@ -50,7 +53,7 @@ def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -
 
 
 def time_advances(servo: ServoModel, cycle: float) -> FloatArray:
-    """Time advance of each joint's set-points [s], (dof,)."""
+    """Return the time advance of each joint's set-points [s], (dof,)."""
     # Interpolation "step" delays the command by half a cycle on average.
     return servo.dead_time + (cycle / 2 if servo.interpolation == "step" else 0.0)
 
@@ -64,7 +67,7 @@ def advance_set_points(
     hold: FloatArray | None = None,
     from_rest: bool = False,
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], and set-points with time advances [rad], (n, dof).
+    """Return the first set-point's time [s], and set-points with time advances [rad], (n, dof).
 
     - `lead`: time advance of each joint [s], (dof,). The set-point at time t corresponds to the
       plan's time t + lead. The set-points begin before time 0 by as many cycles as the largest time
@@ -94,10 +97,10 @@ def advance_set_points(
 
 
 def integrator_tail(servo: ServoModel, duration: float, cycle: float) -> int:
-    """Number of set-points after a motion until the integrators decay; 0 without integrators."""
+    """Return how many set-points after a motion the integrators need to decay; 0 without any."""
     return int(longest_tail(duration) / cycle) + 2 if servo.ki.any() else 0
 
 
 def longest_tail(duration: float) -> float:
-    """Time after a motion at which the transient of its set-points is truncated [s]."""
+    """Return the time after a motion at which its set-points' transient is truncated [s]."""
     return min(LONGEST_TAIL, TAIL_SHARE * duration)

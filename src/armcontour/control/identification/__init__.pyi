@@ -1,8 +1,8 @@
+from armcontour.control.identification.estimate import Estimate as Estimate
 from armcontour.control.identification.identification_result import Identification as Identification
 from armcontour.control.identification.identification_result import JointIdentification as JointIdentification
 from armcontour.control.identification.identification_result import Judgement as Judgement
 from armcontour.control.identification.identification_result import Prediction as Prediction
-from armcontour.control.identification.least_squares import Estimate as Estimate
 from armcontour.control.identification.servo_identification import ServoFit as ServoFit
 from armcontour.control.identification.servo_identification import identify as identify
 from armcontour.motion.log import INTERPOLATIONS as INTERPOLATIONS

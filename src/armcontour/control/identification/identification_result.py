@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.control.identification.joint_fit import (
-    LogSegment,
-    fit_initial_state,
-    predict,
-    split_logs,
-)
-from armcontour.control.identification.least_squares import UNITS, Estimate, fastest_motion
+from armcontour.control.identification.command_rates import fastest_motion
+from armcontour.control.identification.estimate import UNITS, Estimate
+from armcontour.control.identification.initial_state import fit_initial_state, predict
+from armcontour.control.identification.log_segments import LogSegment, split_logs
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import ArmMismatch, InvalidInput
@@ -53,15 +50,15 @@ class JointIdentification(Result, Frozen):
         rests: Residuals of each log: measured less predicted positions [rad], (n,); nan at samples
             that do not count. Empty if no model was fitted. Predictions are those from the other
             parts of the logs.
-        program_rest: The same for the only log of a program, whose parts are predicted by fits of
-            its other parts and of the other logs [rad], (n,); otherwise empty.
+        program_rest: The same for a program that was recorded besides multisines [rad], (n,). Each
+            part is predicted by a fit of its other parts and all other logs. Otherwise empty.
         order: Order of the servo that is written to the file: "second", "first" or "delay";
             "unknown" if none is written. `parameters` then are those of the rejected model.
         servo: Values that are written to the file.
         tracking_rms: RMS of command less measured position, about its mean [rad].
         largest: Largest error of `servo` on the logs that were fitted [rad].
-        unseen_rms: RMS error on parts that were not fitted [rad]: for several logs the error of the
-            worst log, for one log weighted by motion.
+        unseen_rms: RMS error on parts that were not fitted [rad]: with several logs in the worst
+            log, with one log weighted by motion.
         share: `unseen_rms`, divided by the tracking error of the same log and weights.
         model_error: Largest error on all parts, fitted or not [rad].
         noise: Noise of the encoder, standard deviation [rad].
@@ -100,7 +97,7 @@ class JointIdentification(Result, Frozen):
     prismatic: bool = False
 
     def __getattr__(self, name: str) -> Estimate:
-        """The estimate of a parameter; its value is nan if the model has none."""
+        """Return the estimate of a parameter; its value is nan if the model has none."""
         if name not in UNITS:
             raise AttributeError(f"{type(self).__name__} has no {name}.")
         none = Estimate(name=name, unit=UNITS[name], value=math.nan, low=math.nan, high=math.nan)
@@ -108,11 +105,11 @@ class JointIdentification(Result, Frozen):
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
-        """The estimates of all parameters of the model."""
+        """The estimates of all parameters."""
         return tuple(self.parameters.values())
 
     def to_data(self) -> Data:
-        """Data of the errors on parts that were not fitted, and of the estimates."""
+        """Return the errors on parts that were not fitted, and the estimates, as data."""
         weak = "weak" if self.written and self.note else ""
         delay = "delay only" if not self.written and self.servo.dead_time else ""
         words = (weak, "effective" * self.effective, delay)
@@ -174,7 +171,7 @@ class Judgement:
 
     @property
     def ratio(self) -> float:
-        """Largest of `ratios`, that of the worst log."""
+        """Largest of `ratios`."""
         return float(self.ratios.max())
 
     @property
@@ -204,7 +201,7 @@ class Identification(Result, Frozen):
     repeats: tuple[str, ...] = ()
 
     def __getitem__(self, name: str | int) -> JointIdentification:
-        """The result of a joint by its name, or by its number from 1."""
+        """Return the result of a joint by its name, or by its number from 1."""
         for j, joint in enumerate(self.joints):
             if name in (joint.name, j + 1):
                 return joint
@@ -217,7 +214,7 @@ class Identification(Result, Frozen):
         return ", ".join(dict.fromkeys(x.source for x in self.logs))
 
     def to_data(self) -> Data:
-        """Data of the verdict, then of every joint and its parameters."""
+        """Return the verdict, then every joint and its parameters, as data."""
         result = self.judgement
         count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
         doubt = "" if self.trusted else "not all joints have a good model"
@@ -250,7 +247,7 @@ class Identification(Result, Frozen):
         )  # fmt: skip
 
     def _tables(self) -> tuple[Table, Table]:
-        """Two tables: all rows of each joint, and only the estimates of each joint."""
+        """Return two tables: one with all rows of each joint, one with its estimates only."""
         every = [x.to_data() for x in self.joints]
         rows = [(*x.rows, Row("parameters", x.tables[0].as_dicts())) for x in every]
         names = [x for x in UNITS if any(x in y.parameters for y in self.joints)]
@@ -287,7 +284,7 @@ class Identification(Result, Frozen):
     __repr__ = short_repr
 
     def servo_model(self) -> ServoModel:
-        """Servo model for a servo file; joints without a model have the order "unknown".
+        """Make the servo model for a servo file; joints without a model have the order "unknown".
 
         Raises:
             InvalidInput: No joint has a model.
@@ -359,19 +356,18 @@ def with_servo(
     drive_cycle: float = 0.0,
     unseen: float = 0.0,
 ) -> JointIdentification:
-    """Return the joint with a servo, and with the errors of this servo on the logs.
+    """Return the joint with its servo for the file, and with this servo's errors on the logs.
 
-    `unseen` is the largest error on parts that were not fitted [rad].
+    - `unseen`: largest error on parts that were not fitted [rad].
     """
     rms = math.nan
     largest = math.pi
     offsets = {}
     if segments:
         fits = [fit_initial_state(s, servo, order, drive_cycle) for s in segments]
-        offsets = {s.log: offset for s, (_, offset) in zip(segments, fits, strict=True)}
-        errors = np.concatenate(
-            [(s.y - q)[s.use] for s, (q, _) in zip(segments, fits, strict=True)]
-        )
+        pairs = list(zip(segments, fits, strict=True))
+        offsets = {s.log: x.offset for s, x in pairs}
+        errors = np.concatenate([(s.y - x.positions)[s.use] for s, x in pairs])
         rms = float(np.sqrt(np.mean(errors**2)))
         largest = float(np.abs(errors).max())
     written = replace(joint, order=order, servo=servo, rms=rms, largest=largest, offsets=offsets)
@@ -379,7 +375,7 @@ def with_servo(
 
 
 def round_digits(value: float) -> float:
-    """A value rounded to the number of digits in a servo file."""
+    """Return a value with the digits of a servo file."""
     return float(f"{value:.{DIGITS}g}")
 
 
@@ -405,7 +401,7 @@ class Prediction(Result):
 
     @property
     def rms(self) -> FloatArray:
-        """Root mean square of the errors of each joint [rad], (dof,)."""
+        """RMS error of each joint [rad], (dof,)."""
         return _rms(self.errors, self.used)
 
     @property
@@ -421,7 +417,7 @@ class Prediction(Result):
         return _rms(errors - np.sum(errors * self.used, axis=0) / count, self.used)
 
     def tool_errors(self, arm: Arm) -> FloatArray:
-        """Distances between the tool at measured and at predicted positions [m], (n,).
+        """Return distances between the tool at measured and at predicted positions [m], (n,).
 
         The distance is 0 at a sample that does not count for some joint.
 
@@ -438,7 +434,7 @@ class Prediction(Result):
         return np.where(self.used.all(axis=1), np.linalg.norm(offsets, axis=1), 0.0)
 
     def to_data(self, arm: Arm | None = None) -> Data:
-        """Data of the errors of all joints; the summary shows the joint with the largest error."""
+        """Return the errors of all joints as data; the summary shows the largest error."""
         unit = shared_unit("rad", self.log.prismatic)
 
         def of_joints(name: str, label: str) -> Row:
@@ -462,6 +458,6 @@ class Prediction(Result):
 
 
 def _rms(values: FloatArray, used: BoolArray) -> FloatArray:
-    """Root mean square over the samples in `used`, (dof,)."""
+    """Return the root mean square over the samples in `used`, (dof,)."""
     count = np.maximum(used.sum(axis=0), 1)
     return np.asarray(np.sqrt(np.sum(np.where(used, values, 0.0) ** 2, axis=0) / count))

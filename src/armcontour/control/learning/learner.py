@@ -62,8 +62,8 @@ CERTAIN_MISFIT = 0.02
 # A servo that is identified from a log is used if the deviation of each joint from its simulation
 # is below this fraction of the deviation from the set-points.
 IDENTIFIED_MISFIT = 0.5
-# The deviation from the set-points of a joint that hardly moves counts as this fraction of the
-# largest one of all joints, because coupled joints move it.
+# If a joint hardly moves, its deviation from the set-points counts as at least this fraction of the
+# largest one, because coupled joints move it.
 LEAST_LAG = 0.3
 # Learning ends after this number of setbacks.
 MAX_SETBACKS = 3
@@ -74,8 +74,8 @@ TRIALS = 4
 # Set-points may accelerate up to the limit of the joint or up to this multiple of the largest
 # acceleration before learning, whichever is larger.
 ACCELERATION_FACTOR = 2.0
-# The acceleration before learning of a joint that hardly moves counts as this fraction of the
-# acceleration of the fastest joint.
+# If a joint hardly moves before learning, its acceleration counts as this fraction of the fastest
+# joint's acceleration.
 RESTING_SHARE = 0.25
 # If learning ends by setbacks and more than this fraction of the first error remains, the servo may
 # be wrong.
@@ -83,12 +83,12 @@ PROVEN_SHARE = 0.5
 
 
 def smooth_error(lifted: Lifted, error: FloatArray, noise: FloatArray) -> FloatArray:
-    """Error without white noise [rad], (n, dof).
+    """Remove white noise from an error [rad], (n, dof).
 
-    The error is the part that a disturbance of the drives explains, and the remainder where it
+    The result is the part that a disturbance of the drives explains, and the remainder where it
     exceeds the noise (a Wiener filter).
 
-    `noise` is the standard deviation of the white noise [rad], (dof,).
+    - `noise`: standard deviation of the white noise [rad], (dof,).
     """
     smooth = lifted.smooth(error, lifted.choose_penalty(error, float(np.mean(noise**2))))
     remainder = error - smooth
@@ -138,7 +138,10 @@ class ErrorEstimate:
         self.steps = self._choose_steps()
 
     def _find_noise(self) -> float | None:
-        """RMS tool error that differs between runs of equal set-points [m]; None if unknown."""
+        """Return the RMS tool error that differs between runs of equal set-points [m].
+
+        It is None if there are no such runs.
+        """
         groups: dict[bytes, list[LearningRun]] = {}
         for run in self._runs:
             groups.setdefault(run.q.tobytes(), []).append(run)
@@ -232,7 +235,7 @@ class Chosen(NamedTuple):
 def _choose_model(
     set_points: SetPoints, recordings: Sequence[Recording], nominal: Nominal
 ) -> Chosen:
-    """Model of the earlier runs, or the model that the first log supports.
+    """Return the model of the earlier runs, or the one that the first log supports.
 
     The models are rigid bodies with drives, if the arm has masses, and independent servos. If the
     log contradicts both, the servo is identified from this log.
@@ -282,7 +285,7 @@ def _choose_model(
 def _identify_servo(
     set_points: SetPoints, recording: Recording, nominal: Nominal
 ) -> ServoModel | None:
-    """Servo that is identified from a recording; None if the recording does not determine one."""
+    """Identify the servo from a recording; None if the recording does not determine one."""
     kind = nominal.servo.interpolation
     command = recording.command
     if command is None and recording.in_plan_time:
@@ -305,7 +308,7 @@ def _identify_servo(
 def _make_lifted_model(
     set_points: SetPoints, recordings: Sequence[Recording], nominal: Nominal
 ) -> Lifted:
-    """Lifted model that lasts until the arm is at rest."""
+    """Make a lifted model that lasts until the arm is at rest."""
     lifted = Lifted(set_points, nominal)
     end = max(log_alignment.find_rest(x, lifted, set_points) for x in recordings)
     if end > lifted.t[-1]:
@@ -315,7 +318,7 @@ def _make_lifted_model(
 
 
 def _linearize(nominal: Nominal) -> Nominal:
-    """The nominal robot with a linear servo with values per joint, for the lifted response."""
+    """Return the nominal robot with a linear servo, which has values per joint."""
     # Friction is removed, because its effect is learned. A pure delay becomes order "first" with
     # velocity feed-forward 1. With rigid bodies, a drive cycle is replaced by a dead time of half a
     # drive cycle.
@@ -370,7 +373,7 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
 
 
 def _describe_creep(source: str, creeps: BoolArray) -> list[str]:
-    """Sentence about the joints that still move at the end of a recording."""
+    """Return a sentence about the joints that still move when a recording ends."""
     joints = [f"joint {j + 1}" for j in np.flatnonzero(creeps)]
     if not joints:
         return []
@@ -428,7 +431,7 @@ def _learn_next(
 def _reason_to_finish(
     lifted: Lifted, runs: tuple[LearningRun, ...], estimate: ErrorEstimate, setbacks: int
 ) -> str:
-    """Reason why another run is not expected to reduce the error; empty if none."""
+    """Return the reason why another run may not reduce the error; empty if it may."""
     if estimate.count == len(runs) and (contradiction := _contradiction(lifted, runs[0])):
         return contradiction
     if estimate.is_noise:
@@ -464,7 +467,7 @@ def _compare(lifted: Lifted, set_points: SetPoints, recording: Recording) -> Mis
 
 
 def _find_misfit(lifted: Lifted, q: FloatArray, measured: FloatArray) -> Misfit:
-    """Misfit of measured positions at the model's times, (n, dof), with set-points q [rad]."""
+    """Return how measured positions, (n, dof), deviate from a run with set-points q [rad]."""
     # Constant deviations, such as from gravity, are no errors of the servo.
     times = np.asarray(lifted.start + lifted.cycle * np.arange(lifted.count), dtype=float)
     misfit = (measured - lifted.expected(q)).std(axis=0)
@@ -473,7 +476,7 @@ def _find_misfit(lifted: Lifted, q: FloatArray, measured: FloatArray) -> Misfit:
 
 
 def _contradiction(lifted: Lifted, run: LearningRun) -> str:
-    """Reason to identify the servo before learning; empty if the log agrees with the servo."""
+    """Return the reason to identify the servo before learning; empty if the log agrees with it."""
     measured = lifted.planned + run.error
     if not _find_misfit(lifted, run.q, measured).largest > MAX_MISFIT:
         return ""
@@ -484,7 +487,7 @@ def _contradiction(lifted: Lifted, run: LearningRun) -> str:
 def _describe_contradiction(
     lifted: Lifted, q: FloatArray, measured: FloatArray, run: LearningRun | Recording
 ) -> str:
-    """Clause on the joint that contradicts the servo most; arguments as of `_find_misfit`."""
+    """Return a clause on the joint that contradicts the servo most."""
     found = _find_misfit(lifted, q, measured)
     j = int(np.argmax(found.ratios))
     unit = shared_unit("mrad", lifted.prismatic[j : j + 1])
@@ -502,11 +505,12 @@ def _keep_limits(
     limits: Limits,
     fastest: FloatArray,
 ) -> tuple[FloatArray, str]:
-    """Nearest set-points within the limits, (n, dof), and a clause on the active limit, or "".
+    """Return the nearest set-points within the limits, (n, dof), and a clause on the active limit.
 
-    A joint without a solution keeps the set-points of the best run.
+    The clause is empty if no limit is active. A joint without a solution keeps the set-points of
+    the best run.
 
-    `fastest` are the limits of joint acceleration [rad/s²], (dof,).
+    - `fastest`: limits of joint acceleration [rad/s²], (dof,).
     """
     selected = Limits.only(
         joint_velocity=limits.joint_velocity,

@@ -7,11 +7,10 @@ from typing import Annotated
 
 import numpy as np
 
-from armcontour.control.identification.joint_fit import Search, split_logs
-from armcontour.control.identification.model_selection import (
-    LEAST_SHARE,
-    find_supported_saturation,
-)
+from armcontour.control.identification.candidate_models import Search
+from armcontour.control.identification.log_segments import split_logs
+from armcontour.control.identification.saturated_selection import find_supported_saturation
+from armcontour.control.identification.saturation import LEAST_SHARE
 from armcontour.control.learning.lifted_model import INDEPENDENT_SERVOS, Lifted
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import InvalidInput
@@ -72,7 +71,7 @@ class Recording(Checked):
 
 
 def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Recording:
-    """Convert an execution or a log to a recording; raises an error if it does not fit the run."""
+    """Convert an execution or a log to a recording; raise an error if it does not fit the run."""
     if isinstance(executed, Execution):
         executed_points = executed.set_points
         same = (
@@ -120,7 +119,7 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
 
 
 def _describe_saturation(log: Log) -> list[str]:
-    """Sentences about the joints that saturate in a log."""
+    """Return sentences about the joints that saturate in a log."""
     longest = min(SEARCHED_DEAD_TIME, float(np.ptp(log.t)) / 4)
     search = Search(longest, 0.0, ("delay", "first", "second"))
     sentences = []
@@ -184,7 +183,7 @@ class LearningRun(Result, Checked):
     prismatic: tuple[bool, ...] = ()
 
     def to_data(self) -> Data:
-        """Data of the errors of the run."""
+        """Return the errors of the run as data."""
         unit = shared_unit("rad", self.prismatic)
         level = FIRST if self.contour_rms is None else TABLE
         rms, largest = (
@@ -227,7 +226,7 @@ class LearningResult(Result, SetPoints):
         servo: The servo whose response is used for learning, as specified for the first run or as
             identified from its log.
         best: Index of the run with the smallest measured error.
-        repeats: RMS of the mean error of all runs with the set-points of the best run [m].
+        repeats: RMS value of the mean error in all runs with the best run's set-points [m].
         noise: RMS error that differs between runs of equal set-points [m]; None if there are no
             such runs.
         setbacks: Number of runs that did not reduce the error by at least 5 %.
@@ -260,7 +259,7 @@ class LearningResult(Result, SetPoints):
             raise InvalidInput("A learning result must have at least one run, but runs is empty.")
 
     def to_data(self) -> Data:
-        """Data of the verdict and of the errors of the runs."""
+        """Return the verdict and the errors of the runs as data."""
         best = f"run {self.best + 1}"
         return Data(
             f"Learning from {count_noun(len(self.runs), 'run')}: "

@@ -1,4 +1,4 @@
-"""`Lifted`: linear response of a whole run to a change of the set-points, and the best change."""
+"""`Lifted` responds linearly to a change of all set-points, and finds the best change."""
 
 # "Lifted" means that a run is one vector, with one entry for every joint and time: x = P du, where
 # x is the change of the joint positions and du is the change of the set-points.
@@ -41,7 +41,7 @@ HELD_TIME = 10.0
 PENALTIES = (-8, 6)
 # Initial penalty.
 FIRST_PENALTY = 1e-3
-# Number of iterations of the estimate in gaps of a log.
+# Number of iterations that estimate deviations in gaps of a log.
 BRIDGE_ITERATIONS = 10
 # Relative error of the model that the estimate in gaps of a log assumes.
 BRIDGE_ERROR = 1e-3
@@ -106,7 +106,7 @@ class Nominal(NamedTuple):
 
 
 class _Term(NamedTuple):
-    """Term of the command: a factor, common or per joint, times set-points at times + shift [s]."""
+    """A term of the command: a factor, common or per joint, times set-points at t + shift [s]."""
 
     # integrated: False for acceleration feed-forward, which is not an input of the integrators.
 
@@ -117,7 +117,7 @@ class _Term(NamedTuple):
 
 
 class Lifted:
-    """Lifted response of the nominal closed loop, linearized along a plan."""
+    """The lifted response of the nominal closed loop, linearized along a plan."""
 
     # The joints rest in equilibrium at the first set-point. Only times and plan of the set-points
     # are used, not their values. t: uniform times of the plan, at most 1 ms apart [s], (n,); their
@@ -176,7 +176,7 @@ class Lifted:
 
     @cached_property
     def _terms(self) -> list[_Term]:
-        """Terms of the command at the drives, including feed-forward."""
+        """Return the terms of the command at the drives, including feed-forward."""
         servo = self.nominal.servo
         terms = [_Term(1.0, self.nominal.servo.interpolation, 0.0)]
         a, b = servo.lead
@@ -192,7 +192,7 @@ class Lifted:
         return terms
 
     def _rate_terms(self, factor: FloatArray | float, shift: float) -> list[_Term]:
-        """Terms of the mean velocity of the command over one step, times a factor."""
+        """Return terms for the command's mean velocity over one step, times a factor."""
         kind = self.nominal.servo.interpolation
         drive_cycle = self.nominal.servo.drive_cycle
         # For interpolation "step", the velocity is that of linear interpolation one interval
@@ -206,7 +206,10 @@ class Lifted:
         ]
 
     def _interpolated(self, term: _Term) -> tuple[IntArray, FloatArray]:
-        """Indices into `q.ravel()` and weights of interpolated set-points, (n dof, 2 or 4) each."""
+        """Return indices into `q.ravel()`, and weights, that interpolate set-points.
+
+        The shape of both is (n dof, 2 or 4).
+        """
         key = term.interpolation, term.shift
         if key not in self._weights:
             times = (
@@ -221,7 +224,7 @@ class Lifted:
         return index, weight * np.tile(np.broadcast_to(term.factor, self.dof), len(self.t))[:, None]
 
     def _command(self, q: FloatArray) -> FloatArray:
-        """Command at the drives for set-points or a change of set-points [rad], (n, dof)."""
+        """Return the command at the drives for set-points, or for their change [rad], (n, dof)."""
         sums = np.zeros((2, self.planned.size))
         values = q.ravel()
         for term in self._terms:
@@ -233,29 +236,29 @@ class Lifted:
         return np.asarray(integrated + unseen)
 
     def respond(self, change: FloatArray) -> FloatArray:
-        """Change of joint positions, (n, dof), by a change of set-points, (count, dof) [rad]."""
+        """Return how joint positions change, (n, dof), if set-points change, (count, dof) [rad]."""
         return self._respond_to(self._command(change))
 
     def _respond_to(self, command: FloatArray) -> FloatArray:
-        """Change of joint positions by a command at the drives [rad], (n, dof)."""
+        """Return how a command at the drives changes joint positions [rad], (n, dof)."""
         moved = self._solve.solve(self._means @ command.ravel())
         return np.asarray(moved).reshape(command.shape)
 
     def expected(self, q: FloatArray) -> FloatArray:
-        """Joint positions of the nominal robot with set-points q [rad], (n, dof)."""
+        """Return the nominal robot's joint positions with set-points q [rad], (n, dof)."""
         return self.planned + self._respond_to(self._command(q) - self._needed)
 
     def correct(
         self, error: FloatArray, penalty: float, last: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Change of the set-points that removes an error, and the response of the joints [rad].
+        """Return the change of set-points that removes an error, and the joints' response [rad].
 
         The change du minimises `W |error + P du|² + penalty |L du|²`, where W weights the times,
         and L takes differences of consecutive set-points. error (n, dof), change (count, dof).
 
-        `penalty` is the variance of the noise divided by the variance of the differences of
-        set-points. `last` is a given change of the last set-point [rad], (dof,), nan for joints
-        whose change is free; None if all are free.
+        - `penalty`: noise variance divided by the variance of set-point differences.
+        - `last`: given change of the last set-point [rad], (dof,), nan for joints whose change is
+          free; None if all are free.
         """
         held = np.full(self.dof, False) if last is None else np.isfinite(last)
         factors, order, _ = self._factored(penalty, held)
@@ -270,13 +273,13 @@ class Lifted:
         return change, (-flat - self._weighted @ solution[: flat.size]).reshape(error.shape)
 
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
-        """Part of an error that a disturbance of the drives explains [rad], (n, dof)."""
+        """Return the part of an error that a disturbance of the drives explains [rad], (n, dof)."""
         return -self.correct(error, penalty)[1]
 
     def _factored(
         self, penalty: float, held: BoolArray | None = None
     ) -> tuple[Any, IntArray, float]:
-        """Factorization of the optimality conditions, ordering of unknowns, and log determinant.
+        """Factorize the optimality conditions; also return the unknowns' order and log determinant.
 
         `held` is the mask of the joints whose change of the last set-point is given, (dof,).
         """
@@ -307,7 +310,7 @@ class Lifted:
 
     @cached_property
     def _conditions(self) -> tuple[csc_array, csc_array, IntArray]:
-        """Matrix of `_factored` with penalty 0, its block L'L, and the ordering of the unknowns."""
+        """Return the matrix of `_factored` without penalty, its block L'L, and column order."""
         n = len(self.t) * self.dof
         size = self.count * self.dof
         rows = size - self.dof
@@ -335,7 +338,7 @@ class Lifted:
         return conditions, jumps, order
 
     def choose_penalty(self, error: FloatArray, variance: float) -> float:
-        """Penalty (a power of ten) with the largest marginal likelihood of an error, (n, dof).
+        """Choose the power of ten as penalty with which an error, (n, dof), is most likely.
 
         The error is in rad. The search starts at the last chosen penalty. `variance` is the
         variance of the white noise [rad²].
@@ -353,7 +356,7 @@ class Lifted:
         return self._penalty
 
     def negative_log_likelihood(self, error: FloatArray, penalty: float, variance: float) -> float:
-        """-2 log of the probability density of an error [rad], (n, dof), up to a constant.
+        """Return -2 log p of an error [rad], (n, dof), with its density p, up to a constant.
 
         Model of the error: white noise with the variance `variance` [rad²] plus the response to
         set-points whose differences are normal with the variance `variance / penalty`.
@@ -367,15 +370,15 @@ class Lifted:
         return float(squares / variance + size - rank * np.log(penalty))
 
     def interpolate_at(self, t: FloatArray, values: FloatArray) -> FloatArray:
-        """Values at the times t, (m, dof), from values at the model's times; constant outside."""
+        """Interpolate values at the model's times to the times t, (m, dof); constant outside."""
         return np.asarray(CubicSpline(self.t, values)(np.clip(t, self.t[0], self.t[-1])))
 
     def fill_gaps(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
-        """Deviations at the model's times [rad], (n, dof), from those at the times t of a log.
+        """Return deviations at the model's times [rad], (n, dof), from those at a log's times t.
 
         In gaps of the log, deviations are estimated by expectation maximization with the model.
 
-        `noise` is the standard deviation of the white noise of the deviations [rad], (dof,).
+        `noise` is the standard deviation of white noise in the deviations [rad], (dof,).
         """
         bridged = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))
         after = np.clip(np.searchsorted(t, self.t), 1, len(t) - 1)
@@ -391,7 +394,7 @@ class Lifted:
         return bridged
 
     def measure_tool_error(self, error: FloatArray) -> ToolError:
-        """Errors of the tool due to errors of the joints [rad], (n, dof)."""
+        """Return the tool's errors due to errors of the joints [rad], (n, dof)."""
         # Root mean squares of a single path end when the tool comes to rest, as in `evaluate`;
         # largest errors include the rest. Contours of a program are evaluated while the process is
         # on. Contour errors are distances to the nearest point of the path.
@@ -412,7 +415,7 @@ class Lifted:
         return ToolError(*whole, rms(moving), float(contour.max()))
 
     def measure_rest(self, error: FloatArray) -> RestError:
-        """Largest errors of the tool at rest due to errors of the joints [rad], (n, dof)."""
+        """Return the tool's largest errors at rest due to errors of the joints [rad], (n, dof)."""
         end = self.planned[-1]
         planned = self.nominal.arm.tool_position(end[None])
         tool = self.nominal.arm.tool_position(end + error)
@@ -423,5 +426,5 @@ class Lifted:
 
 
 def rms(values: FloatArray) -> float:
-    """Root mean square of values."""
+    """Return the root mean square of values."""
     return float(np.sqrt(np.mean(values**2)))

@@ -1,4 +1,4 @@
-"""Alignment of a recording with the plan: clock and noise, with checks."""
+"""Alignment of a recording with the plan in time, its noise, and checks."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from armcontour.core.sampled_data import interpolate, white_noise
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import check_completeness
 
-# Largest relative difference of the rates of two clocks. A larger difference means that the log is
-# of another job or has another unit of time.
+# Rates of two clocks differ by at most this fraction. A larger difference means that the log is of
+# another job or has another unit of time.
 MAX_RATE_DIFFERENCE = 0.03
 # Number of cycles over which differences of set-points are averaged.
 AVERAGED_CYCLES = 10
@@ -38,12 +38,12 @@ INTERVAL_TOLERANCE = 0.01
 # Logged set-points are those of the run if their RMS difference from its set-points is at most this
 # [rad].
 SET_POINT_TOLERANCE = 1e-4
-# This RMS difference may also be at most this fraction of the RMS error of the run.
+# The RMS difference may also be at most this fraction of the run's RMS error.
 ERROR_SHARE = 0.05
-# This RMS difference may also be at most this multiple of the noise of the run.
+# The RMS difference may also be at most this multiple of the run's noise.
 NOISE_MULTIPLE = 10.0
-# A log belongs to an earlier run if the misfit of its set-points is below this fraction of the
-# misfit of the current set-points.
+# A log belongs to an earlier run if that run's set-points fit it with less than this fraction of
+# the misfit that the current ones have.
 NEARER = 0.5
 # A joint rests if it has moved by at most this multiple of the noise.
 REST_SIGMAS = 6.0
@@ -79,46 +79,73 @@ def align(
 
     If the expected motion is used, dead time that the servo model lacks becomes part of the offset.
 
-    `expected` are joint positions at the model's times that follow from an earlier run [rad], (n,
-    dof), by default those of the model.
+    - `expected`: joint positions at the model's times that follow from an earlier run [rad], (n,
+      dof), by default those of the model.
     """
-    source = recording.source
-    duration = lifted.plan.duration
-    servo = lifted.nominal.servo
-    loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
-    allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES_PER_PERIOD
-    # A sample interval of one cycle is always sufficient, because set-points cannot correct faster
-    # disturbances.
-    allowed = max(allowed, set_points.cycle)
-    if recording.interval > allowed * (1 + INTERVAL_TOLERANCE):
-        raise InvalidInput(
-            f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joint loops "
-            f"require one every {1e3 * allowed:.3g} ms or faster. Record at a higher rate.",
-            limit="interval",
-            needed=recording.interval,
-            allowed=allowed,
-        )
+    _check_interval(recording, lifted, set_points)
     expected = lifted.expected(set_points.q) if expected is None else expected
     offset = 0.0
     rate = 1.0
     if not recording.in_plan_time:
-        lasts = float(np.ptp(recording.t))
-        if lasts * (1 + MAX_RATE_DIFFERENCE) < duration:
-            raise InvalidInput(
-                f"{source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s. Record the "
-                "whole run, from before its first set-point until the arm rests."
-            )
-        values = recording.q
-        times = lifted.t
-        reference = expected
-        if recording.command is not None:
-            values = recording.command
-            times = set_points.t
-            reference = set_points.q
-        offset, rate = fit_clock(recording.t, values, times, reference)
+        offset, rate = _fit_clock_of(recording, lifted, set_points, expected)
     t = offset + rate * recording.t
-    moved = rms(expected - expected.mean(axis=0))
     apart = recording.q - lifted.interpolate_at(t, expected)
+    _check_difference(recording, apart, expected)
+    if abs(rate - 1) > MAX_RATE_DIFFERENCE:
+        raise InvalidInput(
+            f"The clock of {recording.source} may differ from the time of the plan by at most "
+            f"{100 * MAX_RATE_DIFFERENCE:g} %, but differs by {100 * abs(rate - 1):.3g} %. Specify "
+            "the unit of the times, or a log of this job at the same speed."
+        )
+    check_completeness(recording.source, t, lifted.plan.duration, 2 * recording.interval)
+    noise = white_noise(apart, order=4)
+    measured = expected + lifted.fill_gaps(t, apart, noise)
+    return AlignedRecording(offset, rate, measured, noise)
+
+
+def _check_interval(recording: Recording, lifted: Lifted, set_points: SetPoints) -> None:
+    """Check that the samples of a recording are close enough for the joint loops.
+
+    A sample interval of one cycle is always sufficient, because set-points cannot correct faster
+    disturbances.
+    """
+    servo = lifted.nominal.servo
+    loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
+    fastest = float(np.sqrt(servo.kp * loops).max())
+    allowed = max(2 * math.pi / fastest / SAMPLES_PER_PERIOD, set_points.cycle)
+    if recording.interval > allowed * (1 + INTERVAL_TOLERANCE):
+        raise InvalidInput(
+            f"{recording.source} has a sample every {1e3 * recording.interval:.4g} ms, but the "
+            f"joint loops require one every {1e3 * allowed:.3g} ms or faster. Record at a higher "
+            "rate.",
+            limit="interval",
+            needed=recording.interval,
+            allowed=allowed,
+        )
+
+
+def _fit_clock_of(
+    recording: Recording, lifted: Lifted, set_points: SetPoints, expected: FloatArray
+) -> tuple[float, float]:
+    """Fit the offset and the rate of a recording's clock; arguments as in `align`."""
+    lasts = float(np.ptp(recording.t))
+    duration = lifted.plan.duration
+    if lasts * (1 + MAX_RATE_DIFFERENCE) < duration:
+        raise InvalidInput(
+            f"{recording.source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s. "
+            "Record the whole run, from before its first set-point until the arm rests."
+        )
+    if recording.command is None:
+        return fit_clock(recording.t, recording.q, lifted.t, expected)
+    return fit_clock(recording.t, recording.command, set_points.t, set_points.q)
+
+
+def _check_difference(recording: Recording, apart: FloatArray, expected: FloatArray) -> None:
+    """Check that a recording is near the motion that the set-points cause.
+
+    - `apart`: recorded less expected positions [rad], (m, dof).
+    """
+    moved = rms(expected - expected.mean(axis=0))
     deviation = rms(apart)
     if deviation > MAX_DIFFERENCE * moved:
         reason = " ".join(recording.notes) or (
@@ -126,24 +153,13 @@ def align(
             "have another unit, sign or order."
         )
         raise InvalidInput(
-            f"{source} differs by {deviation:.3g} rad RMS from the motion that the set-points "
-            f"cause, although the whole motion is only {moved:.3g} rad RMS: {reason}"
+            f"{recording.source} differs by {deviation:.3g} rad RMS from the motion that the "
+            f"set-points cause, although the whole motion is only {moved:.3g} rad RMS: {reason}"
         )
-    if abs(rate - 1) > MAX_RATE_DIFFERENCE:
-        raise InvalidInput(
-            f"The clock of {source} may differ from the time of the plan by at most "
-            f"{100 * MAX_RATE_DIFFERENCE:g} %, but differs by {100 * abs(rate - 1):.3g} %. Specify "
-            "the unit of the times, or a log of this job at the same speed."
-        )
-    check_completeness(source, t, duration, 2 * recording.interval)
-    apart = recording.q - lifted.interpolate_at(t, expected)
-    noise = white_noise(apart, order=4)
-    measured = expected + lifted.fill_gaps(t, apart, noise)
-    return AlignedRecording(offset, rate, measured, noise)
 
 
 def find_rest(recording: Recording, lifted: Lifted, set_points: SetPoints) -> float:
-    """Plan time at which the arm has rested for REST_TIME after its set-points [s]; 0 if never."""
+    """Return the plan time at which the arm has rested for REST_TIME [s]; 0 if it never does."""
     aligned = align(recording, lifted, set_points)
     t = aligned.offset + aligned.rate * recording.t
     moved = np.abs(recording.q - interpolate(t - REST_TIME, t, recording.q))
@@ -218,7 +234,10 @@ class Decay(NamedTuple):
 
 
 def fit_decay(t: FloatArray, q: FloatArray, gain: float) -> Decay:
-    """Fit a decay to positions q [rad] at times t [s], (n,); `gain` of the position loop [1/s]."""
+    """Fit a decay to positions q [rad] at times t [s], (n,).
+
+    - `gain`: gain of the position loop [1/s].
+    """
     best: Decay | None = None
     for rate in np.geomspace(SLOWEST_RATE, FASTEST_RATE * gain, RATE_COUNT):
         shape = np.exp(-rate * t)
@@ -272,7 +291,7 @@ def require_same_set_points(recording: Recording, run: LearningRun, set_points: 
 
 
 def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoints) -> float:
-    """RMS difference of recorded and executed set-points [rad]; 0 if none are recorded."""
+    """Return the RMS difference of recorded and executed set-points [rad]; 0 without any."""
     # Controllers record held or interpolated set-points, with small time offsets. The resulting
     # differences alternate within a cycle, so differences are averaged over AVERAGED_CYCLES cycles.
     if command is None:
@@ -287,10 +306,10 @@ def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoi
 def fit_clock(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> tuple[float, float]:
-    """Offset and rate of plan times `offset + rate t` at which values match a reference.
+    """Fit offset and rate so that values match a reference at plan times `offset + rate t`.
 
-    values (m, dof) at t (m,) [s] of the clock; reference (n, dof) at uniform times (n,) [s] of the
-    plan.
+    - `values`: (m, dof), at the clock's times t [s], (m,).
+    - `reference`: (n, dof), at uniform times of the plan [s], (n,).
     """
     curve = CubicSpline(times, reference)
     slope = curve.derivative()
@@ -320,7 +339,7 @@ def fit_clock(
 def approximate_offset(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> float:
-    """Approximate offset of the clock [s] by cross-correlation; arguments as in `fit_clock`."""
+    """Approximate the clock's offset [s] by cross-correlation; arguments as in `fit_clock`."""
     from scipy.signal import fftconvolve
 
     step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))

@@ -44,41 +44,41 @@ from contextlib import suppress
 from typing import Any, Protocol
 
 # Timeout of the sender: after this time without a line, the feeder executes the next stop [s].
-SILENCE = 0.5
+SENDER_TIMEOUT = 0.5
 # Timeout of a guarded feeder: after this time without a pass of its loop, its guard ends it and
 # stops the motion [s].
-HALT = 0.2
+LOOP_TIMEOUT = 0.2
 # Number of stops that a guard stores.
-KEPT = 8
+GUARDED_STOPS = 8
 # Time between two writes to the record [s].
-RECORDING = 0.05
-# A controller without a FIFO is recorded at rest in every RARE-th cycle.
-RARE = 50
+RECORD_PERIOD = 0.05
+# A controller without a FIFO is recorded at rest in every REST_RECORD_EVERY-th cycle.
+REST_RECORD_EVERY = 50
 # Pause of the loop between two readings of the controller [s].
-PAUSE = 1e-3
-BLOCK = 1 << 20
+LOOP_PAUSE = 1e-3
+READ_SIZE = 1 << 20
 # Maximum number of lines that the loop processes per pass during a motion: about 0.2 ms.
-LINES = 60
+MAX_LINES_PER_PASS = 60
 Row = tuple[float, ...]
 # Sample: count of the controller's clock, cycle of the motion, commanded and measured positions.
 Sample = tuple[int, int, Row, Row]
 
 
 class DeviceError(Exception):
-    """Failure of the controller."""
+    """The controller failed."""
 
 
 class Device(Protocol):
-    """Interface of a controller that the feeder uses."""
+    """Interface through which the feeder uses a controller."""
 
     def connect(self) -> Row:
-        """Connect and hold the position; returns the commanded joint positions [rad]."""
+        """Connect and hold the position; return the commanded joint positions [rad]."""
 
     def start(self) -> None:
         """Prepare a motion."""
 
     def take_limits(self, rows: Sequence[Row], new: bool) -> float:
-        """Take the largest accelerations of rows as those of a controller that stops by itself.
+        """Set the accelerations of a controller that stops by itself to the largest of some rows.
 
         Args:
             rows: Rows of a motion, or of a stop with the two rows before it.
@@ -89,14 +89,14 @@ class Device(Protocol):
         """
 
     def missed(self, all_sent: bool) -> int | None:
-        """First cycle for which the controller had no row, so that it ended the motion; else None.
+        """Return the first cycle without a row, so that the controller ended the motion; or None.
 
         Args:
             all_sent: Whether all rows of the motion were sent.
         """
 
     def room(self) -> int:
-        """Number of rows that the controller can receive now."""
+        """Return how many rows the controller can receive now."""
 
     def write(self, k: int, row: Row) -> None:
         """Send the row of cycle k."""
@@ -105,13 +105,13 @@ class Device(Protocol):
         """Return whether the controller has executed all rows that were sent."""
 
     def exchange(self) -> Iterable[Sample]:
-        """Samples since the last call."""
+        """Return the samples since the last call."""
 
     def finish(self) -> None:
         """End a motion."""
 
     def wait(self) -> None:
-        """Wait for room or samples, at most one cycle of the controller."""
+        """Wait for room or samples, for at most one cycle of the controller."""
 
     def close(self) -> None:
         """Disconnect."""
@@ -121,11 +121,11 @@ class GuardedDevice(Device, Protocol):
     """A controller that buffers rows, so that another process can continue a motion."""
 
     def take_over(self) -> int:
-        """Connect during a motion; returns the number of rows that the controller has received."""
+        """Connect during a motion; return how many rows the controller has received."""
 
 
 class Pipe:
-    """Pipe to the sender; a sender that does not read does not block the motion."""
+    """A pipe to the sender; a sender that does not read does not block the motion."""
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
@@ -185,12 +185,12 @@ class Record:
         self._unwritten += f"{line},{k}\n".encode()
 
     def write(self, at_once: bool = False) -> None:
-        """Write the samples of some time, or all; an error is kept in `error`."""
+        """Write the samples if enough time has passed, or `at_once`; keep an error in `error`."""
         now = time.monotonic()
         if (
             self.error
             or not self._unwritten
-            or (now - self._written_at < RECORDING and not at_once)
+            or (now - self._written_at < RECORD_PERIOD and not at_once)
         ):
             return
         self._written_at = now
@@ -203,7 +203,7 @@ class Record:
                 while self._unwritten:
                     del self._unwritten[: os.write(self._descriptor, self._unwritten)]
             except OSError:
-                # Not possible if it is a pipe or a device.
+                # A pipe or a device cannot be truncated.
                 with suppress(OSError):
                     os.ftruncate(self._descriptor, whole)
                 raise
@@ -254,7 +254,7 @@ class Feeder:
         self.out.write(" ".join(map(str, words)) + "\n")
 
     def flush(self) -> None:
-        """Send printed lines, unless no process reads."""
+        """Send buffered lines, if a reader exists."""
         try:
             self.out.flush()
         except BrokenPipeError:
@@ -315,14 +315,14 @@ class Feeder:
     def read(self) -> None:
         """Read from stdin, and process the lines that have arrived."""
         if not self.orphaned and select.select([0], [], [], 0)[0]:
-            data = os.read(0, BLOCK)
+            data = os.read(0, READ_SIZE)
             if data:
                 self.take(data)
             else:
                 self.lose_sender()
         else:
             self.obey_lines()
-        silent = time.monotonic() - self.heard > SILENCE
+        silent = time.monotonic() - self.heard > SENDER_TIMEOUT
         if silent and self.playing and not self.orphaned and not self.stop_requested:
             self.say("W")
             self.stop_requested = True
@@ -337,7 +337,7 @@ class Feeder:
     def obey_lines(self) -> None:
         """Process the buffered lines; during a motion, only a few."""
         obeyed = 0
-        while self.lines and not (self.playing and obeyed >= LINES):
+        while self.lines and not (self.playing and obeyed >= MAX_LINES_PER_PASS):
             self.obey(self.lines.popleft().decode().split())
             obeyed += 1
 
@@ -371,7 +371,7 @@ class Feeder:
             self.stop_requested = self.playing
 
     def end_block(self) -> None:
-        """Store the rows of a motion or of a stop."""
+        """Store the received rows as a motion or as a stop."""
         if self.block_start is None:
             self.rows = self.block
             self.stops = {}
@@ -382,7 +382,7 @@ class Feeder:
                 self.extend_limits()
 
     def extend_limits(self) -> None:
-        """Increase the limits of the controller to those of the last stop that was received."""
+        """Raise the controller's limits to those of the stop received last."""
         k = max(self.stops, default=len(self.rows))
         if k < len(self.rows):
             rows = self.rows[max(k - 2, 0) : k] + self.stops[k]
@@ -391,7 +391,7 @@ class Feeder:
                 self.say("L", settling)
 
     def feed(self) -> None:
-        """Send the next rows of the motion or of a stop."""
+        """Send the next rows of the motion, or of the stop that replaces it."""
         if not self.playing:
             return
         missed = self.device.missed(self.sent == len(self.rows))
@@ -421,7 +421,7 @@ class Feeder:
             self.say("D")
 
     def end_motion(self, k: int) -> None:
-        """Discard the rows from cycle k on, for which the controller has ended the motion."""
+        """Discard the rows from cycle k on, because the controller has ended the motion."""
         # At rest, no row is missing.
         if k == 0 or any(row != self.rows[k - 1] for row in self.rows[k:]):
             self.say("U", k)
@@ -468,7 +468,7 @@ class Guard(Feeder):
         """Store rows and the latest stops, as the feeder does."""
         if words[0] in "PHMTE":
             super().obey(words)
-        while len(self.stops) > KEPT:
+        while len(self.stops) > GUARDED_STOPS:
             del self.stops[min(self.stops)]
 
     def run(self) -> None:
@@ -478,8 +478,8 @@ class Guard(Feeder):
         loops = -1
         moved = 0.0
         while True:
-            if select.select([] if self.orphaned else [0], [], [], PAUSE)[0]:
-                data = os.read(0, BLOCK)
+            if select.select([] if self.orphaned else [0], [], [], LOOP_PAUSE)[0]:
+                data = os.read(0, READ_SIZE)
                 self.orphaned = not data
                 self.take(data)
                 self.pipe.unsent += data
@@ -490,7 +490,7 @@ class Guard(Feeder):
             if self.state[1] and self.state[3] - 1 in self.stops:
                 self.take_stop(self.state[3] - 1)
             ended, status = os.waitpid(self.child, os.WNOHANG)
-            if not ended and time.monotonic() - moved > HALT:
+            if not ended and time.monotonic() - moved > LOOP_TIMEOUT:
                 os.kill(self.child, signal.SIGKILL)
                 ended, status = os.waitpid(self.child, 0)
             if ended:
@@ -528,14 +528,14 @@ class Guard(Feeder):
 
 
 def take_stdout() -> Pipe:
-    """Output to the sender on stdout; prints of libraries are redirected to stderr."""
+    """Return the pipe to the sender on stdout; redirect prints of libraries to stderr."""
     out = Pipe(os.dup(1))
     os.dup2(2, 1)
     return out
 
 
 def new_record() -> Record:
-    """Record with the file and the cycle of the first two command-line arguments."""
+    """Make the record for the file and the cycle in the first two command-line arguments."""
     return Record(sys.argv[1], float(sys.argv[2]))
 
 

@@ -11,24 +11,24 @@ from contextlib import contextmanager, suppress
 import pylibfranka
 from pylibfranka import FrankaException, JointPositions, RealtimeConfig, RobotMode, RobotState
 
-from armcontour.controllers.feeders.feeder import RARE, DeviceError, Row, Sample, main
+from armcontour.controllers.feeders.feeder import REST_RECORD_EVERY, DeviceError, Row, Sample, main
 
 # Cycle [s].
 CYCLE = 1e-3
 # Tolerance between the desired positions of a state and the row sent in the previous cycle [rad].
-SAME = 1e-6
-# Number of cycles of the motion from the held position to the first row.
-ALIGNING = 500
+ROW_TOLERANCE = 1e-6
+# The motion from the held position to the first row takes this number of cycles.
+ALIGNING_CYCLES = 500
 # Maximum length of this motion, for each joint [rad].
-FARTHEST = 2e-3
+MAX_ALIGNING_DISTANCE = 2e-3
 # Maximum number of cycles without an answer in a motion. The robot continues its motion for so many
 # cycles, then it stops; later, the next row would be a jump.
-UNANSWERED = 20
+MAX_UNANSWERED = 20
 
 
 @contextmanager
 def reported() -> Iterator[None]:
-    """Report an error of libfranka as a failure of the controller."""
+    """Report libfranka's errors in this context as failures of the controller."""
     try:
         yield
     except FrankaException as error:
@@ -65,7 +65,7 @@ class FrankaDevice:
 
     @reported()
     def connect(self) -> Row:
-        """Connect; returns the joint positions [rad]."""
+        """Connect; return the joint positions [rad]."""
         realtime = RealtimeConfig.kIgnore if self._is_here() else RealtimeConfig.kEnforce
         self.robot = pylibfranka.Robot(self.address, realtime)
         state = self.robot.read_once()
@@ -86,15 +86,15 @@ class FrankaDevice:
         self.row = self.sent = tuple(self.state.q)
 
     def take_limits(self, rows: Sequence[Row], new: bool) -> float:
-        """The robot stops by its reflex when answers are missing."""
+        """Return 0: the robot stops by its reflex when answers are missing."""
         return 0.0
 
     def missed(self, all_sent: bool) -> int | None:
-        """None: the robot ends the control by an error if rows are missing."""
+        """Return None: if rows are missing, the robot ends the control by an error."""
         return None
 
     def room(self) -> int:
-        """Number of rows that are due according to the robot's clock; only the last one is sent."""
+        """Count the rows that are due by the robot's clock; only the last one is sent."""
         if self.approach_rows or self.answered:
             return 0
         return 1 if self.k < 0 else self.due
@@ -118,7 +118,7 @@ class FrankaDevice:
                 self.approach_rows.popleft() if self.approach_rows else (self.k, self.row)
             )
             self._answer(finished=False)
-            if k >= 0 or self.clock % RARE == 0:
+            if k >= 0 or self.clock % REST_RECORD_EVERY == 0:
                 self.unconfirmed = (self.clock, k, self.sent, tuple(self.state.q))
         confirmed = self.confirmed_samples
         self.confirmed_samples = []
@@ -131,7 +131,7 @@ class FrankaDevice:
     def wait(self) -> None:
         """Wait for the next state."""
         self._read()
-        if self.control is None and self.clock % RARE == 0:
+        if self.control is None and self.clock % REST_RECORD_EVERY == 0:
             q = tuple(self.state.q)
             self.confirmed_samples.append((self.clock, -1, q, q))
 
@@ -148,10 +148,10 @@ class FrankaDevice:
     def _align(self, row: Row) -> None:
         """Plan the motion from the held position to row 0, its last row."""
         distance = max(abs(a - b) for a, b in zip(self.row, row, strict=True))
-        if distance > FARTHEST:
+        if distance > MAX_ALIGNING_DISTANCE:
             raise DeviceError(f"the robot is {distance:.4f} rad from the first set-point")
-        for i in range(1, ALIGNING if distance else 1):
-            x = i / ALIGNING
+        for i in range(1, ALIGNING_CYCLES if distance else 1):
+            x = i / ALIGNING_CYCLES
             w = x**3 * (10 - x * (15 - 6 * x))
             between = (a + w * (b - a) for a, b in zip(self.row, row, strict=True))
             self.approach_rows.append((-1, tuple(between)))
@@ -175,12 +175,12 @@ class FrankaDevice:
         self.due = clock - self.clock
         self.clock = clock
         self.answered = False
-        if self.control is not None and self.k >= 0 and self.due > UNANSWERED:
+        if self.control is not None and self.k >= 0 and self.due > MAX_UNANSWERED:
             raise DeviceError(f"the feeder has not answered for {self.due} cycles")
         if self.unconfirmed is not None:
             number, k, row, measured = self.unconfirmed
             used = tuple(self.state.q_d)
-            if max(abs(a - b) for a, b in zip(row, used, strict=True)) > SAME:
+            if max(abs(a - b) for a, b in zip(row, used, strict=True)) > ROW_TOLERANCE:
                 row = used
             self.confirmed_samples.append((number, k, row, measured))
             self.unconfirmed = None

@@ -14,7 +14,7 @@ from contextlib import suppress
 
 import hal  # type: ignore[import-not-found]
 
-from armcontour.controllers.feeders.feeder import PAUSE, DeviceError, Row, Sample, main_guarded
+from armcontour.controllers.feeders.feeder import LOOP_PAUSE, DeviceError, Row, Sample, main_guarded
 
 COMPONENT = "armcontour-play"
 # Signals of the HAL file that pins of this process drive, and their pins.
@@ -24,47 +24,47 @@ DRIVEN |= {"timeout": hal.HAL_FLOAT}
 # the drives are enabled.
 READ = ("playing", "enable")
 # Prefix of these signals.
-PREFIX = "armcontour-"
+SIGNAL_PREFIX = "armcontour-"
 # Time between two edges of the heartbeat [s].
-BEAT = 0.02
+HEARTBEAT_PERIOD = 0.02
 # After this time without an edge, when the FIFO is empty and the joints rest, HAL disables the
 # drives [s].
-TIMEOUT = 0.5
-# Longest time in which HAL has to obey a change of a pin [s].
-OBEYING = 2.0
+HEARTBEAT_TIMEOUT = 0.5
+# HAL must obey a changed pin within this time [s].
+PIN_TIMEOUT = 2.0
 # Timeout of the servo thread between motions: it counts as dead after this time without a sample
 # [s].
-SILENCE = 1.0
+REST_THREAD_TIMEOUT = 1.0
 # Largest motion of a disabled joint between a connection and the first motion [rad].
-STILL = 1e-3
-# Number of successive equal readings of the FIFO that are required.
-AGREEING = 5
+DISABLED_MOTION = 1e-3
+# The FIFO's length counts after so many equal readings.
+AGREEING_READINGS = 5
 # Time for which the threads still run after the drives were disabled, so that their hardware and
 # other samplers notice it before HAL is unloaded [s].
-DISABLED = 0.1
+DISABLED_TIME = 0.1
 # Time between two readings of the FIFO [s].
-LOOK = 1.7e-3
-# Relative and absolute margins of the limit of an acceleration against rounding [1, rad/s²].
-MARGINS = (1e-6, 1e-6)
-# Duration of a braking with HAL's limit3, in multiples of velocity over acceleration: to rest, and
-# back to the last row.
-BRAKING = 2.5
-# Number of samples with the same command after which the joints rest.
-RESTING = 200
-# Largest number of rows of the motion from the held position to the first row.
-ALIGNING = 2000
+FIFO_PERIOD = 1.7e-3
+# Margins of an acceleration limit against rounding: relative, and absolute [rad/s²].
+ACCELERATION_MARGINS = (1e-6, 1e-6)
+# Time in which HAL's limit3 brakes to rest and moves back to the last row, in multiples of velocity
+# over acceleration.
+BRAKING_TIMES = 2.5
+# The joints rest after so many samples with the same command.
+REST_SAMPLES = 200
+# The motion from the held position to the first row has at most this number of rows.
+MAX_ALIGNING_ROWS = 2000
 # Largest second derivative of the smooth motion between 0 and 1 in a time of 1.
-STEEPEST = 5.78
-PROGRAM = "/usr/bin/rtapi_app"
+PEAK_SECOND_DERIVATIVE = 5.78
+REAL_TIME_PROGRAM = "/usr/bin/rtapi_app"
 # Beginnings of lines that halcmd always prints.
-USUAL = ("Running with fallback_uid", "Note: Using POSIX")
+USUAL_OUTPUT = ("Running with fallback_uid", "Note: Using POSIX")
 
 
 class LinuxCNCDevice:
-    """HAL with a streamer of n + 1 floats and a sampler of 2 n + 1.
+    """HAL with a streamer of n + 1 floats and a sampler of 2 n + 1 floats.
 
-    The first float of both is the cycle of the motion, -1 at rest and less before row 0. The others
-    are the commands of the joints, and in the sampler their measured positions [rad].
+    The first float of both is the motion's cycle, -1 at rest and less before row 0. The others are
+    the joints' commands, and in the sampler also their measured positions [rad].
 
     HAL stops the joints without this process: when the FIFO is empty, the streamer is switched off
     until the next motion, and a `limit3` per joint keeps the acceleration of the command below the
@@ -111,7 +111,7 @@ class LinuxCNCDevice:
         self.halcmd("-f", self.file)
         self.attach(COMPONENT)
         self.component["off"] = True
-        self.component["timeout"] = TIMEOUT
+        self.component["timeout"] = HEARTBEAT_TIMEOUT
         self.halcmd("start")
         self.held = self.hold()
         return self.held
@@ -129,7 +129,7 @@ class LinuxCNCDevice:
         """Wait until the row of a held position is played, and the streamer is off again."""
         if self.waiting:
             self.obey(lambda: not self.waiting, "streamer.0 plays no row", self.switch_on)
-        self.obey(lambda: not self.component["playing"], f"{PREFIX}playing remains true")
+        self.obey(lambda: not self.component["playing"], f"{SIGNAL_PREFIX}playing remains true")
 
     def attach(self, name: str, replaces: str = "") -> None:
         """Open the FIFOs, and link the pins of this process to the signals of the HAL file.
@@ -149,31 +149,31 @@ class LinuxCNCDevice:
             if replaces:
                 hal.disconnect(f"{replaces}.{pin}")
             # A signal takes the value of the pin that drives it.
-            self.component[pin] = hal.get_value(f"{PREFIX}{pin}")
+            self.component[pin] = hal.get_value(f"{SIGNAL_PREFIX}{pin}")
         for pin in (*self.driven, *READ):
-            hal.connect(f"{name}.{pin}", f"{PREFIX}{pin}")
+            hal.connect(f"{name}.{pin}", f"{SIGNAL_PREFIX}{pin}")
         self.heard = time.monotonic()
 
     def take_over(self) -> int:
-        """Continue a motion; returns the number of rows received, or one less if the FIFO wraps."""
+        """Continue a motion; return the rows received, or one less if the FIFO wraps."""
         self.attach(f"{COMPONENT}-guard", replaces=COMPONENT)
         self.limits = tuple(self.component[f"acceleration-{j + 1}"] for j in range(self.dof))
         self.has_played = self.enabled = True
         seen: list[int] = []
         # The thread may have read a row but not yet set its pins, so several readings must agree.
-        while len(seen) < AGREEING or len(set(seen[-AGREEING:])) > 1:
+        while len(seen) < AGREEING_READINGS or len(set(seen[-AGREEING_READINGS:])) > 1:
             self.beat()
             depth = int(self.out.depth)
             k = int(hal.get_value("streamer.0.pin.0"))
             if depth == int(self.out.depth):
                 seen.append(k + depth + (1 if k >= 0 else 2))
-            time.sleep(LOOK)
+            time.sleep(FIFO_PERIOD)
         if k == -1:
             raise DeviceError("the feeder has failed before the motion")
         return seen[-1]
 
     def next_sample(self) -> Sample:
-        """The next sample of the thread."""
+        """Wait for the thread's next sample, and return it."""
         while not self.back.readable:
             self.check_alive()
             self.beat()
@@ -182,14 +182,14 @@ class LinuxCNCDevice:
 
     def check_alive(self) -> None:
         """Raise DeviceError if the thread writes no samples."""
-        silence = self.silence if self.has_played else SILENCE
+        silence = self.silence if self.has_played else REST_THREAD_TIMEOUT
         if time.monotonic() - self.heard > silence:
             raise DeviceError(f"HAL's servo thread has written no sample for {silence:g} s")
 
     def beat(self) -> None:
         """Show HAL that this process is alive."""
         now = time.monotonic()
-        if now - self.beaten > BEAT:
+        if now - self.beaten > HEARTBEAT_PERIOD:
             self.beaten = now
             self.component["heartbeat"] = not self.component["heartbeat"]
 
@@ -201,7 +201,7 @@ class LinuxCNCDevice:
                 ["halcmd", *words], stdin=subprocess.DEVNULL, stdout=output, stderr=output
             )
         with open(name, errors="replace") as output:
-            printed = "".join(x for x in output if not x.startswith(USUAL)).strip()
+            printed = "".join(x for x in output if not x.startswith(USUAL_OUTPUT)).strip()
         if done.returncode:
             raise DeviceError(printed.replace(f"{os.path.dirname(self.file)}/", ""))
         return printed
@@ -212,15 +212,15 @@ class LinuxCNCDevice:
             raise DeviceError("it has ended a motion by itself. Connect again")
         if self.enabled and not self.component["enable"]:
             raise DeviceError(
-                f"the drives were disabled, because the feeder halted for {TIMEOUT:g} s or because "
-                "of a condition of the HAL file. Connect again"
+                f"the drives were disabled, because the feeder halted for {HEARTBEAT_TIMEOUT:g} s "
+                "or the HAL file disables them on a condition. Connect again"
             )
         # The last row of the motion before.
         self.settle()
         if not self.enabled:
             # Disabled joints may have moved since the connection.
             moved = max(abs(a - b) for a, b in zip(self.hold(), self.held, strict=True))
-            if moved > STILL:
+            if moved > DISABLED_MOTION:
                 raise DeviceError(f"a joint has moved by {moved:.4f} rad while drives were off")
             self.enable()
         self.has_played = False
@@ -234,21 +234,23 @@ class LinuxCNCDevice:
         def edge() -> None:
             self.component["on"] = not self.component["on"]
 
-        self.obey(lambda: bool(self.component["enable"]), f"{PREFIX}enable remains false", edge)
+        self.obey(
+            lambda: bool(self.component["enable"]), f"{SIGNAL_PREFIX}enable remains false", edge
+        )
         self.component["on"] = False
         self.enabled = True
 
     def obey(
         self, done: Callable[[], bool], failure: str, act: Callable[[], None] = lambda: None
     ) -> None:
-        """Wait until HAL has obeyed; DeviceError if it does not. `act` is called repeatedly."""
-        end = time.monotonic() + OBEYING
+        """Call `act` repeatedly until HAL has obeyed; raise DeviceError if it does not."""
+        end = time.monotonic() + PIN_TIMEOUT
         while not done():
             if time.monotonic() > end:
                 raise DeviceError(f"{failure}. Compare the HAL file with that of the documentation")
             act()
             self.beat()
-            time.sleep(2 * PAUSE)
+            time.sleep(2 * LOOP_PAUSE)
 
     def take_limits(self, rows: Sequence[Row], new: bool) -> float:
         """Set the limits of `limit3` to accelerations of rows, and the timeout of the drives."""
@@ -265,16 +267,16 @@ class LinuxCNCDevice:
         self.limits = tuple(limits)
         braking = 0.0
         for j in range(self.dof):
-            limit = limits[j] * (1 + MARGINS[0]) + MARGINS[1]
+            limit = limits[j] * (1 + ACCELERATION_MARGINS[0]) + ACCELERATION_MARGINS[1]
             self.component[f"acceleration-{j + 1}"] = limit
-            braking = max(braking, BRAKING * speeds[j] / limit)
-        timeout = self.ahead * period + braking + TIMEOUT
+            braking = max(braking, BRAKING_TIMES * speeds[j] / limit)
+        timeout = self.ahead * period + braking + HEARTBEAT_TIMEOUT
         self.component["timeout"] = timeout if new else max(timeout, self.component["timeout"])
         # Before row 0, the FIFO may also hold rows of the motion to it.
-        return float(self.component["timeout"]) + ALIGNING * period * new
+        return float(self.component["timeout"]) + MAX_ALIGNING_ROWS * period * new
 
     def missed(self, all_sent: bool) -> int | None:
-        """First cycle without a row, once the FIFO has become empty in a motion."""
+        """Return the first cycle without a row, once the FIFO has become empty in a motion."""
         if self.end is None and self.has_played and not self.component["playing"]:
             # Rows that are written after the FIFO was empty are not played.
             if not all_sent or int(self.out.depth):
@@ -282,7 +284,7 @@ class LinuxCNCDevice:
         return self.end
 
     def room(self) -> int:
-        """Number of rows that fill the FIFO up to `ahead`."""
+        """Return how many rows fill the FIFO up to `ahead`."""
         return max(self.ahead - int(self.out.depth), 0)
 
     def write(self, k: int, row: Row) -> None:
@@ -305,8 +307,10 @@ class LinuxCNCDevice:
         count = 0
         for step, limit in zip(steps, self.limits, strict=True):
             if step:
-                shortest = (STEEPEST * abs(step) / max(limit, MARGINS[1])) ** 0.5
-                count = max(count, min(int(shortest / self.cycle) + 2, ALIGNING))
+                shortest = (
+                    PEAK_SECOND_DERIVATIVE * abs(step) / max(limit, ACCELERATION_MARGINS[1])
+                ) ** 0.5
+                count = max(count, min(int(shortest / self.cycle) + 2, MAX_ALIGNING_ROWS))
         for i in range(1, count):
             x = i / count
             w = x**3 * (10 - x * (15 - 6 * x))
@@ -318,7 +322,7 @@ class LinuxCNCDevice:
     def is_done(self) -> bool:
         """Return whether the FIFO is empty, and the joints rest if HAL has stopped them."""
         if self.end is not None:
-            return self.still > RESTING
+            return self.still > REST_SAMPLES
         return int(self.out.depth) == 0
 
     def switch_on(self) -> None:
@@ -337,7 +341,7 @@ class LinuxCNCDevice:
             self.component["play"] = not self.component["play"]
 
     def exchange(self) -> Iterable[Sample]:
-        """Samples of the thread; the first calls in a motion switch the streamer on."""
+        """Return the thread's samples; the first calls in a motion switch the streamer on."""
         self.beat()
         if self.waiting and self.unread:
             self.switch_on()
@@ -361,8 +365,8 @@ class LinuxCNCDevice:
             self.put(-1, tuple(float(hal.get_value(x)) for x in names))
 
     def wait(self) -> None:
-        """Pause: the FIFO contains rows for many cycles."""
-        time.sleep(PAUSE)
+        """Wait without watching HAL: the FIFO contains rows for many cycles."""
+        time.sleep(LOOP_PAUSE)
 
     def close(self) -> None:
         """Disable the drives, stop the threads and unload HAL, unless another program uses it."""
@@ -370,23 +374,23 @@ class LinuxCNCDevice:
             return
         if hasattr(self, "component"):
             self.disable()
-            time.sleep(DISABLED)
+            time.sleep(DISABLED_TIME)
         for name in ("out", "back"):
             self.__dict__.pop(name, None)
         if hasattr(self, "component"):
             self.component.exit()
         no = subprocess.DEVNULL
-        for words in (("halcmd", "stop"), ("halcmd", "unload", "all"), (PROGRAM, "exit")):
+        for words in (("halcmd", "stop"), ("halcmd", "unload", "all"), (REAL_TIME_PROGRAM, "exit")):
             subprocess.run(words, stdin=no, stdout=no, stderr=no)
 
     def disable(self) -> None:
         """Disable the drives; if the thread no longer does it, set the signal itself."""
         self.component["off"] = True
-        end = time.monotonic() + 10 * LOOK
+        end = time.monotonic() + 10 * FIFO_PERIOD
         while self.component["enable"] and time.monotonic() < end:
-            time.sleep(PAUSE)
+            time.sleep(LOOP_PAUSE)
         if self.component["enable"]:
-            name = f"{PREFIX}enable"
+            name = f"{SIGNAL_PREFIX}enable"
             for signal in hal.get_info_signals():
                 if signal["NAME"] == name and signal["DRIVER"]:
                     hal.disconnect(signal["DRIVER"])

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
-from armcontour.controllers.feeders.feeder import RARE, DeviceError, Row, Sample, main
+from armcontour.controllers.feeders.feeder import REST_RECORD_EVERY, DeviceError, Row, Sample, main
 
 # Port of the controller for the Real-Time Data Exchange (RTDE).
 RTDE_PORT = 30004
@@ -26,14 +26,14 @@ DATA_PACKAGE = "U"
 DOF = 6
 # Number of rows that the input registers hold.
 SLOTS = 4
-# Number of the first double register that holds rows, of the inputs and of the outputs.
-FIRST = 24
+# First double register that holds rows; inputs and outputs have the same numbers.
+FIRST_REGISTER = 24
 # Cycle of the controller [s].
 CYCLE = 2e-3
 # Timeout of an answer [s].
-TIMEOUT = 2.0
+ANSWER_TIMEOUT = 2.0
 # Maximum number of packages until the program runs.
-PACKAGES = 2500
+MAX_START_PACKAGES = 2500
 # States of a robot that plays a motion, from the RTDE guide:
 RUNNING = 7  # Robot mode.
 NORMAL = 1  # Safety mode.
@@ -45,11 +45,11 @@ SIZES = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
 OUTPUTS = [
     *("timestamp", "target_q", "actual_q", "robot_mode", "safety_mode", "runtime_state"),
     *("target_speed_fraction", "output_int_register_24", "output_int_register_25"),
-    *(f"output_double_register_{FIRST + j}" for j in range(DOF)),
+    *(f"output_double_register_{FIRST_REGISTER + j}" for j in range(DOF)),
 ]
 INPUTS = [
     *("input_int_register_24", "input_int_register_25", "input_int_register_26"),
-    *(f"input_double_register_{FIRST + i}" for i in range(SLOTS * DOF)),
+    *(f"input_double_register_{FIRST_REGISTER + i}" for i in range(SLOTS * DOF)),
 ]
 # The program counts the cycles k of a motion. If the next row is missing, it stops the joints and
 # ends, because a row that comes late would make them jump to the speed of the motion. Input
@@ -57,7 +57,7 @@ INPUTS = [
 # the program, register 26 is 1 if the newest row is the last one of the motion. Outputs are k, the
 # program's number (negative if a row was missing), and the row. Without inputs for 0.1 s the
 # controller ends the program.
-PROGRAM = """\
+URSCRIPT = """\
 def armcontour():
   q = get_target_joint_positions()
   k = -1
@@ -117,7 +117,7 @@ class UrDevice:
         self.complete: list[Sample] = []
 
     def connect(self) -> Row:
-        """Connect; returns the commanded joint positions [rad]."""
+        """Connect; return the commanded joint positions [rad]."""
         self.rtde = self._open(RTDE_PORT)
         # Request protocol version 2, set up the recipes of outputs and inputs, and start.
         if self._ask("V", struct.pack(">H", 2)) != b"\x01":
@@ -147,12 +147,12 @@ class UrDevice:
         self.end = None
         self.newest = -1
         self._send_inputs(1)
-        text = PROGRAM.replace("PROGRAM_NUMBER", str(self.number))
+        text = URSCRIPT.replace("PROGRAM_NUMBER", str(self.number))
         with self._open(SCRIPT_PORT) as script:
             script.sendall(text.encode())
             # Closing the socket with unread data could make the controller discard the program.
             script.shutdown(socket.SHUT_WR)
-            for _ in range(PACKAGES):
+            for _ in range(MAX_START_PACKAGES):
                 while select.select([script], [], [], 0)[0] and script.recv(1 << 16):
                     pass
                 self.wait()
@@ -164,16 +164,16 @@ class UrDevice:
         self.running = True
 
     def take_limits(self, rows: Sequence[Row], new: bool) -> float:
-        """The program stops with `stopj`, and has stopped before its connection is ended."""
+        """Return 0: the program has stopped by `stopj` before its connection ends."""
         return 0.0
 
     def missed(self, all_sent: bool) -> int | None:
-        """First cycle for which the program had no row, so that it has stopped the joints."""
+        """Return the first cycle without a row, at which the program stopped the joints."""
         self.is_last = all_sent
         return self.end
 
     def room(self) -> int:
-        """Number of rows that fit into the registers."""
+        """Return how many rows fit into the registers."""
         if self.end is not None:
             return 0
         if self.newest < 0 <= self.k:
@@ -219,7 +219,7 @@ class UrDevice:
             if self.running or self.stopping:
                 self.running = False
                 self._send_inputs(0)
-                for _ in range(RARE):
+                for _ in range(REST_RECORD_EVERY):
                     self.wait()
                     if self.state[18] != self.number:
                         break
@@ -228,7 +228,7 @@ class UrDevice:
     def _open(self, port: int) -> socket.socket:
         """Connect to a port of the controller."""
         try:
-            opened = socket.create_connection((self.address, port), TIMEOUT)
+            opened = socket.create_connection((self.address, port), ANSWER_TIMEOUT)
         except OSError as error:
             raise DeviceError(f"{self.address}, port {port}: {error}") from None
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -238,7 +238,7 @@ class UrDevice:
         self.rtde.sendall(struct.pack(">HB", len(data) + 3, ord(kind)) + data)
 
     def _ask(self, kind: str, data: bytes) -> bytes:
-        """Send a request; returns the data of the answer."""
+        """Send a request; return the data of the answer."""
         self._send(kind, data)
         while True:
             answered, answer = self._receive()
@@ -251,7 +251,7 @@ class UrDevice:
         return len(data) >= 3 and len(data) >= int.from_bytes(data[:2], "big")
 
     def _receive(self) -> tuple[str, bytes]:
-        """Receive the next package; returns its type and data."""
+        """Receive the next package; return its type and data."""
         while not self._has_package():
             data = self.rtde.recv(1 << 16)
             if not data:
@@ -263,7 +263,7 @@ class UrDevice:
         return chr(kind), data
 
     def _types(self, names: Sequence[str], answer: bytes) -> str:
-        """Format of a recipe that the controller has accepted, for `struct`."""
+        """Return the format of an accepted recipe for `struct`."""
         types = answer[1:].decode().split(",")
         for name, kind in zip(names, types, strict=True):
             if kind not in SIZES:
@@ -302,9 +302,9 @@ class UrDevice:
                     f"{runtime}"
                 )
             self.k = self.state[17]
-            if self.k >= 0 or clock % RARE == 0:
+            if self.k >= 0 or clock % REST_RECORD_EVERY == 0:
                 self.complete.append((clock, self.k, tuple(self.state[19:25]), measured))
-        elif clock % RARE == 0:
+        elif clock % REST_RECORD_EVERY == 0:
             self.complete.append((clock, -1, tuple(self.state[1:7]), measured))
 
 

@@ -53,7 +53,7 @@ class ArcChain:
 
     @classmethod
     def straight(cls, points: FloatArray) -> ArcChain:
-        """The chain of n lines through points, (n + 1, dimension)."""
+        """Return the chain of n lines through points, (n + 1, dimension)."""
         zeros = np.zeros_like(points[1:])
         return cls(
             starts=points[:-1],
@@ -72,7 +72,7 @@ class ArcChain:
         angle: float,
         ends: FloatArray | None = None,
     ) -> ArcChain:
-        """The chain of one arc with the swept angle `angle` [rad].
+        """Return the chain of one arc with the swept angle `angle` [rad].
 
         `cosine` is the vector from the centre to the start, `sine` its conjugate semi-diameter.
         `ends` are the start and end point, (2, dimension); None computes these from the arc.
@@ -95,11 +95,11 @@ class ArcChain:
         return cls(**{x: np.concatenate([getattr(y, x) for y in chains]) for x in cls.__slots__})
 
     def __getitem__(self, rows: BoolArray | IntArray) -> ArcChain:
-        """The chain of the selected lines and arcs."""
+        """Return the chain of the selected lines and arcs."""
         return ArcChain(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
     def place(self, to: Affine) -> ArcChain:
-        """The image of the chain under an affine map."""
+        """Return the image of the chain under an affine map."""
         return ArcChain(
             starts=to(self.starts),
             ends=to(self.ends),
@@ -109,7 +109,7 @@ class ArcChain:
         )
 
     def halve(self) -> ArcChain:
-        """The same curve with each line and arc split into two halves."""
+        """Return the same curve with each line and arc split into two halves."""
         middles = self._evaluate(0.5)
         half = self.angles[:, None] / 2
         c, s = np.cos(half), np.sin(half)
@@ -129,11 +129,11 @@ class ArcChain:
         return np.stack([self.starts[-1], self.ends[-1]])
 
     def start_at(self, point: FloatArray) -> ArcChain:
-        """A copy of the chain with another start point, (dimension,)."""
+        """Return a copy of the chain with another start point, (dimension,)."""
         return dataclasses.replace(self, starts=np.concatenate([point[None], self.starts[1:]]))
 
     def end_at(self, point: FloatArray) -> ArcChain:
-        """A copy of the chain with another end point, (dimension,)."""
+        """Return a copy of the chain with another end point, (dimension,)."""
         return dataclasses.replace(self, ends=np.concatenate([self.ends[:-1], point[None]]))
 
     @property
@@ -198,7 +198,7 @@ class ArcChain:
         return np.where(self.angles > 0, self._long_arcs, far)
 
     def _elliptical(self, tolerance: float) -> BoolArray:
-        """Mask of the arcs that are not circular within the tolerance [m], (n,)."""
+        """Return the mask of the arcs that are not circular within the tolerance [m], (n,)."""
         arc = self.angles > 0
         if not arc.any():
             return arc
@@ -217,7 +217,7 @@ class ArcChain:
         return np.asarray(arc & (flattening > np.where(long_arc, AXIS_ROUNDING**2 * long, allowed)))
 
     def _evaluate(self, share: float | FloatArray, order: int = 0) -> FloatArray:
-        """Points (order 0) or derivatives (order 1) at a fraction of each line or arc.
+        """Return the points (order 0) or derivatives (order 1) at a fraction of each line or arc.
 
         The curves are corrected to pass exactly through their end points.
         """
@@ -231,7 +231,7 @@ class ArcChain:
         return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + fraction * missed)
 
     def _fitted(self, counts: IntArray, tolerance: float) -> list[Segments]:
-        """Tangent circular arcs within the tolerance [m] of chains of `counts` elliptical arcs."""
+        """Fit tangent circular arcs to chains of `counts` elliptical arcs within a tolerance."""
         first = np.cumsum(counts) - counts
         chain_of = np.repeat(np.arange(len(counts)), counts)
 
@@ -249,7 +249,7 @@ class ArcChain:
         return fit_many(curves, breaks, rows, tolerance, separate=True)
 
     def _as_drawn(self) -> Segments:
-        """Segments of lines and circular arcs; these can have gaps between them."""
+        """Return the segments of lines and circular arcs; these can have gaps between them."""
         # An arc is drawn with its radius. If its end differs from the end point, the arc is drawn
         # through both end points with its swept angle.
         arc = self.angles > 0
@@ -272,7 +272,7 @@ class ArcChain:
         )
 
     def _through_ends(self) -> Segments:
-        """Segments of circular arcs through their end points with their swept angles."""
+        """Return the segments of circular arcs through their end points with their swept angles."""
         chords = self.ends - self.starts
         half = self.angles / 2
         sizes = np.linalg.norm(chords, axis=1)
@@ -333,17 +333,17 @@ class Affine:
     offset: FloatArray
 
     def __call__(self, points: FloatArray) -> FloatArray:
-        """The images of points, (..., dimension)."""
+        """Return the images of points, (..., dimension)."""
         return np.asarray(points @ self.linear.T + self.offset)
 
     def __matmul__(self, inner: Affine) -> Affine:
-        """The composition of two maps: the inner map is applied first."""
+        """Return the composition of two maps: the inner map is applied first."""
         # `finite` detects an overflow later.
         with np.errstate(over="ignore", invalid="ignore"):
             return Affine(self.linear @ inner.linear, self.linear @ inner.offset + self.offset)
 
     def map_vectors(self, vectors: FloatArray) -> FloatArray:
-        """The images of vectors, (..., dimension); the offset does not apply to vectors."""
+        """Return the images of vectors, (..., dimension); the offset does not apply to vectors."""
         return np.asarray(vectors @ self.linear.T)
 
     @property

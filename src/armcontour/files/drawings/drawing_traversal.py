@@ -41,7 +41,7 @@ CUT_OFF = "Skipped because a clip or viewport removes them, in part or completel
 
 
 def is_drawn(path: Path, border: Path) -> BoolArray:
-    """Mask of the parts of a path in the plane, cut at a border, that are not outside of it."""
+    """Return which parts of a planar path that was cut at a border are inside or on this border."""
     # A point is inside if its winding number is not 0. Parts on the border are drawn.
     table = path.segments
     i, begin, end = _cut_at_border(table, border.segments)
@@ -52,7 +52,7 @@ def is_drawn(path: Path, border: Path) -> BoolArray:
 
 
 def _cut_at_border(table: Segments, border: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Parts of segments, cut at a border: segment indices, start and end arc lengths [m]."""
+    """Return parts of segments, cut at a border: segment indices, start and end arc lengths [m]."""
     n = len(table)
     pairs, distances = find_crossings(np.concatenate([to_pieces(table), to_pieces(border)]))
     crosses = (pairs < n).sum(axis=1) == 1
@@ -140,7 +140,7 @@ class Walk:
         return [f"{why}: {list_counted(x)}." for why, x in self.omitted.items()]
 
     def explain_empty(self) -> str:
-        """Text for the error that there is no contour; "" selects the general text."""
+        """Return the text for the error that there is no contour; "" selects the general text."""
         return ""
 
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
@@ -166,7 +166,7 @@ class Walk:
         return repair_vertices(program, self.options)
 
     def _clipped_entities(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
-        """The paths of all outlines that clips draw, as entities for chaining."""
+        """Return the paths of all outlines that clips draw, as entities for chaining."""
         options = self.options
         outlines = list(chain.from_iterable(x.outlines for x in entities))
         clips = list(dict.fromkeys(chain.from_iterable(x.clips for x in entities)))
@@ -206,7 +206,7 @@ class Walk:
         return pieces
 
     def _clip(self, paths: list[Path], entity: EntityOutlines, border: Path | None) -> list[Path]:
-        """The paths of an entity; none if a clip removes them, in part or completely."""
+        """Return the paths of an entity; none if a clip removes them, in part or completely."""
         drawn = np.zeros(1, np.bool_)
         if border is not None and paths:
             drawn = np.concatenate([is_drawn(x, border) for x in paths])
@@ -222,7 +222,7 @@ class Walk:
 
 
 def _places_of_outlines(entities: Sequence[EntityOutlines], clips: Sequence[Outline]) -> list[str]:
-    """Name, for messages, the entity of each outline of all entities, then each clip."""
+    """Name, for messages, the entity to which each outline belongs, then each clip."""
     places = list[str]()
     for entity in entities:
         places += [entity.where] * len(entity.outlines)
@@ -230,7 +230,7 @@ def _places_of_outlines(entities: Sequence[EntityOutlines], clips: Sequence[Outl
 
 
 def list_counted(names: Counter[str]) -> str:
-    """Text that lists the first names, with their counts if above 1: `2 TEXT, HATCH`."""
+    """Return the text that lists the first names, with their counts if above 1: `2 TEXT, HATCH`."""
     return list_some([x if n == 1 else f"{n} {x}" for x, n in names.items()], MAX_NAMED)
 
 

@@ -39,7 +39,7 @@ from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, hex
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program
 
-# Lengths of the units of $INSUNITS [m] (DXF reference). The code 0 means no unit.
+# Lengths of units by their codes in $INSUNITS [m] (DXF reference). The code 0 means no unit.
 UNITS = {
     1: 0.0254,
     2: 0.3048,
@@ -103,7 +103,18 @@ ADDRESS = re.compile(r"\(#\d+\)")
 def read_dxf(
     data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
 ) -> Program:
-    """Read the contours of a DXF drawing."""
+    """Read the contours of a DXF drawing.
+
+    Args:
+        data: Content of the file.
+        source: Name of the file, for messages.
+        options: Options.
+        progress: Called with the completed fraction.
+
+    Raises:
+        InvalidInput: The file is not a DXF file, has no contour that the options select, or has an
+            entity that is not supported.
+    """
     # Lines and arcs are not changed; ellipses and splines become arcs within the chord tolerance.
     # If all points have z = 0, the program is in the plane, otherwise in space.
     # Entities are named by their handles. In a block, the handle of the INSERT precedes the name.
@@ -129,7 +140,7 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
 
 
 def _flattened(entities: list[EntityOutlines]) -> list[EntityOutlines]:
-    """The entities, projected onto the plane if all z are 0; otherwise unchanged."""
+    """Return the entities, projected onto the plane if all z are 0; otherwise unchanged."""
 
     def is_flat(entity: EntityOutlines) -> bool:
         heights = (x.bounding_points[:, 2] for x in entity.outlines)
@@ -143,7 +154,7 @@ def _flattened(entities: list[EntityOutlines]) -> list[EntityOutlines]:
 
 
 class DxfWalk(Walk):
-    """Traversal of the entities of a DXF document, with notes on omitted entities."""
+    """Traversal of a DXF document, with notes on omitted entities."""
 
     part = " in its model space"
     counts_contours = True
@@ -171,7 +182,7 @@ class DxfWalk(Walk):
         return f"has no contour on the layer {requested}, only on {layers}"
 
     def shapes(self, unit: float) -> Iterator[EntityOutlines]:
-        """Yield the outlines of all entities of the model space in the order of the document."""
+        """Yield the outlines of all entities in the model space, in the order of the document."""
         try:
             for layer in self.document.layers:
                 name = _fold_case(layer.dxf.name)
@@ -187,7 +198,7 @@ class DxfWalk(Walk):
             yield from self._shapes_in([entity], drawing)
 
     def _shapes_in(self, entities: Iterable[Any], block: Inherited) -> Iterator[EntityOutlines]:
-        """Yield the outlines of the entities of a block or of the drawing."""
+        """Yield the outlines of the entities in a block or the drawing."""
         for entity in entities:
             kind = entity.dxftype()
             handle = _attribute(entity, "handle", "?")
@@ -256,7 +267,7 @@ class DxfWalk(Walk):
         )
 
     def _color(self, entity: Any, layer: str, block: Inherited) -> frozenset[str]:
-        """The names of the colour of an entity, which can be that of its block or layer."""
+        """Return the names of an entity's colour, which can come from its block or layer."""
         number = _attribute(entity, "color", BY_LAYER)
         if _attribute(entity, "true_color", None) is None:
             if number == BY_BLOCK:
@@ -266,7 +277,7 @@ class DxfWalk(Walk):
         return _color_names(entity, number)
 
     def _layer(self, entity: Any, block: Inherited) -> tuple[str, str]:
-        """Name of the layer of an entity, and the state of the layer, as from `_state_of`."""
+        """Return the name of an entity's layer, and the layer's state, as from `_state_of`."""
         layer = str(_attribute(entity, "layer", "") or _layer_tag(entity))
         # In a block, layer 0 stands for the layer of the INSERT.
         layer = block.layer if layer == "0" and block.targets else layer
@@ -275,7 +286,7 @@ class DxfWalk(Walk):
     def _insert(
         self, entity: Any, block: Inherited, name: str, layer: str
     ) -> Iterator[EntityOutlines]:
-        """Yield the outlines of all copies of the block of an INSERT."""
+        """Yield the outlines of all copies of the block that an INSERT names."""
         if self.wants_layer(layer):
             for _ in getattr(entity, "attribs", ()):
                 self.omit(NOT_READ, "ATTRIB")
@@ -339,7 +350,7 @@ class DxfWalk(Walk):
 
 
 def _attribute(entity: Any, name: str, default: Any) -> Any:
-    """An attribute of an entity; `default` if the entity or its type does not have it."""
+    """Return an attribute of an entity; `default` if the entity or its type does not have it."""
     return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
 
 
@@ -360,7 +371,7 @@ def _state_of(layer: Any, name: str) -> str:
 
 
 def _layer_tag(entity: Any) -> str:
-    """Layer of an entity of a type that ezdxf does not support; "0" if it has none."""
+    """Return the layer of an entity whose type ezdxf does not support; "0" if it has none."""
     tags = getattr(entity, "xtags", None)
     for tag in chain.from_iterable(tags.subclasses if tags else ()):
         if tag.code == LAYER_CODE:
@@ -369,7 +380,7 @@ def _layer_tag(entity: Any) -> str:
 
 
 def _color_names(entity: Any, number: int) -> frozenset[str]:
-    """The names of the colour of an entity or layer: AutoCAD's number and #rrggbb.
+    """Return the names of a colour: AutoCAD's number and #rrggbb.
 
     A true colour has only the name #rrggbb.
     """
@@ -462,7 +473,7 @@ def _read(data: bytes) -> Any:
 
 
 def error_line(error: Exception) -> str:
-    """First line of the message of an exception, shortened to 120 characters."""
+    """Return the first line of an exception's message, shortened to 120 characters."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     text = lines[0].strip().rstrip(".")
     return text if len(text) <= 120 else text[:117] + "..."

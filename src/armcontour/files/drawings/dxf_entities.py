@@ -1,4 +1,4 @@
-"""Shapes of DXF entities, in the coordinates of the drawing or of the block around them."""
+"""Shapes of DXF entities, in the coordinates of the drawing or the block around them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armcontour.files.drawings.outlines import BezierSpline, Shape
 NO_SWEEP = 1e-8
 # Maximum degree of a spline.
 MAX_DEGREE = 25
-# Maximum number of points of a spline.
+# Maximum number of points in a spline.
 MAX_POINTS = 100_000
 # Flag of a polyline vertex that is a control point of a spline frame and is not drawn.
 FRAME_POINT = 16
@@ -54,13 +54,13 @@ class Unreadable(Exception):
 
 
 def line(entity: Any) -> Shape | None:
-    """Shape of a LINE, whose points are in world coordinates."""
+    """Return the shape of a LINE, whose points are in world coordinates."""
     ends = _numbers("ends", [tuple(entity.dxf.start), tuple(entity.dxf.end)])
     return ArcChain.straight(ends)
 
 
 def circle(entity: Any) -> Shape | None:
-    """Shape of a CIRCLE, in the plane normal to its extrusion."""
+    """Return the shape of a CIRCLE, in the plane normal to its extrusion."""
     return _arc(entity, 0.0, 2 * np.pi)
 
 
@@ -71,7 +71,7 @@ def arc(entity: Any) -> Shape | None:
 
 
 def _arc(entity: Any, start: float, sweep: float) -> Shape | None:
-    """Shape of an ARC or CIRCLE with a start angle and a swept angle [rad]."""
+    """Return the shape of an ARC or CIRCLE with a start angle and a swept angle [rad]."""
     axes = plane_axes(entity.dxf.extrusion)
     centre = axes @ _numbers("centre", tuple(entity.dxf.center))
     radius = float(_numbers("radius", entity.dxf.radius))
@@ -84,7 +84,7 @@ def _arc(entity: Any, start: float, sweep: float) -> Shape | None:
 
 
 def ellipse(entity: Any) -> Shape | None:
-    """Shape of an ELLIPSE, whose vectors are in world coordinates."""
+    """Return the shape of an ELLIPSE, whose vectors are in world coordinates."""
     major = _numbers("major axis", tuple(entity.dxf.major_axis))
     normal = plane_axes(entity.dxf.extrusion)[:, 2]
     ratio = float(_numbers("ratio", entity.dxf.ratio))
@@ -99,7 +99,7 @@ def ellipse(entity: Any) -> Shape | None:
 
 
 def lwpolyline(entity: Any) -> Shape | None:
-    """Shape of an LWPOLYLINE, in the plane normal to its extrusion."""
+    """Return the shape of an LWPOLYLINE, in the plane normal to its extrusion."""
     rows = _numbers("vertices", [tuple(x) for x in entity.get_points("xyb")]).reshape(-1, 3)
     elevation = float(_numbers("elevation", entity.dxf.elevation))
     points = np.column_stack([rows[:, :2], np.full(len(rows), elevation)])
@@ -109,7 +109,7 @@ def lwpolyline(entity: Any) -> Shape | None:
 
 
 def polyline(entity: Any) -> Shape | None:
-    """Shape of a POLYLINE, in the plane normal to its extrusion or in space."""
+    """Return the shape of a POLYLINE, in the plane normal to its extrusion or in space."""
     vertices = [x for x in entity.vertices if not x.dxf.flags & FRAME_POINT]
     points = _numbers("vertices", [tuple(x.dxf.location) for x in vertices]).reshape(-1, 3)
     if entity.is_3d_polyline:
@@ -123,7 +123,7 @@ def polyline(entity: Any) -> Shape | None:
 def _polyline_shape(
     points: FloatArray, bulges: FloatArray, closed: bool, axes: FloatArray
 ) -> Shape | None:
-    """Shape of a polyline; None if it has no segment."""
+    """Return the shape of a polyline; None if it has no segment."""
     points = points @ axes.T
     if closed:
         points = np.concatenate([points, points[:1]])
@@ -134,8 +134,8 @@ def _polyline_shape(
 
 
 def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> ArcChain:
-    """Lines and arcs of an open polyline with bulges."""
-    # A bulge is the tangent of a quarter of the swept angle of the arc.
+    """Return the lines and arcs of an open polyline with bulges."""
+    # A bulge is the tangent of a quarter of the arc's swept angle.
     chord = np.diff(points, axis=0)
     bent = (np.abs(bulges) > NO_BULGE) & (np.abs(chord).max(axis=1, initial=0.0) > 0)
     b = np.where(bent, bulges, 1.0)[:, None]
@@ -184,7 +184,7 @@ def spline(entity: Any) -> Shape | None:
 
 
 def _fit_spline(entity: Any) -> Shape | None:
-    """The cubic spline through the fit points; None if all fit points coincide.
+    """Return the cubic spline through the fit points; None if all fit points coincide.
 
     The parameter is the chord length, as in CAD programs.
     """
@@ -242,14 +242,14 @@ def check_required(entity: Any) -> None:
 
 
 def insert_grid(entity: Any) -> tuple[int, int]:
-    """Numbers of rows and columns of the copies of an INSERT; 1 if the spacing is 0."""
+    """Return the numbers of rows and columns of INSERT copies; 1 if the spacing is 0."""
     dxf = entity.dxf
     rows, columns = (max(int(x), 1) for x in (dxf.row_count, dxf.column_count))
     return rows if dxf.row_spacing else 1, columns if dxf.column_spacing else 1
 
 
 def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
-    """Affine map of the first copy of an INSERT, and offsets of all copies from it, (n, 3).
+    """Return the affine map of an INSERT's first copy, and offsets of all copies from it, (n, 3).
 
     Both are in units of the drawing; `base` is the base point of the block.
     """
@@ -277,7 +277,7 @@ def check_clip(entity: Any) -> None:
 
 
 def plane_axes(extrusion: Any) -> FloatArray:
-    """Axes of an entity's plane as columns, by DXF's arbitrary axis algorithm."""
+    """Return the axes of an entity's plane as columns, by DXF's arbitrary axis algorithm."""
     if tuple(extrusion) == (0.0, 0.0, 1.0):
         # Nearly all entities lie in the plane of the drawing.
         return np.eye(3)
@@ -286,7 +286,7 @@ def plane_axes(extrusion: Any) -> FloatArray:
     if normal.shape != (3,) or not 0 < size < np.inf:
         raise Unreadable("must not have an extrusion of length zero")
     z = normal / size
-    # The algorithm uses the y axis of the world instead of z if the normal is close to z.
+    # The algorithm uses the world's y axis instead of z if the normal is close to z.
     near = abs(z[0]) < 1 / 64 and abs(z[1]) < 1 / 64
     x = np.cross([0.0, 1.0, 0.0] if near else [0.0, 0.0, 1.0], z)
     x /= np.linalg.norm(x)
@@ -294,7 +294,7 @@ def plane_axes(extrusion: Any) -> FloatArray:
 
 
 def _swept_angle(angle: float) -> float:
-    """The swept angle [rad]; a full turn if the angle is approximately zero."""
+    """Return the swept angle [rad]; a full turn if the angle is approximately zero."""
     return 2 * np.pi if angle < NO_SWEEP else float(angle)
 
 

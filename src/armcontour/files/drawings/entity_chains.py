@@ -1,4 +1,4 @@
-"""Chaining of the entities of a drawing to contours."""
+"""Chaining of drawn entities to contours."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LAYER_DISTANCE = 1e9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnEntity:
-    """The path of an entity of a drawing, or of a part of an entity (a piece)."""
+    """The path of a drawn entity, or of a part of it (a piece)."""
 
     path: Path
     name: str  # Name of the entity in the drawing
@@ -46,7 +46,7 @@ class DrawnEntity:
 def chain_pieces(
     pieces: Sequence[DrawnEntity], tolerance: float, *, counted: bool = False
 ) -> tuple[list[Contour], list[str]]:
-    """Contours of the pieces, chained if their ends are closer than a tolerance [m], and notes.
+    """Chain pieces whose ends are closer than a tolerance; returns contours and notes.
 
     Only pieces of the same layer are chained. Pieces can be reversed. The first piece of a contour
     determines the direction, the name and the position in the order. With `counted`, contours are
@@ -59,6 +59,11 @@ def chain_pieces(
     Pieces that coincide with others of their layer are omitted, as are contours whose width and
     height are at most the tolerance, and lines up to this length at which a contour that crosses
     itself turns back.
+
+    Args:
+        pieces: The pieces.
+        tolerance: Largest distance of ends that are joined [m].
+        counted: Whether contours are named by layer and number.
     """
     if not pieces:
         return [], []
@@ -80,24 +85,22 @@ def chain_pieces(
     counts = Counter[str]()
     for chain, closed in _chains(partner, repeated):
         first = pieces[min(chain) // 2]
-        path = None
-        if lengths[np.array(chain) // 2].sum() > tolerance:
-            alone = len(chain) == 1 and not closed
-            path = first.path if alone else table.join(chain, closed, tolerance)
-        if path is None or (
-            (path is not first.path or small[chain[0] // 2])
-            and np.ptp(path.segments.extent, axis=0).max() <= tolerance
-        ):
+        if lengths[np.array(chain) // 2].sum() <= tolerance:
+            short.append(first.name)
+            continue
+        alone = len(chain) == 1 and not closed
+        path = first.path if alone else table.join(chain, closed, tolerance)
+        may_be_small = path is not first.path or small[chain[0] // 2]
+        if may_be_small and np.ptp(path.segments.extent, axis=0).max() <= tolerance:
             short.append(first.name)
             continue
         straight = _remove_hooks(path, tolerance)
         if straight is not path:
             hooked.append(first.name)
-        number = len(contours) + 1
         layer = first.layer
         counts[layer] += 1
-        suffix = f"-{counts[layer]}"
-        name = shorten(layer, LONGEST_NAME - len(suffix)) + suffix if counted else first.name
+        name = _counted_name(layer, counts[layer]) if counted else first.name
+        number = len(contours) + 1
         contours.append(Contour(path=straight, name=name, number=number, layer=layer))
     limit = f"the join tolerance of {1e3 * tolerance:g} mm"
     reasons = {
@@ -106,6 +109,12 @@ def chain_pieces(
         f"Removed lines up to {limit} at which the contour turns back": hooked,
     }
     return contours, [f"{why}: {list_some(x, 6)}." for why, x in reasons.items() if x]
+
+
+def _counted_name(layer: str, number: int) -> str:
+    """Return the name of a contour by its layer and its number on it, such as `CUT-3`."""
+    suffix = f"-{number}"
+    return shorten(layer, LONGEST_NAME - len(suffix)) + suffix
 
 
 def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
@@ -118,7 +127,7 @@ def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
 
 
 def _chains(partner: IntArray, omitted: BoolArray) -> list[tuple[list[int], bool]]:
-    """The entries of each chain of joined pieces, and whether the chain is closed.
+    """Return the entries of each chain, and whether the chain is closed.
 
     Entry 2 i is piece i forwards, 2 i + 1 piece i backwards. `partner` is that of `find_partners`.
     """
@@ -147,7 +156,7 @@ def _chains(partner: IntArray, omitted: BoolArray) -> list[tuple[list[int], bool
 def _find_repeated(
     pieces: Sequence[DrawnEntity], table: EntitySegments, layers: IntArray
 ) -> BoolArray:
-    """Mask of the pieces that coincide with an earlier piece of their layer, (n,)."""
+    """Return the mask of the pieces that coincide with an earlier piece of their layer, (n,)."""
     n = len(pieces)
     feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
     cell = np.column_stack([layers, np.round(feature / FEATURE_GRID)])
@@ -176,7 +185,7 @@ class EntitySegments:
     """The segments of all pieces in one table."""
 
     segments: Segments
-    # Index of the first segment of each piece, and the total number of segments, (pieces + 1,).
+    # Index of each piece's first segment, and the total number of segments, (pieces + 1,).
     first: IntArray
 
     @property
@@ -229,7 +238,7 @@ class EntitySegments:
 
 
 def _join_rows(rows: Segments, vertices: IntArray, tolerance: float) -> Path:
-    """The path of segments, with the gaps before the segments `vertices` closed."""
+    """Return the path of segments, with the gaps before the segments `vertices` closed."""
     ends = rows.ends
     gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
     wide = gaps > MAX_OPEN_GAP
@@ -288,7 +297,7 @@ def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance:
 
 
 def _connect(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
-    """Lines between points, with the speeds and tolerances of the given segments."""
+    """Return the lines between points, with the speeds and tolerances of the given segments."""
     chords = ends - starts
     lengths = np.linalg.norm(chords, axis=1)
     return rows.replace(
@@ -303,7 +312,7 @@ def _connect(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
 def _shift(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> FloatArray:
-    """Largest displacement of a point of each arc if `_stretch` moves the arc's ends [m], (n,)."""
+    """Return each arc's largest displacement if `_stretch` moves its ends [m], (n,)."""
     at_start = to_start - arcs.starts
     at_end = to_end - ends
     chord = np.linalg.norm(ends - arcs.starts, axis=1)
@@ -407,7 +416,7 @@ def _join_ends(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolera
 
 
 def _touching_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
-    """Pairs of free ends that touch, with the smallest turns for each end, (m, 2)."""
+    """Return the pairs of free ends that touch, with the smallest turns for each end, (m, 2)."""
     # Ends in one cell of a grid are merged, so that many ends at one point cause few pairs.
     keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
     _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -439,12 +448,12 @@ def _near_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
 
 
 def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """Indices of points and of their neighbours, without the entries n for missing neighbours."""
+    """Return indices of points and neighbours without the entries n, which are no neighbours."""
     i = np.repeat(np.arange(n), neighbours.shape[1])
     k = neighbours.ravel()
     return i[k < n], k[k < n]
 
 
 def _pairs(free: IntArray, a: IntArray, b: IntArray) -> IntArray:
-    """Sorted unique pairs of ends, (m, 2), from indices `a` and `b` into `free`."""
+    """Return the sorted unique pairs of ends, (m, 2), from indices `a` and `b` into `free`."""
     return np.unique(np.sort(np.column_stack([free[a], free[b]]), axis=1), axis=0)

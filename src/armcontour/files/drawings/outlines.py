@@ -28,7 +28,7 @@ SMALL_GAP = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BezierSpline:
-    """A sequence of rational Bézier curves of one degree, each from the end of the previous one."""
+    """Rational Bézier curves with the same degree, each from the end of the previous one."""
 
     # Control points, (curves * degree + 1, dimension). Neighbouring curves share one point.
     points: FloatArray
@@ -40,7 +40,7 @@ class BezierSpline:
     def from_knots(
         cls, points: FloatArray, weights: FloatArray, knots: FloatArray, degree: int
     ) -> BezierSpline | None:
-        """The Bézier curves of a rational B-spline; None if the spline has a gap.
+        """Return the Bézier curves of a rational B-spline; None if the spline has a gap.
 
         The n weights are above zero. The n + degree + 1 knots are ascending, and the parameter
         range from knot `degree` to knot n is not empty.
@@ -65,7 +65,7 @@ class BezierSpline:
         return cls(points=flat, weights=w, degree=degree)
 
     def place(self, to: Affine) -> BezierSpline:
-        """The image of the spline under an affine map."""
+        """Return the image of the spline under an affine map."""
         return dataclasses.replace(self, points=to(self.points))
 
     @property
@@ -79,7 +79,7 @@ class BezierSpline:
         return self.points[[-1 - self.degree, -1]]
 
     def start_at(self, point: FloatArray) -> BezierSpline:
-        """A copy of the spline with another start point, (dimension,)."""
+        """Return a copy of the spline with another start point, (dimension,)."""
         return dataclasses.replace(self, points=np.concatenate([point[None], self.points[1:]]))
 
     def end_at(self, point: FloatArray) -> BezierSpline:
@@ -104,7 +104,7 @@ class BezierSpline:
 
 
 def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
-    """Control points of the Bézier curves of a B-spline, (curves, degree + 1, dimension)."""
+    """Return the control points of a B-spline's Bézier curves, (curves, degree + 1, dimension)."""
     # Each control point is the value of the polar form (blossom) of a curve, with the ends of the
     # knot interval as arguments. De Boor's algorithm computes it with one argument per step.
     n = len(points)
@@ -178,7 +178,7 @@ class _SplineCurves:
 
     @property
     def breaks(self) -> tuple[FloatArray, IntArray]:
-        """Parameters of the ends of all Bézier curves, and the index of their spline, (m,) each."""
+        """Parameters at the ends of all Bézier curves, and the index of their spline, (m,) each."""
         parameters = np.concatenate([np.arange(n + 1.0) for n in self._counts])
         return parameters, np.repeat(np.arange(len(self._counts)), self._counts + 1)
 
@@ -200,13 +200,13 @@ class _SplineCurves:
 
 
 def _derivative_points(control: list[FloatArray]) -> list[FloatArray]:
-    """Control points of the derivatives of Bézier curves."""
+    """Return the control points of the derivatives of Bézier curves."""
     degree = len(control) - 1
     return [degree * (b - a) for a, b in itertools.pairwise(control)]
 
 
 def _evaluate_bezier(control: list[FloatArray], fraction: FloatArray) -> FloatArray:
-    """Points of Bézier curves, (m, dimension), by de Casteljau's algorithm."""
+    """Return the points of Bézier curves, (m, dimension), by de Casteljau's algorithm."""
     complement = 1 - fraction
     while len(control) > 1:
         control = [complement * a + fraction * b for a, b in itertools.pairwise(control)]
@@ -224,7 +224,7 @@ class Outline:
     closed: bool = False  # Whether the last shape must end where the first one starts
 
     def place(self, to: Affine) -> Outline:
-        """The image of the outline under an affine map."""
+        """Return the image of the outline under an affine map."""
         return Outline([x.place(to) for x in self.shapes], self.closed)
 
     @property
@@ -253,7 +253,7 @@ class Outline:
         return parts
 
     def close_gap(self, join: float) -> Sequence[Shape]:
-        """The shapes of the outline; the gap of a closed outline is closed.
+        """Return the shapes of the outline; the gap of a closed outline is closed.
 
         A gap up to `join` [m] and SMALL_GAP of the last chord is closed by moving the end point, a
         larger gap by a line.
@@ -277,7 +277,7 @@ def paths_of(
     join: float = 0.0,
     report_fraction: Callable[[float], None] = lambda done: None,
 ) -> list[Path | None]:
-    """The paths of outlines; None for an outline without length.
+    """Return the paths of outlines; None for an outline without length.
 
     Lines and circular arcs are not changed; other curves become tangent arcs within `tolerance`
     [m]. `join` is that of `Outline.close_gap`.
@@ -328,7 +328,7 @@ def _draw_together(
 
 
 def _join_parts(rows: Sequence[Sequence[Segments]]) -> list[Path | None]:
-    """The paths that join the parts of each outline; None for an outline without parts."""
+    """Return the paths that join the parts of each outline; None for an outline without parts."""
     drawn = [i for i, x in enumerate(rows) if x]
     parts = list(itertools.chain.from_iterable(rows))
     part_bounds = np.cumsum([0, *(sum(map(len, rows[i])) for i in drawn)])

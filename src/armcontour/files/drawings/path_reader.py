@@ -115,7 +115,7 @@ def read_path(
 
 
 def _number_in_drawing(program: Program, read_all: Callable[[], Program]) -> Program:
-    """The program with the contours of other layers, and with numbers that include these.
+    """Return the program with the contours of other layers, and with numbers that include these.
 
     The program is unchanged if its drawing can only be read without the other layers.
     """
@@ -133,7 +133,7 @@ def _number_in_drawing(program: Program, read_all: Callable[[], Program]) -> Pro
 
 
 def _select(program: Program, options: ReadOptions) -> Program:
-    """The program with only the contours that the options select by layer and name."""
+    """Return the program with only the contours that the options select by layer and name."""
     layers = options.layers
     if isinstance(layers, Mapping):
         # A mapping contains settings for layers, and a drawing need not have all these layers.
@@ -145,7 +145,7 @@ def _select(program: Program, options: ReadOptions) -> Program:
 
 
 def _farthest(program: Program) -> float:
-    """Largest absolute coordinate of all contours [m]."""
+    """Return the largest absolute coordinate of all contours [m]."""
     return max(float(np.abs(x.path.vertices).max()) for x in program.contours)
 
 
@@ -165,7 +165,7 @@ def _check_scaled_size(program: Program, factor: float) -> None:
 
 
 def find_reader(file: str | FilePath) -> tuple[FilePath, str]:
-    """The path and the lower-case extension of a file, which must have a reader."""
+    """Return the path and the lower-case extension of a file, which must have a reader."""
     location = FilePath(file)
     suffix = location.suffix.lower()
     if suffix == ".dwg":

@@ -14,10 +14,10 @@ from armcontour.core import checks
 from armcontour.core.checks import LONGEST_NAME, BoolArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
-from armcontour.core.file_access import SMALL
+from armcontour.core.file_access import MAX_HAND_WRITTEN
 from armcontour.core.frames import angle_between
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import About, Choice, Distance, Factor, Tolerance, parse_quantity
+from armcontour.core.quantities import Choice, Distance, Factor, Tolerance, parse_quantity
 from armcontour.core.text import digits, make_printable, shorten
 from armcontour.geometry import Path, SegmentLimits, Segments
 from armcontour.geometry.rounding.tangent_repair import LARGEST_KINK, RepairedPath, repair_tangents
@@ -26,7 +26,7 @@ from armcontour.program import Contour, Program
 from armcontour.program.moves import Move, put_on_path
 
 # Maximum size of a file [bytes]. The data structures need many times the size of the file.
-MAX_FILE_SIZE = SMALL
+MAX_FILE_SIZE = MAX_HAND_WRITTEN
 # Advice in messages to set `unknown` to "skip".
 SKIP_ADVICE = "skip it (unknown: skip, or --skip-unknown)"
 # CSS colour names that drawings for lasers and plotters use; other names are used as written.
@@ -95,7 +95,7 @@ def color_of(text: str) -> str:
 
 
 def hex_of(red: int, green: int, blue: int) -> str:
-    """The colour `#rrggbb` with components from 0 to 255."""
+    """Return the colour `#rrggbb` with components from 0 to 255."""
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
@@ -135,21 +135,17 @@ class ReadOptions(Checked):
         InvalidInput: A unit, word or choice is unknown, or a number is out of range.
     """
 
-    units: Annotated[str | float | None, About("--units")] = None
-    scale: Annotated[Factor, About("--scale")] = 1.0
-    layers: Annotated[Sequence[str] | Mapping[str, SegmentLimits] | None, About("--layer")] = None
-    names: Annotated[Sequence[str] | None, About("--contour")] = None
+    units: str | float | None = None
+    scale: Factor = 1.0
+    layers: Sequence[str] | Mapping[str, SegmentLimits] | None = None
+    names: Sequence[str] | None = None
     colors: Sequence[str | int] | None = None
-    ignore_z: Annotated[bool, About("--ignore-z")] = False
+    ignore_z: bool = False
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
     repair_vertices: Distance = 2e-6
-    columns: Annotated[str | None, About("--waypoint-columns")] = None
-    unknown: Annotated[
-        str,
-        Choice(UNKNOWN),
-        About("--skip-unknown", help="Skip unknown elements.", read="to_skip"),
-    ] = "refuse"
+    columns: str | None = None
+    unknown: Annotated[str, Choice(UNKNOWN)] = "refuse"
 
     def _check_together(self) -> None:
         # The properties raise errors for invalid options before a file is read.
@@ -237,7 +233,7 @@ def _may_have_repairs(paths: Sequence[Path], tolerance: float) -> BoolArray:
 
 
 def _describe_repairs(done: list[RepairedPath]) -> str:
-    """A note on the number, turn and displacement of the repaired vertices."""
+    """Return a note on the number, turn and displacement of the repaired vertices."""
     count = sum(x.count for x in done)
     kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))
     vertices = f"{count} vertices" if count > 1 else "1 vertex"

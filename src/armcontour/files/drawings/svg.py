@@ -98,13 +98,13 @@ def read_svg(
     tangent arcs within `options.chord_tolerance`.
     """
     root = parse_tree(data, source)
-    page, view, notes = _page(root, options, data)
+    page = _page(root, options, data)
     walk = SvgWalk(root, options, progress)
-    return walk.program(walk.shapes(page, view), notes)
+    return walk.program(walk.shapes(page.to_world, page.view), page.notes)
 
 
 def _writers(root: Element, data: bytes) -> list[tuple[str, float]]:
-    """The programs that wrote a file, in their order, and CSS; each with its px [m]."""
+    """Return the programs that wrote a file, in their order, and CSS; each with its px [m]."""
     writers = []
     # Zero bytes are removed because the file can be in UTF-16.
     if ILLUSTRATOR.search(data[:COMMENT_RANGE].replace(b"\0", b"")):
@@ -115,10 +115,17 @@ def _writers(root: Element, data: bytes) -> list[tuple[str, float]]:
     return [*writers, ("CSS", PIXEL), ("CSS", PIXEL)]
 
 
-def _page(
-    root: Element, options: ReadOptions, data: bytes
-) -> tuple[Affine, ViewBox | None, list[str]]:
-    """The map from user units to metres with y up, the viewport (None if unknown), and notes."""
+@dataclass(frozen=True, slots=True)
+class _Page:
+    """The page of a drawing."""
+
+    to_world: Affine  # Map from user units to metres with y up
+    view: ViewBox | None  # Viewport; None if it is unknown
+    notes: list[str]
+
+
+def _page(root: Element, options: ReadOptions, data: bytes) -> _Page:
+    """Read size and units of the page."""
     if root.get("transform"):
         root.refuse(
             "a transform of the outermost svg element is not supported. Move the transform to a "
@@ -131,15 +138,8 @@ def _page(
     notes = []
     absolute = any(ABSOLUTE.search(root.get(x)) for x in ("width", "height"))
     if options.unit is None and not (box is not None and absolute):
-        (program, unit), (other, other_unit), *_ = _writers(root, data)
-        if unit != other_unit:
-            span = width or (box.width if box else 100.0)
-            notes.append(
-                f"{root.source} was written by {program}, whose px is 1/{INCH / unit:.0f} inch "
-                f"instead of the 1/{INCH / other_unit:.0f} inch of {other}, so {span:g} px are "
-                f"{1e3 * span * unit:.5g} mm. If they are {1e3 * span * other_unit:.5g} mm, "
-                f"specify units: {other_unit:.9g}."
-            )
+        unit, note = _pixel(root, data, span=width or (box.width if box else 100.0))
+        notes += [note] if note else []
         if absolute:
             # Absolute lengths of the page do not depend on the size of a px.
             width, height = (x and x * PIXEL / unit for x in (width, height))
@@ -150,15 +150,34 @@ def _page(
         wide = width if width is not None else (height or 0.0) * box.width / box.height
         high = height if height is not None else wide * box.height / box.width
         inner = viewbox_transform(root, box, ViewBox(0.0, 0.0, wide, high))
-        return _to_world(high, unit) @ inner, box, notes
+        return _Page(_to_world(high, unit) @ inner, box, notes)
     if height is None:
         notes.append(
             f"{root.source} has no page height, so y is 0 at the upper edge of the page and "
             "negative below."
         )
-        return _to_world(0.0, unit), None, notes
+        return _Page(_to_world(0.0, unit), None, notes)
     view = ViewBox(0.0, 0.0, width, height) if width is not None else None
-    return _to_world(height, unit), view, notes
+    return _Page(_to_world(height, unit), view, notes)
+
+
+def _pixel(root: Element, data: bytes, span: float) -> tuple[float, str]:
+    """Return the px of the program that wrote a file [m], and a note if it differs from others.
+
+    Args:
+        root: Root of the drawing.
+        data: Content of the file.
+        span: Length that the note has as an example [px].
+    """
+    (program, unit), (other, other_unit), *_ = _writers(root, data)
+    if unit == other_unit:
+        return unit, ""
+    return unit, (
+        f"{root.source} was written by {program}, whose px is 1/{INCH / unit:.0f} inch "
+        f"instead of the 1/{INCH / other_unit:.0f} inch of {other}, so {span:g} px are "
+        f"{1e3 * span * unit:.5g} mm. If they are {1e3 * span * other_unit:.5g} mm, "
+        f"specify units: {other_unit:.9g}."
+    )
 
 
 def _page_extent(root: Element, key: str) -> float | None:
@@ -170,7 +189,7 @@ def _page_extent(root: Element, key: str) -> float | None:
 
 
 def _to_world(height: float, unit: float) -> Affine:
-    """The map from the page [user units, y down] to metres with y up from the lower edge."""
+    """Return the map from the page [user units, y down] to metres with y up from the lower edge."""
     return affine(unit, 0.0, 0.0, -unit, 0.0, height * unit)
 
 
@@ -185,7 +204,7 @@ class _SvgInherited(Inherited):
 
 
 class SvgWalk(Walk):
-    """Traversal of the elements of an SVG drawing, with notes on omitted elements."""
+    """Traversal of an SVG drawing, with notes on omitted elements."""
 
     separates_parts = True
 
@@ -230,7 +249,7 @@ class SvgWalk(Walk):
                 yield self._outlines(element, inner, name)
 
     def _outlines(self, element: Element, inherited: _SvgInherited, name: str) -> EntityOutlines:
-        """The outlines of a shape on the page [m]."""
+        """Return the outlines of a shape on the page [m]."""
 
         def count_segments(segments: int) -> None:
             self._segments += segments
@@ -319,7 +338,7 @@ class SvgWalk(Walk):
             )
 
     def _clipped(self, element: Element, inherited: _SvgInherited, reference: str) -> _SvgInherited:
-        """The properties of an element with the clip to which its clip-path refers."""
+        """Return the properties of an element with the clip to which its clip-path refers."""
         name = _URL.fullmatch(reference)
         target = self._ids.get(name[1]) if name else None
         outline = None if target is None else self._clip_outline(target, inherited)
@@ -329,7 +348,7 @@ class SvgWalk(Walk):
         return dataclasses.replace(inherited, clips=(*inherited.clips, outline))
 
     def _clip_outline(self, target: Element, inherited: _SvgInherited) -> Outline | None:
-        """The only outline of a clipPath on the page [m]; None if it has several or none."""
+        """Return the only outline of a clipPath on the page [m]; None if it has several or none."""
         drawn = [x for x in target.children if x.tag not in UNDRAWN]
         units = target.get("clipPathUnits") or "userSpaceOnUse"
         if target.tag != "clipPath" or units != "userSpaceOnUse" or len(drawn) != 1:
@@ -352,7 +371,7 @@ class SvgWalk(Walk):
     def _content(
         self, element: Element, inherited: _SvgInherited
     ) -> list[tuple[Element, _SvgInherited]]:
-        """The elements that a container draws, each with its inherited properties."""
+        """Return the elements that a container draws, each with its inherited properties."""
         if element.tag == "use":
             used = self._resolve_use(element, inherited)
             return [] if used is None else [used]
@@ -365,7 +384,7 @@ class SvgWalk(Walk):
     def _resolve_use(
         self, element: Element, inherited: _SvgInherited
     ) -> tuple[Element, _SvgInherited] | None:
-        """The element to which a use element refers, with its inherited properties.
+        """Return the element to which a use element refers, with its inherited properties.
 
         None if the file has no such element, so that the use element draws nothing.
         """
@@ -430,7 +449,7 @@ class SvgWalk(Walk):
 
 
 def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:
-    """Width or height of a viewport [user units]; None if it is unknown."""
+    """Return the width or height of a viewport [user units]; None if it is unknown."""
     # The use element has priority over the element; the default is the extent of the outer
     # viewport.
     for source in (user, element):
@@ -451,7 +470,7 @@ def _layer(element: Element, around: _SvgInherited) -> _SvgInherited:
 
 
 def _all_elements(root: Element) -> list[Element]:
-    """All elements of a tree in the order of the file."""
+    """Return all elements of a tree in the order of the file."""
     elements = []
     todo = [root]
     while todo:

@@ -61,7 +61,7 @@ MAX_TRANSFORMS = 1000
 _ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
 # Maximum number of values in one list, which no drawing of contours exceeds.
 MAX_NUMBERS = 4_000_000
-# Valid numbers of arguments of each transform.
+# Valid numbers of arguments, by transform.
 ARGUMENT_COUNTS = {
     "matrix": (6,),
     "translate": (1, 2),
@@ -70,7 +70,7 @@ ARGUMENT_COUNTS = {
     "skewX": (1,),
     "skewY": (1,),
 }
-# Fraction of the unused space of the viewport that is before the viewBox, by alignment.
+# Fraction of the viewport's unused space that is before the viewBox, by alignment.
 ALIGNMENT_SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
 IDENTITY = Affine(frozen_array(np.eye(2)), frozen_array(np.zeros(2)))
 
@@ -85,7 +85,7 @@ class Element:
     source: str  # Name of the file
     line: int  # Line of the file in which the element starts
     children: list[Element] = field(default_factory=list)
-    # Parts of the text of the element; empty for elements other than style.
+    # Parts of the element's text; empty for elements other than style.
     text: list[str] = field(default_factory=list)
 
     @property
@@ -95,7 +95,7 @@ class Element:
         return f"{self.tag[:40]}{f' {identifier[:60]!r}' if identifier else ''} in line {self.line}"
 
     def get(self, key: str) -> str:
-        """An attribute without surrounding white space; "" if it is missing."""
+        """Return an attribute without surrounding white space; "" if it is missing."""
         return self.attributes.get(key, "").strip()
 
     def style(self, key: str) -> str:
@@ -103,7 +103,7 @@ class Element:
         return self.style_property(key) or self.get(key)
 
     def style_property(self, key: str) -> str:
-        """A property from the attribute style; "" if it is missing."""
+        """Return a property from the attribute style; "" if it is missing."""
         style = self.attributes.get("style", "")
         if key in style:
             for declaration in reversed(style.split(";")):
@@ -218,7 +218,7 @@ class _Builder:
 
 
 def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine:
-    """The affine map of SVG's `matrix(a b c d e f)`."""
+    """Return the affine map of SVG's `matrix(a b c d e f)`."""
     return Affine(np.array([[a, c], [b, d]]), np.array([e, f]))
 
 
@@ -282,7 +282,7 @@ def read_length(element: Element, key: str, *, default: float | None = 0.0) -> f
 
 
 def read_length_or_zero(element: Element, key: str) -> float:
-    """The length in an attribute [user units]; 0 if the attribute is missing or auto."""
+    """Return the length in an attribute [user units]; 0 if the attribute is missing or auto."""
     return read_length(element, key) or 0.0
 
 
@@ -296,7 +296,7 @@ def _whole_length(key: str, view: ViewBox) -> float:
 
 
 def make_absolute(element: Element, view: ViewBox | None) -> Element:
-    """The element with lengths in % converted to user units if `view` is known."""
+    """Return the element with lengths in % converted to user units if `view` is known."""
     changed = {}
     if view is None:
         return element
@@ -310,7 +310,7 @@ def make_absolute(element: Element, view: ViewBox | None) -> Element:
 
 
 def transform_of(element: Element) -> Affine:
-    """The affine map of the attribute transform of an element."""
+    """Return the affine map in an element's attribute `transform`."""
     text = element.get("transform")
     if text in ("", "none"):
         return IDENTITY
@@ -339,7 +339,7 @@ def transform_of(element: Element) -> Affine:
 
 
 def _single_transform(kind: str, values: list[float]) -> Affine:
-    """The affine map of one transform, such as "rotate", with the given arguments."""
+    """Return the affine map of one transform, such as "rotate", with the given arguments."""
     first = values[0]
     if kind == "matrix":
         return affine(*values)
@@ -361,7 +361,7 @@ def _single_transform(kind: str, values: list[float]) -> Affine:
 
 
 def _cos_sin(degrees: float) -> tuple[float, float]:
-    """Cosine and sine of an angle, exact for multiples of a right angle."""
+    """Return the cosine and sine of an angle, exact for multiples of a right angle."""
     quarters, remainder = divmod(degrees, 90.0)
     c = math.cos(math.radians(remainder))
     s = math.sin(math.radians(remainder))
@@ -381,7 +381,7 @@ class ViewBox:
 
 
 def view_box(element: Element) -> ViewBox | None:
-    """The viewBox of an element; None if the element has no viewBox."""
+    """Return the viewBox of an element; None if the element has no viewBox."""
     text = element.get("viewBox")
     if not text or text == "none":
         return None
@@ -395,7 +395,7 @@ def view_box(element: Element) -> ViewBox | None:
 
 
 def viewbox_transform(element: Element, inner: ViewBox, outer: ViewBox) -> Affine:
-    """The map from the viewBox `inner` of an element to its viewport `outer`."""
+    """Return the map from the viewBox `inner` of an element to its viewport `outer`."""
     text = element.get("preserveAspectRatio") or "xMidYMid"
     match = _ALIGN.fullmatch(text)
     if match is None:

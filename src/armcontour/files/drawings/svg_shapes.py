@@ -25,7 +25,7 @@ from armcontour.files.drawings.svg_elements import (
     read_length_or_zero,
 )
 
-# Number of arguments of each path command.
+# Number of arguments, by path command.
 ARGUMENT_COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 # Commands for the further points of a move command, which are lines.
 FURTHER = {"M": "L", "m": "l"}
@@ -43,7 +43,7 @@ CountSegments = Callable[[int], None]
 
 
 def path_outlines(element: Element, count_segments: Callable[[int], None]) -> list[Outline]:
-    """The outlines of a path, one per subpath."""
+    """Return the outlines of a path, one per subpath."""
     pen = Pen(element)
     for letter, numbers in _commands(element, count_segments):
         pen.execute(letter, numbers)
@@ -52,7 +52,7 @@ def path_outlines(element: Element, count_segments: Callable[[int], None]) -> li
 
 
 def _count_repeats(element: Element, letter: str, given: int, position: int) -> int:
-    """Number of repetitions of a command with a given number of arguments."""
+    """Count how often a command is repeated, from its number of arguments."""
     count = ARGUMENT_COUNTS[letter.upper()]
     repeats, remainder = divmod(given, count) if count else (1, given)
     if remainder or not repeats:
@@ -112,7 +112,7 @@ def _parse_arcs(element: Element, chunk: str, position: int) -> list[float]:
 
 
 def _refuse_arguments(element: Element, chunk: str, position: int, end: int) -> None:
-    """Raise an error for the text from index `end` of the arguments `chunk` of a command."""
+    """Raise an error for the text from index `end` in the arguments `chunk` of a command."""
     element.refuse(
         f"path data has {chunk[end : end + 20].strip()!r} at character {position + end + 1}, which "
         "is not a valid argument of the command"
@@ -237,7 +237,7 @@ def _arc_between(
     large: bool,
     sweep: bool,
 ) -> ArcChain:
-    """The elliptical arc between two points as defined for SVG's command A."""
+    """Return the elliptical arc between two points as defined for SVG's command A."""
     # Radii that are too small are scaled so that the ellipse passes through both points.
     c, s = math.cos(tilt), math.sin(tilt)
     axes = np.array([[c, -s], [s, c]]) * radii
@@ -260,12 +260,12 @@ def _arc_between(
 
 
 def element_outlines(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outlines of an element with a tag in `SHAPES`; empty if the shape has no size."""
+    """Return the outlines of an element with a tag in `SHAPES`; empty if the shape has no size."""
     return SHAPES[element.tag](element, count_segments)
 
 
 def _line(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outline of a line; empty if it has no length."""
+    """Return the outline of a line; empty if it has no length."""
     count_segments(1)
     x1, y1, x2, y2 = (read_length_or_zero(element, key) for key in ("x1", "y1", "x2", "y2"))
     if (x1, y1) == (x2, y2):
@@ -274,7 +274,7 @@ def _line(element: Element, count_segments: CountSegments) -> list[Outline]:
 
 
 def _polyline(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outline of a polyline or polygon; empty if it has fewer than two points."""
+    """Return the outline of a polyline or polygon; empty if it has fewer than two points."""
     values = parse_numbers(element, "points", element.get("points"))
     if len(values) % 2:
         element.refuse(f"points must be pairs of x and y, but has {len(values)} numbers")
@@ -323,14 +323,14 @@ def _rect(element: Element, count_segments: CountSegments) -> list[Outline]:
 
 
 def _circle(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outline of a circle; empty if the radius is zero."""
+    """Return the outline of a circle; empty if the radius is zero."""
     count_segments(1)
     radius = read_length_or_zero(element, "r")
     return _full_ellipse(element, (radius, radius), ("r", "r"))
 
 
 def _ellipse(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outline of an ellipse; empty if a radius is zero."""
+    """Return the outline of an ellipse; empty if a radius is zero."""
     count_segments(1)
     radii = [read_length(element, key, default=None) for key in ("rx", "ry")]
     rx, ry = (b if a is None else a for a, b in (radii, radii[::-1]))

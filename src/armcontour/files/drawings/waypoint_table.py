@@ -66,7 +66,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
 
 
 def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str], list[str]]:
-    """The table in a file, and notes on unknown columns."""
+    """Return the table in a file, and notes on unknown columns."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -96,7 +96,7 @@ def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str]
 
 
 def _title(name: str) -> Title[str] | None:
-    """Content and unit of a column from its title; None if the title is unknown."""
+    """Return the content and unit of a column from its title; None if the title is unknown."""
     match = _NAME.fullmatch(name.strip())
     key = match["name"].lower() if match else ""
     if match is None or key not in KNOWN:
@@ -106,7 +106,7 @@ def _title(name: str) -> Title[str] | None:
 
 
 def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatArray]:
-    """Numbers in SI units by column, (rows,) each; NaN if a cell is empty."""
+    """Return the numbers in SI units by column, (rows,) each; NaN if a cell is empty."""
     has_unit = {x: table.columns[x].unit is not None for x in POINT if x in table.columns}
     if len(set(has_unit.values())) > 1:
         has, lacks = (next(k for k, v in has_unit.items() if v is x) for x in (True, False))
@@ -174,7 +174,7 @@ def _orientation(
 
 
 def _texts(table: CsvTable[str], key: str) -> list[str]:
-    """Texts of a column, one per row; empty texts if the column is missing."""
+    """Return the texts of a column, one per row; empty texts if the column is missing."""
     if key not in table.columns:
         return [""] * len(table.lines)
     texts = list[str]()
@@ -184,12 +184,12 @@ def _texts(table: CsvTable[str], key: str) -> list[str]:
 
 
 def _fill_down(above: str, text: str) -> str:
-    """Text of a cell, or of the cell above if it is empty."""
+    """Return the text of a cell, or of the cell above if it is empty."""
     return text or above
 
 
 def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
-    """Indices of the rows at which a new contour starts, except the first row."""
+    """Return the indices of the rows at which a new contour starts, except the first row."""
     rows = list(zip(*texts.values(), strict=True))
     return [i for i in range(1, len(rows)) if rows[i] != rows[i - 1]]
 
@@ -219,7 +219,7 @@ def _orient(
     orientation: tuple[tuple[str, ...], FloatArray] | None,
     rows: slice,
 ) -> Path:
-    """The path with the tool orientation of some rows; unchanged if these rows have none."""
+    """Return the path with the tool orientation of some rows; unchanged if these rows have none."""
     if orientation is None:
         return path
     keys = orientation[0]

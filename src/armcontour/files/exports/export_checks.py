@@ -13,20 +13,19 @@ from armcontour.core.errors import error_context
 from armcontour.files.exports.export_table import SetPointTable, regular_times
 from armcontour.files.exports.formats import (
     TemplateFormat,
-    URScriptFormat,
     check_outputs,
+    ending_of,
     format_named,
 )
 from armcontour.files.exports.template import BUILT_IN, check_template
 from armcontour.jobs import Job, Run
-from armcontour.jobs.job import ending_of
 from armcontour.motion import TimedEvent
 from armcontour.program import Event, Process
 from armcontour.program.moves import events_of
 
 # Name of the exported plan, without compensation.
 REFERENCE = "reference"
-# Number of points of a trial; a spline of KUKA needs two.
+# Number of points in a trial; a KUKA spline needs two.
 TRIAL_POINTS = 3
 
 
@@ -65,14 +64,13 @@ def check_export(job: Job, kind: str, *, stem: str = REFERENCE, cycle: float | N
         return
     with tempfile.TemporaryDirectory() as folder, error_context(f"export {kind}"):
         for run in job.runs:
-            # URScript programs have the cycle of the run.
-            usual = None if isinstance(format, URScriptFormat) else job.export.cycle
+            usual = None if format.needs_cycle_of_run else job.export.cycle
             table = _trial_table(job, run, cycle or usual or run.cycle)
             format.write(table, FilePath(folder) / f"{stem}{ending_of(kind)}")
 
 
 def _trial_table(job: Job, run: Run, cycle: float) -> SetPointTable:
-    """Table of a robot at rest that has all events and levels of a job."""
+    """Return the table of a robot at rest that has all events and levels of a job."""
     levels = dict(_levels(job.process))
     count = max([TRIAL_POINTS, *(len(x) + 1 for x in levels.values())])
     rest = np.zeros((count, job.arm.dof))
@@ -93,7 +91,7 @@ def _trial_table(job: Job, run: Run, cycle: float) -> SetPointTable:
 
 
 def _levels(process: Process) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the name and the levels of each analog output of a process."""
+    """Yield each analog output of a process: its name and its levels."""
     for name in process.analog_names:
         levels = set[float]()
         for variant in process.variants:

@@ -259,7 +259,7 @@ def tabulate(
 
 
 def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> float:
-    """Sampling cycle of a trajectory [s], checked against its duration."""
+    """Return the sampling cycle of a trajectory [s], checked against its duration."""
     step = cycle or DEFAULT_CYCLE
     duration = trajectory.duration
     # Up to LONGEST_CLOCK, a cycle is always valid.
@@ -283,7 +283,7 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
 def _sample_set_points(
     set_points: SetPoints, cycle: float | None, derivatives: int | None
 ) -> Samples:
-    """Set-points with their derivatives, as documented in `make_table`."""
+    """Return the set-points with their derivatives, as documented in `make_table`."""
     requested = cycle or set_points.cycle
     if not math.isclose(requested, set_points.cycle, rel_tol=1e-9):
         raise InvalidInput(
@@ -308,7 +308,7 @@ def equals_plan(q: FloatArray, plan: FloatArray) -> bool:
 
 
 def regular_times(count: int, cycle: float) -> FloatArray:
-    """Times at multiples of `cycle`, starting at 0 [s], (count,)."""
+    """Return the times at multiples of `cycle`, starting at 0 [s], (count,)."""
     return np.asarray(np.arange(count) * cycle, dtype=np.float64)
 
 
@@ -394,12 +394,12 @@ def csv_pieces(
 
 
 def fixed_form(decimals: int, count: int = 1, separator: str = ", ") -> str:
-    """Format string (%) of `count` numbers with a fixed number of decimals."""
+    """Return the format string (%) of `count` numbers with a fixed number of decimals."""
     return separator.join([f"%.{decimals}f"] * count)
 
 
 def time_decimals(t: FloatArray) -> int:
-    """Number of decimals of times [s]: 6 if all are whole microseconds, otherwise 9."""
+    """Return the number of decimals of times [s]: 6 if all are whole microseconds, otherwise 9."""
     return MICRO if bool((np.abs(t - np.round(t, MICRO)) < 1e-10).all()) else NANO
 
 
@@ -429,7 +429,7 @@ def write_pieces(file: FilePath, pieces: Iterable[str]) -> None:
 
 
 def event_data(event: TimedEvent) -> dict[str, Any]:
-    """Data of an event as a dictionary for JSON, in SI units."""
+    """Return the data of an event as a dictionary for JSON, in SI units."""
     return {x: getattr(event, x) for x in EVENT_KEYS} | {"point": list(event.point)}
 
 
@@ -454,7 +454,7 @@ def write_csv(table: SetPointTable, file: FilePath) -> None:
 
 
 def _event_cells(table: SetPointTable) -> dict[int, str]:
-    """Texts of the events in the `events` column, by the index of the row."""
+    """Return the texts of the events in the `events` column, by the index of the row."""
     cells: dict[int, str] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
         text = f"{event.text}@{event.t:.{time_decimals(np.array(event.t))}f}"

@@ -4,26 +4,50 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path as FilePath
+from pathlib import PurePath
 from typing import Annotated, ClassVar
 
 from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import FileError, InvalidInput
+from armcontour.core.errors import FileError, InvalidInput, error_context
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import AtLeast
-from armcontour.files.exports.export_table import SetPointTable, make_table, write_csv
+from armcontour.core.text import show
+from armcontour.files.exports.export_table import (
+    POSITION_DECIMALS,
+    SetPointTable,
+    make_table,
+    write_csv,
+)
 from armcontour.files.exports.ros import GoalTolerances, select_points, write_ros_yaml
-from armcontour.files.exports.template import LAST_DIGIT, describe_program, write_template
+from armcontour.files.exports.template import (
+    BUILT_IN,
+    ENDING,
+    PROGRAMS,
+    RobotProgram,
+    describe_program,
+    describe_rounding,
+    ending_of_template,
+    write_template,
+)
 from armcontour.files.exports.urscript import JOINTS, write_urscript
-from armcontour.jobs.job import ENDINGS, Exports, PointTolerance, ending_of
+from armcontour.jobs.job import Exports, PointTolerance
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.robot import Arm
 
 Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
 Derivatives = Annotated[int, AtLeast(0, 2)]
+# Programs for robots of Universal Robots.
+URSCRIPT = RobotProgram(
+    output=0,
+    analog="AO0",
+    substitute="messages (textmsg)",
+    advice="stream the set-points over RTDE (--export csv)",
+    digit=10.0**-POSITION_DECIMALS,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +61,12 @@ class ExportFormat(Checked):
 
     # Name of the format
     kind: ClassVar[str] = ""
+    # Extension of its files
+    ending: ClassVar[str] = ""
     # Required number of joints; None if every number is allowed
     joints: ClassVar[int | None] = None
+    # True if the points of a plan need the cycle of the run, whatever cycle is requested
+    needs_cycle_of_run: ClassVar[bool] = False
     name: str | None = None
 
     @property
@@ -46,18 +74,35 @@ class ExportFormat(Checked):
         """Name of the format or of its template, for messages."""
         return self.kind
 
-    @checked
-    def describe(self, table: SetPointTable) -> list[str]:
-        """Warnings about a file: outputs that are missing, rounding, and too many points.
+    @property
+    def program(self) -> RobotProgram | None:
+        """The kind of robot program; None for a table."""
+        return None
+
+    def last_digit(self, table: SetPointTable) -> float | None:
+        """Value of the last digit of joint positions [rad]; None if it is unknown.
 
         Args:
             table: The table of the file.
         """
-        digit = LAST_DIGIT.get(self.label)
-        if isinstance(self, CsvFormat | RosYamlFormat):
-            digit = 10.0**-table.decimals
-        sentences = describe_program(table, self.label, outputs_of(self), digit)
-        if table.analog and not isinstance(self, WITH_ANALOG):
+        return None if self.program is None else self.program.digit
+
+    @property
+    def writes_analog(self) -> bool:
+        """True if files contain analog outputs."""
+        return hasattr(self, "analog")
+
+    @checked
+    def describe(self, table: SetPointTable) -> list[str]:
+        """Return warnings about a file: outputs that are missing, rounding, and too many points.
+
+        Args:
+            table: The table of the file.
+        """
+        sentences = describe_rounding(table, self.last_digit(table))
+        if self.program is not None:
+            sentences += describe_program(table, self.program, outputs_of(self))
+        if table.analog and not self.writes_analog:
             names = ", ".join(table.analog)
             sentences.append(f"the format does not support analog outputs ({names}).")
         return sentences
@@ -94,8 +139,13 @@ class CsvFormat(ExportFormat):
     """
 
     kind: ClassVar[str] = "csv"
+    ending: ClassVar[str] = ".csv"
     derivatives: Derivatives | None = None
     analog: Analog | None = None
+
+    def last_digit(self, table: SetPointTable) -> float:
+        """Value of the last digit of joint positions [rad]."""
+        return 10.0**-table.decimals
 
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
@@ -118,14 +168,19 @@ class RosYamlFormat(ExportFormat):
     """
 
     kind: ClassVar[str] = "ros-yaml"
+    ending: ClassVar[str] = ".yaml"
     derivatives: Derivatives | None = None
     tolerances: GoalTolerances | None = None
     points: Annotated[int, AtLeast(2)] | None = None
     point_tolerance: PointTolerance | None = None
 
+    def last_digit(self, table: SetPointTable) -> float:
+        """Value of the last digit of joint positions [rad]."""
+        return 10.0**-table.decimals
+
     @checked
     def select(self, table: SetPointTable) -> SetPointTable:
-        """Table of the points that are written.
+        """Return the table of the points that are written.
 
         Args:
             table: The table of all points.
@@ -156,10 +211,17 @@ class URScriptFormat(ExportFormat):
     """
 
     kind: ClassVar[str] = "urscript"
+    ending: ClassVar[str] = ".script"
     joints: ClassVar[int | None] = JOINTS
+    needs_cycle_of_run: ClassVar[bool] = True
     outputs: Mapping[str, int | str] | None = None
     analog: Analog | None = None
     call: bool = False
+
+    @property
+    def program(self) -> RobotProgram:
+        """The kind of robot program."""
+        return URSCRIPT
 
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
@@ -189,31 +251,61 @@ class TemplateFormat(ExportFormat):
         """Name of the template."""
         return str(self.template)
 
+    @property
+    def program(self) -> RobotProgram | None:
+        """The kind of robot program; None for a template of the user."""
+        return PROGRAMS.get(self.label)
+
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
         write_template(table, file, self.template, outputs_of(self))
 
 
-_CLASSES = {x.kind: x for x in (CsvFormat, RosYamlFormat, URScriptFormat)}
-WITH_ANALOG = (CsvFormat, URScriptFormat, TemplateFormat)
+# Formats by name. Further formats are the templates of the package, `BUILT_IN`.
+FORMATS: dict[str, type[ExportFormat]] = {
+    x.kind: x for x in (CsvFormat, RosYamlFormat, URScriptFormat)
+}
+# Extensions of files by the name of the format.
+ENDINGS: dict[str, str] = {name: x.ending for name, x in FORMATS.items()}
+ENDINGS |= {name: ending_of_template(file) for name, file in BUILT_IN.items()}
+# Options of formats that `export` of a job determines from its values, instead of copying them.
+CONVERTED = {"outputs", "tolerances"}
+# Keys of `export` of a job that need a format with this option.
+NEEDS_FORMAT = ("tolerances", "points", "call")
+
+
+def ending_of(format: str) -> str:
+    """Extension of the file of a format or template, such as ".src" for "house.src.j2"."""
+    if format in ENDINGS:
+        return ENDINGS[format]
+    if not format.endswith(ENDING):
+        raise InvalidInput(
+            f"There is no format {show(format)}. The formats are {', '.join(ENDINGS)}, and "
+            f"templates of your own, such as house{ENDING}."
+        )
+    return ending_of_template(format)
 
 
 def format_named(name: str, options: Exports | None = None) -> ExportFormat:
     """Format with a name, or of a template, with those options of `options` that it supports."""
     ending_of(name)
-    format = _CLASSES[name]() if name in _CLASSES else TemplateFormat(template=name)
+    format = FORMATS[name]() if name in FORMATS else TemplateFormat(template=name)
     if options is None:
         return format
-    keys = ("derivatives", "points", "point_tolerance", "call")
-    values = {x: getattr(options, x) for x in keys if hasattr(format, x)}
+    supported = _options_of(type(format)) & _options_of(Exports) - CONVERTED
+    values = {x: getattr(options, x) for x in supported}
     if hasattr(format, "outputs"):
         values["outputs"] = options.outputs_for(name)
     return replace(format, **values)
 
 
+def _options_of(kind: type[ExportFormat | Exports]) -> set[str]:
+    return {x.name for x in fields(kind)}
+
+
 def format_of(file: FilePath) -> str:
-    """Name of the format with the extension of a file."""
+    """Return the name of the format with the extension of a file."""
     for name, ending in ENDINGS.items():
         if file.suffix.lower() == ending:
             return name
@@ -224,8 +316,52 @@ def format_of(file: FilePath) -> str:
     )
 
 
+def check_formats(exports: Exports) -> None:
+    """Check the formats of a job's exports, and the values that need one of them.
+
+    Raises:
+        InvalidInput: A format does not exist, two formats have one file, or a value needs another
+            format.
+    """
+    taken: dict[str, str] = {}
+    for name in exports.formats:
+        other = taken.setdefault(ending_of(name), name)
+        if other is not name:
+            raise InvalidInput(
+                f"The formats {other} and {name} are written to the same file. Remove one of "
+                "them, or use a template with another extension, such as cell.txt.j2."
+            )
+    for key in NEEDS_FORMAT if exports.formats else ():
+        able = [name for name, kind in FORMATS.items() if key in _options_of(kind)]
+        if getattr(exports, key) and not set(able) & set(exports.formats):
+            names = " or ".join(able)
+            raise InvalidInput(
+                f"{key} requires the format {names}. Remove {key}, or export {names}."
+            )
+    for name, outputs in exports.outputs.items():
+        if isinstance(outputs, Mapping):
+            _check_formats_of(name, outputs)
+
+
+def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
+    """Check the outputs of an event by format."""
+    without = [x for x, kind in FORMATS.items() if "outputs" not in _options_of(kind)]
+    for format, output in outputs.items():
+        key = f"outputs.{name}.{format}"
+        with error_context(f"outputs.{name}"):
+            ending_of(format)
+        if format in without or PurePath(format).name != format:
+            able = ", ".join(x for x in ENDINGS if x not in without)
+            raise InvalidInput(
+                f"{key} has no effect, because outputs are of {able}, and templates, which are "
+                f"named without a folder, such as house{ENDING}."
+            )
+        if isinstance(output, bool) or not isinstance(output, int | str):
+            raise InvalidInput(f"{key} must be a number or a text, but is {show(output)}.")
+
+
 def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
-    """Outputs of events by their names; empty for formats without outputs."""
+    """Return the outputs of events by their names; empty for formats without outputs."""
     return getattr(format, "outputs", None) or {}
 
 
@@ -287,14 +423,24 @@ def export(
 
 
 def names_of(table: SetPointTable) -> set[str]:
-    """Names of the events and analog outputs of a table."""
+    """Return the names of the events and analog outputs of a table."""
     return {*(x.name for x in table.events), *table.analog}
 
 
 def check_outputs(
     outputs: Iterable[str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
-    """Check that outputs belong to existing events or analog outputs."""
+    """Check that outputs belong to existing events or analog outputs.
+
+    Args:
+        outputs: Names of the events and analog outputs that have an output.
+        events: Names of the existing events and analog outputs.
+        option: Option or key that has the outputs, for messages.
+        owner: What has the events, such as "the run fast", for messages.
+
+    Raises:
+        InvalidInput: An output belongs to no event and no analog output.
+    """
     names = sorted(set(events))
     for name in outputs:
         if name not in names:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-# Number of hexadecimal digits of a digest; two of a thousand programs share one with probability
+# Number of hexadecimal digits in a digest; two of a thousand programs share one with probability
 # 0.03.
 DIGEST = 6
 

@@ -34,7 +34,7 @@ SECOND = 1_000_000_000
 MAX_DURATION = 2**31 - 1
 # Fields of `SetPointTable` by the names of the fields of a JointTrajectoryPoint.
 FIELDS = {"positions": "q", "velocities": "dq", "accelerations": "ddq"}
-# Number of bisections for the smallest tolerance of a number of points.
+# Number of bisections for the smallest tolerance that a number of points allows.
 BISECTIONS = 12
 # Smallest tolerance [rad]; encoder errors and a delay of one controller cycle are smaller.
 MIN_TOLERANCE = 1e-3
@@ -59,7 +59,7 @@ class GoalTolerances(Checked):
 
 
 def predict_tolerances(execution: Execution, factor: float = 2.0) -> GoalTolerances:
-    """Tolerances of a goal, computed from the predicted joint errors of its set-points.
+    """Return the tolerances of a goal, computed from the predicted joint errors of its set-points.
 
     Args:
         execution: The predicted motion.
@@ -89,7 +89,16 @@ def write_ros_yaml(
     *,
     tolerances: GoalTolerances | None = None,
 ) -> None:
-    """Write a JointTrajectory message as YAML; with tolerances, a FollowJointTrajectory goal."""
+    """Write a JointTrajectory message as YAML; with tolerances, a FollowJointTrajectory goal.
+
+    Args:
+        table: Points.
+        file: File to write.
+        tolerances: Tolerances of the goal; None for a message.
+
+    Raises:
+        InvalidInput: The tolerances have another number of joints.
+    """
     # `ros2 topic pub` accepts the text, which has the form of `ros2 topic echo`. The message has no
     # field for events; each is a comment in JSON at the top, `# event: {...}`.
     fields = {
@@ -176,7 +185,7 @@ def select_points(table: SetPointTable, most: int, tolerance: float) -> SetPoint
 def _rows_within(
     t: FloatArray, given: Sequence[FloatArray], printed: Sequence[FloatArray], tolerance: float
 ) -> IntArray:
-    """Rows of few points whose interpolation stays within `tolerance` [rad] of that of all rows."""
+    """Select few rows; their interpolation stays within `tolerance` [rad] of that of all rows."""
     rows = [0]
     last = len(t) - 1
     while rows[-1] < last:
@@ -195,7 +204,7 @@ def _rows_within(
 def _deviation(
     t: FloatArray, given: Sequence[FloatArray], printed: Sequence[FloatArray], i: int, j: int
 ) -> float:
-    """Bound of the distance of the interpolation from row i to j from that of all rows [rad]."""
+    """Bound how far the interpolation from row i to j is from that of all rows [rad]."""
     width = t[j : j + 1] - t[i]
     ends = [[x[k : k + 1] for x in printed] for k in (i, j)]
     slope = (ends[1][0] - ends[0][0]) / width
@@ -224,7 +233,7 @@ def _deviation(
 
 
 def _nanoseconds(table: SetPointTable) -> IntArray:
-    """Times of the points in whole nanoseconds, (n,)."""
+    """Return the times of the points in whole nanoseconds, (n,)."""
     if table.duration > MAX_DURATION:
         raise InvalidInput(
             f"The motion of {table.name!r} takes {table.duration:g} s, but a duration in ROS is at "

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path as FilePath
+from pathlib import PurePath
 from typing import Any, NoReturn
 
 import numpy as np
@@ -23,25 +24,43 @@ from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK
 
 ENDING = ".j2"
-BUILT_IN = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
-# Examples of digital outputs in messages, by template or format.
-OUTPUT_EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17, "urscript": 0}
-# What a program contains instead of an event without an output, by template or format.
-SUBSTITUTES = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg)"}
-# Examples of analog outputs in messages, by template or format.
-ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript": "AO0"}
+# Templates of the package by name.
+BUILT_IN = {"kuka": "kuka.src.j2", "abb": "abb.mod.j2"}
 # Number of points above which a program causes a warning. Such a program has about 1 MB; no
 # controller is known to accept longer programs.
 MAX_POINTS = 10_000
-# Advice for longer programs, by template or format.
-LENGTH_ADVICE = {
-    **dict.fromkeys(BUILT_IN, "use a longer cycle (--cycle)"),
-    "urscript": "stream the set-points over RTDE (--export csv)",
-}
-# Value of the last digit of joint positions in programs [rad], by template or format.
-LAST_DIGIT = {"urscript": 10.0**-POSITION_DECIMALS, **dict.fromkeys(BUILT_IN, math.radians(1e-6))}
+# Advice for longer programs of the templates of the package.
+LONGER_CYCLE = "use a longer cycle (--cycle)"
+# Value of the last digit of joint positions in these programs [rad].
+LAST_DIGIT = math.radians(1e-6)
 # Largest number of events that a message lists.
 MAX_NAMES = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotProgram:
+    """Properties of a kind of robot program, for warnings about a program."""
+
+    output: int | str  # Example of a digital output
+    analog: int | str  # Example of an analog output
+    substitute: str  # What the program contains instead of an event without an output
+    advice: str  # How to shorten a program that is too long
+    digit: float  # Value of the last digit of joint positions [rad]
+
+
+# Programs of the templates of the package by name.
+PROGRAMS = {
+    "kuka": RobotProgram(
+        output=17, analog=1, substitute="comments", advice=LONGER_CYCLE, digit=LAST_DIGIT
+    ),
+    "abb": RobotProgram(
+        output="doTool",
+        analog="aoPower",
+        substitute="comments",
+        advice=LONGER_CYCLE,
+        digit=LAST_DIGIT,
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,14 +82,25 @@ class _Refused(Exception):
     """Error with the reason for which a template rejects a table."""
 
 
-def template_of(
+def render_template(
     table: SetPointTable,
     template: str | FilePath,
     outputs: Mapping[str, int | str],
     *,
     file: str,
 ) -> str:
-    """Text of the program that a template generates from a table."""
+    """Render a template with the points of a table, and return the text of the program.
+
+    Args:
+        table: Points, events and analog values.
+        template: Name of a built-in format, or path of a template.
+        outputs: Outputs of events and analog outputs, by their names.
+        file: Name of the program's file, without its extension.
+
+    Raises:
+        InvalidInput: The template does not exist, has wrong syntax or raises an error; or it
+            rejects the table.
+    """
     source, text = _read_template(template)
     variables = _variables(table, outputs, file)
     try:
@@ -82,47 +112,52 @@ def template_of(
 
 
 def describe_program(
-    table: SetPointTable,
-    name: str | FilePath,
-    outputs: Mapping[str, int | str],
-    digit: float | None,
+    table: SetPointTable, program: RobotProgram, outputs: Mapping[str, int | str]
 ) -> list[str]:
-    """Warnings about a program: outputs that are not set, rounding, and too many points."""
-    sentences = _describe_rounding(table, digit)
-    if name in LENGTH_ADVICE and len(table.t) > MAX_POINTS:
+    """Return warnings about a program: outputs that are not set, and too many points.
+
+    Args:
+        table: Points, events and analog values.
+        program: What the controller's programs support, and examples for messages.
+        outputs: Outputs of events and analog outputs, by their names.
+    """
+    sentences = []
+    if len(table.t) > MAX_POINTS:
         sentences.append(
             f"the program has {len(table.t)} points, but a controller may reject more than "
-            f"{MAX_POINTS}. To reduce them, {LENGTH_ADVICE[str(name)]}, or divide the job."
+            f"{MAX_POINTS}. To reduce them, {program.advice}, or divide the job."
         )
     unset = [x for x in table.analog if x not in outputs]
-    if unset and name in ANALOG_EXAMPLES:
+    if unset:
         sentences.append(
             f"the program does not set {list_some(unset, MAX_NAMES)}, because no analog output is "
-            f"named. Name an output, such as outputs: {{{unset[0]}: {ANALOG_EXAMPLES[str(name)]}}}."
+            f"named. Name an output, such as outputs: {{{unset[0]}: {program.analog}}}."
         )
-    if name not in OUTPUT_EXAMPLES:
-        return sentences
     unswitched = [x for x in table.events if x.name not in outputs]
-    name = str(name)
     valued = {x.name: None for x in unswitched if not isinstance(x.value, bool)}
     switches = {x.name: None for x in unswitched if x.name not in valued}
     if switches:
-        example = f"outputs: {{{next(iter(switches))}: {OUTPUT_EXAMPLES[name]}}}"
+        example = f"outputs: {{{next(iter(switches))}: {program.output}}}"
         sentences.append(
             f"the program does not switch {list_some(list(switches), MAX_NAMES)}, because no "
-            f"output is named. It has {SUBSTITUTES[name]} instead. Name an output, such as "
+            f"output is named. It has {program.substitute} instead. Name an output, such as "
             f"{example}."
         )
     if valued:
         sentences.append(
             f"the program does not switch {list_some(list(valued), MAX_NAMES)}, because the "
-            f"values are not on or off. It has {SUBSTITUTES[name]} instead. For such values, write "
-            "your own template."
+            f"values are not on or off. It has {program.substitute} instead. For such values, "
+            "write your own template."
         )
     return sentences
 
 
-def _describe_rounding(table: SetPointTable, digit: float | None) -> list[str]:
+def ending_of_template(name: str) -> str:
+    """Extension of the program of a template, such as ".src" for "house.src.j2"."""
+    return PurePath(name.removesuffix(ENDING)).suffix or ".txt"
+
+
+def describe_rounding(table: SetPointTable, digit: float | None) -> list[str]:
     """Warning if set-points exceed the command limits after rounding to `digit` [rad]."""
     if table.command_limits is None or digit is None:
         return []
@@ -146,8 +181,18 @@ def write_template(
     template: str | FilePath,
     outputs: Mapping[str, int | str],
 ) -> None:
-    """Write the program that a template generates from a table to a file."""
-    text = template_of(table, template, outputs, file=file.stem)
+    """Write the program that a template generates from a table.
+
+    Args:
+        table: As in `render_template`.
+        file: File to write.
+        template: As in `render_template`.
+        outputs: As in `render_template`.
+
+    Raises:
+        InvalidInput: As in `render_template`.
+    """
+    text = render_template(table, template, outputs, file=file.stem)
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
@@ -165,7 +210,7 @@ def check_template(template: str | FilePath) -> None:
 
 
 def _read_template(template: str | FilePath) -> tuple[str, str]:
-    """File name and text of a template, from its name or path."""
+    """Return the file name and text of a template, from its name or path."""
     if isinstance(template, str) and template in BUILT_IN:
         # Templates of the package may be read where only some folders of the user may be.
         file = FilePath(__file__).parent / "templates" / BUILT_IN[template]
@@ -180,7 +225,7 @@ def _read_template(template: str | FilePath) -> tuple[str, str]:
 
 
 def _environment() -> Any:
-    """Sandbox of jinja2, in which templates can read the table but no files."""
+    """Return the sandbox of jinja2, in which templates can read the table but no files."""
     from jinja2 import StrictUndefined
     from jinja2.sandbox import ImmutableSandboxedEnvironment
 
@@ -201,7 +246,7 @@ def _environment() -> Any:
 
 
 def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
-    """Variables of a template by name."""
+    """Return the variables of a template by name."""
     points = _template_points(table)
     return {
         "name": table.name,
@@ -223,7 +268,7 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
 
 
 def _template_points(table: SetPointTable) -> tuple[Point, ...]:
-    """Points of a table, each with its events."""
+    """Return the points of a table, each with its events."""
     events: dict[int, list[TimedEvent]] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
         events.setdefault(i, []).append(event)
@@ -263,13 +308,13 @@ def _refuse(reason: str) -> NoReturn:
 
 
 def _error_text(error: Exception) -> str:
-    """Message of an error on one line, without the full stop at the end."""
+    """Return the message of an error on one line, without the full stop at the end."""
     message = " ".join(str(error).split()).rstrip(".")
     return message or type(error).__name__
 
 
 def _error_line(error: Exception, source: str) -> str:
-    """Name of the template and number of the line in which an error occurred."""
+    """Return the name of the template and number of the line in which an error occurred."""
     from jinja2 import TemplateSyntaxError
 
     if isinstance(error, TemplateSyntaxError):

@@ -121,17 +121,17 @@ def _commands(
 
 
 def per_format(name: str, output: int | str) -> str:
-    """Advice for an output of another format."""
+    """Return the advice for an output of another format."""
     return f"Outputs can differ by format, such as outputs: {{{name}: {{urscript: {output}}}}}."
 
 
 def _repeat_last(last: str, duration: float) -> str:
-    """Command that holds the last set-point for a duration [s]."""
+    """Return the command that holds the last set-point for a duration [s]."""
     return f"  servoj([{last}], 0, 0, {duration:.12g}, lookahead, gain)\n"
 
 
 def _analog_number(name: str, number: int | str) -> int:
-    """Number of a standard analog output, from a number or a name such as "AO0"."""
+    """Return the number of a standard analog output, from a number or a name such as "AO0"."""
     names = {f"AO{k}": k for k in range(ANALOG_OUTPUTS)}
     value = names.get(number) if isinstance(number, str) else number
     if value is None or isinstance(value, bool) or value not in names.values():
@@ -143,7 +143,7 @@ def _analog_number(name: str, number: int | str) -> int:
 
 
 def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float, str]]:
-    """Commands that set an analog output, each with the index of its set-point."""
+    """Return the commands that set an analog output, each with the index of its set-point."""
     low, high = float(values.min()), float(values.max())
     if not -SAME_LEVEL <= low <= high <= 1.0 + SAME_LEVEL:
         raise InvalidInput(

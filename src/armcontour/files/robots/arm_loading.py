@@ -1,4 +1,4 @@
-"""`load_arm`, which loads arms from all sources; reader of arm files and of hulls of links."""
+"""`load_arm`, which loads arms from all sources; reader of arm files and link hulls."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from armcontour.robot.serial import SerialArm
 
 # Folder with the files of the built-in arms.
 LIBRARY = FilePath(__file__).with_name("library")
-# Folder with the hulls of the links of built-in arms; some arms have none.
+# Folder with the link hulls of built-in arms; some arms have none.
 HULLS = LIBRARY / "hulls"
 # Required units of limits.
 LIMITS = {name: x.quantity.unit for name, x in RECORDS.items() if x.kind == "joint"}
@@ -76,7 +76,7 @@ KINDS = {"planar_two_link": PLANAR, "serial": SERIAL}
 
 @checks.explained
 def arm_names() -> tuple[str, ...]:
-    """Names of the built-in arms.
+    """Return the names of the built-in arms.
 
     >>> "ur5e" in ac.arm_names()
     True
@@ -198,7 +198,7 @@ def _read_arm(name: str, payload: Payload | None) -> Arm:
 
 
 def _attach(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
-    """Arm with another tool, work frame and payload; None means no change."""
+    """Return the arm with another tool, work frame and payload; None means no change."""
     if isinstance(arm, SerialArm):
         if tool is not None or payload is not None:
             arm = arm.with_tool(arm.chain.tool if tool is None else tool, payload)
@@ -219,7 +219,16 @@ def _built_in(name: str) -> Any:
 
 
 def arm_of(file: str, data: Any, payload: Payload | None = None) -> Arm:
-    """Make the arm from the data of an arm file."""
+    """Make an arm from the data of an arm file.
+
+    Args:
+        file: Name of the file, for messages.
+        data: Data of the file.
+        payload: Payload at the tip; None for no payload.
+
+    Raises:
+        InvalidInput: The data do not describe an arm.
+    """
     kind = data.get("kind") if isinstance(data, Mapping) else None
     keys = KINDS.get(kind) if isinstance(kind, str) else None
     if keys is None:
@@ -249,7 +258,7 @@ def _planar(file: str, data: Mapping[str, Any], payload: Payload | None) -> Plan
 
 
 def _tubes(file: str, data: Any) -> tuple[LinkTube, LinkTube]:
-    """Tubes of the two links of a planar arm."""
+    """Read the two link tubes of a planar arm."""
     keys = ("outer_diameter", "wall", "density")
     if not isinstance(data, Mapping) or set(data) != set(keys):
         raise InvalidInput(f"{file}: tubes must have the keys {', '.join(keys)}.")
@@ -314,7 +323,7 @@ def _bodies(file: str, data: Mapping[str, Any], n: int) -> dict[str, Any]:
 
 
 def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of an arm that all arm files have: name, source and limits."""
+    """Return the arguments of an arm that all arm files have: name, source and limits."""
     limits = data.get("limits") or {}
     if not isinstance(limits, Mapping):
         raise InvalidInput(
@@ -345,7 +354,7 @@ def _unused_limits(file: str, data: Mapping[str, Any]) -> Limits | None:
 
 
 def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...]) -> FloatArray:
-    """Numbers of a key as an array, which must have the given shape."""
+    """Return the numbers of a key as an array, which must have the given shape."""
     array = checks.check_numbers(f"{key} in {file}", _value(file, key, data), UNITS[key])
     if array.shape != shape:
         raise InvalidInput(
@@ -356,7 +365,7 @@ def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...])
 
 
 def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
-    """Value of a key, which must be a quantity in the unit that UNITS requires."""
+    """Return the value of a key, which must be a quantity in the unit that UNITS requires."""
     quantity = data.get(key)
     if not isinstance(quantity, Mapping) or "value" not in quantity:
         raise InvalidInput(f"{file}: {key} must be a quantity with value, unit and source.")
@@ -398,7 +407,16 @@ def read_hulls(name: str) -> ArmShapes:
 def with_more_shapes(
     arm: Arm, shapes: tuple[LinkShape, ...] = (), srdf: FilePath | None = None
 ) -> Arm:
-    """Arm with additional shapes, and with the excluded pairs of links of an SRDF file."""
+    """Add shapes to an arm, and exclude pairs of links from distance checks.
+
+    Args:
+        arm: The arm.
+        shapes: Additional shapes of links.
+        srdf: SRDF file with the excluded pairs; None for no further pairs.
+
+    Raises:
+        InvalidInput: The SRDF file cannot be read or names an unknown link.
+    """
     if not shapes and srdf is None:
         return arm
     # The file is read now, so that a file that is missing or not allowed is refused at once.
@@ -409,7 +427,7 @@ def with_more_shapes(
 def _combine_shapes(
     arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None, content: bytes
 ) -> ArmShapes:
-    """Combine the shapes of an arm with more shapes and the excluded pairs of an SRDF file."""
+    """Combine an arm's shapes with more shapes, and with the pairs that an SRDF file excludes."""
     # Imported here, because the import loads compiled code of motions.
     from armcontour.verification.clearance.body_pairs import exclude_touching
 

@@ -25,7 +25,7 @@ MAX_UP = 4
 def excluded_pairs_of(
     content: bytes, location: FilePath, links: Collection[str]
 ) -> tuple[LeftOut, ...]:
-    """Pairs of links that an SRDF file excludes from distance checks, with reasons."""
+    """Return the pairs of links that an SRDF file excludes from distance checks, with reasons."""
     # Typical reasons are "Never" (the pair never touched in random configurations) and "Default"
     # (the pair always touched).
     robot = parse_xml(str(location), content)
@@ -47,7 +47,7 @@ def excluded_pairs_of(
 
 
 def _pair(element: ET.Element, location: FilePath) -> LeftOut:
-    """Excluded pair of links of an element, with the reason in the file."""
+    """Return the pair of links that an element excludes, with the reason in the file."""
     first, second = (element.get(key, "").strip() for key in ("link1", "link2"))
     if not first or not second or first == second:
         raise InvalidInput(
@@ -64,7 +64,7 @@ def link_shapes(
     carried: Mapping[str, tuple[int, Frame]],
     last: str = "",
 ) -> tuple[LinkShape, ...]:
-    """Shapes of the links of a description; links after the link `last` are tools.
+    """Return the shapes of the links of a description; links after the link `last` are tools.
 
     `carried` has the index of the chain's link and the frame in it of each link, by name.
     """
@@ -87,7 +87,7 @@ def link_shapes(
 
 
 def _shape_of(tree: Tree, element: ET.Element, location: str) -> Shape:
-    """Shape of a child of a `geometry` element, such as <box>; `location` is for messages."""
+    """Read a child of a `geometry` element, such as <box>; `location` is for messages."""
     kind = element.tag
     if kind == "box":
         return Box(size=read_numbers(location, "size", element.get("size", "")))

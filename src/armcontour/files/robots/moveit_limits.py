@@ -49,7 +49,7 @@ NAMES = (*JOINT_LIMITS, *JOINT_RANGE)
 
 
 def table_of(limits: Limits, dof: int) -> Table:
-    """Table of limits with one value per joint."""
+    """Return the table of limits with one value per joint."""
     table: Table = {}
     for name in NAMES:
         values = getattr(limits, name)
@@ -181,7 +181,7 @@ def _is_enabled(location: str, entry: Mapping[Any, Any], kind: str) -> bool | No
 
 
 def _limit_value(location: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
-    """Value of a limit in an entry of the file; None if the entry has no such limit."""
+    """Return the value of a limit in an entry of the file; None if the entry has no such limit."""
     if key in entry:
         value = plain_number(entry[key])
         if value is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -67,7 +68,33 @@ ASSUMED_NOTE = (
 
 
 def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
-    """Read a serial arm from a robot description."""
+    """Read a serial arm from a robot description.
+
+    The arm has the joints between two links of the description, `options.base` and `options.tip`.
+    Other joints stay at 0, or at the end of their range that is nearest to 0; joints that mimic a
+    joint follow it.
+
+    Args:
+        file: The description (URDF).
+        options: Options of the arm:
+
+            - `tip`: Link at the end of the arm; by default `tool0`, or `flange` without a `tool0`.
+            - `base`: Link at the start of the arm; by default the root of the description.
+            - `part`: Link that carries the part. The joints between it and the base are the axes of
+              a positioner. By default the part does not move.
+            - `tilt`: Largest angle between the tool axis and gravity [rad], for a positioner; by
+              default any angle.
+            - `joint_limits`: A joint_limits.yaml of MoveIt, whose limits replace those of the
+              description.
+
+            `load_arm` applies the options `calibration` and `srdf`.
+
+    Raises:
+        InvalidInput: The file cannot be read or is not a valid description; a link does not exist;
+            the tip is not specified and the description has neither `tool0` nor `flange`; a joint
+            between base and tip is neither revolute nor prismatic, or mimics another joint; a joint
+            that moves the part is prismatic or also moves the tip; or a limit is missing or wrong.
+    """
     from armcontour.files.robots.collision_shapes import missing_meshes
     from armcontour.files.robots.urdf_chain import Description
 
@@ -80,13 +107,11 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     moving = turning + moving
     description = Description(tree, route, moving, start, len(turning))
     chain = description.chain()
-    limits, lacking, assumed = _limits(
-        tree, moving, options.joint_limits, has_bodies=chain.masses is not None
-    )
+    described = _limits(tree, moving, options.joint_limits, has_bodies=chain.masses is not None)
+    limits = described.limits
     if options.part is not None:
         chain = description.cell(chain, limits, options.part, options.tilt)
-    missing = missing_meshes(tree)
-    notes = (*description.notes, lacking, missing)
+    notes = (*description.notes, described.note, missing_meshes(tree))
     arm = SerialArm(
         name=tree.name,
         chain=chain,
@@ -94,7 +119,7 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
         source=tree.file,
         limits_hint="" if limits.joint_acceleration is not None else HINT,
         notes=tuple(f"{file.name}: {x}." for x in notes if x),
-        assumed_limits=assumed,
+        assumed_limits=described.assumed,
     )
     if all(x.find("collision") is None for x in tree.links.values()):
         return arm
@@ -136,7 +161,7 @@ def _default_tip(tree: Tree, base: str) -> str:
 
 
 def _part_joints(tree: Tree, base: str, part: str, arm: list[Joint]) -> list[Joint]:
-    """Joints of a positioner, from the part to the base; checks that they are a branch."""
+    """Return joints of a positioner, from the part to the base; checks that they are a branch."""
     joints = [x for x in tree.between(base, part, "part") if x.kind != "fixed"][::-1]
     shared = next((x.name for x in joints if x in arm), None)
     if shared is not None:
@@ -175,12 +200,25 @@ def _check_moving_joints(tree: Tree, moving: list[Joint], end: str = "tip") -> N
             )
 
 
+@dataclass(frozen=True, slots=True)
+class _DescribedLimits:
+    """Limits of a description."""
+
+    limits: Limits
+    note: str  # On missing and assumed limits; empty without them
+    assumed: Limits | None = None  # Limits that are assumed for all joints; None without them
+
+
 def _limits(
     tree: Tree, moving: list[Joint], file: str | FilePath | None, *, has_bodies: bool
-) -> tuple[Limits, str, Limits | None]:
-    """Limits of the moving joints, a note on missing limits, and those assumed for all joints.
+) -> _DescribedLimits:
+    """Read the limits of the moving joints.
 
-    `file` is a `joint_limits.yaml`; torque limits are used only if `has_bodies`.
+    Args:
+        tree: The description.
+        moving: The joints.
+        file: A joint_limits.yaml, whose limits replace those of the description.
+        has_bodies: Whether the links have masses. Otherwise torque limits are not used.
     """
     names = [joint.name for joint in moving]
     table = _table(tree, moving)
@@ -198,8 +236,9 @@ def _limits(
     missing = _missing_limits_note(limits, moving, has_bodies=has_bodies)
     note = "; ".join(x for x in (missing, assumed_note) if x)
     if not assumed_note or described.joint_acceleration is not None:
-        return limits, note, None
-    return limits, note, Limits(joint_acceleration=limits.joint_acceleration)
+        return _DescribedLimits(limits, note)
+    assumed = Limits(joint_acceleration=limits.joint_acceleration)
+    return _DescribedLimits(limits, note, assumed)
 
 
 def assume_accelerations(limits: Limits, joints: Sequence[str]) -> tuple[Limits, str]:
@@ -216,7 +255,7 @@ def assume_accelerations(limits: Limits, joints: Sequence[str]) -> tuple[Limits,
 
 
 def _table(tree: Tree, moving: list[Joint]) -> Table:
-    """Table of the limits in a description; limits of at most 0 count as missing."""
+    """Return the table of the limits in a description; limits of at most 0 count as missing."""
     table: Table = {name: [] for name in (*DESCRIBED_LIMITS, *JOINT_RANGE)}
     for joint in moving:
         for name, keys in DESCRIBED_LIMITS.items():

@@ -1,4 +1,4 @@
-"""Creation of the chain of moving joints of a robot description; other joints do not move."""
+"""Creation of a chain from the moving joints of a robot description; other joints do not move."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armcontour.robot.chain import Chain, joint_rows
 from armcontour.robot.external_axes import Positioner, PositionerAxis
 from armcontour.robot.limits import Limits
 
-# Maximum length of a sequence of joints in which each mimics the next; grippers have about 3.
+# Maximum number of joints in a row that mimic the next; grippers have about 3.
 MAX_MIMICS = 50
 # Maximum number of joints outside the arm that a note lists.
 MAX_HELD = 8
@@ -98,53 +98,59 @@ class Description:
         return frames
 
     def cell(self, rows: Chain, limits: Limits, part: str, tilt: float | None) -> Chain:
-        """The chain from the part over the base to the tip, from the rows of both branches."""
-        lower, upper = limits.joint_range(len(rows))
-        speeds, accelerations = (
-            np.abs(limits.bounds(x, len(rows))).min(axis=0)
-            for x in ("joint_velocity", "joint_acceleration")
-        )
+        """Make the chain from the part over the base to the tip.
+
+        Args:
+            rows: Joints of both branches, first those that move the part, in frames of the base.
+            limits: Limits of these joints.
+            part: Link that carries the part.
+            tilt: Largest angle between the tool axis and gravity [rad]; None for any angle.
+
+        Raises:
+            InvalidInput: A joint that moves the part has no range, velocity or acceleration.
+        """
         frames = self.axis_frames()
-        carried = self.link_frames()
-        axes = []
-        for k in range(self.axes - 1, -1, -1):
-            frame = frames[k + 1]
-            bodies = {}
-            values = {
-                "lower": lower[k],
-                "upper": upper[k],
-                "velocity": speeds[k],
-                "acceleration": accelerations[k],
-            }
-            if not np.isfinite([*values.values()]).all():
-                raise InvalidInput(
-                    f"Joint {rows.joints[k]} of {self.tree.file} requires a range, a velocity and "
-                    "an acceleration, because it moves the part. Specify them in the file (the "
-                    "joint must not be continuous) or with joint_limits."
-                )
-            if rows.masses is not None:
-                assert rows.centers is not None and rows.inertias is not None
-                bodies = {
-                    "mass": rows.masses[k],
-                    "center": frame.position + frame.rotation @ rows.centers[k],
-                    "inertia": frame.rotation @ rows.inertias[k] @ frame.rotation.T,
-                }
-            axes.append(
-                PositionerAxis(
-                    name=rows.joints[k],
-                    axis=frame.rotation @ rows.axes[k],
-                    origin=frame.position,
-                    **values,
-                    **bodies,
-                )
-            )
-        link, place = carried[part]
+        from_base = range(self.axes - 1, -1, -1)
+        axes = tuple(self._positioner_axis(rows, limits, k, frames[k + 1]) for k in from_base)
+        link, place = self.link_frames()[part]
         arm = rows.replace(
             **joint_rows(rows, np.arange(self.axes, len(rows))), base=(frames[link] @ place).inverse
         )
-        cell = arm.on_positioner(Positioner(axes=tuple(axes), tilt=tilt))
+        cell = arm.on_positioner(Positioner(axes=axes, tilt=tilt))
         # An axis of a positioner has no friction.
         return cell.replace(viscous=rows.viscous, coulomb=rows.coulomb)
+
+    def _positioner_axis(self, rows: Chain, limits: Limits, k: int, frame: Frame) -> PositionerAxis:
+        """Make the axis of joint k, which moves the part, in the joint's frame."""
+        lower, upper = limits.joint_range(len(rows))
+        velocity, acceleration = (
+            np.abs(limits.bounds(x, len(rows))).min(axis=0)[k]
+            for x in ("joint_velocity", "joint_acceleration")
+        )
+        if not np.isfinite([lower[k], upper[k], velocity, acceleration]).all():
+            raise InvalidInput(
+                f"Joint {rows.joints[k]} of {self.tree.file} requires a range, a velocity and "
+                "an acceleration, because it moves the part. Specify them in the file (the "
+                "joint must not be continuous) or with joint_limits."
+            )
+        bodies = {}
+        if rows.masses is not None:
+            assert rows.centers is not None and rows.inertias is not None
+            bodies = {
+                "mass": rows.masses[k],
+                "center": frame.position + frame.rotation @ rows.centers[k],
+                "inertia": frame.rotation @ rows.inertias[k] @ frame.rotation.T,
+            }
+        return PositionerAxis(
+            name=rows.joints[k],
+            axis=frame.rotation @ rows.axes[k],
+            origin=frame.position,
+            lower=lower[k],
+            upper=upper[k],
+            velocity=velocity,
+            acceleration=acceleration,
+            **bodies,
+        )
 
     def axis_frames(self) -> dict[int, Frame]:
         """Frames of the joints of a positioner (1: next to the part) and of the base (0) in it."""
@@ -304,7 +310,7 @@ class Description:
         return any(x is not None and plain_number(x.get("value")) != 0 for x in masses)
 
     def _body(self, link: str) -> tuple[float, Frame, FloatArray] | None:
-        """Mass [kg], frame of the centre of mass, and inertia in that frame [kg m²], or None."""
+        """Read mass [kg], frame at the centre of mass, and inertia [kg m²]; None if missing."""
         inertial = self.tree.links[link].find("inertial")
         where = f"The link {link} of {self.tree.file}"
         if inertial is None:
@@ -338,12 +344,12 @@ class Description:
 
 
 def _unit(joint: Joint) -> str:
-    """Unit of the position of a joint."""
+    """Return the unit of a joint's position."""
     return "m" if joint.kind == "prismatic" else "rad"
 
 
 def origin_of(element: ET.Element, where: str) -> Frame:
-    """Frame of the origin of an element."""
+    """Return the frame that an element's origin describes."""
     origin = element.find("origin")
     words = {} if origin is None else origin.attrib
     position = read_numbers(where, "xyz", words.get("xyz", "0 0 0"))

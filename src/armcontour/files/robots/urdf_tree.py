@@ -16,7 +16,7 @@ from armcontour.robot.external_axes import Tilt
 
 # Extension of robot descriptions.
 DESCRIPTION = ".urdf"
-# Maximum length of the name of a robot, joint or link [characters]. It is large, because some
+# Longest name of a robot, joint or link [characters]. It is large, because some
 # packages add prefixes to names.
 MAX_CHARACTERS = 1000
 # Options that are valid for any arm; the others are only for robot descriptions.
@@ -141,7 +141,7 @@ class Tree:
         return self._carried.get(link, [])
 
     def below(self, link: str) -> list[Joint]:
-        """All joints below a link, parents before children."""
+        """Return all joints below a link, parents before children."""
         joints: list[Joint] = []
         waiting = [link]
         while waiting:
@@ -151,7 +151,7 @@ class Tree:
         return joints
 
     def between(self, base: str, tip: str, role: str = "tip") -> list[Joint]:
-        """Joints on the path from the link `base` to the link `tip`, in this order."""
+        """Return the joints on the path from the link `base` to the link `tip`, in this order."""
         link = self.check_link(role, tip)
         start = self.check_link("base", base)
         joints: list[Joint] = []
@@ -232,7 +232,7 @@ def _check_attributes(file: str, element: ET.Element, version: str) -> None:
 def _joints(
     file: str, robot: ET.Element, links: Mapping[str, ET.Element]
 ) -> tuple[dict[str, Joint], dict[str, Joint]]:
-    """Joints of a robot by name, and the parent joint of each link by name of the link."""
+    """Return a robot's joints by name, and the parent joint of each link by the link's name."""
     joints: dict[str, Joint] = {}
     above: dict[str, Joint] = {}
     for element in robot.findall("joint"):
@@ -260,7 +260,7 @@ def parse_xml(file: str, content: bytes | str) -> ET.Element:
 
 
 def _required_name(file: str, element: ET.Element) -> str:
-    """Name of a link or joint; InvalidInput if it is missing."""
+    """Return the name of a link or joint; InvalidInput if it is missing."""
     name = element.get("name")
     if not name:
         raise InvalidInput(f"{file} has a {element.tag} without a name.")

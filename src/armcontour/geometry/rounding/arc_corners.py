@@ -4,7 +4,7 @@ A blend replaces the part of length t of both segments at a corner by two tangen
 more curved than the segment next to it, and the increase of both curvatures is nearly the same. If
 the corner does not turn, the blend equals the segments. Between two lines, the blend is the single
 arc of (10)-(16) of the paper. Where the curvature must not jump, a blend is a connection
-(connections.py). See docs/guides/rounding.md.
+(connections.py). See docs/concepts/corners.md.
 """
 
 from __future__ import annotations

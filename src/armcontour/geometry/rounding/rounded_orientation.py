@@ -21,6 +21,7 @@ from armcontour.geometry.orientation import (
     SAME_RATE,
     Orientation,
     fit_cubics,
+    no_third_rotation,
     raise_degree,
     turns_between,
 )
@@ -46,7 +47,7 @@ def find_kinks(path: Path) -> IntArray:
     if orientation is None or orientation.follows:
         return NO_VERTICES
     fits = len(orientation) == len(path) and np.array_equal(orientation.breaks, path.breaks)
-    if not fits or (not orientation.fixed and orientation.second.any()):
+    if not fits or orientation.second.any() or orientation.third.any():
         raise InvalidInput(
             "The corners of this path, or its orientation, are already rounded. Round the "
             "objective path instead."
@@ -179,7 +180,7 @@ def blend_kinks(
     vertex = np.arange(len(sharp) - 1)
     lengths = np.diff(sharp.breaks)
     cut = np.minimum(requested, np.minimum(lengths[:-1], lengths[1:]) / 2)
-    uneven = np.any(sharp.second != 0, axis=1)
+    uneven = np.any((sharp.second != 0) | (sharp.third != 0), axis=1)
     cut[(sharp.jumps > SAME_ORIENTATION) | uneven[:-1] | uneven[1:]] = 0.0
     middle = cut * (0.5 - 2 * middle_fraction(smooth))
     return (
@@ -204,7 +205,7 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     # angle is at most `k |b - a|`. The tool axis alone turns by at most
     # `k d + k² e m / 2`: d and e are the components of b - a perpendicular and parallel to the
     # axis, and m is the smaller of the rates at which a and b tilt the axis. See
-    # docs/guides/rounding.md.
+    # docs/concepts/corners.md.
     if sharp.fixed:
         return np.full(len(vertex), np.inf)
     a = sharp.first[vertex]
@@ -265,6 +266,7 @@ def _insert_blends(
         second=second[used],
         f=f[used],
         g=g[used],
+        **no_third_rotation(int(used.sum()), degree + 1),
         axis_only=sharp.axis_only,
         follows=sharp.follows,
     )

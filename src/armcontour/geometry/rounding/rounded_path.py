@@ -5,7 +5,7 @@ The *corner error* is the gap between the corner point and the arc, as in the pa
 tolerance: the arc's distance from the path, `r (1 - cos h) = gap cos h`, and the tangent length,
 `r tan h`, which is the part of each line that the arc replaces. Two tangent arcs replace a corner
 next to an arc (arc_corners.py). The other curves are in line_corners.py. See
-docs/guides/rounding.md.
+docs/concepts/corners.md.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The unknowns are the middle control points d of `a = ds²` on n cells, between the values of a at
 both ends. Each row couples three neighbours, so each step solves a pentadiagonal system. Every
-iterate satisfies every row. See docs/guides/jerk.md.
+iterate satisfies every row. See docs/concepts/jerk_limited.md.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest, store
 
 # Largest step, as a fraction of the step to the nearest bound.
-NEAREST = 0.995
+STEP_SHARE = 0.995
 # The same share for vector rows, which limit the norm of a vector
-NEAREST_ROUND = 0.9
+ROUND_STEP_SHARE = 0.9
 # A step that violates a row by rounding is shortened by this factor.
-SHORTENING = 0.5
+STEP_SHORTENING = 0.5
 # Largest number of times that a step is shortened.
 MAX_SHORTENINGS = 30
 # The barrier is reduced by this factor after an iteration that satisfies the two conditions below.
@@ -31,7 +31,7 @@ REDUCTION = 0.15
 CENTERED = 0.1
 # The barrier is reduced only if the steps of slacks and multipliers exceed this share of Newton's
 # step.
-LONG_STEP = 0.3
+LONG_NEWTON_STEP = 0.3
 # A tangent is moved if its rows retain at least this fraction of their slack.
 MIN_SLACK = 0.1
 # Gauss-Legendre nodes on [0, 1] for the duration of a cell.
@@ -46,7 +46,7 @@ LEVEL, SLOPE, RAISED = (k * LANES for k in range(3))
 # Smallest pivot of the scaled matrix.
 RIDGE = 1e-14
 # Smallest divisor of relative slacks, which prevents a division by zero.
-TINY = 1e-300
+SMALLEST_DIVISOR = 1e-300
 
 
 class JerkSection(NamedTuple):
@@ -268,17 +268,17 @@ def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
             low = p.low[c, r]
             high = p.high[c, r]
             if high < math.inf:
-                smallest = min(smallest, (high - f) / max(abs(high), abs(f), TINY))
+                smallest = min(smallest, (high - f) / max(abs(high), abs(f), SMALLEST_DIVISOR))
             if low > -math.inf:
-                smallest = min(smallest, (f - low) / max(abs(low), abs(f), TINY))
+                smallest = min(smallest, (f - low) / max(abs(low), abs(f), SMALLEST_DIVISOR))
         for r in range(p.curved.shape[1]):
             square = _row_value(p.raised, c, p.curved_points[r], i, d)
             bound = p.jerk[r] * (1.5 - 0.5 * square / about) / math.sqrt(about)
             f = abs(_row_value(p.curved, c, r, i, d))
-            smallest = min(smallest, (bound - f) / max(abs(bound), TINY))
+            smallest = min(smallest, (bound - f) / max(abs(bound), SMALLEST_DIVISOR))
         for r in range(p.round.shape[1]):
             slack = _round_slack(p.radius[c, r], _vector(p, c, r, i, d))
-            smallest = min(smallest, slack / max(abs(p.radius[c, r]), TINY))
+            smallest = min(smallest, slack / max(abs(p.radius[c, r]), SMALLEST_DIVISOR))
         shares[i] = smallest
     return shares
 
@@ -437,19 +437,19 @@ def _round_slope(p: JerkSection, c: int, r: int, vector: Any) -> Any:
 def _longest_steps(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
     """Reduce the longest steps of slacks and multipliers so that one more bound is satisfied."""
     one, other = reach
-    if -rise * one > NEAREST * slack:
-        one = -NEAREST * slack / rise
-    if -change * other > NEAREST * dual:
-        other = -NEAREST * dual / change
+    if -rise * one > STEP_SHARE * slack:
+        one = -STEP_SHARE * slack / rise
+    if -change * other > STEP_SHARE * dual:
+        other = -STEP_SHARE * dual / change
     return one, other
 
 
 @compiled(inner=True, inline="always")
 def _longest_round_step(bound: float, vector: Any, change: Any, slack: float) -> float:
-    """Longest step that uses at most the share NEAREST_ROUND of the slack of a vector row."""
+    """Longest step that uses at most the share ROUND_STEP_SHARE of the slack of a vector row."""
     # With the remaining slack `left`, `bound² - |vector|² - left bound >= 0` is quadratic in the
     # step.
-    start = NEAREST_ROUND * bound * slack
+    start = ROUND_STEP_SHARE * bound * slack
     linear = -2.0 * (vector[0] * change[0] + vector[1] * change[1])
     square = -(change[0] ** 2) - change[1] ** 2
     inner = linear * linear - 4.0 * square * start
@@ -496,7 +496,7 @@ def _dual_changes(
             decrease = _change_dual(blocks.rows, at + LANES, common - rise, mu, decrease)
     one = highest(decrease[0])
     other = highest(decrease[1])
-    reach = (NEAREST / max(one, NEAREST), NEAREST / max(other, NEAREST))
+    reach = (STEP_SHARE / max(one, STEP_SHARE), STEP_SHARE / max(other, STEP_SHARE))
     for c in range(p.round.shape[0]):
         i = p.cell[c]
         for r in range(p.round.shape[1]):
@@ -678,13 +678,13 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
         while not _is_inside(p, trial, blocks, slack):
             # Rounding errors close to a bound can violate a row.
             halvings = halvings + 1
-            share = share * SHORTENING
+            share = share * STEP_SHORTENING
             if halvings > MAX_SHORTENINGS:
                 return iteration
             _take_step(d, right, share, trial)
         d[:] = trial
         _move_tangents(p, blocks)
-        if decrement < CENTERED * bounds * mu and min(share, dual_share) > LONG_STEP:
+        if decrement < CENTERED * bounds * mu and min(share, dual_share) > LONG_NEWTON_STEP:
             if bounds * mu <= 0.5 * tolerance * size:
                 return iteration + 1
             mu *= REDUCTION

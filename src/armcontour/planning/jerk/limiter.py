@@ -21,15 +21,15 @@ from armcontour.planning.jerk.mesh import (
 )
 from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.timing_options import Task
-from armcontour.planning.topp.grid_plan import MotionBounds
+from armcontour.planning.topp.limit_forms import MotionBounds
 
 # Default number of cells per build-up time of the acceleration, during non-uniform motion.
 PER_BUILD_UP = 2.0
-# Smallest default number of cells, in addition to FEWEST_PER_PIECE for each polynomial.
+# Smallest default number of cells, in addition to FEWEST_CELLS_PER_PIECE for each polynomial.
 FEWEST_CELLS = 1000
 # Smallest default number of cells for each polynomial of the joint path, in addition to
 # FEWEST_CELLS.
-FEWEST_PER_PIECE = 3
+FEWEST_CELLS_PER_PIECE = 3
 # Largest default number of cells. If the constants above give more, the jerk is so large that fewer
 # cells resolve its effect: MANY_CELLS plus MANY_PER_PIECE for each polynomial.
 MAX_CELLS = 20_000
@@ -46,13 +46,13 @@ UNIFORM = 0.01
 # The first pass has fewer cells than the second pass by this factor.
 COARSER = 5
 # Smallest number of cells of the first pass.
-FEWEST = 60
+FEWEST_FIRST_CELLS = 60
 # Relative duality gap at which the first pass ends.
 COARSE_GAP = 1e-2
 # Relative duality gap at which the second pass ends.
 FINE_GAP = 1e-4
 # The second pass starts from ds² of the first plan times this factor.
-INSIDE = 0.9
+FIRST_PLAN_SHARE = 0.9
 # Smallest factor by which a start, the initial ds² of a search, is reduced near violated rows.
 MIN_FACTOR = 0.5
 # Largest factor by which a start is reduced near violated rows.
@@ -71,7 +71,7 @@ HEADROOM_RATE = 2.0
 # Margins are valid for slopes of dds up to this multiple of their values in the previous plan.
 HEADROOM_SLOPE = 4.0
 # If rows need a lower bound of ds², it is this fraction of ds² in the previous plan.
-LEAST = 0.3
+LEAST_SQUARE = 0.3
 # Smallest bound of dds, as a fraction of the largest dds.
 LEAST_RATE = 0.02
 # Relative distance from the plan below which a bound of the second pass may cost time.
@@ -79,17 +79,17 @@ TOO_NEAR = 0.02
 # If bounds may cost time, the second pass is repeated with bounds that are wider by this factor.
 WIDER = 2.0
 # Largest total factor by which bounds are widened.
-WIDEST = 16.0
+WIDEST_BOUNDS = 16.0
 # The second pass is repeated only if wider bounds may save at least this fraction of the duration.
-LEAST_GAIN = 1e-5
+LEAST_BOUND_GAIN = 1e-5
 # Relative distances of bounds from the plan below this are rounding errors.
-TINY = 1e-9
+BOUND_DISTANCE_ROUNDING = 1e-9
 # Cells whose margins take more than this fraction of a limit are split.
-LARGEST_MARGIN = 1e-2
+LARGEST_CELL_MARGIN = 1e-2
 # Largest number of parts into which a cell is split at once.
-MAX_PARTS = 10
+MAX_CELL_PARTS = 10
 # Largest number of times that cells are split, or that bounds on cells of uniform jerk are reduced.
-MAX_SPLITS = 6
+MAX_CELL_SPLITS = 6
 # Largest fraction of a limit that margins may take on cells of uniform jerk.
 MAX_AT_RAMPS = 0.5
 
@@ -100,7 +100,7 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     ends = find_ends(law, task, section_ends)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
     # Each polynomial of the joint path has rows of its own, so fewer cells would save little time.
-    coarse = max(cells // COARSER, FEWEST, len(law.joint_path.breaks) // 2)
+    coarse = max(cells // COARSER, FEWEST_FIRST_CELLS, len(law.joint_path.breaks) // 2)
     mesh = place_mesh(law, law.s, coarse, section_ends, ends)
     coarse_rows = _make_rows(task, mesh, law)
     coarse_law = _solve(coarse_rows, (law, 1.0), task, COARSE_GAP)
@@ -108,7 +108,9 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
         coarse_law, law.s, cells, section_ends, find_ends(coarse_law, task, section_ends)
     )
     if coarse_rows.exact:
-        return _solve(_make_rows(task, mesh, coarse_law), (coarse_law, INSIDE), task, FINE_GAP)
+        return _solve(
+            _make_rows(task, mesh, coarse_law), (coarse_law, FIRST_PLAN_SHARE), task, FINE_GAP
+        )
     return _solve_with_margins(mesh, coarse_law, task)
 
 
@@ -121,15 +123,15 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
     while True:
         bounds = _make_bounds(mesh, near, wider, curved)
         rows = _make_rows(task, mesh, near, bounds)
-        narrow = (rows.lost > LARGEST_MARGIN) & (mesh.ramps[mesh.cell] == 0)
-        if splits < MAX_SPLITS and narrow.any() and len(mesh.grid) < MAX_CELLS:
-            parts = np.where(narrow, np.sqrt(rows.lost / LARGEST_MARGIN), 1)
-            mesh = mesh.split(np.clip(parts, 1, MAX_PARTS))
+        narrow = (rows.lost > LARGEST_CELL_MARGIN) & (mesh.ramps[mesh.cell] == 0)
+        if splits < MAX_CELL_SPLITS and narrow.any() and len(mesh.grid) < MAX_CELLS:
+            parts = np.where(narrow, np.sqrt(rows.lost / LARGEST_CELL_MARGIN), 1)
+            mesh = mesh.split(np.clip(parts, 1, MAX_CELL_PARTS))
             splits = splits + 1
             continue
         rows = _reduce_ramp_bounds(rows, task, near)
         try:
-            law = _solve(rows, (near, INSIDE), task, FINE_GAP)
+            law = _solve(rows, (near, FIRST_PLAN_SHARE), task, FINE_GAP)
         except NotRealizable:
             if not curved:
                 if best is None:
@@ -140,7 +142,7 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
             continue
         if best is None or law.breaks[-1] < best.breaks[-1]:
             best = law
-        if wider >= WIDEST or _estimate_gain(rows, bounds, law) < LEAST_GAIN:
+        if wider >= WIDEST_BOUNDS or _estimate_gain(rows, bounds, law) < LEAST_BOUND_GAIN:
             return best
         near = law
         wider = wider * WIDER
@@ -150,7 +152,7 @@ def _reduce_ramp_bounds(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
     """Reduce bounds on cells of uniform jerk whose margins are too large."""
     # Cells of uniform jerk are not split. Their bounds limit the plan, and the margins decrease
     # with the bounds.
-    for _ in range(MAX_SPLITS):
+    for _ in range(MAX_CELL_SPLITS):
         bounds = rows.bounds
         mesh = rows.mesh
         tight = (rows.lost > MAX_AT_RAMPS) & (mesh.ramps[mesh.cell] != 0)
@@ -180,7 +182,7 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
     with np.errstate(divide="ignore"):
         resolved = PER_BUILD_UP * active * np.divide(jerk, acceleration)
     pieces = len(law.joint_path.breaks) - 1
-    count = max(np.nan_to_num(resolved), FEWEST_CELLS + FEWEST_PER_PIECE * pieces)
+    count = max(np.nan_to_num(resolved), FEWEST_CELLS + FEWEST_CELLS_PER_PIECE * pieces)
     if count > MAX_CELLS:
         pieces += PIECES_OF_SECTION * (len(ends) - 1)
         count = min(MANY_CELLS + MANY_PER_PIECE * pieces, MAX_CELLS)
@@ -212,7 +214,7 @@ def _make_bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> M
         return np.asarray(np.maximum.reduceat(padded, touched)[::2])
 
     largest_square = largest(x)
-    lowest = -largest(-smallest) * LEAST / wider if curved else np.zeros(len(mesh.grid))
+    lowest = -largest(-smallest) * LEAST_SQUARE / wider if curved else np.zeros(len(mesh.grid))
     # Cells of uniform jerk are bounded by ds² and dds at their moving end, which are the largest.
     ramps = mesh.ramps[mesh.cell] != 0
     return MotionBounds(
@@ -242,7 +244,9 @@ def _estimate_gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
             ]
         )[:, inner]
     close = distance[distance < TOO_NEAR]
-    return float(0.5 * FINE_GAP / rows.count * (1 / np.maximum(close, TINY)).sum())
+    return float(
+        0.5 * FINE_GAP / rows.count * (1 / np.maximum(close, BOUND_DISTANCE_ROUNDING)).sum()
+    )
 
 
 def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:

@@ -26,23 +26,23 @@ OVER_TURNS = 0.2
 # up
 FIRST_CELL = 0.3
 # Up to this multiple of the build-up distance from a rest, cells have equal durations.
-RAMPS = 8.0
+EQUAL_DURATION_RANGE = 8.0
 # Farther away, the length of a cell increases by this fraction of the distance from the rest.
-GROWTH = 0.3
+CELL_GROWTH = 0.3
 # Largest length of the first cell, as a fraction of a section.
 LONGEST_FIRST = 0.02
 # Smallest length of the first cell, as a fraction of a section.
 SHORTEST_FIRST = 1e-9
 # Smallest length of other cells, as a fraction of a section; below it the slope is a rounding
 # error.
-SHORTEST = 1e-9
+SHORTEST_CELL = 1e-9
 # Number of points at which the cumulative number of cells next to a rest is computed
-SAMPLES = 200
+RAMP_SAMPLES = 200
 # A break of the joint path is an end of cells, unless it is closer to the previous end than this
 # fraction of a cell; then it only divides the cell into parts.
 NEAR_KNOT = 0.3
 # A node closer to a break than this fraction of the shorter adjacent cell is moved to the break.
-SNAP = 0.2
+SNAP_TO_BREAK = 0.2
 # A jump of d2q_ds2 requires a stop if it exceeds this fraction of the sum of the values on both
 # sides, and if the change of acceleration also takes long enough (TOO_SHORT).
 KINK = 1e-6
@@ -55,7 +55,7 @@ ROUNDING_TIME = 5e-6
 # Largest change of direction over the length `End.even` [rad].
 EVEN_BEND = 5e-4
 # dq_ds vanishes at an end if it is below this fraction of dq_ds nearby.
-VANISHED = 0.1
+VANISHING_SLOPE = 0.1
 # Largest length of the first cell at an end where dq_ds vanishes, as a fraction of the section.
 FIRST_AT_VANISHED = 5e-4
 # Distance from an end at which acceleration and jerk are evaluated, as a fraction of the section
@@ -207,7 +207,7 @@ def _place_nodes(
     positions = needed[intervals] + np.diff(needed)[intervals] * number / count[intervals]
     nodes = np.append(np.interp(positions, mass, s), stop)
     nodes[0] = start
-    nodes = _snap(_drop_close_nodes(nodes, SHORTEST * length), knots)
+    nodes = _snap(_drop_close_nodes(nodes, SHORTEST_CELL * length), knots)
     return np.concatenate([[begin], nodes, [end]])
 
 
@@ -231,14 +231,14 @@ def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
     nearest = np.where(inner - before < after - inner, before, after)
     room = np.minimum(np.diff(nodes)[:-1], np.diff(nodes)[1:])
     snapped = nodes.copy()
-    snapped[1:-1] = np.where(np.abs(nearest - inner) < SNAP * room, nearest, inner)
+    snapped[1:-1] = np.where(np.abs(nearest - inner) < SNAP_TO_BREAK * room, nearest, inner)
     return snapped
 
 
 def _sample_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
     """Arc lengths at which the number of cells next to the ends of a section is computed [m]."""
     length = limits[1] - limits[0]
-    first, last = (np.geomspace(x, length, SAMPLES)[:-1] for x in firsts)
+    first, last = (np.geomspace(x, length, RAMP_SAMPLES)[:-1] for x in firsts)
     return np.concatenate([limits[0] + first, limits[1] - last])
 
 
@@ -247,10 +247,10 @@ def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
 
     `per_ramp` is the number of cells per duration of the first cell.
     """
-    last = first * RAMPS / FIRST_CELL
+    last = first * EQUAL_DURATION_RANGE / FIRST_CELL
     near = per_ramp * (np.cbrt(np.clip(away, first, last) / first) - 1)
     width = 3 / per_ramp * np.cbrt(first) * np.cbrt(last) ** 2
-    beyond = np.log1p(GROWTH * np.maximum(away - last, 0) / width) / GROWTH
+    beyond = np.log1p(CELL_GROWTH * np.maximum(away - last, 0) / width) / CELL_GROWTH
     return np.asarray(near + beyond)
 
 
@@ -307,7 +307,7 @@ def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[
         straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
         # If dq_ds vanishes at the end, `even` is not defined there, and a fraction of the section
         # is used.
-        standing = size[j] < VANISHED * size[i]
+        standing = size[j] < VANISHING_SLOPE * size[i]
         straight = np.where(standing, FIRST_AT_VANISHED * np.diff(section_ends), straight)
         rows = zip(acceleration[i], jerk[i], speed, straight, strict=True)
         return [End(float(x), float(y), float(v), float(e)) for x, y, v, e in rows]

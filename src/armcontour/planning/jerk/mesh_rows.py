@@ -13,16 +13,25 @@ from armcontour.core.quintics import to_bernstein
 from armcontour.planning.constraints import Constraint, JointMotion, limits_on
 from armcontour.planning.jerk.interior_point import JerkSection
 from armcontour.planning.jerk.mesh import JerkMesh
-from armcontour.planning.topp.grid_plan import MotionBounds, rows_with_friction
-from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, Intervals, margins_of
+from armcontour.planning.topp.friction_rows import rows_with_friction
+from armcontour.planning.topp.limit_forms import (
+    HIGH,
+    LOW,
+    A,
+    B,
+    GridLimits,
+    Intervals,
+    MotionBounds,
+    margins_of,
+)
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 # Highest degree of a joint path.
-HIGHEST = 5
+HIGHEST_DEGREE = 5
 # Cell of each part, and `control_points` of the cells
 _Cells = tuple[IntArray, FloatArray, FloatArray]
 # Smallest value at an end of the tangent that bounds ds², as a fraction of its value in the middle
-LEAST_SHARE = 0.25
+LEAST_TANGENT_SHARE = 0.25
 
 
 class Basis(NamedTuple):
@@ -75,7 +84,8 @@ def motion_rows(
     """Write acceleration, and jerk divided by ds, as rows of the unknowns.
 
     The acceleration is `q'' a + q' dds`, and the jerk divided by ds is `q''' a + 3 q'' dds + q'
-    slope`, with `a = ds²`.
+    slope`, with `a = ds²`. On a part of a cell both are polynomials, whose control points are
+    linear in the control points of a.
 
     - `grid`: the n parts of cells.
     - `cells`: cell of each part, and `control_points` of the cells.
@@ -83,64 +93,106 @@ def motion_rows(
     - `first_rows`: first rows of acceleration and of jerk of each joint, -1 if it has none.
     - `rows`: output, (n, rows, 3) each.
     """
-    taylor = np.zeros((3, HIGHEST + 1))
-    powers = np.empty((2, HIGHEST + 2, 3))
-    points = np.empty(3)
-    cell, begin, end = cells
+    derivatives = np.zeros((3, HIGHEST_DEGREE + 1))
+    powers = np.empty((2, HIGHEST_DEGREE + 2, 3))
     for i in range(len(grid.piece)):
-        k = grid.piece[i]
-        m = cell[i]
-        scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
-        x = (grid.s[i] - grid.breaks[k]) * scale
-        h = grid.s[i + 1] - grid.s[i]
-        dx = h * scale
         for j in range(grid.dof):
             if first_rows[0][j] < 0 and first_rows[1][j] < 0:
                 continue
-            at = 6 * k * grid.dof + j
-            c1 = grid.coefficients[at + grid.dof]
-            c2 = grid.coefficients[at + 2 * grid.dof]
-            c3 = grid.coefficients[at + 3 * grid.dof]
-            c4 = grid.coefficients[at + 4 * grid.dof]
-            c5 = grid.coefficients[at + 5 * grid.dof]
-            # Coefficients of q in powers of the fraction of the part
-            t1 = dx * (c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5))))
-            t2 = dx**2 * (c2 + x * (3 * c3 + x * (6 * c4 + x * 10 * c5)))
-            t3 = dx**3 * (c3 + x * (4 * c4 + x * 10 * c5))
-            t4 = dx**4 * (c4 + x * 5 * c5)
-            t5 = dx**5 * c5
-            taylor[0, 0] = t1 / h
-            taylor[0, 1] = 2 * t2 / h
-            taylor[0, 2] = 3 * t3 / h
-            taylor[0, 3] = 4 * t4 / h
-            taylor[0, 4] = 5 * t5 / h
-            taylor[1, 0] = 2 * t2 / h**2
-            taylor[1, 1] = 6 * t3 / h**2
-            taylor[1, 2] = 12 * t4 / h**2
-            taylor[1, 3] = 20 * t5 / h**2
-            taylor[2, 0] = 6 * t3 / h**3
-            taylor[2, 1] = 24 * t4 / h**3
-            taylor[2, 2] = 60 * t5 / h**3
-            powers[:] = 0.0
-            for b in range(3):
-                for r in range(HIGHEST):
-                    for n in range(3):
-                        powers[0, r + n, b] += taylor[1, r] * basis.square[i, b, n]
-                        powers[1, r + n, b] += taylor[2, r] * basis.square[i, b, n]
-                    for n in range(2):
-                        powers[0, r + n, b] += taylor[0, r] * basis.rate[i, b, n]
-                        powers[1, r + n, b] += 3.0 * taylor[1, r] * basis.rate[i, b, n]
-                    powers[1, r, b] += taylor[0, r] * basis.slope[i, b]
+            _write_derivatives(grid, i, j, derivatives)
+            _write_products(basis, i, derivatives, powers)
             for kind in range(2):
-                for c in range(len(of_powers[kind]) if first_rows[kind][j] >= 0 else 0):
-                    for b in range(3):
-                        points[b] = 0.0
-                        for r in range(c + 1):
-                            points[b] += of_powers[kind][c, r] * powers[kind, r, b]
-                    for b in range(3):
-                        value = points[0] * begin[m, b] + points[2] * end[m, b]
-                        value += points[1] if b == 1 else 0.0
-                        rows[kind][i, first_rows[kind][j] + c, b] = value
+                first = first_rows[kind][j]
+                if first >= 0:
+                    _write_rows(cells, i, of_powers[kind], powers[kind], first, rows[kind])
+
+
+@compiled(inner=True)
+def _write_derivatives(grid: Intervals, i: int, j: int, out: FloatArray) -> None:
+    """Write q', q'' and q''' of joint j on part i, in powers of the part's fraction, (3, 6)."""
+    k = grid.piece[i]
+    scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
+    x = (grid.s[i] - grid.breaks[k]) * scale
+    h = grid.s[i + 1] - grid.s[i]
+    dx = h * scale
+    # Coefficients of q in powers of the fraction of the piece
+    at = 6 * k * grid.dof + j
+    c1 = grid.coefficients[at + grid.dof]
+    c2 = grid.coefficients[at + 2 * grid.dof]
+    c3 = grid.coefficients[at + 3 * grid.dof]
+    c4 = grid.coefficients[at + 4 * grid.dof]
+    c5 = grid.coefficients[at + 5 * grid.dof]
+    # Coefficients of q in powers of the fraction of the part, by Taylor expansion
+    t1 = dx * (c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5))))
+    t2 = dx**2 * (c2 + x * (3 * c3 + x * (6 * c4 + x * 10 * c5)))
+    t3 = dx**3 * (c3 + x * (4 * c4 + x * 10 * c5))
+    t4 = dx**4 * (c4 + x * 5 * c5)
+    t5 = dx**5 * c5
+    # Derivatives in the arc length
+    out[0, 0] = t1 / h
+    out[0, 1] = 2 * t2 / h
+    out[0, 2] = 3 * t3 / h
+    out[0, 3] = 4 * t4 / h
+    out[0, 4] = 5 * t5 / h
+    out[1, 0] = 2 * t2 / h**2
+    out[1, 1] = 6 * t3 / h**2
+    out[1, 2] = 12 * t4 / h**2
+    out[1, 3] = 20 * t5 / h**2
+    out[2, 0] = 6 * t3 / h**3
+    out[2, 1] = 24 * t4 / h**3
+    out[2, 2] = 60 * t5 / h**3
+
+
+@compiled(inner=True)
+def _write_products(basis: Basis, i: int, derivatives: FloatArray, powers: FloatArray) -> None:
+    """Write acceleration, and jerk divided by ds, for each control point of the cell.
+
+    - `derivatives`: from `_write_derivatives`.
+    - `powers`: output, in powers of the part's fraction, (2, HIGHEST_DEGREE + 2, 3 control points).
+    """
+    powers[:] = 0.0
+    for b in range(3):
+        for r in range(HIGHEST_DEGREE):
+            # q'' a and q''' a
+            for n in range(3):
+                powers[0, r + n, b] += derivatives[1, r] * basis.square[i, b, n]
+                powers[1, r + n, b] += derivatives[2, r] * basis.square[i, b, n]
+            # q' dds and 3 q'' dds
+            for n in range(2):
+                powers[0, r + n, b] += derivatives[0, r] * basis.rate[i, b, n]
+                powers[1, r + n, b] += 3.0 * derivatives[1, r] * basis.rate[i, b, n]
+            # q' slope
+            powers[1, r, b] += derivatives[0, r] * basis.slope[i, b]
+
+
+@compiled(inner=True)
+def _write_rows(
+    cells: _Cells,
+    i: int,
+    of_powers: FloatArray,
+    powers: FloatArray,
+    first: int,
+    rows: FloatArray,
+) -> None:
+    """Write the control points of a polynomial on part i as rows of the unknowns, from `first` on.
+
+    - `of_powers`: `to_bernstein` of the degree.
+    - `powers`: the polynomial for each control point of the cell, (powers, 3).
+    """
+    cell, begin, end = cells
+    m = cell[i]
+    for c in range(len(of_powers)):
+        begin_value = 0.0
+        middle_value = 0.0
+        end_value = 0.0
+        for r in range(c + 1):
+            begin_value += of_powers[c, r] * powers[r, 0]
+            middle_value += of_powers[c, r] * powers[r, 1]
+            end_value += of_powers[c, r] * powers[r, 2]
+        # The middle control point is an unknown, the other two follow from the unknowns.
+        for b in range(3):
+            rows[i, first + c, b] = begin_value * begin[m, b] + end_value * end[m, b]
+        rows[i, first + c, 1] += middle_value
 
 
 class MeshRows:
@@ -389,7 +441,7 @@ class MeshRows:
         change = (last - first) / middle
         level = 1 / np.maximum(first, last) ** 2
         tangent = 1 / middle**2
-        steep = np.abs(change) > 1 - LEAST_SHARE
+        steep = np.abs(change) > 1 - LEAST_TANGENT_SHARE
         points = [
             np.where(steep, level, tangent * (1 + change)),
             np.where(steep, level, tangent),

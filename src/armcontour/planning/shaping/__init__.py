@@ -2,5 +2,5 @@
 
 from armcontour.core.lazy import lazy_names
 
-_HOME = {"shaper": "Shaping shape"}
+_HOME = {"shaper": "Shaped shape"}
 __getattr__, __all__ = lazy_names(__name__, _HOME)

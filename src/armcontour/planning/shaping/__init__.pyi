@@ -1,2 +1,2 @@
-from armcontour.planning.shaping.shaper import Shaping as Shaping
+from armcontour.planning.shaping.shaper import Shaped as Shaped
 from armcontour.planning.shaping.shaper import shape as shape

@@ -9,6 +9,7 @@ method is Mehrotra's, with one correction of a predicted step.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,24 +18,61 @@ from armcontour.core.kernel_cache import FUSED, compiled
 
 # Average product of slack and multiplier below which the iterations converge, as a fraction of the
 # largest cost; rows and unknowns are scaled to the order of 1.
-GAP = 1e-8
+CONVERGED_GAP = 1e-8
 # Largest violation of a row below which the iterations converge.
 VIOLATION = 1e-8
 # Largest number of iterations.
-MAX_ITERATIONS = 60
+MAX_PROGRAM_ITERATIONS = 60
 # Largest step, as a fraction of the step to the boundary.
 STEP_SHARE = 0.995
 # Smallest initial slack.
 FIRST_SLACK = 0.1
 
 
+class ProgramSolution(NamedTuple):
+    """Result of `solve_program`."""
+
+    x: FloatArray  # Unknowns, (n, k)
+    iterations: int  # Number of iterations; negative if they did not converge
+
+
+class _Rows(NamedTuple):
+    """The p rows that are not zero, each from its first to its last nonzero coefficient."""
+
+    first: IntArray  # First unknown of each row, (p,)
+    ends: IntArray  # Starts and ends of the rows among all coefficients, (p + 1,)
+    values: FloatArray  # Coefficients of all rows
+    bound: FloatArray  # Upper bounds, (p,)
+
+
+class _Iterate(NamedTuple):
+    """An iterate, or its change."""
+
+    x: FloatArray  # Unknowns, flat, (n k,)
+    slack: FloatArray  # Slacks s of the rows, (p,)
+    dual: FloatArray  # Multipliers y of the rows, (p,)
+
+
+class _Residuals(NamedTuple):
+    """Residuals of the conditions of a minimum."""
+
+    primal: FloatArray  # `rows x + s - bounds`, (p,)
+    complement: FloatArray  # `s y`, less what the corrector adds, (p,)
+
+
 @compiled(fastmath=FUSED)
 def solve_program(
     cost: FloatArray, rows: FloatArray, bounds: FloatArray, weight: FloatArray
-) -> tuple[FloatArray, int]:
+) -> ProgramSolution:
     """Solve the quadratic program; without convergence the result is the last iterate.
 
-    Returns the unknowns, (n, k), and the number of iterations; negative if they did not converge.
+    At the minimum, slacks s and multipliers y, both nonnegative, satisfy
+
+        rows x + s = bounds,  c + weight x + rows' y = 0,  s y = 0.
+
+    Mehrotra's method (SIAM J. Optim. 2, 575-601, 1992) solves these conditions: Newton's step to
+    products s y of zero predicts which products can be reached, and a second step with the same
+    matrix corrects the first one.
 
     - `cost`: cost of the unknowns, (n, k).
     - `rows`: coefficients of the rows of each node, for the unknowns of the previous node, of the
@@ -43,77 +81,42 @@ def solve_program(
     - `weight`: positive weights of the squares of the unknowns, (n, k).
     """
     n, k = cost.shape
-    first, ends, values, bound = _pack(rows, bounds)
-    count = len(bound)
+    packed = _pack(rows, bounds)
+    count = len(packed.bound)
     c = cost.ravel()
     w = weight.ravel()
     largest = 0.0
     for a in range(n * k):
         largest = max(largest, abs(c[a]))
-    x = np.zeros(n * k)
-    slack = np.maximum(bound, FIRST_SLACK)
+    slack = np.maximum(packed.bound, FIRST_SLACK)
     # Initial multipliers are proportional to the cost.
-    dual = largest * 0.1 / slack
+    point = _Iterate(np.zeros(n * k), slack, largest * 0.1 / slack)
+    step = _Iterate(np.empty(n * k), np.empty(count), np.empty(count))
+    residuals = _Residuals(np.empty(count), np.empty(count))
     matrix = np.empty((n * k, 3 * k))
-    step = np.empty(n * k)
-    primal = np.empty(count)
-    d_slack = np.empty(count)
-    d_dual = np.empty(count)
-    complement = np.empty(count)
-    for iteration in range(MAX_ITERATIONS):
-        gap = 0.0
-        worst = 0.0
-        for r in range(count):
-            primal[r] = _row_product(first, ends, values, x, r) + slack[r] - bound[r]
-            complement[r] = slack[r] * dual[r]
-            gap += complement[r]
-            worst = max(worst, abs(primal[r]))
-        gap /= max(count, 1)
-        if gap < GAP * largest and worst < VIOLATION:
-            return x.reshape(n, k), iteration
-        _normal_matrix(first, ends, values, slack, dual, w, matrix)
+    for iteration in range(MAX_PROGRAM_ITERATIONS):
+        gap, worst = _write_residuals(packed, point, residuals)
+        if gap < CONVERGED_GAP * largest and worst < VIOLATION:
+            return ProgramSolution(point.x.reshape(n, k), iteration)
+        _normal_matrix(packed, point, w, matrix)
         if not _factor(matrix):
-            return x.reshape(n, k), -iteration - 1
-        # The target of the predictor is zero complementarity. The target of the corrector is a
-        # fraction of the average complementarity.
-        for corrected in range(2):
-            for a in range(n * k):
-                step[a] = -c[a] - w[a] * x[a]
-            for r in range(count):
-                value = dual[r] + (dual[r] * primal[r] - complement[r]) / slack[r]
-                shift = first[r] - ends[r]
-                for p in range(ends[r], ends[r + 1]):
-                    step[shift + p] -= values[p] * value
-            _solve(matrix, step)
-            for r in range(count):
-                change = -primal[r] - _row_product(first, ends, values, step, r)
-                d_slack[r] = change
-                d_dual[r] = -(complement[r] + dual[r] * change) / slack[r]
-            step_length = _longest_step(slack, dual, d_slack, d_dual)
-            if corrected:
-                break
-            after = 0.0
-            for r in range(count):
-                after += (slack[r] + step_length * d_slack[r]) * (dual[r] + step_length * d_dual[r])
-            target = (after / max(count, 1) / gap) ** 3 * gap
-            for r in range(count):
-                complement[r] += d_slack[r] * d_dual[r] - target
-        step_length = min(1.0, STEP_SHARE * step_length)
-        for a in range(n * k):
-            x[a] += step_length * step[a]
+            return ProgramSolution(point.x.reshape(n, k), -iteration - 1)
+        # Predictor: its target is zero complementarity.
+        _write_step(packed, point, residuals, matrix, c, w, step)
+        length = _longest_step(point, step)
+        # Corrector: its target is a fraction of the average complementarity.
+        target = (_gap_after(point, step, length) / gap) ** 3 * gap
         for r in range(count):
-            slack[r] += step_length * d_slack[r]
-            dual[r] += step_length * d_dual[r]
-    return x.reshape(n, k), -MAX_ITERATIONS
+            residuals.complement[r] += step.slack[r] * step.dual[r] - target
+        _write_step(packed, point, residuals, matrix, c, w, step)
+        length = _longest_step(point, step)
+        _take_step(point, step, min(1.0, STEP_SHARE * length))
+    return ProgramSolution(point.x.reshape(n, k), -MAX_PROGRAM_ITERATIONS)
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
-def _pack(
-    rows: FloatArray, bounds: FloatArray
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """Pack the nonzero rows, each from its first to its last nonzero coefficient."""
-    # Returns the first unknown of each row, (p,); the start and end of the coefficients of each row
-    # among all coefficients, (p + 1,); the coefficients; and the bounds, (p,).
+def _pack(rows: FloatArray, bounds: FloatArray) -> _Rows:
+    """Pack the rows that are not zero."""
     n, m, width = rows.shape
     k = width // 3
     first = np.empty(n * m, dtype=np.int64)
@@ -139,44 +142,104 @@ def _pack(
             bound[count] = bounds[i, r]
             ends[count + 1] = offset + end - begin
             count += 1
-    return first[:count], ends[: count + 1], values[: ends[count]], bound[:count]
+    return _Rows(first[:count], ends[: count + 1], values[: ends[count]], bound[:count])
 
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
-def _row_product(
-    first: IntArray, ends: IntArray, values: FloatArray, x: FloatArray, r: int
-) -> float:
+def _row_product(rows: _Rows, x: FloatArray, r: int) -> float:
+    """Product of row r and the unknowns x."""
     value = 0.0
-    shift = first[r] - ends[r]
-    for p in range(ends[r], ends[r + 1]):
-        value += values[p] * x[shift + p]
+    shift = rows.first[r] - rows.ends[r]
+    for p in range(rows.ends[r], rows.ends[r + 1]):
+        value += rows.values[p] * x[shift + p]
     return value
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _normal_matrix(
-    first: IntArray,
-    ends: IntArray,
-    values: FloatArray,
-    slack: FloatArray,
-    dual: FloatArray,
-    weight: FloatArray,
-    matrix: FloatArray,
-) -> None:
-    """Write the lower bands of the normal matrix; entry (a, b) is in `matrix[a, last + b - a]`."""
+def _write_residuals(rows: _Rows, point: _Iterate, out: _Residuals) -> tuple[float, float]:
+    """Write the residuals; return the average product s y and the largest violation of a row."""
+    count = len(rows.bound)
+    gap = 0.0
+    worst = 0.0
+    for r in range(count):
+        out.primal[r] = _row_product(rows, point.x, r) + point.slack[r] - rows.bound[r]
+        out.complement[r] = point.slack[r] * point.dual[r]
+        gap += out.complement[r]
+        worst = max(worst, abs(out.primal[r]))
+    return gap / max(count, 1), worst
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _normal_matrix(rows: _Rows, point: _Iterate, weight: FloatArray, matrix: FloatArray) -> None:
+    """Write the normal matrix `weight + rows' (y / s) rows`.
+
+    Entry (a, b) of its lower bands is in `matrix[a, last + b - a]`.
+    """
     last = matrix.shape[1] - 1
     matrix[:] = 0.0
     for a in range(len(weight)):
         matrix[a, last] = weight[a]
-    for r in range(len(slack)):
-        ratio = dual[r] / slack[r]
-        begin = ends[r]
-        length = ends[r + 1] - ends[r]
+    for r in range(len(rows.bound)):
+        ratio = point.dual[r] / point.slack[r]
+        begin = rows.ends[r]
+        length = rows.ends[r + 1] - rows.ends[r]
         for a in range(length):
-            scaled = ratio * values[begin + a]
-            row = matrix[first[r] + a]
+            scaled = ratio * rows.values[begin + a]
+            row = matrix[rows.first[r] + a]
             for b in range(a + 1):
-                row[last - a + b] += scaled * values[begin + b]
+                row[last - a + b] += scaled * rows.values[begin + b]
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _write_step(
+    rows: _Rows,
+    point: _Iterate,
+    residuals: _Residuals,
+    factor: FloatArray,
+    cost: FloatArray,
+    weight: FloatArray,
+    step: _Iterate,
+) -> None:
+    """Write Newton's step that removes the residuals, given the factor of the normal matrix."""
+    slack = point.slack
+    dual = point.dual
+    primal = residuals.primal
+    complement = residuals.complement
+    # Right side of the normal equations
+    for a in range(len(cost)):
+        step.x[a] = -cost[a] - weight[a] * point.x[a]
+    for r in range(len(rows.bound)):
+        value = dual[r] + (dual[r] * primal[r] - complement[r]) / slack[r]
+        shift = rows.first[r] - rows.ends[r]
+        for p in range(rows.ends[r], rows.ends[r + 1]):
+            step.x[shift + p] -= rows.values[p] * value
+    _solve(factor, step.x)
+    # Changes of slacks and multipliers
+    for r in range(len(rows.bound)):
+        change = -primal[r] - _row_product(rows, step.x, r)
+        step.slack[r] = change
+        step.dual[r] = -(complement[r] + dual[r] * change) / slack[r]
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _gap_after(point: _Iterate, step: _Iterate, length: float) -> float:
+    """Average product s y after a step of a length."""
+    count = len(point.slack)
+    after = 0.0
+    for r in range(count):
+        slack = point.slack[r] + length * step.slack[r]
+        after += slack * (point.dual[r] + length * step.dual[r])
+    return after / max(count, 1)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _take_step(point: _Iterate, step: _Iterate, length: float) -> None:
+    """Move an iterate in place by a step of a length."""
+    for a in range(len(point.x)):
+        point.x[a] += length * step.x[a]
+    for r in range(len(point.slack)):
+        point.slack[r] += length * step.slack[r]
+        point.dual[r] += length * step.dual[r]
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -218,13 +281,12 @@ def _solve(matrix: FloatArray, x: FloatArray) -> None:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _longest_step(
-    slack: FloatArray, dual: FloatArray, d_slack: FloatArray, d_dual: FloatArray
-) -> float:
-    step_length = 1.0
-    for r in range(len(slack)):
-        if d_slack[r] < 0.0:
-            step_length = min(step_length, -slack[r] / d_slack[r])
-        if d_dual[r] < 0.0:
-            step_length = min(step_length, -dual[r] / d_dual[r])
-    return step_length
+def _longest_step(point: _Iterate, step: _Iterate) -> float:
+    """Longest step, at most 1, that keeps slacks and multipliers nonnegative."""
+    length = 1.0
+    for r in range(len(point.slack)):
+        if step.slack[r] < 0.0:
+            length = min(length, -point.slack[r] / step.slack[r])
+        if step.dual[r] < 0.0:
+            length = min(length, -point.dual[r] / step.dual[r])
+    return length

@@ -17,21 +17,27 @@ from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, SHAPED
 from armcontour.planning.shaping.quadratic_program import solve_program
-from armcontour.planning.shaping.shape_starts import Candidate, Timer, make_starts, match, prove
-from armcontour.planning.shaping.spline_nodes import INSIDE, NearPath, Nodes, place_nodes
+from armcontour.planning.shaping.shape_starts import (
+    Candidate,
+    Timer,
+    Tolerances,
+    make_starts,
+    match,
+    prove,
+)
+from armcontour.planning.shaping.spline_nodes import UNUSED_TOLERANCE, NearPath, Nodes, place_nodes
 from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
 from armcontour.planning.shaping.tool_path_fit import DrawnPath, draw
-from armcontour.planning.timing_options import Shaped
 
 # On a path with more corners and rests than this, corners are rejected separately.
-LONG_PATH = 40
+MANY_CORNERS = 40
 # A path with more corners and rests than this is also optimized in chunks, by several threads. The
 # fixed nodes between chunks often leave no solution.
 CHUNKED = 400
 # Number of corners of a chunk.
 CORNERS = 8
 # Number of corners by which the cuts between chunks move in each iteration.
-SHIFT = 3
+CUT_SHIFT = 3
 # Initial trust region: largest change of offsets in an iteration, divided by the tolerance.
 FIRST_TRUST = 0.3
 # Largest trust region, divided by the tolerance.
@@ -44,10 +50,10 @@ SHRINK = 1 / 3
 EASE = 0.7
 # Factor of the trust region at all other corners after an accepted change.
 GROW = 1.5
-# The search ends after this many consecutive iterations that gain little (LEAST_GAIN).
+# The search ends after this many consecutive iterations that gain little (LITTLE_GAIN).
 IDLE = 4
 # An iteration gains little if it shortens the duration by at most this fraction.
-LEAST_GAIN = 1e-5
+LITTLE_GAIN = 1e-5
 # The search also ends after this many consecutive iterations in which the path leaves the tube.
 MAX_TIGHTENED = 12
 # Each consecutive rejection multiplies the proposed change by this factor.
@@ -64,7 +70,7 @@ START_SHARE = 0.7
 
 def is_long(group: IntArray) -> bool:
     """Test whether corners are rejected separately; `group`: as in `place_cuts`."""
-    return bool(group[-1] >= LONG_PATH)
+    return bool(group[-1] >= MANY_CORNERS)
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
@@ -75,7 +81,7 @@ def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntAr
     """
     if whole or group[-1] < CHUNKED:
         return np.zeros(0, dtype=np.intp)
-    first = 1 + SHIFT * iteration % CORNERS
+    first = 1 + CUT_SHIFT * iteration % CORNERS
     cuts = np.searchsorted(group, np.arange(first, int(group[-1]) + 1, CORNERS))
     # A chunk needs room for its first and last node.
     return np.asarray(cuts[(cuts > 2) & (cuts < len(group) - 4)])
@@ -91,7 +97,7 @@ def solve_in_chunks(
     """Solve the quadratic programs of all chunks independently; returns the unknowns, (n, k)."""
     # The unknowns of other chunks are zero in each program.
     if not len(cuts):
-        return solve_program(cost, rows, bounds, weight)[0]
+        return solve_program(cost, rows, bounds, weight).x
     n, k = cost.shape
     begins = np.append(0, cuts + 1)
     ends = np.append(cuts + 1, n)
@@ -108,7 +114,7 @@ def solve_in_chunks(
             chunk_cost[-1] = 0.0
             chunk_rows[-1, :, k:] = 0.0
             chunk_rows[-2, :, 2 * k :] = 0.0
-        x, _ = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part])
+        x = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part]).x
         # A chunk without a solution does not change.
         return x if np.isfinite(x).all() else np.zeros_like(x)
 
@@ -138,7 +144,7 @@ class ShapeSearch:
     start: Candidate
     tube: Tube
     timer: Timer
-    options: Shaped
+    tolerances: Tolerances
     state: _State = field(init=False)
 
     @property
@@ -149,7 +155,7 @@ class ShapeSearch:
     def __post_init__(self) -> None:
         n = len(self.nodes)
         k = self.nodes.frames.shape[2]
-        inside = np.full(n, INSIDE)
+        inside = np.full(n, UNUSED_TOLERANCE)
         self.state = _State(
             best=self.start,
             offsets=np.zeros((n, k)),
@@ -173,7 +179,7 @@ class ShapeSearch:
                 return
             gained = before - self.state.best.duration
             tightened = 0 if accepted else tightened + 1
-            idle = 0 if gained > LEAST_GAIN * before else idle + accepted
+            idle = 0 if gained > LITTLE_GAIN * before else idle + accepted
             yield self.state.best
 
     def _iterate(self) -> bool:
@@ -445,19 +451,19 @@ class ShapeSearch:
 
     def _make_path(self, drawn: DrawnPath) -> ShapedPath | None:
         """Make the shaped path of a drawing; None if its tool orientation deviates too much."""
-        options = self.options
         objective = self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
             objective=objective,
             places=drawn.places,
-            tolerance=options.tolerance,
+            tolerance=self.tolerances.distance,
             outcome=ShapingOutcome(start=self.start.name, durations={}),
             curve=drawn.curve,
         )
         if objective.orientation is not None:
-            path, angle = orient_shaped(path, objective, drawn.places, options.angular_tolerance)
-            if angle > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
+            allowed = self.tolerances.angle
+            path, angle = orient_shaped(path, objective, drawn.places, allowed)
+            if allowed is not None and angle > allowed:
                 return None
         return path
 
@@ -473,18 +479,18 @@ def explain_unshaped(objective: Path, tube: Tube) -> str | None:
 
 
 def make_searches(
-    objective: Path, tube: Tube, timer: Timer, options: Shaped
+    objective: Path, tube: Tube, timer: Timer, tolerances: Tolerances
 ) -> Iterator[ShapeSearch | None]:
     """Yield the searches from parabolas and from arcs, beginning with the faster start."""
     # Yields None instead of a search with too many nodes.
-    starts = make_starts(objective, tube, options, START_SHARE)
+    starts = make_starts(objective, tube, tolerances, START_SHARE)
     candidates = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in candidates if x is not None), key=lambda x: x.duration):
         nodes = place_nodes(start, tube, timer.arm, timer.configuration)
         if nodes is None:
             yield None
         elif not nodes.fixed.all():
-            yield ShapeSearch(nodes, start, tube, timer, options)
+            yield ShapeSearch(nodes, start, tube, timer, tolerances)
 
 
 def _turns_at_corners(objective: Path) -> bool:

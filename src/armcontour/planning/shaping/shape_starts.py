@@ -13,30 +13,29 @@ from armcontour.geometry import Path, Proof, RoundedPath, Tube, round_path
 from armcontour.geometry.rounding.rounded_path import Curve
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, STOPS
 from armcontour.motion import JointPath, Trajectory
-from armcontour.planning.optimal_timing import plan_optimal
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.program_tracing import trace_by_duration
-from armcontour.planning.timing_options import Optimal, Shaped
 from armcontour.robot import Arm, Limits
 
 # Angle between matched points along arcs [rad].
-TURN = 0.05
+MATCH_TURN = 0.05
 # Half length of the part of the objective, around the matching point, to which `prove` measures the
 # distance of a point, divided by the tolerance
 MATCH_TOLERANCE = 0.05
 # Number of bisections of the rounding tolerance of corners that leave the tube, and largest number
 # of later reductions by LESS.
-HALVINGS = 14
+TOLERANCE_BISECTIONS = 14
 # If a corner also leaves the tube with the tolerance that is found, the tolerance is multiplied by
 # this factor.
 LESS = 0.9
 # The tool stops at corners with smaller rounding tolerances [m], because no arm resolves such arcs,
 # and rounding errors would exceed limits.
-FINEST = 1e-8
+FINEST_TOLERANCE = 1e-8
 # Rounded corners with smaller radii [m] count as outside the tube, for the same reason.
-SHARPEST = 1e-10
+SMALLEST_RADIUS = 1e-10
 # Largest distance along the objective between the exact and the approximate match of a point of a
 # start, divided by the tolerance
-REACH = 6.0
+MATCH_CORRECTION = 6.0
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
@@ -53,7 +52,7 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
     reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64), len(matches))
     _, passed = tube.nearest_to_corners(path, matches, reaches)
     passed = np.maximum.accumulate(passed)
-    count = np.maximum(np.ceil(path.curvatures * path.lengths / TURN).astype(np.intp), 1)
+    count = np.maximum(np.ceil(path.curvatures * path.lengths / MATCH_TURN).astype(np.intp), 1)
     segment, number = number_parts(count)
     even = path.breaks[segment] + path.lengths[segment] * number / count[segment]
     # The points that pass a corner belong to both stretches.
@@ -79,6 +78,14 @@ def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
     last = len(tube) - 1
     piece = np.clip(np.searchsorted(tube.breaks, matches[:, 0], side="right") - 1, 0, last)
     return tube.prove(path, matches, MATCH_TOLERANCE * tube.tolerance[piece])
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """Tolerances of a shaped path."""
+
+    distance: float  # Largest distance from the objective, and of its vertices from the path [m]
+    angle: float | None  # Largest angle from the required orientation [rad]; None: unlimited
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,7 +139,7 @@ class Timer:
 
 
 def make_starts(
-    objective: Path, tube: Tube, options: Shaped, share: float = 1.0
+    objective: Path, tube: Tube, tolerances: Tolerances, share: float = 1.0
 ) -> dict[str, tuple[Path, FloatArray]]:
     """Make the starts by name, all within the tube, each with its matching arc lengths.
 
@@ -142,25 +149,25 @@ def make_starts(
     starts: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, matches)}
     curves: dict[str, Curve] = {ARCS: "arc", PARABOLAS: "parabola"}
     for name, curve in curves.items():
-        rounded = _round_within(objective, tube, options, curve, share)
+        rounded = _round_within(objective, tube, tolerances, curve, share)
         if rounded is not None:
             starts[name] = rounded
     return starts
 
 
 def _round_within(
-    objective: Path, tube: Tube, options: Shaped, curve: Curve, share: float
+    objective: Path, tube: Tube, tolerances: Tolerances, curve: Curve, share: float
 ) -> tuple[RoundedPath, FloatArray] | None:
     """Rounded path within the tube, with its matching arc lengths; None if it needs stops."""
     # Corners whose rounding leaves the tube get a smaller tolerance.
-    requested = np.full(len(objective) - 1, share * options.tolerance)
+    requested = np.full(len(objective) - 1, share * tolerances.distance)
     requested[tube.vertex - 1] = share * tube.vertex_tolerance
 
     def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
         path = round_path(
-            objective, tolerance=tolerance, angular_tolerance=options.angular_tolerance, curve=curve
+            objective, tolerance=tolerance, angular_tolerance=tolerances.angle, curve=curve
         )
-        matches = match(tube, path, _matching_lengths(path), REACH * options.tolerance)
+        matches = match(tube, path, _matching_lengths(path), MATCH_CORRECTION * tolerances.distance)
         return path, matches, _corners_outside(tube, path, matches)
 
     path, matches, outside_corners = outside(requested)
@@ -168,7 +175,7 @@ def _round_within(
         return path, matches
     low = np.where(np.isin(np.arange(len(requested)), outside_corners), 0.0, requested)
     high = requested.copy()
-    for _ in range(HALVINGS):
+    for _ in range(TOLERANCE_BISECTIONS):
         middle = np.where(low < high, (low + high) / 2, low)
         outside_corners = outside(middle)[2]
         low[outside_corners] = np.where(
@@ -179,8 +186,8 @@ def _round_within(
         high[outside_corners] = middle[outside_corners]
         good = np.setdiff1d(np.flatnonzero(low < high), outside_corners)
         low[good] = middle[good]
-    for _ in range(HALVINGS):
-        low[low < FINEST] = 0.0
+    for _ in range(TOLERANCE_BISECTIONS):
+        low[low < FINEST_TOLERANCE] = 0.0
         path, matches, outside_corners = outside(low)
         if not len(outside_corners):
             return path, matches
@@ -200,7 +207,7 @@ def _corners_outside(tube: Tube, path: RoundedPath, matches: FloatArray) -> IntA
         else np.zeros(0, dtype=np.intp)
     )
     corners = path.corners
-    tiny = corners.vertex[(corners.radius > 0) & (corners.radius < SHARPEST)]
+    tiny = corners.vertex[(corners.radius > 0) & (corners.radius < SMALLEST_RADIUS)]
     missed = tube.vertex[proof.vertices > proof.slack]
     return np.unique(np.concatenate([tube.vertex[nearest], missed, tiny])) - 1
 

@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import cast, overload
+from typing import Annotated, cast, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ArmContourError, error_context
-from armcontour.core.fields import checked
+from armcontour.core.errors import ArmContourError, NotRealizable, error_context
+from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step
+from armcontour.core.quantities import AngularDistance, AtLeast, Distance
 from armcontour.core.text import capitalise
 from armcontour.geometry import Path, ShapedPath, ShapingOutcome, Tube
 from armcontour.geometry.shaped_path import ARCS, SHAPED, STOPS, describe_unfinished
 from armcontour.motion import JointPath, Method, Trajectory
-from armcontour.planning.program_timing import Timing, check_jerk_support, time_program
-from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
-from armcontour.planning.shaping.shape_search import explain_unshaped, make_searches
-from armcontour.planning.shaping.shape_starts import Candidate, Timer, make_starts
-from armcontour.planning.timing_options import Optimal, Shaped
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
+from armcontour.planning.program_timing import Timing, time_program
+from armcontour.planning.program_tracing import SAME_JOINT_POSITION, Tracing, ends_of, trace_program
+from armcontour.planning.shaping.shape_search import ShapeSearch, explain_unshaped, make_searches
+from armcontour.planning.shaping.shape_starts import Candidate, Timer, Tolerances, make_starts
+from armcontour.planning.timing_options import (
+    DEFAULT_ITERATIONS,
+    MAX_SHAPES,
+    WITHOUT_JERK,
+    IntervalCount,
+    PlanOptions,
+)
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs
 from armcontour.program.moves import put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
@@ -42,6 +50,64 @@ MANY_CONTOURS = 24
 WORK = 30_000
 # Note of a contour for which arcs are faster than all shapes that were found
 ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
+
+
+@declared(eq=False)
+class Shaped(PlanOptions):
+    """Options of the method "shaped", in addition to those of `PlanOptions`.
+
+    The method finds the fastest path within a tolerance of the given path.
+
+    >>> options = ac.Shaped(tolerance=1e-3, iterations=1)
+    >>> ac.plan(objective, arm, limits, options).duration < planned.duration
+    True
+
+    Args:
+        tolerance: Largest distance of the path from the objective, and of the vertices of the
+            objective from the path [m]; 0 stops at every vertex. Tolerances of the path's own
+            segments cap it, and so does half of a stretch between two sharp corners.
+        angular_tolerance: Largest angle between the tool and its required orientation [rad], as in
+            `round_corners`.
+        iterations: Largest number of iterations. The path satisfies all limits after each one.
+        intervals: Approximate number of grid intervals of the plans that are compared.
+
+    Raises:
+        InvalidInput: A value of the wrong type or out of range.
+    """
+
+    method = Method.SHAPED
+    changes_path = True
+    tolerance: Distance
+    angular_tolerance: AngularDistance | None = None
+    iterations: Annotated[int, AtLeast(0, MAX_SHAPES)] = DEFAULT_ITERATIONS
+    intervals: IntervalCount | None = None
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """Tolerances of the shaped path."""
+        return Tolerances(self.tolerance, self.angular_tolerance)
+
+    def reshape(
+        self, program: Program, arm: Arm, limits: Limits, progress: Progress | None, *, named: bool
+    ) -> Program:
+        """Return the program with its contours shaped, by the work of `shape`."""
+        return Shaping(arm, limits, self).shape(program, progress, named=named)
+
+    def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+        """Plan the fastest motion along a contour that is shaped already."""
+        fastest = plan_optimal(joint_path, arm, limits, Optimal(intervals=self.intervals))
+        return replace(fastest, method=Method.SHAPED)
+
+    def check_jerk(self, limits: Limits) -> None:
+        """Refuse limits of jerk, because accelerations jump along a shaped path."""
+        if limits.limits_jerk:
+            raise NotRealizable(
+                "Accelerations jump along a shaped path, where joint_jerk would stop the tool. "
+                'Round corners with continuity="curvature" and plan by the method optimal (in a '
+                "job, corners: {shape: arc}, whose curvature is continuous if jerk is limited), or "
+                f"{WITHOUT_JERK}.",
+                limit="joint_jerk",
+            )
 
 
 @overload
@@ -94,9 +160,9 @@ def shape(
         UserWarning: The search along a path ended early, because the tolerance is tiny.
     """
     bounds = resolve_limits("shape", arm, limits)
-    check_jerk_support(Method.SHAPED, bounds)
+    options.check_jerk(bounds)
     program = Program.from_path(path)
-    shaped = Shaping(arm, bounds, options).shape(program, progress, named=program is path)
+    shaped = options.reshape(program, arm, bounds, progress, named=program is path)
     if program is path:
         return shaped
     for doubt in describe_unfinished([shaped.path]):
@@ -215,7 +281,7 @@ class Shaping:
         except ArmContourError:
             return arcs, arcs
         first, other = (ends_of(x.joint_paths[0])[0] for x in (arcs, sharp))
-        if np.abs(first - other).max() <= SAME_POSITION:
+        if np.abs(first - other).max() <= SAME_JOINT_POSITION:
             return arcs, arcs
 
         def least_duration(traced: Tracing) -> float:
@@ -231,9 +297,8 @@ class Shaping:
         moves = list(program.moves)
         for i, move in enumerate(moves):
             if isinstance(move, Contour):
-                starts = make_starts(
-                    move.path, Tube.around(move.path, self.options.tolerance), self.options
-                )
+                tube = Tube.around(move.path, self.options.tolerance)
+                starts = make_starts(move.path, tube, self.options.tolerances)
                 name = ARCS if ARCS in starts else STOPS
                 path, matches = starts[name]
                 outcome = ShapingOutcome(start=name, durations={})
@@ -251,7 +316,7 @@ class Shaping:
         limits = reduce_limits(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
             return Timer(self.arm, limits, self.arm.configuration_of(start), None, intervals)
-        if seed is not None and np.abs(seed - start).max() <= SAME_POSITION:
+        if seed is not None and np.abs(seed - start).max() <= SAME_JOINT_POSITION:
             start = seed
         return Timer(self.arm, limits, None, start, intervals)
 
@@ -329,7 +394,9 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
     best = first
     history = [first.duration]
     note = explain_unshaped(objective, tube)
-    searches = make_searches(objective, tube, timer, options) if note is None else iter(())
+    searches: Iterator[ShapeSearch | None] = iter(())
+    if note is None:
+        searches = make_searches(objective, tube, timer, options.tolerances)
     unfinished = False
     work = float(WORK)
     for search in searches:
@@ -363,7 +430,7 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
 def _time_starts(objective: Path, tube: Tube, timer: Timer, options: Shaped) -> list[Candidate]:
     candidates = [
         timer.candidate(name, path, places)
-        for name, (path, places) in make_starts(objective, tube, options).items()
+        for name, (path, places) in make_starts(objective, tube, options.tolerances).items()
     ]
     return [x for x in candidates if x is not None]
 

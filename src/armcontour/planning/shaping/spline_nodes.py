@@ -20,45 +20,45 @@ from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 # Distance between nodes at a 90° corner, divided by the tolerance.
 AT_CORNER = 0.045
 # Relative growth of the distance between nodes per node, away from a corner or rest.
-GROWTH = 0.12
+NODE_GROWTH = 0.12
 # A corner that turns by less than this [rad] has no node of its own if it is also close to another
 # corner (DENSE), because it is taken as a vertex between chords of a curve.
 SHALLOW = 0.15
 # Distance from another corner, divided by the tolerance, below which a shallow corner has no node.
 DENSE = 4.0
 # Factor of the distance between nodes next to a rest.
-AT_REST = 0.12
+REST_DISTANCE_FACTOR = 0.12
 # Largest distance of the polygon of control points from its curve, divided by the tolerance.
 SAG = 0.03
 # Largest distance between nodes, divided by the radius of the tool path at constant joint
 # velocities
-LONGEST = 0.027
+LONGEST_NODE_DISTANCE = 0.027
 # Approximate smallest number of nodes between two rests.
-FEWEST = 64
+FEWEST_NODES = 64
 # Relative growth between samples below which the logarithm is replaced by its series.
 EVEN = 1e-5
 # Largest average number of nodes per stretch. The distance between nodes is proportional to the
 # square root of the tolerance, so small tolerances make iterations slow.
 MAX_NODES = 4000
 # Number of samples of the distance between nodes between two marks, before nodes are placed.
-SAMPLES = 32
+DISTANCE_SAMPLES = 32
 # Number of samples of the distance between nodes per node, once their number is estimated.
 PER_NODE = 8
 # Largest offset, divided by the tolerance.
-FARTHEST = 2.5
+LARGEST_OFFSET = 2.5
 # Step of the search for the largest offset, as a fraction of the tolerance.
 SEARCH_STEP = 1 / 24
 # Number of bisections of the last step of this search.
-HALVINGS = 24
+STEP_BISECTIONS = 24
 # Fraction of the tolerance that offsets must not use
-INSIDE = 1e-3
+UNUSED_TOLERANCE = 1e-3
 # Arc lengths closer than this are equal [m].
-SAME = 1e-9
+SAME_ARC_LENGTH = 1e-9
 # A node matches points of the objective within this number of tolerances plus twice the larger
 # distance to its neighbours.
-REACH = 3.0
+MATCH_REACH = 3.0
 # Number of directions of the bounds of offsets in space.
-SIDES = 12
+OFFSET_DIRECTIONS = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -201,10 +201,10 @@ class Nodes:
         # Matches stay between two corners. A node at a corner may match the pieces on both sides.
         ends = tube.objective.breaks[tube.vertex]
         corners = np.concatenate([[-np.inf], ends, [np.inf]])
-        low = corners[np.searchsorted(ends, self.s_objective - SAME, side="right")]
-        high = corners[np.searchsorted(ends, self.s_objective + SAME, side="left") + 1]
-        low = np.maximum(self.s_objective - self.reach, low + SAME)
-        high = np.minimum(self.s_objective + self.reach, high - SAME)
+        low = corners[np.searchsorted(ends, self.s_objective - SAME_ARC_LENGTH, side="right")]
+        high = corners[np.searchsorted(ends, self.s_objective + SAME_ARC_LENGTH, side="left") + 1]
+        low = np.maximum(self.s_objective - self.reach, low + SAME_ARC_LENGTH)
+        high = np.minimum(self.s_objective + self.reach, high - SAME_ARC_LENGTH)
         return tube.windows_between(low, high)
 
 
@@ -216,13 +216,13 @@ def _farthest(
     """Largest offsets along directions for which all smaller offsets are inside [m], (n,)."""
     low = np.zeros(len(tolerance))
     inside = np.ones(len(tolerance), dtype=bool)
-    for share in np.arange(SEARCH_STEP, FARTHEST, SEARCH_STEP):
+    for share in np.arange(SEARCH_STEP, LARGEST_OFFSET, SEARCH_STEP):
         inside &= is_inside(share * tolerance, direction)
         if not inside.any():
             break
         low = np.where(inside, share * tolerance, low)
     high = low + SEARCH_STEP * tolerance
-    for _ in range(HALVINGS):
+    for _ in range(STEP_BISECTIONS):
         middle = (low + high) / 2
         good = is_inside(middle, direction)
         low = np.where(good, middle, low)
@@ -263,7 +263,7 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
         sag=wide**2 * _tool_curvature(joint_path, arm, s) / 8,
         tolerance=tolerance,
         smallest=_smallest_of_neighbours(tolerance),
-        reach=REACH * tolerance + 2 * wide,
+        reach=MATCH_REACH * tolerance + 2 * wide,
         fixed=resting | (tolerance == 0),
         rest=doubled | np.isin(np.arange(len(s) + 1), [0, len(s)]),
         vertex=np.where(resting, -1, _adjacent_corners(corner)),
@@ -348,29 +348,35 @@ def _distribute_nodes(
     start: Candidate, arm: Arm, tube: Tube, marks: _Marks
 ) -> tuple[FloatArray, IntArray] | None:
     """Arc lengths of nodes, and the mark at each node or -1; None if there are too many nodes."""
-    # From its value at a mark, the distance between nodes grows by the fraction GROWTH per node.
+    # From its value at a mark, the distance between nodes grows by the fraction NODE_GROWTH per
+    # node.
     path = start.path
     matches = start.places
     joint_path = start.joint_path
     rests = marks.s[marks.rest]
-    samples, _ = _divide(marks.s, marks.s, np.full(len(marks.s) - 1, SAMPLES))
+    samples, _ = _divide(marks.s, marks.s, np.full(len(marks.s) - 1, DISTANCE_SAMPLES))
     median = max(float(np.median(_tool_curvature(joint_path, arm, samples))), 1e-3)
-    for parts in (SAMPLES, PER_NODE, PER_NODE, 0):
+    for parts in (DISTANCE_SAMPLES, PER_NODE, PER_NODE, 0):
         tolerances = np.maximum(
             _tolerance_at(tube, np.interp(samples, matches[:, 1], matches[:, 0])), 1e-9
         )
         curvature = _tool_curvature(joint_path, arm, samples)
         curved = curvature + np.linalg.norm(path(samples, 2), axis=1)
         step = np.minimum(
-            np.sqrt(8 * SAG * tolerances / np.maximum(curved, 1e-6)), LONGEST / median
+            np.sqrt(8 * SAG * tolerances / np.maximum(curved, 1e-6)), LONGEST_NODE_DISTANCE / median
         )
         i = np.clip(np.searchsorted(rests, samples, side="right") - 1, 0, len(rests) - 2)
-        step = np.minimum(step, np.diff(rests)[i] / FEWEST)
+        step = np.minimum(step, np.diff(rests)[i] / FEWEST_NODES)
         k = np.searchsorted(samples, marks.s)
-        step[k] = np.where(marks.rest, AT_REST * step[k], np.minimum(marks.first, step[k]))
-        # The derivative of the distance between nodes in the arc length is at most GROWTH.
-        step = GROWTH * samples + np.minimum.accumulate(step - GROWTH * samples)
-        step = np.minimum.accumulate((step + GROWTH * samples)[::-1])[::-1] - GROWTH * samples
+        step[k] = np.where(
+            marks.rest, REST_DISTANCE_FACTOR * step[k], np.minimum(marks.first, step[k])
+        )
+        # The derivative of the distance between nodes in the arc length is at most NODE_GROWTH.
+        step = NODE_GROWTH * samples + np.minimum.accumulate(step - NODE_GROWTH * samples)
+        step = (
+            np.minimum.accumulate((step + NODE_GROWTH * samples)[::-1])[::-1]
+            - NODE_GROWTH * samples
+        )
         # `total` is the number of nodes up to each sample, if the distance is linear between
         # samples.
         growth = np.diff(step) / step[:-1]
@@ -421,5 +427,5 @@ def _frames(tangents: FloatArray) -> FloatArray:
 def _sides(k: int) -> FloatArray:
     if k == 1:
         return np.array([[1.0], [-1.0]])
-    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    angle = 2 * np.pi * np.arange(OFFSET_DIRECTIONS) / OFFSET_DIRECTIONS
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -21,7 +21,7 @@ from armcontour.robot.limit_use import States
 # Number of directions in a plane in which the acceleration is bounded.
 DIRECTIONS = 8
 # (speed - limit) / limit below which a speed is ignored, because one step cannot reach the limit
-FAR = -0.6
+FAR_BELOW_LIMIT = -0.6
 # Finite bound for joints without a limit, which is never active [SI].
 NEVER = 1e6
 # Largest relative decrease of a span time in one step.
@@ -141,7 +141,7 @@ def _velocity_rows(signed_axes: FloatArray, e: FloatArray, limit: FloatArray) ->
     """Rows `±e_i <= limit` of the joint velocities."""
     bound = np.broadcast_to(np.minimum(limit, NEVER), signed_axes.shape[:2])
     value = np.einsum("nrj,nj->nr", signed_axes, e[1:]) - bound
-    after = np.where((value > FAR * bound)[..., None], signed_axes, 0.0)
+    after = np.where((value > FAR_BELOW_LIMIT * bound)[..., None], signed_axes, 0.0)
     return SpanRows(value, np.zeros_like(signed_axes), after, np.zeros_like(value), bound)
 
 
@@ -152,7 +152,7 @@ def _tool_speed_rows(end: States, speeds: FloatArray) -> SpanRows:
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
     # A span without a limit has a bound that is never active.
     bound = np.where(np.isfinite(speeds), speeds, 10 * speed + 1)
-    near = np.where(speed - bound > FAR * bound, 1.0, 0.0)[:, None] * direction
+    near = np.where(speed - bound > FAR_BELOW_LIMIT * bound, 1.0, 0.0)[:, None] * direction
     after = np.einsum("ni,nij->nj", near, end.arm.tool_jacobian(end.q))[:, None]
     none = np.zeros((len(speed), 1))
     return SpanRows((speed - bound)[:, None], np.zeros_like(after), after, none, bound[:, None])

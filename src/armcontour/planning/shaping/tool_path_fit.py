@@ -19,20 +19,20 @@ from armcontour.robot import Arm
 # Largest relative change of the joint velocity along a part of a span
 CHANGE = 0.1
 # Largest number of parts of a span at first, and largest factor by which a round increases it.
-MAX_PARTS = 8
+MAX_PARTS_OF_SPAN = 8
 # Largest distance of arcs from the curve, as a fraction of the tolerance. Spans with larger
 # distances are divided into more parts.
-NEAR = 1e-4
+ARC_DISTANCE = 1e-4
 # Distance of arcs from the curve that is always small enough [m].
-NEAREST = 1e-10
+SMALL_DISTANCE = 1e-10
 # Largest number of rounds of dividing spans, including the first one.
-MAX_ROUNDS = 4
+MAX_FIT_ROUNDS = 4
 # Largest turn of a part [rad].
-SHARPEST = 0.35
+LARGEST_PART_TURN = 0.35
 # Positions on each quintic at which arcs are compared with the curve.
 PLACES = np.linspace(0.1, 0.9, 9)
 # Safety factor of the largest distance at these positions.
-SAFETY = 1.25
+DISTANCE_SAFETY = 1.25
 # Points, unit tangents, and derivatives of the tangents along the arc length
 Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -63,10 +63,10 @@ def draw(
     if not (factor > 1).any():
         return drawn
     spans = np.arange(len(count))
-    for rounds_left in reversed(range(MAX_ROUNDS - 1)):
+    for rounds_left in reversed(range(MAX_FIT_ROUNDS - 1)):
         spans = spans[factor > 1]
         factor = factor[factor > 1]
-        count[spans] *= np.clip(np.ceil(factor), 2, MAX_PARTS).astype(np.intp)
+        count[spans] *= np.clip(np.ceil(factor), 2, MAX_PARTS_OF_SPAN).astype(np.intp)
         if not (rounds_left and len(spans)):
             break
         span, share = _divide_spans(spans, count[spans])
@@ -86,10 +86,12 @@ def _refinement_factor(
     curve [m]. `count` and `tolerance` [m] belong to the spans, (m,).
     """
     first = np.cumsum(count) - count
-    deviation = np.maximum.reduceat(spreads, first) / np.maximum(NEAR * tolerance, NEAREST)
+    deviation = np.maximum.reduceat(spreads, first) / np.maximum(
+        ARC_DISTANCE * tolerance, SMALL_DISTANCE
+    )
     turns = (arcs.curvatures * arcs.lengths).reshape(-1, 2).sum(axis=1)
     # If the tool nearly stops, it may turn within a small part of a span.
-    turn = np.maximum.reduceat(turns, first) / SHARPEST
+    turn = np.maximum.reduceat(turns, first) / LARGEST_PART_TURN
     # The distance is proportional to the cube of the length.
     return np.asarray(np.maximum(np.cbrt(deviation), turn))
 
@@ -140,7 +142,7 @@ def _count_parts(spline: JointSpline) -> IntArray:
     e = np.linalg.norm(spline.velocities, axis=1)
     change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
     slow = np.maximum(np.minimum(e[1:], e[:-1]), 0.2 * np.maximum(e[1:], e[:-1]))
-    count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MAX_PARTS).astype(np.intp)
+    count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MAX_PARTS_OF_SPAN).astype(np.intp)
     # Next to a rest a span is straight in joint space.
     count[spline.rest[1:] | spline.rest[:-1]] = 1
     return np.asarray(count)
@@ -200,4 +202,4 @@ def _spreads(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -
     row = 2 * np.arange(len(width))[:, None] + second
     arc_points = segments.evaluate(row.ravel(), np.where(second, u - half, u).ravel())
     deviation = np.linalg.norm(arc_points.reshape(points.shape) - points, axis=2)
-    return np.asarray(SAFETY * deviation.max(axis=1))
+    return np.asarray(DISTANCE_SAFETY * deviation.max(axis=1))

@@ -3,7 +3,7 @@
 On an interval the path acceleration u = dds is linear in s. A limit holds between the ends of the
 interval if both ends satisfy it with a margin `rise . (U, X, K, 1)`: this bounds its excess over
 the chord while |u| <= U and x = ds² <= X, with the size K of the slope of u. Therefore each limit
-is written once for a grid. docs/guides/optimal.md has the proofs.
+is written once for a grid. docs/concepts/time_optimal.md has the proofs.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ UNBOUNDED = np.zeros((ROWS // LANES, LANES))
 UNBOUNDED[0] = -np.inf
 UNBOUNDED[1] = np.inf
 UNBOUNDED[4] = 2.0 * np.arange(LANES)
+# Rounding error of differences of x, as a fraction of x.
+X_ROUNDING = 2e-15
 # Columns of `Friction.within`: largest absolute value, deviation from the chord, sign
 LARGEST, DEVIATION, SIGN = range(3)
 
@@ -123,6 +125,15 @@ class GridLimits(NamedTuple):
     friction: Friction
     ceiling: FloatArray
     joints: FloatArray
+
+
+class MotionBounds(NamedTuple):
+    """Bounds |u| <= `u` and `x_min` <= x <= `x` for valid margins, and slopes `k`, (n,) each."""
+
+    x: FloatArray
+    x_min: FloatArray
+    u: FloatArray
+    k: FloatArray
 
 
 Form = JointBounds | LinearRows | Squares | Rounds | Friction | Ceiling

@@ -18,6 +18,7 @@ from armcontour.planning.topp.limit_forms import (
     BY_X,
     HIGH,
     LOW,
+    X_ROUNDING,
     A,
     B,
     Intervals,
@@ -26,7 +27,6 @@ from armcontour.planning.topp.limit_forms import (
     Squares,
 )
 
-ROUNDING = 2e-15  # rounding error of differences of x, as a fraction of x
 Terms = tuple[FloatArray, FloatArray, FloatArray]
 
 
@@ -78,7 +78,7 @@ def write_linear_rows(
             by_x = w * w * max(second[previous, 1, r], second[i, 1, r], second[next_, 1, r])
             by_constant = w * w * max(second[previous, 2, r], second[i, 2, r], second[next_, 2, r])
             rows.rise[i, r, BY_U] = by_u + abs(b1 - b0) * w / 2
-            rows.rise[i, r, BY_X] = by_x + ROUNDING * max(abs(a0), abs(a1)) / w
+            rows.rise[i, r, BY_X] = by_x + X_ROUNDING * max(abs(a0), abs(a1)) / w
             rows.rise[i, r, BY_SLOPE] = w / 4 * (abs(a1 - a0) + w * max(abs(b0), abs(b1)))
             rows.rise[i, r, BY_CONSTANT] = by_constant
 
@@ -203,7 +203,7 @@ class SampledJointPath:
         change = _length(ends[:, 1, 0] - ends[:, 0, 0])
         size = _length(ends[:, :, 0]).max(axis=1)
         rise[:, 0, BY_U] = self._chord_deviations(a) + change[:, B] * w / 2
-        rise[:, 0, BY_X] = self._chord_deviations(b) + ROUNDING * size[:, A] / w
+        rise[:, 0, BY_X] = self._chord_deviations(b) + X_ROUNDING * size[:, A] / w
         rise[:, 0, BY_SLOPE] = w / 4 * (change[:, A] + w * size[:, B])
         return Rounds(ends, np.full((len(self), 1), radius), rise)
 

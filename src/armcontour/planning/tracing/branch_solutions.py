@@ -41,7 +41,7 @@ R = TypeVar("R")
 # Number of poses from which threads share the work; starting them takes as long as 100 poses.
 THREADED_POSES = 2000
 # Number of groups of branches that threads share; some branches end early.
-PARTS = 16
+BRANCH_GROUPS = 16
 # Number of groups into which joint paths are divided for smoothing; NumPy smooths a group at once.
 SMOOTHED_PARTS = 4
 # Largest correction of joint positions in the last iteration at a followed pose [rad]. This one
@@ -74,7 +74,7 @@ SOME_POSES = 10
 # Number of poses of the path that are searched with one seed for poses out of reach.
 MANY_POSES = 300
 # Bisections for the arc length at which the reach ends.
-BISECTIONS = 30
+REACH_BISECTIONS = 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,7 +231,7 @@ def follow_branches(
     def follow(branches: slice) -> None:
         newton.follow(arm.link_table, task, poses, q[branches], reached[branches], max_correction)
 
-    _map_in_threads(follow, split_evenly(len(starts), PARTS), len(starts) * len(poses))
+    _map_in_threads(follow, split_evenly(len(starts), BRANCH_GROUPS), len(starts) * len(poses))
     return q, reached
 
 
@@ -530,7 +530,7 @@ def _find_end_of_reach(
     """Arc length at which the path leaves the reach of the arm, by bisection in an interval [m]."""
     one = knots.part(np.array([interval]))
     low, high = float(one.u0[0]), float(one.u1[0])
-    for _ in range(BISECTIONS):
+    for _ in range(REACH_BISECTIONS):
         middle = (low + high) / 2
         pose = poses_at(path, one, np.array([middle]))
         if out_of_reach(arm, pose, task, q)[0] > OUT_OF_REACH:

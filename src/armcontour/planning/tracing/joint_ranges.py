@@ -15,7 +15,7 @@ from armcontour.planning.tracing.knots import suggest_remedy
 from armcontour.robot import Arm, Limits
 
 # Tolerance of joint ranges [rad], above rounding errors and below the resolution of robots.
-ROUNDING = 1e-9
+RANGE_TOLERANCE = 1e-9
 BERNSTEIN = to_bernstein(5)
 
 
@@ -31,8 +31,10 @@ def check_joint_range(joint_path: JointPath, limits: Limits, arm: Arm) -> None:
     # Most pieces need no roots, because a polynomial is within the hull of its Bernstein
     # coefficients.
     hull = np.matmul(BERNSTEIN, joint_path.coefficients)
-    suspect = (hull.min(axis=1) < lower - ROUNDING) | (hull.max(axis=1) > upper + ROUNDING)
-    worst = ROUNDING
+    suspect = (hull.min(axis=1) < lower - RANGE_TOLERANCE) | (
+        hull.max(axis=1) > upper + RANGE_TOLERANCE
+    )
+    worst = RANGE_TOLERANCE
     largest = None
     for piece, joint in np.argwhere(suspect):
         for x in _extremum_candidates(joint_path.coefficients[piece, :, joint]):
@@ -80,8 +82,8 @@ def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
         return joint_path
     lower, upper = limits.joint_range(joint_path.dof)
     q = joint_path(joint_path.breaks)
-    min_turns = np.ceil((lower - ROUNDING - q.min(axis=0)) / (2 * np.pi))
-    max_turns = np.floor((upper + ROUNDING - q.max(axis=0)) / (2 * np.pi))
+    min_turns = np.ceil((lower - RANGE_TOLERANCE - q.min(axis=0)) / (2 * np.pi))
+    max_turns = np.floor((upper + RANGE_TOLERANCE - q.max(axis=0)) / (2 * np.pi))
     turns = np.where(min_turns <= max_turns, np.clip(0.0, min_turns, max_turns), 0.0)
     return turn_by(joint_path, turns)
 

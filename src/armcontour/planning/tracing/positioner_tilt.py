@@ -15,19 +15,19 @@ from armcontour.robot.chain import floor_poses
 # Fraction of the largest angle from which the angle has a cost.
 INNER_TILT = 0.7
 # Number of samples of the positions of the positioner at the start of a path.
-SAMPLES = 400
+TILT_SAMPLES = 400
 # Largest number of positions of the positioner that are found at the start of a path.
 MAX_POSITIONS = 6
 # Smallest distance of two of these positions: largest difference of a joint [rad].
-APART = 0.5
+DISTINCT_TILTS = 0.5
 # Number of iterations by which the positioner levels a pose at the start.
 START_ROUNDS = 50
 # Number of iterations by which the positioner levels every other pose.
 ROUNDS = 3
 # Damping of the steps of these iterations [rad^-2].
-DAMPING = 1e-3
+TILT_DAMPING = 1e-3
 # Travel of the joints between angles from which the bound on the angle counts as the angle [rad]
-FINEST = 1e-6
+FINEST_TRAVEL = 1e-6
 
 
 def tilt_of(chain: Chain) -> float | None:
@@ -77,14 +77,14 @@ def level_positions(arm: SerialArm, axis: FloatArray) -> FloatArray:
     lower, upper = (x[:count] for x in arm.limits.joint_range(arm.dof))
     low = np.maximum(lower, -np.pi)
     high = np.minimum(upper, np.pi)
-    samples = low + np.random.default_rng(0).uniform(size=(SAMPLES, count)) * (high - low)
+    samples = low + np.random.default_rng(0).uniform(size=(TILT_SAMPLES, count)) * (high - low)
     tried = _level(arm, samples, axis, START_ROUNDS)
     chords = np.linalg.norm(turn_down(arm.chain, tried)[0] - axis, axis=1)
     allowed = chord_of(tilt_of(arm.chain) or np.pi)
     order = np.argsort(chords, kind="stable")
     found: list[FloatArray] = []
     for k in order[chords[order] <= max(allowed, chords.min() + 1e-9)]:
-        if all(np.abs(tried[k] - x).max() > APART for x in found):
+        if all(np.abs(tried[k] - x).max() > DISTINCT_TILTS for x in found):
             found.append(tried[k])
         if len(found) == MAX_POSITIONS:
             break
@@ -111,7 +111,7 @@ def _level(arm: SerialArm, positions: FloatArray, axis: FloatArray, rounds: int)
     lower, upper = (x[:count] for x in arm.limits.joint_range(arm.dof))
     for _ in range(rounds):
         down, by_joint = turn_down(arm.chain, q)
-        square = by_joint @ np.swapaxes(by_joint, 1, 2) + DAMPING * np.eye(count)
+        square = by_joint @ np.swapaxes(by_joint, 1, 2) + TILT_DAMPING * np.eye(count)
         q += np.linalg.solve(square, by_joint @ (axis - down)[..., None])[..., 0]
         np.clip(q, lower, upper, out=q)
     return q
@@ -155,7 +155,9 @@ def check_tilt(joint_path: JointPath, arm: SerialArm) -> None:
     intervals = np.stack([s[:-1], s[1:], at[:-1], at[1:], np.diff(turned)])
     while True:
         begin, end, first, last, width = intervals
-        largest = np.where(width > FINEST, np.maximum(first, last), (first + last + width) / 2)
+        largest = np.where(
+            width > FINEST_TRAVEL, np.maximum(first, last), (first + last + width) / 2
+        )
         if (largest > tilt).any():
             k = int(np.argmax(largest))
             place = begin[k] if first[k] > last[k] else end[k]

@@ -37,14 +37,14 @@ LARGEST_CHANGE = 0.3
 SETTLED = 1e-4
 # Regularization of the diagonal of an iteration's matrix, relative to its largest entry; the matrix
 # is singular if no cost depends on a null-space motion.
-DAMPING = 1e-6
+SMOOTHING_DAMPING = 1e-6
 # Fractions of a step that are tried with costs that are not quadratic.
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Smallest singular value of the Jacobian of an arm with external axes, with lengths relative to
 # those of the arm, below which a posture has a cost.
 NEARLY_SINGULAR = 0.04
 # Largest number of iterations of smoothing.
-MAX_ROUNDS = 25
+MAX_SMOOTHINGS = 25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +184,7 @@ def smooth(
     q: FloatArray,
     *,
     start_stays: bool = False,  # True if the first joint position is fixed
-    rounds: int = MAX_ROUNDS,
+    rounds: int = MAX_SMOOTHINGS,
 ) -> tuple[FloatArray, FloatArray]:
     """Shorten joint paths by null-space motion, with unchanged tool poses."""
     # Gauss-Newton iterations reduce the sum of squares of the joint steps, weighted by the largest
@@ -366,6 +366,6 @@ class _Cost:
         for a in range(free):
             bands[:, :, a, : free - a] = same[:, :, a, a:]
             bands[:, :-1, a, free - a : 2 * free - a] = -following[:, :, a]
-        bands[..., 0] += DAMPING * (1.0 + bands[..., 0].max(axis=(1, 2), keepdims=True))
+        bands[..., 0] += SMOOTHING_DAMPING * (1.0 + bands[..., 0].max(axis=(1, 2), keepdims=True))
         right = -(w @ gradient[..., None])
         return bands.reshape(count, n * free, 2 * free), right.reshape(count, n * free)

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 # Length below which an interval outside the tolerance indicates a singularity [m].
 SMALLEST_INTERVAL = 1e-9
 # Largest distance between the tool and its position on the path between knots [m].
-TOLERANCE = 1e-10
+TRACING_TOLERANCE = 1e-10
 # Powers of `PLACES`, (places, 6).
 POWERS = PLACES[:, None] ** np.arange(6)
 # q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
@@ -57,7 +57,7 @@ A = TypeVar("A", bound=Arm, covariant=True)
 # Largest angle between the tool and its required orientation between knots [rad].
 ANGULAR_TOLERANCE = 1e-9
 # Ratio of pivots in elimination below which the Jacobian is singular.
-SINGULAR = 1e-9
+SINGULAR_JACOBIAN = 1e-9
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3
@@ -266,7 +266,7 @@ class NumericSolver(Solver[SerialArm]):
         dq_ds, d2q_ds2, pivot_ratio = newton.path_derivatives(
             links, self.task, q, poses, rates, w, g
         )
-        bad = ~(solved & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
+        bad = ~(solved & (pivot_ratio > SINGULAR_JACOBIAN) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
             refuse_singular_pose(self, float(knots.arc_lengths(u)[np.argmax(bad)]), "is singular")
         return q, dq_ds, d2q_ds2
@@ -302,7 +302,7 @@ def trace(
     limits: Limits | None = None,
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = TRACING_TOLERANCE,
 ) -> JointPath:
     """Compute the joint path along which the arm's tool follows `path`.
 
@@ -349,7 +349,7 @@ def trace_all(
     limits: Limits | None = None,
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = TRACING_TOLERANCE,
     max_count: int | None = None,  # Largest number of joint paths; all by default
 ) -> list[JointPath]:
     """Joint paths of all configurations that complete the path, the shortest first."""
@@ -583,7 +583,7 @@ def _refine_solution(
     knots: Knots,
     poses: FloatArray,
     q: FloatArray,
-    tolerance: float = TOLERANCE,
+    tolerance: float = TRACING_TOLERANCE,
 ) -> JointPath:
     """Joint path near joint positions at knots, checked against the ranges of the joints.
 

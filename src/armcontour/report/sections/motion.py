@@ -14,10 +14,10 @@ from armcontour.jobs import JobResult, RunResult
 from armcontour.planning.explanation import Binding
 from armcontour.report.figure import Bar, Curve, Figure, Plot
 from armcontour.report.plan_drawing import colour_of, kind_of, word_of
-from armcontour.report.plan_frames import time_table
 from armcontour.report.section import Section, text_table
 from armcontour.report.sections.path_section import tools_of
 from armcontour.report.style import DECADES, EXPERIMENT_DASH, LIMIT_DASH, run_colours, run_widths
+from armcontour.report.time_table import time_table
 
 # The error axis is logarithmic if one run's largest error exceeds another's by this factor.
 VARIED = 10.0

@@ -1,15 +1,16 @@
-"""Compiled simulation of joints under piecewise polynomial commands."""
+"""Compiled simulation of joints under piecewise polynomial commands.
 
-# One loop describes every joint. With the demand z, the position q, the velocity w, the integral x
-# and the command u, joints of second order follow
-#
-#     z = kv (kp (u - q) - w + ki x),  dw = clip(z, lower, upper),
-#     dx = kp (u - lead - q) - w - (z - dw) / kv.
-#
-# The last term of dx stops the integrator in saturation. `lead` is the part of the command that
-# bypasses the integrator. Joints of first order (kv = 0) follow `dq = kp (u - q)`. The command is a
-# cubic in time. A step without saturation is a linear map, which is a matrix exponential. Other
-# steps are Taylor series, whose crossings of the bounds are found by Newton's method.
+One loop describes every joint. With the demand z, the position q, the velocity w, the integral x
+and the command u, joints of second order follow
+
+    z = kv (kp (u - q) - w + ki x),  dw = clip(z, lower, upper),
+    dx = kp (u - lead - q) - w - (z - dw) / kv.
+
+The last term of dx stops the integrator in saturation. `lead` is the part of the command that
+bypasses the integrator. Joints of first order (kv = 0) follow `dq = kp (u - q)`. The command is a
+cubic in time. A step without saturation is a linear map, which is a matrix exponential. Other steps
+are Taylor series, whose crossings of the bounds are found by Newton's method.
+"""
 
 from __future__ import annotations
 
@@ -18,42 +19,43 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernel_cache import FUSED, compiled
 
-# Kinds of simulations: with extremes of the demand, without them, without saturation and with
-# positions as the only results, and of drives that hold their acceleration or velocity in each
-# piece of the command.
+# Kinds of simulations. COMPLETE and HELD record the extremes of the demand, SATURATING does not.
+# LINEAR ignores the bounds of the acceleration, and its only results are states. HELD is for drives
+# that hold their acceleration or velocity in each piece of the command.
 COMPLETE, SATURATING, LINEAR, HELD = range(4)
 # Longest step that may saturate, as a multiple of the shortest time constant of the servo. Within
 # it, the slope of the demand has at most one extremum, and the series converge up to rounding
 # errors.
-LARGEST_STEP = 1.0
+LARGEST_SATURATING_STEP = 1.0
 # Factor for the number of steps in a time span, so that rounding errors do not add a step.
-SLACK = 1 - 1e-9
+STEP_COUNT_FACTOR = 1 - 1e-9
 # Largest number of Taylor coefficients of a step.
-TERMS = 28
+MAX_TERMS = 28
 # Taylor terms below this fraction of the first term are negligible.
 NOTHING = 1e-15
 # Reciprocals 1 / n, from n = 1.
-INVERSE = tuple(1.0 / n for n in range(1, TERMS + 2))
-# Columns of a linear map; columns 0 and 1 are position minus command and velocity. The rows are
-# position minus command, velocity and integral.
-RATE = 2  # Rate of the command; its further coefficients are in the next two columns.
-INTEGRAL = 5  # Integral, only with an integrator. Without it, a map has the columns before this.
-LEAD = 6  # Lead of the command, only with an integrator.
-COLUMNS = 7  # Number of columns with an integrator.
+INVERSE = tuple(1.0 / n for n in range(1, MAX_TERMS + 2))
+# Columns of a linear map: position minus command, velocity, the three coefficients of the command
+# from its rate on, integral, and lead of the command. Only with an integrator, a map has the last
+# two columns. The rows are position minus command, velocity and integral.
+RATE_COLUMN = 2
+INTEGRAL_COLUMN = 5
+LEAD_COLUMN = 6
+COLUMNS = 7
 # Number of Taylor coefficients of a map.
 MAP_TERMS = 16
 # Longest time of a map before it is squared, as a multiple of the shortest time constant.
 MAP_LENGTH = 0.25
 # Number of cached maps of a joint.
-KEPT = 4
+KEPT_MAPS = 4
 # Times and time spans [s] that differ by less than this are equal; rounding errors are smaller.
-NEAR = 4e-12
+SAME_INSTANT = 4e-12
 # The demand is kp kv times a difference of positions. If its excess over a bound is below this
 # fraction of kp kv times these positions, the excess is a rounding error and not saturation.
-ROUNDING = 1e-14
+DEMAND_ROUNDING = 1e-14
 # Fraction of the curvature of the demand in a step by which a cubic through both ends may differ.
 CUBIC_ERROR = 0.005
 THIRD = 1 / 3
@@ -62,7 +64,7 @@ PASSAGE = 1e-15
 # Precision of the times at which extrema are reached, relative to the step.
 EXTREMUM = 1e-8
 # Largest number of steps per time span; more are never necessary.
-MAX_STEPS = 1e5
+MAX_STEPS_PER_SPAN = 1e5
 # Largest number of phases (free or saturated) per step; more are never necessary, and would have
 # durations that round to 0.
 MAX_PHASES = 100_000
@@ -71,29 +73,24 @@ MAX_PHASES = 100_000
 class Joints(NamedTuple):
     """Gains [1/s] and acceleration bounds [rad/s²] of all joints, (rows,) each."""
 
-    # kv = 0 means first order, ki = 0 means no integrator, an infinite kp means a pure delay.
-
-    kp: FloatArray
-    kv: FloatArray
-    ki: FloatArray
+    kp: FloatArray  # Position gains; infinite for a pure delay
+    kv: FloatArray  # Velocity gains; 0 for joints of first order
+    ki: FloatArray  # Integral gains; 0 without an integrator
     lower: FloatArray
     upper: FloatArray
 
 
 class JointMotions(NamedTuple):
-    """Simulated motion of all joints."""
+    """Simulated motion of all joints; (rows,) each except for `states`."""
 
-    # states: position, velocity and demand at n results, (rows, n, 3). saturated: time in
-    # saturation [s]. lowest, highest: extremes of the demand. held: the acceleration or velocity
-    # that a drive with a cycle holds at the end; with an integrator the demand. stuck: True if the
-    # simulation failed. (rows,) each except for states.
-
-    states: FloatArray
-    saturated: FloatArray
-    lowest: FloatArray
-    highest: FloatArray
+    states: FloatArray  # Position, velocity and demand at n results, (rows, n, 3)
+    saturated: FloatArray  # Time in saturation [s]
+    lowest: FloatArray  # Smallest demand [rad/s²]
+    highest: FloatArray  # Largest demand [rad/s²]
+    # Acceleration or velocity that a drive with a cycle holds at the end; with an integrator the
+    # demand
     held: FloatArray
-    stuck: BoolArray
+    stuck: BoolArray  # True if the simulation failed
 
 
 class Servo(NamedTuple):
@@ -119,15 +116,21 @@ class Command(NamedTuple):
 class Motion(NamedTuple):
     """State of a joint, and results accumulated during its motion."""
 
-    # q: position [rad]. w: velocity [rad/s]. x: integral [rad]. saturated: time in saturation [s].
-    # lowest, highest: extremes of the demand [rad/s²].
+    q: float  # Position [rad]
+    w: float  # Velocity [rad/s]
+    x: float  # Integral [rad]
+    saturated: float  # Time in saturation [s]
+    lowest: float  # Smallest demand [rad/s²]
+    highest: float  # Largest demand [rad/s²]
 
-    q: float
-    w: float
-    x: float
-    saturated: float
-    lowest: float
-    highest: float
+
+class LinearMaps(NamedTuple):
+    """Linear maps of the motion over KEPT_MAPS time spans, the last of which are kept."""
+
+    series: FloatArray  # Taylor coefficients, from `series_of_map`
+    maps: FloatArray  # (KEPT_MAPS + 1, 3, COLUMNS); the last map is a work array
+    spans: FloatArray  # Time span of each map [s]; -1 if the slot is free, (KEPT_MAPS,)
+    oldest: IntArray  # Slot whose map is replaced next, (1,)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -162,7 +165,10 @@ def fastest_rate(servo: Servo) -> float:
 
 @compiled(inner=True, fastmath=FUSED)
 def demand(servo: Servo, u: Command, q: float, w: float, x: float) -> tuple[float, float]:
-    """Acceleration of the servo before saturation [rad/s²], and its unsaturated slope [rad/s³]."""
+    """Demand z before saturation [rad/s²], and its slope without saturation [rad/s³].
+
+    Joints of first order have the demand `z = ddq = kp (du - dq)`.
+    """
     kp = servo.kp
     kv = servo.kv
     ki = servo.ki
@@ -176,26 +182,30 @@ def demand(servo: Servo, u: Command, q: float, w: float, x: float) -> tuple[floa
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def series_of_map(servo: Servo) -> FloatArray:
-    """Taylor coefficients of the linear map of a motion over time t, (MAP_TERMS, 3, COLUMNS)."""
+    """Taylor coefficients of the linear map of a motion over time t, (MAP_TERMS, 3, COLUMNS).
+
+    The state `(q - u, w, du, d2u / 2, d3u / 6, x, lead)` has the derivative `matrix state`, so its
+    map over t is the matrix exponential with the coefficients `matrix^k / k!`.
+    """
     kp = servo.kp
     kv = servo.kv
     ki = servo.ki
     matrix = np.zeros((COLUMNS, COLUMNS))
     series = np.zeros((MAP_TERMS, 3, COLUMNS))
-    matrix[0, RATE] = -1.0
-    matrix[RATE, RATE + 1] = 2.0
-    matrix[RATE + 1, RATE + 2] = 3.0
+    matrix[0, RATE_COLUMN] = -1.0
+    matrix[RATE_COLUMN, RATE_COLUMN + 1] = 2.0
+    matrix[RATE_COLUMN + 1, RATE_COLUMN + 2] = 3.0
     if kv == 0.0:
         matrix[0, 0] = -kp
     else:
         matrix[0, 1] = 1.0
         matrix[1, 0] = -kp * kv
         matrix[1, 1] = -kv
-        matrix[1, INTEGRAL] = kv * ki
-        matrix[INTEGRAL, 0] = -kp
-        matrix[INTEGRAL, 1] = -1.0
-        matrix[INTEGRAL, LEAD] = -kp
-    series[0, 0, 0] = series[0, 1, 1] = series[0, 2, INTEGRAL] = 1.0
+        matrix[1, INTEGRAL_COLUMN] = kv * ki
+        matrix[INTEGRAL_COLUMN, 0] = -kp
+        matrix[INTEGRAL_COLUMN, 1] = -1.0
+        matrix[INTEGRAL_COLUMN, LEAD_COLUMN] = -kp
+    series[0, 0, 0] = series[0, 1, 1] = series[0, 2, INTEGRAL_COLUMN] = 1.0
     for k in range(1, MAP_TERMS):
         for i in range(COLUMNS):
             for j in range(COLUMNS):
@@ -210,38 +220,45 @@ def series_of_map(servo: Servo) -> FloatArray:
 def write_map(
     series: FloatArray, integrates: bool, rate: float, span: float, maps: FloatArray, slot: int
 ) -> None:
-    """Write the linear map of a motion over a time span [s] into maps[slot], (3, COLUMNS)."""
-    # The last map is overwritten.
-    rows, columns = (3, COLUMNS) if integrates else (2, INTEGRAL)
+    """Write the linear map of a motion over a time span [s] into maps[slot], (3, COLUMNS).
+
+    The method is scaling and squaring: the series gives the map over a short time h, and each
+    squaring doubles the time. The last map is overwritten.
+    """
+    rows, columns = (3, COLUMNS) if integrates else (2, INTEGRAL_COLUMN)
     squarings = 0
     h = span
     while h * rate > MAP_LENGTH:
         h = h / 2
         squarings = squarings + 1
+    # Series of the short time
     for i in range(rows):
         for j in range(columns):
             value = 0.0
             for k in range(MAP_TERMS - 1, -1, -1):
                 value = series[k, i, j] + h * value
             maps[slot, i, j] = value
+    # Squarings
     for _ in range(squarings):
         for i in range(rows):
             for j in range(columns):
-                maps[KEPT, i, j] = maps[slot, i, j]
+                maps[KEPT_MAPS, i, j] = maps[slot, i, j]
         for i in range(rows):
-            a, b = maps[KEPT, i, 0], maps[KEPT, i, 1]
+            a, b = maps[KEPT_MAPS, i, 0], maps[KEPT_MAPS, i, 1]
             for j in range(columns):
-                maps[slot, i, j] = a * maps[KEPT, 0, j] + b * maps[KEPT, 1, j]
+                maps[slot, i, j] = a * maps[KEPT_MAPS, 0, j] + b * maps[KEPT_MAPS, 1, j]
             # The command at the half time.
-            r = maps[KEPT, i, RATE]
-            s = maps[KEPT, i, RATE + 1]
-            maps[slot, i, RATE] += r
-            maps[slot, i, RATE + 1] += s + 2 * h * r
-            maps[slot, i, RATE + 2] += maps[KEPT, i, RATE + 2] + 3 * h * (s + h * r)
+            r = maps[KEPT_MAPS, i, RATE_COLUMN]
+            s = maps[KEPT_MAPS, i, RATE_COLUMN + 1]
+            maps[slot, i, RATE_COLUMN] += r
+            maps[slot, i, RATE_COLUMN + 1] += s + 2 * h * r
+            maps[slot, i, RATE_COLUMN + 2] += maps[KEPT_MAPS, i, RATE_COLUMN + 2] + 3 * h * (
+                s + h * r
+            )
             if integrates:
                 for j in range(columns):
-                    maps[slot, i, j] += maps[KEPT, i, INTEGRAL] * maps[KEPT, 2, j]
-                maps[slot, i, LEAD] += maps[KEPT, i, LEAD]
+                    maps[slot, i, j] += maps[KEPT_MAPS, i, INTEGRAL_COLUMN] * maps[KEPT_MAPS, 2, j]
+                maps[slot, i, LEAD_COLUMN] += maps[KEPT_MAPS, i, LEAD_COLUMN]
         h *= 2
 
 
@@ -285,7 +302,10 @@ def evaluate(a: FloatArray, terms: int, order: int, t: float) -> float:
 def find_passage(
     a: FloatArray, terms: int, order: int, low: float, high: float, level: float
 ) -> float:
-    """Time at which a derivative of a polynomial crosses `level`; `high` if it does not."""
+    """Time at which a derivative of a polynomial crosses `level`; `high` if it does not.
+
+    Newton's method, which bisects the bracket from `low` to `high` if a step leaves it.
+    """
     start = evaluate(a, terms if low > 0.0 else order + 1, order, low) - level
     end = evaluate(a, terms, order, high) - level
     if start * end >= 0.0:
@@ -314,7 +334,7 @@ def count_terms(x: float) -> int:
     """Number of Taylor terms if the terms decrease like `x^k / k!`."""
     term = 1.0
     n = 0
-    while term > NOTHING and n < TERMS - 3:
+    while term > NOTHING and n < MAX_TERMS - 3:
         term *= x * INVERSE[n]
         n += 1
     return n + 3
@@ -357,7 +377,13 @@ def expand(
 
 @compiled(inner=True, fastmath=FUSED)
 def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m: Motion) -> Motion:
-    """Simulate a step from event to event, where events are starts and ends of saturation."""
+    """Simulate a step from event to event, where events are starts and ends of saturation.
+
+    - `taylor`: work array, (3, MAX_TERMS + 2).
+    - `h`: duration of the step [s].
+    - `u`: command from the start of the step on.
+    - `m`: motion at the start of the step.
+    """
     q, w, x, saturated, lowest, highest = m
     position = taylor[0]
     integral = taylor[1]
@@ -369,17 +395,19 @@ def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m:
         end = h - now
         z, _ = demand(servo, v, q, w, x)
         scale = abs(v.value) + abs(q) + servo.ki * abs(x)
-        tolerance = ROUNDING * (servo.kp * servo.kv * scale + abs(z))
+        tolerance = DEMAND_ROUNDING * (servo.kp * servo.kv * scale + abs(z))
+        # Side of the bounds: 1 above the upper bound, -1 below the lower bound, otherwise 0
         if not known:
             side = 1.0 if z > servo.upper + tolerance else 0.0
             side = -1.0 if z < servo.lower - tolerance else side
+        # Taylor series of the motion on this side
         position[0] = q - v.value
         position[1] = w
         integral[0] = x
         # In saturation without an integrator, the demand is a cubic.
         n = 4 if side != 0.0 and servo.ki == 0.0 else count_terms(2 * fastest_rate(servo) * end)
         expand(servo, v, side, n, position, integral, demands)
-        # The slope of the demand has at most one extremum in a step.
+        # Extrema of the demand: its slope has at most one extremum in a step.
         first = find_passage(demands, n, 1, 0.0, end, 0.0)
         second = end
         if first == end:
@@ -388,6 +416,7 @@ def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m:
             second = find_passage(demands, n, 1, turn, end, 0.0)
         lowest = min(lowest, z)
         highest = max(highest, z)
+        # First crossing of a bound between the extrema
         begin = 0.0
         following = side
         for t in (first, second, end):
@@ -411,6 +440,7 @@ def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m:
                 continue
             end = find_passage(demands, n, 0, begin, t, bound)
             break
+        # Motion up to the crossing, or to the end of the step
         saturated += end if side != 0.0 else 0.0
         q = evaluate(position, n + 2, 0, end) + v.value
         w = evaluate(position, n + 2, 1, end)
@@ -434,11 +464,21 @@ def respond(
     end: Command,
     m: Motion,
 ) -> Motion:
-    """Simulate a step of duration h with the map f[i]; not finite with too many phases."""
+    """Simulate a step of duration h [s], during which saturation may start or end.
+
+    A step of one kind is a map or a parabola. Steps in which the demand may cross a bound, or may
+    have a new extreme, are simulated by events.
+
+    - `f`, `i`: the linear map of the step is f[i].
+    - `taylor`: work array, (3, MAX_TERMS + 2).
+    - `u`, `end`: command from the start and from the end of the step on.
+    - `m`: motion at the start. The result is not finite with too many events.
+    """
     z, slope = demand(servo, u, m.q, m.w, m.x)
     ddq = min(max(z, servo.lower), servo.upper)
     if z != ddq and servo.ki > 0.0:
         return respond_by_events(servo, taylor, h, u, m)
+    # Motion that stays on its side of the bounds, and range of the demand on this side
     saturated = m.saturated
     least = servo.lower
     most = servo.upper
@@ -472,6 +512,34 @@ def respond(
 
 
 @compiled(inner=True, fastmath=FUSED)
+def find_piece(starts: FloatArray, now: float) -> int:
+    """Number of pieces of the command that have begun before `now` [s], by bisection."""
+    piece = 0
+    high = len(starts)
+    while piece < high:
+        middle = (piece + high) // 2
+        if starts[middle] < now - SAME_INSTANT:
+            piece = middle + 1
+        else:
+            high = middle
+    return piece
+
+
+@compiled(inner=True, fastmath=FUSED)
+def begins(starts: FloatArray, piece: int, now: float) -> bool:
+    """Whether the next piece of the command begins at `now` [s]; `piece` is the current one."""
+    return piece < len(starts) and starts[piece] - now <= SAME_INSTANT
+
+
+@compiled(inner=True, fastmath=FUSED)
+def stop_before(starts: FloatArray, piece: int, until: float) -> float:
+    """Start of the next piece of the command, or an earlier time `until` [s]."""
+    if piece < len(starts) and starts[piece] < until - SAME_INSTANT:
+        return float(starts[piece])
+    return until
+
+
+@compiled(inner=True, fastmath=FUSED)
 def march_held(
     servo: Servo,
     pieces: FloatArray,
@@ -488,14 +556,13 @@ def march_held(
     piece, by the equation above, before the demand is computed.
     """
     q, w, x, saturated, lowest, highest = m
-    first = servo.kv == 0.0
-    last = len(starts)
+    first_order = servo.kv == 0.0
     now = times[0]
     kp = servo.kp
     kv = servo.kv
     ki = servo.ki
     z = held
-    drive_cycle = starts[1] - starts[0] if last > 1 else 0.0
+    drive_cycle = starts[1] - starts[0] if len(starts) > 1 else 0.0
     if ki > 0.0 and piece > 0:
         # The integral follows from the demand of the last cycle and the position at its start.
         held = min(max(z, servo.lower), servo.upper)
@@ -505,10 +572,11 @@ def march_held(
         x = (z / kv - kp * (pieces[piece, 0] - p) + v) / ki - drive_cycle * (z - held) / kv
     for row in range(1, len(times)):
         until = times[row]
-        while until - now > NEAR:
-            if piece < last and starts[piece] - now <= NEAR:
+        while until - now > SAME_INSTANT:
+            # Cycle of the drive: new demand and held value
+            if begins(starts, piece, now):
                 piece += 1
-                if first:
+                if first_order:
                     held = kp * (pieces[piece, 0] - q)
                     z = 0.0
                 else:
@@ -520,9 +588,10 @@ def march_held(
                 lowest = min(lowest, z)
                 highest = max(highest, z)
                 continue
-            stop = starts[piece] if piece < last and starts[piece] < until - NEAR else until
+            # Motion with the held value
+            stop = stop_before(starts, piece, until)
             h = stop - now
-            if first:
+            if first_order:
                 q = q + h * held
                 w = held
             else:
@@ -537,6 +606,63 @@ def march_held(
     return Motion(q, w, x, saturated, lowest, highest), z if ki > 0.0 else held
 
 
+@compiled(inner=True, fastmath=FUSED)
+def march_delayed(
+    pieces: FloatArray,
+    starts: FloatArray,
+    times: FloatArray,
+    held: float,
+    m: Motion,
+    piece: int,
+    out: FloatArray,
+) -> tuple[Motion, float]:
+    """Write the states of a joint that follows its command exactly; as `march_held`."""
+    now = times[0]
+    for row in range(1, len(times)):
+        until = times[row]
+        while until - now > SAME_INSTANT:
+            if begins(starts, piece, now):
+                piece += 1
+            else:
+                now = stop_before(starts, piece, until)
+        now = until
+        u = command_at(pieces, starts, piece, now)
+        m = Motion(u.value, u.rate, 0.0, 0.0, m.lowest, m.highest)
+        out[row - 1, 0] = u.value
+        out[row - 1, 1] = u.rate
+        out[row - 1, 2] = 2 * u.second
+    return m, held
+
+
+@compiled(inner=True, fastmath=FUSED)
+def find_map(linear: LinearMaps, servo: Servo, h: float, slot: int) -> int:
+    """Slot of the linear map over the time h [s], which is computed if it is not kept.
+
+    `slot` is the slot of the last step, whose map most often fits.
+    """
+    if abs(linear.spans[slot] - h) <= SAME_INSTANT:
+        return slot
+    found = -1
+    for i in range(KEPT_MAPS):
+        if abs(linear.spans[i] - h) <= SAME_INSTANT:
+            found = i
+    if found < 0:
+        found = int(linear.oldest[0])
+        linear.oldest[0] = (found + 1) % KEPT_MAPS
+        write_map(linear.series, servo.ki > 0.0, fastest_rate(servo), h, linear.maps, found)
+        linear.spans[found] = h
+    return found
+
+
+@compiled(inner=True, fastmath=FUSED)
+def respond_linearly(
+    servo: Servo, f: FloatArray, i: int, u: Command, end: Command, m: Motion
+) -> Motion:
+    """Simulate a step without saturation by the map f[i]; `u` and `end` as in `respond`."""
+    q, w, x = apply_map(servo, f, i, u, end, m.q, m.w, m.x)
+    return Motion(q, w, x, 0.0, 0.0, 0.0)
+
+
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def march(
     servo: Servo,
@@ -547,11 +673,15 @@ def march(
     state: FloatArray,
     out: FloatArray,
 ) -> tuple[Motion, float]:
-    """Simulate one joint from times[0] on; returns its motion and its held value.
+    """Simulate one joint from times[0] on; return its motion and its held value.
 
-    Results are not finite if the servo requires too many steps. Without extremes, no demand is a
-    new one.
+    The joint moves in steps between the starts of the command's pieces and the times of the
+    results. Steps that may saturate are divided into parts of at most LARGEST_SATURATING_STEP.
 
+    The motion is not finite if the servo requires more than MAX_STEPS_PER_SPAN steps per result.
+
+    - `kind`: COMPLETE, SATURATING, LINEAR or HELD. Without recorded extremes, `lowest` is -inf and
+      `highest` inf; both are 0 with LINEAR.
     - `pieces`: coefficients of the command and its lead, (n + 1, 5), of which the first and the
       last are constant.
     - `starts`: times at which all pieces but the first reach the joint [s], (n,).
@@ -562,78 +692,54 @@ def march(
     extreme = 0.0 if kind in (COMPLETE, HELD) else math.inf
     m = Motion(state[0], state[1], 0.0, 0.0, 0.0 - extreme, extreme)
     held = state[2]
-    last = len(starts)
     now = times[0]
-    # Number of pieces that have begun, by bisection.
-    piece = 0
-    high = last
-    while piece < high:
-        middle = (piece + high) // 2
-        if starts[middle] < now - NEAR:
-            piece = middle + 1
-        else:
-            high = middle
-    delays = math.isinf(servo.kp)
-    rate = fastest_rate(servo)
-    if kind == HELD and not delays:
+    piece = find_piece(starts, now)
+    if math.isinf(servo.kp):
+        return march_delayed(pieces, starts, times, held, m, piece, out)
+    if kind == HELD:
         return march_held(servo, pieces, starts, times, held, m, piece, out)
     u = command_at(pieces, starts, piece, now)
     if servo.ki > 0.0:
+        # The integral that gives the demand at the start
         x = (held / servo.kv - servo.kp * (u.value - m.q) + m.w) / servo.ki
         m = Motion(m.q, m.w, x, 0.0, m.lowest, m.highest)
-    if not delays and (times[-1] - now) * rate > MAX_STEPS * LARGEST_STEP * len(times):
+    rate = fastest_rate(servo)
+    if (times[-1] - now) * rate > MAX_STEPS_PER_SPAN * LARGEST_SATURATING_STEP * len(times):
         return Motion(math.nan, math.nan, 0.0, 0.0, 0.0, 0.0), held
-    series = series_of_map(servo)
-    maps = np.empty((KEPT + 1, 3, COLUMNS))
-    spans = np.full(KEPT, -1.0)
-    oldest = 0
+    maps = np.empty((KEPT_MAPS + 1, 3, COLUMNS))
+    spans = np.full(KEPT_MAPS, -1.0)
+    linear = LinearMaps(series_of_map(servo), maps, spans, np.zeros(1, np.intp))
     slot = 0
-    taylor = np.zeros((3, TERMS + 2))
+    taylor = np.zeros((3, MAX_TERMS + 2))
     for row in range(1, len(times)):
         until = times[row]
-        while until - now > NEAR:
-            if piece < last and starts[piece] - now <= NEAR:
+        while until - now > SAME_INSTANT:
+            if begins(starts, piece, now):
                 piece += 1
                 u = command_at(pieces, starts, piece, now)
                 continue
-            stop = starts[piece] if piece < last and starts[piece] < until - NEAR else until
+            stop = stop_before(starts, piece, until)
             h = stop - now
-            now = stop
-            if delays:
-                continue
             repeats = 1
             if kind != LINEAR:
-                repeats = max(int(math.ceil(h * rate / LARGEST_STEP * SLACK)), 1)
+                repeats = max(
+                    int(math.ceil(h * rate / LARGEST_SATURATING_STEP * STEP_COUNT_FACTOR)), 1
+                )
                 h /= repeats
-            if abs(spans[slot] - h) > NEAR:
-                slot = -1
-                for i in range(KEPT):
-                    if abs(spans[i] - h) <= NEAR:
-                        slot = i
-                if slot < 0:
-                    slot = oldest
-                    oldest = (oldest + 1) % KEPT
-                    write_map(series, servo.ki > 0.0, rate, h, maps, slot)
-                    spans[slot] = h
+            slot = find_map(linear, servo, h, slot)
             for _ in range(repeats):
                 end = shift(u, h)
-                if kind != LINEAR:
-                    m = respond(servo, maps, slot, taylor, h, u, end, m)
+                if kind == LINEAR:
+                    m = respond_linearly(servo, maps, slot, u, end, m)
                 else:
-                    q, w, x = apply_map(servo, maps, slot, u, end, m.q, m.w, m.x)
-                    m = Motion(q, w, x, 0.0, 0.0, 0.0)
+                    m = respond(servo, maps, slot, taylor, h, u, end, m)
                 u = end
+            now = stop
         now = until
-        if delays:
-            u = command_at(pieces, starts, piece, now)
-            m = Motion(u.value, u.rate, 0.0, 0.0, m.lowest, m.highest)
-            z = 0.0
-            out[row - 1, 2] = 2 * u.second
-        else:
-            z, _ = demand(servo, u, m.q, m.w, m.x)
-            out[row - 1, 2] = held = z
+        held, _ = demand(servo, u, m.q, m.w, m.x)
         out[row - 1, 0] = m.q
         out[row - 1, 1] = m.w
+        out[row - 1, 2] = held
     return m, held
 
 
@@ -646,8 +752,11 @@ def run_joints(
     times: FloatArray,
     states: FloatArray,
 ) -> JointMotions:
-    """Simulate all joints, or one joint with several sets of parameters, row by row."""
-    # Arguments as in `march`, with one row per joint, and states with one column per joint.
+    """Simulate all joints, or one joint with several sets of parameters, row by row.
+
+    The arguments are those of `march`, with one row per joint, and states with one column per
+    joint.
+    """
     rows = len(joints.kp)
     out = np.empty((rows, len(times) - 1, 3))
     saturated, lowest, highest, held = np.empty((4, rows))

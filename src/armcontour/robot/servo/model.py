@@ -15,7 +15,6 @@ from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import (
     DEAD_TIME,
-    About,
     AtLeast,
     Choice,
     OwnAccelerations,
@@ -163,11 +162,9 @@ class ServoModel(Checked):
             interpolation or order is unknown.
     """
 
-    kp: Annotated[Gains, About(usual=(1.0, 500.0))]
-    kv: Annotated[Gains | None, About(usual=(1.0, 2e3))]
-    ki: Annotated[
-        FloatArray, Quantity("1/s", "5 1/s", within=(0.0, GAINS[1])), About(usual=(0.1, 2e2))
-    ]
+    kp: Gains
+    kv: Gains | None
+    ki: Annotated[FloatArray, Quantity("1/s", "5 1/s", within=(0.0, GAINS[1]))]
     order: Annotated[str | tuple[str, ...], Choice(ORDERS)]
     dead_time: Annotated[FloatArray, replace(DEAD_TIME, within=(0.0, LONGEST_DEAD_TIME))]
     interpolation: Annotated[str, Choice(INTERPOLATIONS)]

@@ -20,7 +20,7 @@ from armcontour.robot.servo.march import (
 from armcontour.robot.servo.model import ServoModel, lead_of, sliding
 
 # Times within this distance of a set-point, in cycles, are equal to its time.
-SNAP = 1e-9
+SAME_SET_POINT_TIME = 1e-9
 
 
 class ServoSimulation:
@@ -114,7 +114,7 @@ class ServoSimulation:
         """
         velocities = np.full(q.shape, np.nan)
         for j in np.flatnonzero(self.joints.kv == 0):
-            k = np.searchsorted(self.starts[j], t + SNAP * self.cycle, side="right")
+            k = np.searchsorted(self.starts[j], t + SAME_SET_POINT_TIME * self.cycle, side="right")
             moves = (k > 0) & (k < len(self.q))
             elapsed = np.where(moves, t - self.starts[j, k - 1], 0.0)
             a, b, c, d = self.commands[j, k, :4].T
@@ -131,8 +131,8 @@ class ServoSimulation:
         pieces = self.commands
         cycle = self.cycle
         # The initial integral follows from the previous cycle.
-        first = int(np.floor(begin / drive_cycle + SNAP)) - 1
-        count = int(np.ceil(end / drive_cycle - SNAP)) - first + 1
+        first = int(np.floor(begin / drive_cycle + SAME_SET_POINT_TIME)) - 1
+        count = int(np.ceil(end / drive_cycle - SAME_SET_POINT_TIME)) - first + 1
         starts = (first + np.arange(max(count, 2), dtype=np.float64)) * drive_cycle
 
         # Feed-forward is computed from two earlier cycles.
@@ -214,12 +214,12 @@ def respond_within(
         state: Positions [rad], velocities [rad/s] and held values at the first time, (dof,) each.
     """
     phase = servo.dead_time % cycle
-    tolerance = SNAP * cycle
+    tolerance = SAME_SET_POINT_TIME * cycle
     times = np.union1d(
         times, phase[(phase > times[0] + tolerance) & (phase < times[-1] - tolerance)]
     )
     # Only the active set-points are simulated, with the neighbours for their interpolation.
-    delay = np.floor(servo.dead_time / cycle + SNAP).astype(np.intp)
+    delay = np.floor(servo.dead_time / cycle + SAME_SET_POINT_TIME).astype(np.intp)
     first = max(min(k - int(delay.max()) - 3, len(q) - 4), 0) if not servo.drive_cycle else 0
     active_points = q[first : max(k - int(delay.min()) + 4, first + 4)]
     active = ServoSimulation(active_points, cycle, servo, *bounds)
@@ -263,8 +263,8 @@ def follow(
     if drive_cycle:
         kind = HELD
         origin = command.knots[0]
-        first = int(np.floor((command.t[0] - origin) / drive_cycle + SNAP))
-        count = int(np.ceil((command.t[-1] - origin) / drive_cycle - SNAP)) + 1
+        first = int(np.floor((command.t[0] - origin) / drive_cycle + SAME_SET_POINT_TIME))
+        count = int(np.ceil((command.t[-1] - origin) / drive_cycle - SAME_SET_POINT_TIME)) + 1
         times = origin + np.arange(first - 3, count) * drive_cycle
         u = np.stack([command.evaluate(times - delay) for delay in each.dead_time])
         pieces = held_pieces(u, times[2:], each)
@@ -343,7 +343,7 @@ class LoggedCommand:
         """Return the command at times t [rad], (n,)."""
         if self.linear:
             return np.interp(t, self.knots, self.every)
-        k = np.searchsorted(self.knots, t + SNAP * 1e-3, side="right") - 1
+        k = np.searchsorted(self.knots, t + SAME_SET_POINT_TIME * 1e-3, side="right") - 1
         return np.asarray(self.every[np.maximum(k, 0)])
 
 
@@ -452,7 +452,9 @@ def sample_command(
     commands = np.zeros((len(t), len(pieces)))
     for j, joint_pieces in enumerate(pieces):
         phase = (t - dead_time[j]) / cycle
-        k = np.clip(np.floor(phase + SNAP), -1, len(joint_pieces) - 2).astype(np.intp)
+        k = np.clip(np.floor(phase + SAME_SET_POINT_TIME), -1, len(joint_pieces) - 2).astype(
+            np.intp
+        )
         # The command is constant in the first and in the last interval.
         elapsed = np.where(
             (k < 0) | (k > len(joint_pieces) - 3), 0.0, np.maximum(phase - k, 0.0) * cycle
@@ -475,11 +477,15 @@ def command_weights(
         t: Times since the first set-point [s], (n,).
     """
     phase = np.clip(t / cycle, 0.0, count - 1)
-    k = np.minimum(np.floor(phase + SNAP), max(count - 2, 0)).astype(np.intp)
+    k = np.minimum(np.floor(phase + SAME_SET_POINT_TIME), max(count - 2, 0)).astype(np.intp)
     fraction = np.clip(phase - k, 0.0, 1.0)
     if interpolation != "cubic":
         # The last set-point is reached at the end of the last interval.
-        end = fraction if interpolation == "linear" else (fraction >= 1 - SNAP).astype(np.float64)
+        end = (
+            fraction
+            if interpolation == "linear"
+            else (fraction >= 1 - SAME_SET_POINT_TIME).astype(np.float64)
+        )
         return np.minimum(k[:, None] + [0, 1], count - 1), np.column_stack([1 - end, end])
     index = np.clip(k[:, None] + np.arange(-1, 3), 0, count - 1)
     weight = np.zeros((len(t), 4))

@@ -30,7 +30,6 @@ from itertools import product
 
 import numpy as np
 
-from armcontour.control.compensation import NoCompensation
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.pool import map_in_threads
 from armcontour.core.progress import Step
@@ -53,7 +52,7 @@ RESULT_STEP = 2e-3
 # Time between two results of the executions that determine the joint ranges [s].
 RANGE_STEP = 1e-3
 # Largest number of parameters of the worst robot in a summary.
-MAX_NAMED = 4
+MAX_NAMED_PARAMETERS = 4
 # Number of the worst robots of each contour that are executed.
 EXECUTED = 4
 # Factor by which the second derivative by a parameter may exceed the second difference over its
@@ -61,9 +60,9 @@ EXECUTED = 4
 CURVATURE_MARGIN = 2.0
 # Relative excess of the bound over the largest distance of a robot, at which a product of joint
 # ranges is not divided further.
-CLOSE = 1e-3
+CLOSE_BOUND = 1e-3
 # Largest number of parts of a product of joint ranges that are measured at one time.
-MAX_PARTS = 4000
+MAX_RANGE_PARTS = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,7 +94,7 @@ class BoxErrors(Result):
         """Data of the bound, and of the parameters of the worst robot."""
         errors = self.deviations[int(np.argmax(self.max))].tolist()
         worst = dict(zip(self.names, errors, strict=True))
-        named = sorted(worst, key=lambda x: -abs(worst[x]))[:MAX_NAMED]
+        named = sorted(worst, key=lambda x: -abs(worst[x]))[:MAX_NAMED_PARAMETERS]
         robot = ", ".join(f"{x} {worst[x]:+.3g}" for x in named)
         return Data(
             "Robots of the box",
@@ -276,7 +275,7 @@ def slow_motion_caps(case: Case, joint_path: JointPath, cells: FloatArray) -> Fl
     - `cells`: arc lengths of the ends of the cells [m], (n + 1,).
     """
     path = joint_path.tool_path
-    if path is None or isinstance(case.run.compensation, NoCompensation):
+    if path is None or not case.run.compensation.compensates:
         return np.full(len(cells) - 1, np.inf)
     kp, _, dead_time = independent_half_widths(case)
     servo = case.servo
@@ -428,7 +427,7 @@ def _bound_contour(arm: Arm, ranges: JointRanges, largest: _Largest) -> float:
     bends = _Bends(piece.followed)
     bound = found + bends.excess(largest.s_low, largest.s_high)
     best = float(found.max())
-    is_critical = bound > best * (1 + CLOSE)
+    is_critical = bound > best * (1 + CLOSE_BOUND)
     critical = np.flatnonzero(is_critical)
     critical = critical[np.argsort(-found[critical])]
     divided = _Division(arm, piece, bends, others).bound(low, high, critical, best)
@@ -501,12 +500,12 @@ class _Division:
             for part_low, part_high in parts:
                 corner, part_bound = self._measure(i, part_low, part_high)
                 best = max(best, corner)
-                if part_bound <= best * (1 + CLOSE):
+                if part_bound <= best * (1 + CLOSE_BOUND):
                     bound = max(bound, part_bound)
                 else:
                     remaining.append((part_low, part_high, part_bound))
             measured += len(parts)
-            if measured > MAX_PARTS:
+            if measured > MAX_RANGE_PARTS:
                 return best, max([bound, *(x[2] for x in remaining)])
             parts = []
             for part_low, part_high, _ in remaining:

@@ -29,10 +29,10 @@ from armcontour.studies.certification.derating import Derating, plan_derated
 from armcontour.verification.contour_errors import unexplained_errors
 
 # Time between two results of the execution that proves a plan [s].
-RESOLUTION = 1e-4
+PROOF_RESOLUTION = 1e-4
 # Largest number of points, in addition to breaks, at which the errors that the servo model does not
 # explain are bounded.
-MAX_POINTS = 1000
+MAX_ERROR_POINTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,9 @@ class Case:
         for step in self.traced.steps:
             path = step.joint_path
             if path is not None and path.tool_path is not None and self.traced.is_contour(step):
-                s = np.union1d(path.breaks, np.linspace(0.0, path.tool_path.length, MAX_POINTS))
+                s = np.union1d(
+                    path.breaks, np.linspace(0.0, path.tool_path.length, MAX_ERROR_POINTS)
+                )
                 tangent = path.tool_path(s, 1)
                 _, across = unexplained_errors(self.arm, path(s), tangent, model_error)
                 largest = max(largest, float(across.max()))

@@ -17,7 +17,7 @@ from armcontour.jobs.job import ARC, FREE, Job
 from armcontour.jobs.rows import field_rows, off_drawing, verdict_rows, warning_rows
 from armcontour.jobs.run_notes import beyond_logs
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.jobs.verdict import BODIES, ROUNDING, SERVO, Deviation
+from armcontour.jobs.verdict import BODIES, SERVO, VERDICT_ROUNDING, Deviation
 from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.simulation.rigid_body_plant import can_simulate
 from armcontour.studies.certification.box_errors import BoxErrors
@@ -362,7 +362,9 @@ class Certificate(Result):
 
         Rigid bodies judge the certificate if the run has an experiment.
         """
-        within = (x.budget.left >= -ROUNDING * x.budget.servo_allowed for x in self.contours)
+        within = (
+            x.budget.left >= -VERDICT_ROUNDING * x.budget.servo_allowed for x in self.contours
+        )
         bodies = (self.experiment_error or 0.0) <= self.budget.servo_allowed
         completed = self.result.failure is None
         valid = self.check.verdict != "violated"

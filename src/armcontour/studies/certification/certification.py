@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from armcontour.control.compensation.compensator import INVERSE
+from armcontour.control.compensation import INVERSE
 from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -27,17 +27,16 @@ from armcontour.jobs.job import (
     build_plant,
     choose_run,
 )
+from armcontour.jobs.run_job import evaluate_run, simulate_rigid_bodies
 from armcontour.jobs.run_plan import explained_reach, plan_one
-from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
 from armcontour.jobs.verdict import Deviation
-from armcontour.motion import Method
-from armcontour.planning import Optimal, check_jerk_support, explain
+from armcontour.planning import Optimal, explain
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant, simulate
 from armcontour.studies.certification.box_errors import bound_box
-from armcontour.studies.certification.case import RESOLUTION, Case
+from armcontour.studies.certification.case import PROOF_RESOLUTION, Case
 from armcontour.studies.certification.certificate import (
     Budget,
     Certificate,
@@ -46,13 +45,13 @@ from armcontour.studies.certification.certificate import (
 )
 from armcontour.studies.certification.derating import DeratedLimits, derated_intervals
 from armcontour.studies.certification.derating_search import Verdict, attempts, verify_attempt
-from armcontour.verification.contour_errors import pieces_of
+from armcontour.verification.contour_errors import ContourExecution, pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
-# A nearly continuous command has a cycle that is CONTINUOUS times shorter, but at least SHORTEST
-# [s].
+# A nearly continuous command has a cycle that is CONTINUOUS times shorter, but at least
+# SHORTEST_CYCLE [s].
 CONTINUOUS = 20
-SHORTEST = 1e-4
+SHORTEST_CYCLE = 1e-4
 # Shares of the tolerance for the servo if the goal has no servo budget. They are tried in order
 # until a plan is certified.
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
@@ -61,7 +60,7 @@ SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
 SERVO_MARGIN = 1.5
 # The search for a servo budget ends if the budget changes by at most this fraction of the
 # tolerance.
-LEAST_GAIN = 1e-3
+LEAST_BUDGET_CHANGE = 1e-3
 
 
 @checked
@@ -94,8 +93,7 @@ def certify(
         limits: Limits that replace those of the arm.
         run: Name of the run; by default that of the goal.
         goal: The goal; by default the certificate of the job, or a tolerance equal to its
-            accuracy. The corners of a path are rounded
-            within its tolerance.
+            accuracy. The corners of a path are rounded within its tolerance.
         progress: Called with a named step before every trial.
 
     Raises:
@@ -104,68 +102,117 @@ def certify(
             remedies.
         ArmContourError: Tracing, planning or execution fails.
     """
-    if not isinstance(job, Job):
-        if arm is None or servo is None or goal is None:
-            raise InvalidInput(
-                "A certificate of a path requires an arm, a servo and a goal: certify(path, arm, "
-                "servo, goal=CertificateGoal(tolerance=1e-3))."
-            )
-        rounding = None if goal.tolerance is None else Rounding(tolerance=goal.tolerance)
-        limits = resolve_limits("certify", arm, limits)
-        only = Run(name="optimal", limits=limits, rounding=rounding)
-        job = Job(name="path", arm=arm, path=job, servo=servo, runs=(only,))
-    elif (arm, servo, limits) != (None, None, None):
-        raise InvalidInput("A job has an arm, a servo and limits. Remove these arguments.")
+    job = _job_of(job, arm, servo, limits, goal)
     goal = goal_of(job, run) if goal is None else goal
-    optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
-    chosen = choose_run(job, goal.run if run is None else run, "certified", optimal)
-    if chosen.duration is not None:
-        raise InvalidInput(
-            f"A certificate does not support runs with a duration, but run {chosen.name} has a "
-            f"duration of {chosen.duration:g} s. Remove duration."
-        )
-    if chosen.speed_factor not in (None, 1.0):
-        raise InvalidInput(
-            f"A certificate is for the full speed, but run {chosen.name} has a speed factor of "
-            f"{number(chosen.speed_factor, '1')}. Remove speed_factor."
-        )
-    if chosen.rounding is not None and chosen.rounding.free:
-        check_jerk_support(Method.SHAPED, chosen.limits)
-    plant = None
-    if chosen.experiment is not None:
-        # The plant is built before the search, so that invalid options are reported early.
-        plant = build_plant(
-            chosen.experiment, job.arm, job.plant_servo, chosen.limits, chosen.feeds_gravity_forward
-        )
+    chosen = _choose_run(job, goal, run)
+    # The plant is built before the search, so that invalid options are reported early.
+    plant = _build_plant(job, chosen)
     if goal.box is not None:
         goal.box.half_widths(job.plant_servo.for_joints(job.arm.dof), job.arm.dof)
-    if chosen.default_compensation:
-        options = replace(INVERSE, command_limits=chosen.compensation.command_limits)
-        chosen = replace(chosen, compensation=options)
+    fastest = _find_fastest_shape(job, _certifiable(chosen), goal, subprogress(progress))
+    return _make_certificate(fastest, plant)
+
+
+def _job_of(
+    job: Job | Path | Program,
+    arm: Arm | None,
+    servo: ServoModel | None,
+    limits: Limits | None,
+    goal: CertificateGoal | None,
+) -> Job:
+    """Return the job, or make the job of a path with an arm, a servo and a goal."""
+    if isinstance(job, Job):
+        if (arm, servo, limits) != (None, None, None):
+            raise InvalidInput("A job has an arm, a servo and limits. Remove these arguments.")
+        return job
+    if arm is None or servo is None or goal is None:
+        raise InvalidInput(
+            "A certificate of a path requires an arm, a servo and a goal: certify(path, arm, "
+            "servo, goal=CertificateGoal(tolerance=1e-3))."
+        )
+    rounding = None if goal.tolerance is None else Rounding(tolerance=goal.tolerance)
+    limits = resolve_limits("certify", arm, limits)
+    only = Run(name="optimal", limits=limits, rounding=rounding)
+    return Job(name="path", arm=arm, path=job, servo=servo, runs=(only,))
+
+
+def _choose_run(job: Job, goal: CertificateGoal, name: str | None) -> Run:
+    """Choose the run of a name, or of the goal; refuse what a certificate does not support."""
+    optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
+    run = choose_run(job, goal.run if name is None else name, "certified", optimal)
+    if run.duration is not None:
+        raise InvalidInput(
+            f"A certificate does not support runs with a duration, but run {run.name} has a "
+            f"duration of {run.duration:g} s. Remove duration."
+        )
+    if run.speed_factor not in (None, 1.0):
+        raise InvalidInput(
+            f"A certificate is for the full speed, but run {run.name} has a speed factor of "
+            f"{number(run.speed_factor, '1')}. Remove speed_factor."
+        )
+    if run.shaping is not None:
+        run.shaping.check_jerk(run.limits)
+    return run
+
+
+def _build_plant(job: Job, run: Run) -> RigidBodyPlant | None:
+    """Build the plant of the experiment of a run; None if it has none."""
+    if run.experiment is None:
+        return None
+    return build_plant(
+        run.experiment, job.arm, job.plant_servo, run.limits, run.feeds_gravity_forward
+    )
+
+
+def _certifiable(run: Run) -> Run:
+    """Return the run with the timing and the compensation of a certificate."""
+    if run.default_compensation:
+        options = replace(INVERSE, command_limits=run.compensation.command_limits)
+        run = replace(run, compensation=options)
     # Derating replaces the reserve, so the reserve is not used.
-    free = chosen.rounding is not None and chosen.rounding.free
-    intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None
-    chosen = replace(chosen, timing=Optimal(intervals=intervals))
-    report = subprogress(progress)
-    shapes = [chosen]
-    if free and chosen.rounding is not None:
-        shapes.append(replace(chosen, rounding=chosen.rounding.with_arcs))
-    best: tuple[Verdict, Uncertified] | None = None
+    intervals = None if run.shaping is None else run.shaping.intervals
+    return replace(run, timing=Optimal(intervals=intervals))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Found:
+    """The fastest plan of a run that satisfies the goal."""
+
+    verdict: Verdict
+    uncertified: Uncertified  # The plan without derating
+    # Durations of both shapes, free corners and arcs [s]; empty if only one was tried. The shape
+    # that was not chosen has a lower bound of its duration.
+    shapes: Mapping[str, float] = field(default_factory=dict)
+
+
+def _find_fastest_shape(job: Job, run: Run, goal: CertificateGoal, report: Progress) -> _Found:
+    """Find the fastest plan of a run; instead of free corners, arcs are tried, too."""
+    shapes = [run]
+    if run.rounding is not None and run.rounding.free:
+        shapes.append(replace(run, rounding=run.rounding.with_arcs))
+    best: _Found | None = None
     refusals: list[NotRealizable] = []
     durations: dict[str, float] = {}
     for each in shapes:
         deadline = min(durations.values(), default=np.inf)
         try:
-            least, found = _find_fastest(job, each, goal, report, deadline)
+            # The plan without derating is the reference of the certificate's cost. It is planned
+            # first, because its errors, such as an event before the start, also apply to the
+            # certificate.
+            base = _plan_case(job, each, goal, report, 0.0)
+            least = base.planned.trajectory.duration
+            found = _find_fastest(base, each) if least < deadline else None
         except NotRealizable as error:
             refusals.append(error)
             continue
+        if found is not None:
+            least = found.verdict.duration
         durations[ARC if each.rounding is None else each.rounding.shape] = least
         if found is not None and least < deadline:
             best = found
     if best is None:
         raise refusals[-1]
-    return _make_certificate(*best, durations if FREE in durations else {}, plant)
+    return replace(best, shapes=durations if FREE in durations else {})
 
 
 def goal_of(job: Job, run: str | None, /, **overrides: Any) -> CertificateGoal:
@@ -178,41 +225,45 @@ def goal_of(job: Job, run: str | None, /, **overrides: Any) -> CertificateGoal:
     return CertificateGoal(**overrides)
 
 
-def _find_fastest(
-    job: Job, run: Run, goal: CertificateGoal, report: Progress, deadline: float
-) -> tuple[float, tuple[Verdict, Uncertified] | None]:
+def _find_fastest(base: Case, run: Run) -> _Found:
     """Find the fastest plan of a run for a goal, over all splits of the tolerance.
 
-    Returns its duration [s], its verdict, and the plan without derating. If no plan is faster than
-    `deadline` [s], returns a lower bound of the duration, and None.
+    `base` is the case whose corners have the whole tolerance.
     """
+    goal = base.goal
     tolerance = goal.tolerance
-
-    def case_of(servo: float) -> Case:
-        """The case in which the corners have the tolerance that the servo does not need [m]."""
-        shaped = run
-        if run.rounding is not None and tolerance is not None:
-            corners = tolerance - servo
-            if run.continuity == CURVATURE:
-                # Corners leave room for transitions, which are within their own tolerance.
-                corners = max(corners - TRANSITION_TOLERANCE, corners / 2)
-            shaped = replace(run, rounding=replace(run.rounding, tolerance=corners))
-        with explained_reach(job):
-            planned = plan_one(job, shaped, report, clear=False)
-        return Case(job, planned, goal, servo, report)
-
-    # The plan without derating is the reference of the certificate's cost. It is planned first,
-    # because its errors, such as an event before the start, also apply to the certificate.
-    base = case_of(0.0)
-    if (least := base.planned.trajectory.duration) >= deadline:
-        return least, None
     uncertified = _execute_uncertified(base)
     pairs = zip(base.program.contours, base.planned.objective.contours, strict=True)
     bent = any(bound_deviation(x.path, drawn.path).total > 0 for x, drawn in pairs)
     if tolerance is None or not bent:
+        # The servo may use the whole tolerance.
         case = replace(base, servo_allowed=goal.servo_error or tolerance or 0.0)
-        best = find_verdict(case)
-        return best.duration, (best, uncertified)
+        return _Found(verdict=find_verdict(case), uncertified=uncertified)
+    verdict = _split_tolerance(base, run, tolerance)
+    return _Found(verdict=verdict, uncertified=uncertified)
+
+
+def _plan_case(job: Job, run: Run, goal: CertificateGoal, report: Progress, servo: float) -> Case:
+    """Plan the case in which corners have the tolerance that the servo does not need [m]."""
+    shaped = run
+    if run.rounding is not None and goal.tolerance is not None:
+        corners = goal.tolerance - servo
+        if run.continuity == CURVATURE:
+            # Corners leave room for transitions, which are within their own tolerance.
+            corners = max(corners - TRANSITION_TOLERANCE, corners / 2)
+        shaped = replace(run, rounding=replace(run.rounding, tolerance=corners))
+    with explained_reach(job):
+        planned = plan_one(job, shaped, report, clear=False)
+    return Case(job, planned, goal, servo, report)
+
+
+def _split_tolerance(base: Case, run: Run, tolerance: float) -> Verdict:
+    """Find the servo budget of the fastest plan: the tolerance [m] less that of the corners.
+
+    The first budget with a certified plan is replaced by what this plan needs, while the plans
+    become faster.
+    """
+    goal = base.goal
     budgets = [x * tolerance for x in SERVO_SHARES]
     if goal.servo_error is not None:
         budgets = [goal.servo_error]
@@ -221,7 +272,7 @@ def _find_fastest(
     while budgets:
         budget = budgets.pop(0)
         try:
-            verdict = find_verdict(case_of(budget))
+            verdict = find_verdict(_plan_case(base.job, run, goal, base.progress, budget))
         except NotRealizable:
             if found is None and not budgets:
                 raise
@@ -232,9 +283,9 @@ def _find_fastest(
         # The servo gets more than its error, because another budget changes the plan.
         needed = SERVO_MARGIN * verdict.largest_error + verdict.case.model_error
         needed = min(needed, largest)
-        budgets = [needed] if abs(needed - budget) > LEAST_GAIN * tolerance else []
+        budgets = [needed] if abs(needed - budget) > LEAST_BUDGET_CHANGE * tolerance else []
     assert found is not None
-    return found.duration, (found, uncertified)
+    return found
 
 
 def find_verdict(case: Case) -> Verdict:
@@ -259,53 +310,50 @@ def find_verdict(case: Case) -> Verdict:
     return verdict
 
 
-def _make_certificate(
-    verdict: Verdict,
-    uncertified: Uncertified,
-    shapes: Mapping[str, float],
-    plant: RigidBodyPlant | None,
-) -> Certificate:
-    """Evaluate a certified attempt, run the experiment, and make the certificate."""
+def _make_certificate(found: _Found, plant: RigidBodyPlant | None) -> Certificate:
+    """Evaluate a certified plan, run the experiment, and make the certificate."""
+    verdict = found.verdict
     case = verdict.case
-    job = verdict.case.job
-    chosen = verdict.case.run
+    run = case.run
+    arm = case.job.arm
     set_points = verdict.attempt.set_points
+    trajectory = verdict.attempt.trajectory
     objective = case.planned.objective
     case.progress(Step(("evaluation",)))
-    judged = replace(chosen, limits=case.limits)
     experiment = None
     failure = None
     if plant is not None:
         case.progress(Step(("experiment",)))
         try:
             experiment = simulate_rigid_bodies(
-                job, chosen, set_points, case.program, objective, plant
+                case.job, run, set_points, case.program, objective, plant
             )
         except ExecutionError as error:
             failure = error
-    trajectory = verdict.attempt.trajectory
-    contours = tuple(_make_contours(verdict, uncertified))
-    derated = DeratedLimits([(x.joint_path, x.derating) for x in contours], chosen.limits)
+    contours = tuple(_make_contours(verdict, found.uncertified))
+    derated = DeratedLimits([(x.joint_path, x.derating) for x in contours], run.limits)
+    judged = replace(run, limits=case.limits)
+    result = replace(
+        case.planned,
+        trajectory=trajectory,
+        explanation=explain(trajectory, arm, constraints=[derated]),
+        set_points=set_points,
+        servo=case.job.servo,
+        execution=verdict.executed,
+        evaluation=evaluate_run(judged, verdict.executed, case.program, objective),
+        experiment=experiment,
+        failure=failure,
+        clearance=clearance_of(case.job, trajectory),
+    )
     return Certificate(
-        job=job,
-        result=replace(
-            case.planned,
-            trajectory=trajectory,
-            explanation=explain(trajectory, job.arm, constraints=[derated]),
-            set_points=set_points,
-            servo=job.servo,
-            execution=verdict.executed,
-            evaluation=evaluate_run(judged, verdict.executed, case.program, objective),
-            experiment=experiment,
-            failure=failure,
-            clearance=clearance_of(job, trajectory),
-        ),
+        job=case.job,
+        result=result,
         goal=case.goal,
         model=describe_model(case),
         check=verdict.check,
         contours=contours,
-        uncertified=uncertified,
-        shapes=shapes,
+        uncertified=found.uncertified,
+        shapes=found.shapes,
     )
 
 
@@ -313,28 +361,17 @@ def _make_contours(verdict: Verdict, uncertified: Uncertified) -> Iterator[Conto
     """Make the certificates of all contours."""
     case = verdict.case
     attempt = verdict.attempt
-    # An execution of nearly continuous set-points has the error of the servo without the error that
-    # the cycle adds.
-    cycle = max(case.run.cycle / CONTINUOUS, min(SHORTEST, case.run.cycle))
-    smooth = simulate(
-        case.compute_set_points(attempt.trajectory, cycle),
-        case.plant(ideal=True),
-        resolution=max(cycle, RESOLUTION),
-    )
-    continuous = pieces_of(smooth, case.program, None, None)
+    continuous = _execute_continuously(verdict)
     spans = attempt.trajectory.contour_spans
+    names = case.arm.joint_names
     for k, (move, piece, span) in enumerate(
         zip(attempt.contours, verdict.pieces, spans, strict=True)
     ):
         assert span.work is not None
-        servo, nominal = (
-            max(x.contour_error.max, x.coverage_error.max) for x in (continuous[k], piece)
-        )
-        deviation = bound_deviation(piece.path, case.planned.objective.contours[k].path)
         robots = verdict.robots[k] if verdict.robots else None
         worst = 0.0 if robots is None else robots.largest
+        drawn = case.planned.objective.contours[k].path
         derating = move.derating
-        names = case.arm.joint_names
         yield ContourCertificate(
             name=contour_called(case.program.contours[k], k),
             t=span.t,
@@ -347,27 +384,58 @@ def _make_contours(verdict: Verdict, uncertified: Uncertified) -> Iterator[Conto
             error=piece.contour_error,
             coverage_error=piece.coverage_error,
             speed_ratio=float(piece.speed_ratios(case.limits.speed, between=True).max()),
-            budget=Budget(
-                rounding=deviation.rounding or 0.0,
-                smoothing=deviation.smoothing,
-                servo=servo,
-                sampling=nominal - servo,
-                box=max(0.0, worst - nominal),
-                model_error=case.model_error,
-                allowed=case.goal.tolerance,
-                servo_allowed=case.servo_allowed,
-            ),
+            budget=_make_budget(case, piece, continuous[k], drawn, worst),
             optimum=uncertified.contours[k],
             robots=robots,
             trials=move.trials,
         )
 
 
+def _make_budget(
+    case: Case, piece: ContourExecution, continuous: ContourExecution, drawn: Path, worst: float
+) -> Budget:
+    """Make the budget of a contour from its execution and the execution without a cycle.
+
+    - `drawn`: the contour before rounding.
+    - `worst`: largest error of the robots of the box [m]; 0 without a box.
+    """
+    deviation = bound_deviation(piece.path, drawn)
+    servo = _larger_error(continuous)
+    nominal = _larger_error(piece)
+    return Budget(
+        rounding=deviation.rounding or 0.0,
+        smoothing=deviation.smoothing,
+        servo=servo,
+        sampling=nominal - servo,
+        box=max(0.0, worst - nominal),
+        model_error=case.model_error,
+        allowed=case.goal.tolerance,
+        servo_allowed=case.servo_allowed,
+    )
+
+
+def _larger_error(piece: ContourExecution) -> float:
+    """The larger of contour error and coverage error [m]."""
+    return max(piece.contour_error.max, piece.coverage_error.max)
+
+
+def _execute_continuously(verdict: Verdict) -> Sequence[ContourExecution]:
+    """Execute nearly continuous set-points, whose error is that of the servo without a cycle."""
+    case = verdict.case
+    cycle = max(case.run.cycle / CONTINUOUS, min(SHORTEST_CYCLE, case.run.cycle))
+    smooth = simulate(
+        case.compute_set_points(verdict.attempt.trajectory, cycle),
+        case.plant(ideal=True),
+        resolution=max(cycle, PROOF_RESOLUTION),
+    )
+    return pieces_of(smooth, case.program, None, None)
+
+
 def _execute_uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan without derating."""
     fastest = case.planned.trajectory
     set_points = case.compute_set_points(fastest)
-    resolution = max(min(1e-3, case.run.cycle), RESOLUTION)
+    resolution = max(min(1e-3, case.run.cycle), PROOF_RESOLUTION)
     executed = simulate(set_points, case.plant(), resolution=resolution)
     pieces = pieces_of(executed, case.program, None, None)
     error = ErrorProfile.join([x.contour_error for x in pieces])

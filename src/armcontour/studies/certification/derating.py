@@ -14,9 +14,8 @@ from armcontour.core.render import number
 from armcontour.core.text import joint_label
 from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.constraints import Constraint, IntervalEnds, JointMotion
-from armcontour.planning.optimal_timing import plan_optimal
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.path_grid import Grid, place_grid
-from armcontour.planning.timing_options import Optimal
 from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits

@@ -18,7 +18,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from armcontour.control.compensation import InverseDynamics, NoCompensation
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
 from armcontour.core.progress import Step
@@ -37,7 +36,7 @@ from armcontour.studies.certification.box_errors import (
     servo_with,
     slow_motion_caps,
 )
-from armcontour.studies.certification.case import RESOLUTION, Attempt, Case, Move
+from armcontour.studies.certification.case import PROOF_RESOLUTION, Attempt, Case, Move
 from armcontour.studies.certification.derating import largest_squares
 from armcontour.verification import Check, check
 from armcontour.verification.contour_errors import ContourExecution, pieces_of
@@ -52,7 +51,7 @@ SPEED_SLACK = 1e-3
 RESULTS_PER_CYCLE = 16
 BOX_RESULTS_PER_CYCLE = 4
 # Shortest time between two results [s].
-SHORTEST_STEP = 1.25e-4
+SHORTEST_RESULT_STEP = 1.25e-4
 # Ratios to limits at which derating aims, so that the search ends.
 GOALS = {"acceleration": 1 - 3e-6, "speed": 1 - 2e-9, "tool": 1 - 2e-9}
 # Powers of a ratio by which ds² is reduced: ratios of "speed" and "tool" are ratios of ds². Errors
@@ -126,7 +125,7 @@ class Verdict:
 
 def verify_attempt(case: Case, attempt: Attempt) -> Verdict:
     """Execute an attempt, and compare it with all limits and with the goal."""
-    executed = simulate(attempt.set_points, case.plant(), resolution=RESOLUTION)
+    executed = simulate(attempt.set_points, case.plant(), resolution=PROOF_RESOLUTION)
     pieces = pieces_of(executed, case.program, None, None)
     checked = check(attempt.trajectory, case.arm, case.limits, points=CHECK_POINTS)
     # Values of the whole program count for each contour.
@@ -260,9 +259,9 @@ def _corner_robots(case: Case) -> FloatArray:
 def execute(case: Case, set_points: SetPoints, robots: FloatArray) -> list[Execution]:
     """Execute set-points without saturation on the nominal robot, and on robots of the box."""
     cycle = set_points.cycle
-    step = min(cycle, max(cycle / RESULTS_PER_CYCLE, SHORTEST_STEP))
+    step = min(cycle, max(cycle / RESULTS_PER_CYCLE, SHORTEST_RESULT_STEP))
     runs = [simulate(set_points, case.plant(ideal=True), resolution=step)]
-    step = max(cycle / BOX_RESULTS_PER_CYCLE, SHORTEST_STEP)
+    step = max(cycle / BOX_RESULTS_PER_CYCLE, SHORTEST_RESULT_STEP)
     servos = [servo_with(case.servo, x) for x in robots]
     return runs + [simulate(set_points, case.plant(x, ideal=True), resolution=step) for x in servos]
 
@@ -363,7 +362,7 @@ def _estimate_uses(
     edges = start + move.plan.time_at(move.derating.cells)
     memory = 2.0 / float((case.servo.kp if case.servo.kv is None else case.servo.kv).min())
     # Without compensation, the tool lags, so an error is due to an earlier part of the plan.
-    lags = isinstance(case.run.compensation, NoCompensation)
+    lags = not case.run.compensation.compensates
     delay = TOOL_MEMORY * memory / 2 if lags else 0.0
 
     def in_cells(t: FloatArray, values: FloatArray, before: float = 0.0) -> FloatArray:
@@ -522,9 +521,9 @@ def _refuse(
     advice = f"Use {finer}"
     if cause == "box":
         advice = "Reduce the uncertainty of the robot (a smaller box)"
-    elif isinstance(compensation, NoCompensation):
+    elif not compensation.compensates:
         advice = "Compensate the lag of the servo"
-    elif isinstance(compensation, InverseDynamics) and cause == "acceleration":
+    elif compensation.for_bodies and cause == "acceleration":
         finer = "compensation inverse (inverse_dynamics is for rigid bodies)"
     # Ratios of "tool" are those of squared speeds.
     tool = (1 + SPEED_SLACK) * ratio**0.5

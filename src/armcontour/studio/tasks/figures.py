@@ -26,7 +26,7 @@ def figures(request: Request) -> MessageFrame:
     from armcontour.core.result import VERDICT, Row
     from armcontour.jobs.rows import with_worst_execution
     from armcontour.report.arm_frame import nearest_pair
-    from armcontour.report.plan_frames import Tier, refusal_header, time_header
+    from armcontour.studio.plan_frames import Tier, refusal_header, time_header
 
     try:
         result = request.result

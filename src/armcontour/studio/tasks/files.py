@@ -91,15 +91,13 @@ def export(request: Request) -> MessageFrame:
     from armcontour.files.exports.export_checks import check_export
     from armcontour.files.exports.export_table import make_table
     from armcontour.files.exports.formats import (
-        WITH_ANALOG,
+        ENDINGS,
         format_named,
         outputs_of,
         write_destination,
     )
     from armcontour.files.exports.identifiers import identifier
-    from armcontour.files.exports.template import OUTPUT_EXAMPLES
     from armcontour.jobs import analog_outputs
-    from armcontour.jobs.job import ENDINGS
 
     kind = str(request.option("format", "csv"))
     if kind not in ENDINGS:
@@ -133,16 +131,19 @@ def export(request: Request) -> MessageFrame:
             arm=job.arm,
             cycle=cycle,
             derivatives=job.export.derivatives,
-            analog=analog if isinstance(format, WITH_ANALOG) else None,
+            analog=analog if format.writes_analog else None,
         )
         notes = format.describe(table)
         write_destination(file, lambda path: format.write(table, path))
         content = file.read_bytes()
     switches = dict.fromkeys(x.name for x in table.events if isinstance(x.value, bool))
-    missing = [x for x in switches if kind in OUTPUT_EXAMPLES and x not in outputs_of(format)]
+    changes = []
+    if format.program is not None:
+        missing = [x for x in switches if x not in outputs_of(format)]
+        changes = [_name_output(job, x, kind, format.program.output) for x in missing]
     header = {
         "sentence": f"{len(plan.set_points.q)} set-points.",
-        "changes": [_name_output(job, x, kind, OUTPUT_EXAMPLES[kind]) for x in missing],
+        "changes": changes,
         "warnings": (*plan.warnings, *(f"Format {format.label}: {said}" for said in notes)),
     }
     return MessageFrame.of_file(file.name, content, header)

@@ -31,16 +31,16 @@ from armcontour.verification.clearance.body_pairs import (
 )
 
 # Distances within this tolerance of the margin count as violations [m].
-FINEST = 1e-6
+MARGIN_TOLERANCE = 1e-6
 # Search for the first time at which a margin is violated: accuracy of this time, as a travel [m].
-STEP = 1e-5
+VIOLATION_TRAVEL = 1e-5
 # Search for the first time at which a margin is violated: number of pieces per window.
 PIECES = 16
 # Numbers of pieces per window, each with the largest number of windows for which it is used. If
 # there are more windows, each is divided into two pieces.
 FEW = {8: 25, 4: 100}
 # Number of breaks of a motion per batch, to bound the memory.
-AT_ONCE = 20_000
+BREAKS_AT_ONCE = 20_000
 # Number of cells in the cache.
 CELLS = 4
 # A joint path represents any motion along it, with arc length instead of time.
@@ -432,8 +432,8 @@ class _ClearanceSearch:
 
     def run(self) -> bool:
         """Subdivide time windows until all are decided; True if all margins are satisfied."""
-        for first in range(0, len(self._t) - 1, AT_ONCE):
-            last = min(first + AT_ONCE, len(self._t) - 1)
+        for first in range(0, len(self._t) - 1, BREAKS_AT_ONCE):
+            last = min(first + BREAKS_AT_ONCE, len(self._t) - 1)
             travel = self._travel[first : last + 1] - self._travel[first]
             self._bound_distances(self._t[first : last + 1], travel)
             if self._resolution == np.inf and self.first_violation < np.inf:
@@ -527,14 +527,16 @@ class _ClearanceSearch:
         """Mask of the windows that must be subdivided."""
         if self._resolution == np.inf:
             unproven = (low < self._margins[pair]) & (begin < self.first_violation)
-            return np.asarray(unproven & (width > FINEST))
+            return np.asarray(unproven & (width > MARGIN_TOLERANCE))
         smallest = np.full(self._kinds.max() + 1, np.inf)
         np.minimum.at(smallest, self._kinds, self._high)
         margin = self._margins[pair]
         high = self._high[pair]
         unproven = (low < margin) & (high >= margin)
         coarse = low < smallest[self._kinds[pair]] - self._resolution
-        return np.asarray((unproven & (width > FINEST)) | (coarse & (width > self._resolution)))
+        return np.asarray(
+            (unproven & (width > MARGIN_TOLERANCE)) | (coarse & (width > self._resolution))
+        )
 
     def _measure(self, pair: IntArray, t: FloatArray) -> FloatArray:
         """Lower bounds of distances of pairs at times [m], (n,); records the smallest distances."""
@@ -556,7 +558,10 @@ class _ClearanceSearch:
         return self._first_time(k, float(self._at[k]))
 
     def _first_time(self, k: int, latest: float) -> float:
-        """First time at which a pair may violate its margin [s], with an accuracy of STEP."""
+        """Return the first time at which a pair may violate its margin [s].
+
+        The pair travels at most VIOLATION_TRAVEL between the exact time and the result.
+        """
         travelled = self._travel @ self._radii[k]
         margin = self.pairs[k].margin
         windows = [(0.0, float(np.interp(latest, self._t, travelled)))]
@@ -571,7 +576,7 @@ class _ClearanceSearch:
                 return float(t[0] if begin > 0 else self._t[0])
             low = (distance[:-1] + distance[1:] - np.diff(edges)) / 2
             doubtful = np.flatnonzero(np.minimum(low, distance[1:]) < margin).tolist()
-            if doubtful and end - begin <= STEP:
+            if doubtful and end - begin <= VIOLATION_TRAVEL:
                 return float(t[1 + doubtful[0]])
             windows += [(float(edges[x]), float(edges[x + 1])) for x in reversed(doubtful)]
         return latest

@@ -73,7 +73,7 @@ class ProgrammedArc:
 def arc_around(
     start: complex, end: complex, center: complex, turn: int, dialect: str
 ) -> ProgrammedArc:
-    """The arc around a programmed centre; a full circle if start and end are the same point.
+    """Return the arc around a programmed centre; a full circle if start and end are the same point.
 
     `dialect` is the unit of the program, "mm" or "inch", which selects the tolerances.
     """
@@ -135,7 +135,7 @@ def arc_parts(arc: ProgrammedArc) -> list[ArcPart]:
 
 
 def _arc_between(start: complex, end: complex, center: complex, turn: int) -> ArcPart:
-    """The arc between two points around the projection of `center` onto their bisector."""
+    """Return the arc between two points around the projection of `center` onto their bisector."""
     chord = abs(end - start)
     along = (end - start) / chord
     height = ((center - (start + end) / 2) * along.conjugate()).imag
@@ -148,7 +148,7 @@ def _arc_between(start: complex, end: complex, center: complex, turn: int) -> Ar
 
 
 def _arc_around(arc: ProgrammedArc, sweep: float) -> ArcPart:
-    """The arc around the programmed centre, from the start by the angle `sweep` [rad]."""
+    """Return the arc around the programmed centre, from the start by the angle `sweep` [rad]."""
     normal = (arc.center - arc.start) / arc.radius
     end = arc.center - arc.radius * (normal * cmath.rect(1.0, arc.turn * sweep))
     if sweep == 2 * math.pi:
@@ -199,7 +199,7 @@ class HelixKnots:
 def helix_knots(
     arc: ProgrammedArc, tolerance: float, count_segments: Callable[[int], None]
 ) -> HelixKnots:
-    """Knots of a helix between which transitions are within a tolerance [m].
+    """Return the knots of a helix between which transitions are within a tolerance [m].
 
     The radius changes linearly from start to end. `count_segments` receives the number of
     transitions before they are computed, and raises an error if there are too many.

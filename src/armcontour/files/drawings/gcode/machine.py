@@ -174,7 +174,7 @@ class Machine:
         return self.motion in ARCS and not block.words.keys().isdisjoint(letters)
 
     def _unit_of_feed(self, block: Block) -> float:
-        """The unit of length of F on a line [m]; a line that changes the unit can be refused."""
+        """Return the length unit of F on a line [m]; refuse an ambiguous unit."""
         # On a line that changes the unit, controllers differ: they interpret F in the old or in the
         # new unit. If no unit was specified before, only the new unit is possible.
         unit = _selected_unit(block)
@@ -196,7 +196,7 @@ class Machine:
             )
 
     def _feed(self) -> Feed:
-        """Speed, tolerance and line of a feed move; notes a missing feed rate."""
+        """Return the speed, tolerance and line of a feed move; notes a missing feed rate."""
         if self.feed == 0:
             raise Fault(
                 "there is no feed rate for G1, G2 or G3. Write F above zero, in units per minute, "
@@ -210,7 +210,7 @@ class Machine:
         return self.feed, self.tolerance, self.notes.line
 
     def _dwell(self, block: Block) -> float:
-        """Time of G4 [s], from the word P, or from S or X (other controllers)."""
+        """Return the time of G4 [s], from the word P, or from S or X (other controllers)."""
         words = block.words
         letter = next((x for x in "PSX" if x in words), None)
         if letter is None:
@@ -268,7 +268,7 @@ class Machine:
                 )
 
     def _length(self, letter: str, value: float) -> float:
-        """The length [m] of a word."""
+        """Return the length [m] of a word."""
         length = value * self.unit
         if not abs(length) <= FARTHEST:
             raise Fault(
@@ -277,7 +277,7 @@ class Machine:
         return length
 
     def _coordinates(self, block: Block) -> dict[int, float]:
-        """Coordinates of a line [m] by axis index; removes them from the line."""
+        """Return the coordinates of a line [m] by axis index; removes them from the line."""
         words = block.words
         return {i: self._length(x, words.pop(x)) for i, x in enumerate(AXES) if x in words}
 
@@ -311,7 +311,7 @@ class Machine:
         self.position = target
 
     def _target(self, coordinates: dict[int, float]) -> list[float]:
-        """The point of the drawing [m] that the coordinates of a line define."""
+        """Return the point of the drawing [m] that the coordinates of a line define."""
         if self.absolute and coordinates:
             self.drawing_system = self.drawing_system or self.system
             if self.drawing_system != self.system:
@@ -401,7 +401,7 @@ class Machine:
         self.draft.add_helix(rows, middles, feed)
 
     def _read_arc(self, block: Block, start: complex, end: complex, has_end: bool) -> ProgrammedArc:
-        """The arc of a line; `has_end`: whether the line has a coordinate in the plane."""
+        """Return the arc of a line; `has_end`: whether the line has a coordinate in the plane."""
         words = block.words
         turn = 1 if self.motion == codes.COUNTER_CLOCKWISE else -1
         a, b, c = PLANES[self.plane]
@@ -486,7 +486,7 @@ class Outputs:
                 self.set("coolant", BOTH if value and current and current != value else value)
 
     def _spindles(self, block: Block) -> list[str]:
-        """Names of the spindles that M3, M4, M5 and S address with $; $-1 addresses all."""
+        """Return names of the spindles that M3, M4, M5 and S address with $; $-1 addresses all."""
         if "S" not in block.words and SPINDLE.keys().isdisjoint(block.m):
             return []
         number = whole_number(block.words.pop("$", 0.0), "the number of a spindle $")
@@ -521,14 +521,14 @@ class Outputs:
 
 
 def _selected_unit(block: Block) -> float | None:
-    """The unit of length that a line selects [m]; None if it selects no unit."""
+    """Return the unit of length that a line selects [m]; None if it selects no unit."""
     if codes.INCHES in block.g:
         return INCH
     return MILLIMETRE if codes.MILLIMETRES in block.g else None
 
 
 def _number(block: Block, letter: str, code: int) -> int:
-    """The number of the output of an M code; removes it from the line."""
+    """Return the output number of an M code; removes it from the line."""
     if letter not in block.words:
         raise Fault(f"M{code} needs the number of its output, {letter}")
     return whole_number(block.words.pop(letter), f"the number of an output {letter}")

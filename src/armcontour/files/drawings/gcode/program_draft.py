@@ -23,7 +23,7 @@ from armcontour.program.moves import Move, Value
 SAME_POINT_SQUARED = REPEATED_POINT**2
 # Largest rounding error of z after relative moves that return to zero [m].
 Z_ROUNDING = 1e-12
-# Maximum number of segments of helices; more do not fit into the memory of the planner.
+# Maximum number of helix segments; more do not fit into the planner's memory.
 MAX_SEGMENTS = 1_000_000
 
 Point = tuple[float, float, float]
@@ -36,7 +36,7 @@ Feed = tuple[float, float, int]
 class FeedChain:
     """Consecutive feed moves without a stop, which become one contour."""
 
-    points: array[float]  # x, y and z of the start and of the end of each move [m], flattened
+    points: array[float]  # x, y and z of each move's start and end [m], flattened
     line: int  # Line number of the first move
     # Speed [m/s], maximum permitted corner error [m] and line number of each move.
     speeds: array[float] = field(default_factory=lambda: array("d"))
@@ -246,7 +246,7 @@ def _path(points: array[float], dimension: int, chain: FeedChain | None = None) 
 
 
 def _with_helices(table: Segments, chain: FeedChain) -> Segments:
-    """The table of a chain with transitions instead of the chords of its helices."""
+    """Return a chain's table with transitions instead of the chords of helices."""
     parts = []
     done = 0
     for first, (points, slopes, bends), middles in chain.helices:

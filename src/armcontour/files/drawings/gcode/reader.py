@@ -49,7 +49,7 @@ def read_gcode(
 
 
 def _lines(data: bytes, source: str) -> list[str]:
-    """The lines of a file; a line may end with CR, LF or both."""
+    """Return the lines of a file; a line may end with CR, LF or both."""
     position = data.find(b"\0")
     if position >= 0:
         line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, position))

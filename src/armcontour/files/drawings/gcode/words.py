@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 from armcontour.core.text import list_some
 
-# Lengths of the units of a program [m]:
+# Length units of a program [m]:
 MILLIMETRE = 1e-3
 INCH = 0.0254
 LEFT_OUT_NOTE = "Ignored because it causes no motion: {}."
@@ -20,7 +20,7 @@ MAX_NUMBER_LENGTH = 34
 MAX_VALUE = 1e9
 # Maximum length of a line [characters]; real programs need about ten, with comments some hundred.
 MAX_LINE_LENGTH = 65_536
-# Number of characters of rejected text that a message shows.
+# Number of characters that a message shows of a rejected text.
 SHOWN_CHARACTERS = 30
 # A value counts as a whole number if it differs from the nearest whole number by at most this
 # (LinuxCNC manual, "Numbers").
@@ -119,7 +119,7 @@ class Notes:
         self.firsts.setdefault(sentence, self.line)
 
     def sentences(self) -> list[str]:
-        """All notes as complete sentences."""
+        """Return all notes as complete sentences."""
         skipped = []
         for sentence, kinds in self.kinds.items():
             if kinds:
@@ -244,12 +244,12 @@ def _add_code(
 
 
 def g_name(code: int) -> str:
-    """Name of a G code that is given in tenths: 611 is G61.1."""
+    """Return the name of a G code that is given in tenths: 611 is G61.1."""
     return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")
 
 
 def unsupported(text: str) -> Fault:
-    """The error for a word or text that is not supported."""
+    """Return the error for a word or text that is not supported."""
     return Fault(f"{text} is not supported. {PLAIN_MOVES}")
 
 

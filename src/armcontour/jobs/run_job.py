@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
 
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.compensation.compensator import unchecked_set_points
@@ -17,11 +16,10 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.job import Experiment, Job, Run, build_plant
 from armcontour.jobs.run_notes import sample_rates
-from armcontour.jobs.run_plan import ROUNDING, explain_plan, explained_reach, plan_one
+from armcontour.jobs.run_plan import ROUNDING_STEP, explain_plan, explained_reach, plan_one
 from armcontour.jobs.run_record import ExpectedErrors, ExperimentResult
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.motion import Execution, Method, SetPoints, Trajectory
-from armcontour.planning import check_jerk_support
+from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.program import Program
 from armcontour.robot.servo.model import TRUSTED
 from armcontour.simulation import RigidBodyPlant, ServoPlant, simulate
@@ -29,12 +27,12 @@ from armcontour.simulation.mujoco_model import import_mujoco
 from armcontour.verification import Evaluation, evaluate
 from armcontour.verification.clearance import Clearance
 
-STEPS = (ROUNDING, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
+STEPS = (ROUNDING_STEP, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 EXPERIMENT = "experiment"
-# Fields of a run that determine its plan.
-SHARED = "limits", "timing", "rounding", "end_time", "speed_factor"
+# Runs with equal values of these fields have the same plan.
+PLAN_FIELDS = "limits", "timing", "rounding", "end_time", "speed_factor"
 # Maximum time between two samples of a simulation [s], unless the drive cycle is longer.
-RESOLUTION = 1e-3
+SIMULATION_INTERVAL = 1e-3
 
 
 @checked
@@ -64,32 +62,31 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
             planned = _plan(job, each, list(done.values()), report)
             report(Step(("compensation",)))
             set_points = compute_set_points(job, each, planned.trajectory)
-            simulated: dict[str, Any] = {}
+            result = replace(planned, set_points=set_points, servo=job.servo)
             if simulate:
-                simulated = _simulate(job, planned, set_points, plants.get(each.name), report)
-                simulated["explanation"] = planned.explanation or explain_plan(
-                    job, planned.trajectory
-                )
-            done[each.name] = replace(planned, set_points=set_points, servo=job.servo, **simulated)
+                result = _simulate(job, result, plants.get(each.name), report)
+            done[each.name] = result
     return JobResult(job=job, runs=MappingProxyType(done))
 
 
 def _plan(job: Job, run: Run, done: Sequence[RunResult], progress: Progress) -> RunResult:
-    """Plan of a run, or that of an earlier run with the same limits, timing and rounding."""
+    """Plan a run, or take the plan of an earlier run with the same limits, timing and rounding."""
     for earlier in done:
-        if all(comparable(getattr(run, x)) == comparable(getattr(earlier.run, x)) for x in SHARED):
+        if all(
+            comparable(getattr(run, x)) == comparable(getattr(earlier.run, x)) for x in PLAN_FIELDS
+        ):
             return replace(earlier, run=run, experiment=None, failure=None)
     with explained_reach(job):
         return plan_one(job, run, progress)
 
 
 def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
-    """Simulated robots of the experiments, by name of the run."""
+    """Build the simulated robots of the experiments, by name of the run."""
     # All runs are checked before the first one is planned, because planning can take minutes.
     plants = {}
     for run in job.runs:
         with error_context(f"Run {run.name}"):
-            check_jerk_support(Method.SHAPED if run.is_shaped else run.timing.method, run.limits)
+            (run.shaping or run.timing).check_jerk(run.limits)
             if simulate and run.experiment is not None:
                 with error_context(EXPERIMENT):
                     import_mujoco()
@@ -101,35 +98,33 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
 
 
 def _simulate(
-    job: Job,
-    planned: RunResult,
-    set_points: SetPoints,
-    plant: RigidBodyPlant | None,
-    progress: Progress,
-) -> dict[str, Any]:
-    """Fields of a `RunResult`: simulation with the servo model and, if given, with `plant`."""
+    job: Job, planned: RunResult, plant: RigidBodyPlant | None, progress: Progress
+) -> RunResult:
+    """Simulate the set-points with the servo model and, if given, with `plant`."""
     run = planned.run
     path = planned.path
     objective = planned.objective
     progress(Step(("execution",)))
-    executed = simulate_run(job, set_points)
+    executed = simulate_run(job, planned.set_points)
     progress(Step(("evaluation",)))
     evaluation = evaluate_run(run, executed, path, objective)
-    fields: dict[str, Any] = {
-        "execution": executed,
-        "evaluation": evaluation,
-        "expected": expect_errors(job, run, executed, path, evaluation),
-        "executed_clearance": _executed_clearance(job, planned, executed),
-    }
+    result = replace(
+        planned,
+        execution=executed,
+        evaluation=evaluation,
+        expected=expect_errors(job, run, executed, path, evaluation),
+        executed_clearance=_executed_clearance(job, planned, executed),
+        explanation=planned.explanation or explain_plan(job, planned.trajectory),
+    )
     if plant is None:
-        return fields
+        return result
     progress(Step((EXPERIMENT,)))
     try:
         with error_context(EXPERIMENT):
-            judged = simulate_rigid_bodies(job, run, set_points, path, objective, plant)
-            return {**fields, "experiment": judged}
+            judged = simulate_rigid_bodies(job, run, planned.set_points, path, objective, plant)
+            return replace(result, experiment=judged)
     except ExecutionError as error:
-        return {**fields, "failure": error}
+        return replace(result, failure=error)
 
 
 def compute_set_points(job: Job, run: Run, trajectory: Trajectory) -> SetPoints:
@@ -142,9 +137,11 @@ def compute_set_points(job: Job, run: Run, trajectory: Trajectory) -> SetPoints:
 def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None = None) -> Execution:
     """Simulate the execution of set-points; the default plant is the servo model of the job."""
     if plant is None:
-        return simulate(set_points, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
+        return simulate(
+            set_points, ServoPlant(job.arm, job.plant_servo), resolution=SIMULATION_INTERVAL
+        )
     # The resolution is at least the drive cycle, because the plant has no results within a cycle.
-    return simulate(set_points, plant, resolution=max(RESOLUTION, plant.step))
+    return simulate(set_points, plant, resolution=max(SIMULATION_INTERVAL, plant.step))
 
 
 def simulate_experiment(
@@ -165,7 +162,7 @@ def evaluate_run(run: Run, executed: Execution, path: Program, objective: Progra
 def expect_errors(
     job: Job, run: Run, executed: Execution, path: Program, evaluation: Evaluation
 ) -> ExpectedErrors | None:
-    """Contour errors to expect of the robot; None if the logs do not support an expectation.
+    """Estimate the robot's contour errors; None if the logs do not support an estimate.
 
     `executed`, `evaluation`: simulation with the servo model, and its evaluation.
     """
@@ -175,7 +172,7 @@ def expect_errors(
     ratio = servo.contour_ratio
     program_ratio = ratio if servo.program_ratio is None else servo.program_ratio
     similar = servo.is_similar(*sample_rates(plan))
-    plain = isinstance(run.compensation, NoCompensation)
+    plain = not run.compensation.compensates
     if ratio is None or ratio > TRUSTED or unexplained is None or plain or not similar:
         return None
     assert program_ratio is not None
@@ -191,14 +188,14 @@ def expect_errors(
 def _simulate_uncompensated(
     job: Job, run: Run, plan: Trajectory, path: Program, plant: RigidBodyPlant | None
 ) -> Evaluation:
-    """Evaluate the simulation of a plan without compensation."""
+    """Simulate a plan without compensation, and evaluate it."""
     plain = replace(run, compensation=NoCompensation())
     done = simulate_run(job, compute_set_points(job, plain, plan), plant)
     return evaluate(done, path, end_time=run.end_time)
 
 
 def _executed_clearance(job: Job, planned: RunResult, executed: Execution) -> Clearance | None:
-    """Clearance of the executed motion; None if the plan was not checked.
+    """Check the clearance of the executed motion; None if the plan was not checked.
 
     Raises Collision if bodies touch.
     """
@@ -222,7 +219,7 @@ def simulate_rigid_bodies(
     """Simulate set-points with rigid bodies, and the same plan without compensation."""
     executed = simulate_run(job, set_points, plant)
     uncompensated = None
-    if not isinstance(run.compensation, NoCompensation):
+    if run.compensation.compensates:
         with suppress(ExecutionError):
             plan = set_points.trajectory
             uncompensated = _simulate_uncompensated(job, run, plan, path, plant)

@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.planning import stop
-from armcontour.planning.early_stop import ShortenedLaw, plan_stop
+from armcontour.planning.stop_in_play import ShortenedLaw, plan_stop
 
 POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
 TIMES = np.linspace(0.02, 0.98, 17)
@@ -48,7 +48,7 @@ def test_a_stop_stays_on_the_path_within_the_limits_and_ends_at_rest(method: str
         assert result.path_deviation.distance < own.path_deviation.distance + 1e-8
 
 
-def test_a_stop_can_be_evaluated_at_its_end_whatever_its_time_is_rounded_to() -> None:
+def test_stop_can_be_evaluated_at_its_end_despite_rounding_of_its_duration() -> None:
     """The end of a cut law may exceed its last break by a rounding error."""
     plan = _plan("optimal")
     for law in plan.laws:

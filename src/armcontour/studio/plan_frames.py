@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from itertools import chain
 from typing import Any
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError, Collision
 from armcontour.core.render import cells, frame, number
-from armcontour.core.result import Data, Table
+from armcontour.core.result import Data
 from armcontour.core.text import Keys
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Job
@@ -25,6 +25,7 @@ from armcontour.planning import Explanation
 from armcontour.program import Contour, Program, cut_parts, idle_parts
 from armcontour.report.arm_frame import nearest_pair
 from armcontour.report.message_frame import MessageFrame
+from armcontour.report.time_table import MIN_TIME_SHARE, time_table
 from armcontour.report.view import (
     View,
     allowed_drawing_error,
@@ -64,8 +65,6 @@ MAX_BREAKS = 2_000
 # Approximate maximum number of times with extreme joint usage that are drawn in addition to evenly
 # spaced times.
 MAX_TIMES = 1_000
-# Minimum fraction of the duration above which the legend lists a kind of limit.
-MIN_SHARE = 5e-5
 
 
 class Tier(StrEnum):
@@ -333,16 +332,9 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
     """Make the header with the times of active limits, and each limit kind's fraction."""
     if explanation is None:
         return {"time": [], "kinds": []}
-    shares = [(x, share) for x, share in explanation.kinds.items() if share >= MIN_SHARE]
+    shares = [(x, share) for x, share in explanation.kinds.items() if share >= MIN_TIME_SHARE]
     kinds = [{"kind": x, "share": number(share, "1")} for x, share in shares]
     return {"time": cells(time_table(explanation)), "kinds": kinds}
-
-
-def time_table(explanation: Explanation) -> Table:
-    """Make a table of the active limits' times, without those below MIN_SHARE of the duration."""
-    table = explanation.time_table
-    of_time = [x.name for x in table.columns].index("of_time")
-    return replace(table, rows=[x for x in table.rows if x[of_time] >= MIN_SHARE])
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:

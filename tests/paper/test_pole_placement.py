@@ -6,13 +6,12 @@ from itertools import product
 import numpy as np
 import pytest
 from scipy import signal
+from tests.control.compensation.motions import laps
 
 import armcontour as ac
-from armcontour.control.compensation import METHODS
-from armcontour.control.compensation.pole_placement import default_poles
+from armcontour.jobs.methods import COMPENSATIONS
 from armcontour.motion import Law
-
-from .motions import laps
+from armcontour.paper.pole_placement import default_poles
 
 UNEVEN = ac.ServoModel(kp=[25.0, 10.0], kv=[150.0, 300.0])
 
@@ -106,7 +105,7 @@ def test_default_poles_cancel_the_zero_and_all_joints_lag_equally(arm):
     plant = ac.ServoPlant(arm, UNEVEN, ac.Limits.only())
     gap = {}
     for method in ("pole_placement", "none"):
-        set_points = ac.compensate(alike, UNEVEN, METHODS[method](), cycle=2e-4)
+        set_points = ac.compensate(alike, UNEVEN, COMPENSATIONS[method](), cycle=2e-4)
         execution = ac.simulate(set_points, plant, resolution=2e-4)
         gap[method] = np.abs(np.diff(execution.q, axis=1)).max()
     assert gap["pole_placement"] < 1e-4 < 1e-2 < gap["none"]
@@ -161,7 +160,7 @@ def gains(order):
 
 def largest_deviation(arm, servo, cycle, method="inverse", plant=None, **options):
     """Largest distance of a joint from the plan that it shall follow, at any time."""
-    set_points = ac.compensate(SWING, servo, METHODS[method](**options), cycle=cycle)
+    set_points = ac.compensate(SWING, servo, COMPENSATIONS[method](**options), cycle=cycle)
     execution = ac.simulate(
         set_points, ac.ServoPlant(arm, plant or servo, ac.Limits.only()), resolution=1e-3
     )

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.robot.limit_use import STILL, States
+from armcontour.robot.limit_use import STILL_JOINT, States
 from armcontour.robot.serial import SerialArm
 
 
@@ -260,12 +260,12 @@ def test_each_direction_uses_its_own_acceleration_limit(arm):
 def test_dry_friction_at_rest_has_the_most_favourable_value(arm):
     rough = arm.with_dynamics(coulomb=[3.0, 0.5])
     still = np.zeros((1, 2))
-    slow = np.full((1, 2), 1.01 * STILL)
+    slow = np.full((1, 2), 1.01 * STILL_JOINT)
     q = np.zeros((1, 2))
     ddq = np.array([[10.0, -10.0]])
     without = np.abs(arm.torque(q, still, ddq))
     helped = np.maximum(without - [3.0, 0.5], 0.0)
-    for dq in (still, STILL * np.ones((1, 2)), -STILL * np.ones((1, 2))):
+    for dq in (still, STILL_JOINT * np.ones((1, 2)), -STILL_JOINT * np.ones((1, 2))):
         bound = States(rough, (q, dq, ddq)).measure("joint_torque")[0]
         np.testing.assert_allclose(bound, helped, atol=1e-6)
     bound = States(rough, (q, slow, ddq)).measure("joint_torque")[0]

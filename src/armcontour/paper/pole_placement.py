@@ -1,4 +1,4 @@
-"""The paper's compensator (26), with corrections: third order, by pole placement."""
+"""`PolePlacement`: the paper's compensator (26), corrected, of third order by pole placement."""
 
 # With `X = (K_v + g)(m1 + m2) + K_v² + m1 m2 + K_v g`, the numerator of the compensator F factors:
 #
@@ -6,13 +6,16 @@
 #
 # G is the servo, and H = F G is the response of compensator and servo together. H is applied to the
 # trajectory exactly. G⁻¹ is applied to the result, whose derivatives are known. See
-# docs/guides/compensations.md.
+# docs/concepts/compensation.md.
 
 from __future__ import annotations
+
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
+from armcontour.control.compensation.method import CompensationOptions
 from armcontour.control.compensation.set_point_times import (
     SETTLING,
     SetPointTimes,
@@ -22,8 +25,11 @@ from armcontour.control.compensation.set_point_times import (
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError, InvalidInput
+from armcontour.core.fields import declared
 from armcontour.core.kernel_cache import compiled
+from armcontour.core.quantities import Items, Key, Pole
 from armcontour.motion import Trajectory, quintic
+from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import GAINS, MAX_TIME_CONSTANTS
 
@@ -33,7 +39,44 @@ LARGEST_STEP = 0.25
 TERMS = 22
 # The series ends at a term below this fraction of the state.
 NEGLIGIBLE = 1e-20
+# Poles in a file.
+POLES = Key(
+    hint=Annotated[list[Pole], Items(3, 3)] | list[Annotated[list[Pole], Items(3, 3)]] | None
+)
 ComplexArray = npt.NDArray[np.complex128]
+
+
+@declared(eq=False)
+class PolePlacement(CompensationOptions):
+    """The paper's compensator (26) for servos of order "second"; extends `CompensationOptions`.
+
+    >>> slow = ac.plan(path, arm, limits.replace(speed=0.02))
+    >>> ac.compensate(slow, servo, ac.PolePlacement()).method
+    'pole_placement'
+
+    Args:
+        poles: Two regulator poles and the observer pole [1/s], (3,), or three per joint, (dof, 3);
+            by default all joints have the lag of the joint with the smallest K_v.
+    """
+
+    method = "pole_placement"
+    poles: Annotated[npt.ArrayLike | None, POLES] = None
+
+    def set_points(
+        self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None
+    ) -> tuple[float, FloatArray]:
+        """Compute set-points by the compensator (26)."""
+        return place_poles(trajectory, servo, cycle, self.poles)
+
+    def settling(self, servo: ServoModel) -> float:
+        """Return the time in which the slowest pole settles [s]."""
+        if servo.kv is None:
+            # `set_points` refuses this servo.
+            return 0.0
+        slowest = float(servo.kv.min())
+        if self.poles is not None:
+            slowest = float(np.abs(check_poles(self.poles, len(servo.kv)).real).min())
+        return SETTLING / slowest
 
 
 @compiled()

@@ -19,8 +19,7 @@ from armcontour.core.quantities import Time
 from armcontour.motion import JointPath, Law, PathLaw, Trajectory, arm_of
 from armcontour.planning.constraints import FROM_LIMITS, Constraint
 from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
-from armcontour.planning.optimal_timing import plan_optimal
-from armcontour.planning.timing_options import Optimal
+from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits
@@ -36,12 +35,12 @@ PRECISION = 0.02
 # times longer.
 DELAYS = (0.0, 0.25, 0.5)
 # A plan is at rest if no joint is faster than this [rad/s].
-REST_SPEED = 1e-6
+REST_JOINT_SPEED = 1e-6
 # At first, a stop has a reserve that is smaller than that of the plan by this fraction of the
 # limits, because the grid of the stop has other margins than the grid of the plan.
-MARGIN = 0.01
+RESERVE_REDUCTION = 0.01
 # Number of grid intervals of a stop without limits of jerk
-INTERVALS = 200
+STOP_INTERVALS = 200
 # Stop with limits of jerk: numbers of states in the first and the second check of a stop.
 CHECKED_STATES = (40, 500)
 # Stop with limits of jerk: first duration that is tried [s].
@@ -50,9 +49,9 @@ FIRST_DURATION = 0.02
 NEWTON = 2
 # Rounding error of dtau/dt, of speeds as fractions of the initial speed of a stop, and of times as
 # fractions of its duration.
-ROUNDING = 1e-6
+STOP_ROUNDING = 1e-6
 # Relative difference below which a break of a law and the end of its beginning are equal.
-SAME_TIME = 1e-12
+SAME_BREAK = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,7 +97,7 @@ def plan_stop(trajectory: Trajectory, t: float) -> EarlyStop:
     arm = arm_of(trajectory)
     limits = trajectory.limits_for(None)
     rest = _next_rest(trajectory, t)
-    if np.abs(trajectory(min(t, rest), 1)).max() < REST_SPEED:
+    if np.abs(trajectory(min(t, rest), 1)).max() < REST_JOINT_SPEED:
         end = min(t, rest)
         return EarlyStop(trajectory=_cut_at(trajectory, end), end=end)
     joint_path = _path_over_time(trajectory, t, rest)
@@ -106,7 +105,7 @@ def plan_stop(trajectory: Trajectory, t: float) -> EarlyStop:
     jumps = inner[(inner > t) & (inner < rest)] - t
     find = partial(_smooth_stop, jumps) if limits.limits_jerk else _fastest_stop
     # A part of the reserve is used first, then all of it.
-    for reserve in sorted({max(trajectory.reserve - MARGIN, 0.0), 0.0}, reverse=True):
+    for reserve in sorted({max(trajectory.reserve - RESERVE_REDUCTION, 0.0), 0.0}, reverse=True):
         found = find(joint_path, arm, reduce_limits(limits, reserve))
         if found is not None and found.delay + found.law.breaks[-1] < rest - t:
             begin = _cut_at(trajectory, t + found.delay)
@@ -120,7 +119,7 @@ def _next_rest(trajectory: Trajectory, t: float) -> float:
     times = trajectory.breaks
     times = np.append(times[times > t], trajectory.duration)
     speeds = np.abs(trajectory(times, 1, side="left")).max(axis=1)
-    return float(times[np.argmax(speeds < REST_SPEED)])
+    return float(times[np.argmax(speeds < REST_JOINT_SPEED)])
 
 
 def _cut_at(trajectory: Trajectory, t: float) -> Trajectory:
@@ -152,7 +151,7 @@ class ShortenedLaw(Law):
         """Shorten a law to end at a time [s]."""
         # The end may exceed the last break by a rounding error, after which there is no interval.
         starts = law.breaks[:-1]
-        return cls(law=law, breaks=np.append(starts[starts < end * (1 - SAME_TIME)], end))
+        return cls(law=law, breaks=np.append(starts[starts < end * (1 - SAME_BREAK)], end))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Joint positions of the law or their derivative of the given order."""
@@ -208,7 +207,7 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> _StopLaw |
     """The fastest stop, on the shortest feasible part of a path; None if infeasible."""
     braking = (x.from_limits(joint_path, arm, limits) for x in FROM_LIMITS if x.brakes)
     constraints = (_PlanSpeed(), *(x for x in braking if x is not None))
-    options = Optimal(constraints=constraints, start_speed=1.0, intervals=INTERVALS)
+    options = Optimal(constraints=constraints, start_speed=1.0, intervals=STOP_INTERVALS)
     law = None
     low = 0
     high = len(joint_path.breaks) - 1
@@ -317,9 +316,9 @@ class _CubicSpeed:
         inner = lengths[(lengths > self.begin) & (lengths < table[-1])]
         x = np.interp(inner, table, t)
         for _ in range(NEWTON):
-            x = x + (inner - self.length(x)) / np.maximum(self.speed(x), self.v0 * ROUNDING)
+            x = x + (inner - self.length(x)) / np.maximum(self.speed(x), self.v0 * STOP_ROUNDING)
         t = np.unique(np.concatenate([t, np.clip(x, 0.0, self.duration)]))
-        return np.asarray(t[np.append(True, np.diff(t) > ROUNDING * self.duration)])
+        return np.asarray(t[np.append(True, np.diff(t) > STOP_ROUNDING * self.duration)])
 
 
 def _cubic_speed(
@@ -384,7 +383,7 @@ def _slow_down(
         planned = np.linalg.norm(first, axis=1)
         # `rate` is dtau/dt; `slope` is its derivative.
         rate = v[part] / planned
-        if rate.max() > 1 + ROUNDING:
+        if rate.max() > 1 + STOP_ROUNDING:
             return None
         slope = (a[part] - rate**2 * np.einsum("nj,nj->n", first, second) / planned) / planned
         rate = rate[:, None]

@@ -1,4 +1,4 @@
-"""The paper's method, Sec. III-A, and the conventional method that the paper compares with.
+"""`Paper`: the timing of the paper, Sec. III-A.
 
 Lines have maximum joint acceleration. Corners are arcs at one speed, (16)-(17). If a line is too
 short to reach the speed of a corner or to brake to it, the speed of that corner is reduced to a
@@ -15,24 +15,29 @@ the paper has no rule for this case.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.core.fields import declared
 from armcontour.core.kernel_cache import compiled
+from armcontour.core.quantities import NO_KEY, AtLeast, Interval
 from armcontour.geometry import Path
-from armcontour.motion import JointPath, LawAlongPath, LawPhase, LineLaw, Method, Trajectory
-from armcontour.planning.law_checks import (
-    check_limits,
-    law_peaks,
-    law_states,
-    path_law,
-    require_speed,
-    tool_path_of,
+from armcontour.motion import (
+    DEFAULT_CYCLE,
+    JointPath,
+    LawAlongPath,
+    LawPhase,
+    Method,
+    Trajectory,
+    check_cycle,
 )
-from armcontour.planning.timing_options import FEWEST_LAPS, MAX_LAPS, Paper
+from armcontour.paper.laws import LineLaw, law_peaks, path_law, require_speed, tool_path_of
+from armcontour.planning import PlanOptions
+from armcontour.planning.law_checks import check_limits, law_states
 from armcontour.robot import Arm, Limits
 
 # The tool speed is not computed from a joint that is slower than this share of the fastest joint.
@@ -41,8 +46,47 @@ MIN_JOINT_SPEED = 0.01
 PARTS_AT_REST = 10
 # Limits that the method guarantees; all others are checked on every part.
 GUARANTEED = ("speed", "centripetal_acceleration")
-# Limits that the conventional method ignores.
-IGNORED = (*GUARANTEED, "joint_velocity", "joint_acceleration", "tool_acceleration")
+# Smallest number of intervals per line of the paper's method. With fewer, a short line from rest to
+# rest has none left for its motion.
+FEWEST_LAPS = 8
+# Largest number of intervals per line of the paper's method, which needs several GB for an arm with
+# six joints.
+MAX_LAPS = 5_000_000
+
+
+@declared(eq=False)
+class Paper(PlanOptions):
+    """Options of the paper's method for lines and arcs, in addition to those of `PlanOptions`.
+
+    >>> straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
+    >>> ac.plan(straight, arm, limits, ac.Paper(knots=10)).method
+    <Method.PAPER: 'paper'>
+
+    Args:
+        knots: Intervals of equal length per line. By default the distance between knots is at most
+            the travel of the tool in one cycle at the assigned velocity. An interval next to a rest
+            is subdivided.
+        cycle: Cycle [s].
+
+    Raises:
+        InvalidInput: A value of the wrong type or out of range.
+    """
+
+    method = Method.PAPER
+    only_arcs = True
+    knots: Annotated[int, AtLeast(FEWEST_LAPS, MAX_LAPS)] | None = None
+    cycle: Annotated[Interval, NO_KEY] = DEFAULT_CYCLE
+
+    def _check_together(self) -> None:
+        check_cycle(self.cycle)
+
+    def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
+        """Plan the motion along a contour by the paper's method."""
+        return plan_paper(joint_path, arm, limits, self)
+
+    def at_cycle(self, cycle: float) -> Paper:
+        """Return the options with the distance between knots for a cycle."""
+        return replace(self, cycle=cycle)
 
 
 @compiled()
@@ -538,30 +582,3 @@ def _check_part(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPh
         s=part.s,
         **law_peaks(part.laws, arm),
     )
-
-
-def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
-    """Plan uniform tool speed from start to end, without regard to the joint limits."""
-    # Velocities jump at corners and at both ends. Joint velocity and acceleration are not checked,
-    # as in Sec. IV of the paper. Limits of torque and of angular motion are checked between the
-    # jumps.
-    path = tool_path_of(joint_path, "conventional")
-    speeds = np.fmin(path.speeds, require_speed(limits, "conventional"))
-    law = path_law(joint_path, path.breaks, speeds, speeds)
-    check_limits(
-        [law],
-        arm,
-        limits,
-        ignored=IGNORED,
-        location="At uniform speed along the path",
-        t=0.0,
-        remedy="Reduce the assigned velocity, or plan by the method optimal",
-    )
-    stretch = LawPhase(
-        name="whole path",
-        kind="uniform",
-        t=(0.0, float(law.breaks[-1])),
-        s=(0.0, path.length),
-        **law_peaks([law], arm),
-    )
-    return Trajectory(laws=(law,), method=Method.CONVENTIONAL, path=path, stretches=(stretch,))

@@ -1,0 +1,121 @@
+"""`Inverse`: set-points by the inverse of the servo."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour.control.compensation.method import CompensationOptions
+from armcontour.control.compensation.set_point_times import (
+    SNAP,
+    SetPointTimes,
+    advance_set_points,
+    integrator_tail,
+    time_advances,
+)
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.fields import declared
+from armcontour.motion import Trajectory
+from armcontour.robot import Arm
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import without_integral
+
+# Factor k of the bias k T² x'' of interpolated set-points with the cycle T: a mean over a cycle
+# contributes 1 / 24, linear interpolation 1 / 12, and held set-points 1 / 24.
+BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
+# Largest half-width of the second differences that correct this bias [cycles]. A smaller half-width
+# would increase the commanded acceleration at jumps of acceleration.
+HALF_WIDTH = 12
+
+
+@declared(eq=False)
+class Inverse(CompensationOptions):
+    """Exact inverse of the unsaturated servo; options are those of `CompensationOptions`.
+
+    The inverse is applied to the mean of the trajectory over a cycle about each set-point. If
+    accelerations of the plan jump, the servo commands accelerations about 1 % above those of the
+    plan. The first set-point, one cycle before time 0, is the start of the plan.
+
+    >>> ac.compensate(planned, servo, ac.Inverse()).method
+    'inverse'
+    """
+
+    method = "inverse"
+
+    def set_points(
+        self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None
+    ) -> tuple[float, FloatArray]:
+        """Compute set-points by the inverse of the servo."""
+        return invert_servo(trajectory, servo, cycle)
+
+
+INVERSE = Inverse()
+
+
+def invert_servo(
+    trajectory: Trajectory, servo: ServoModel, cycle: float
+) -> tuple[float, FloatArray]:
+    """Time of the first set-point [s], and set-points by the inverse servo [rad], (n, dof).
+
+    The saturation of the servo is ignored.
+    """
+    # A set-point is the mean of the exact command over the cycle about its time. Because the servo
+    # is linear, this mean is the command for the means of the plan. The means of velocity and
+    # acceleration are differences of position and velocity. Therefore, if the acceleration jumps
+    # within such a cycle, each of its values is weighted by its duration in the cycle.
+    final = trajectory([trajectory.duration], side="left")
+    tail = np.zeros((integrator_tail(servo, trajectory.duration, cycle), trajectory.dof))
+
+    def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
+        t = times.inside
+        if len(t) and times.after_end < cycle / 2:
+            # The cycle about the first set-point after the motion contains a part of the motion.
+            t = np.append(t, trajectory.duration + times.after_end)
+        # A drive holds its acceleration over a drive cycle, so the plan's acceleration is taken
+        # half a drive cycle later.
+        q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
+        q = np.concatenate([q, tail + final])
+        ends = np.concatenate([dq, tail])
+        ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, cycle)
+        commands = servo.command(q, ends, ddq)
+        inside = commands[: len(t)]
+        inside -= BIAS[servo.interpolation] * _second_differences(inside, trajectory, t, cycle)
+        return np.concatenate([commands, final])[:, joints]
+
+    return advance_set_points(
+        trajectory, time_advances(servo, cycle), cycle, command, from_rest=True
+    )
+
+
+def _means(
+    trajectory: Trajectory, t: FloatArray, cycle: float, ahead: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Means of q, dq and ddq over the cycles about times t, (n, dof) each.
+
+    Before and after the motion, the joints rest. Means of q are computed by Simpson's rule, which
+    is exact up to third order. Means of ddq are for cycles that are shifted by `ahead` [s].
+    """
+    shifts = cycle / 2 * np.arange(-1, 2)
+    if ahead:
+        shifts = np.append(shifts, ahead + shifts[::2])
+    # All times are evaluated at once, because a program has thousands of motion laws.
+    q, dq = trajectory.motion_with_rests((t[:, None] + shifts).ravel(), 1)
+    count = len(shifts)
+    first, middle, last = (q[k::count] for k in range(3))
+    before = dq[count // 4 * 3 :: count]
+    after = dq[count - 1 :: count]
+    return (first + 4 * middle + last) / 6, (last - first) / cycle, (after - before) / cycle
+
+
+def _second_differences(
+    u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float
+) -> FloatArray:
+    """Second differences of set-points with a half-width up to HALF_WIDTH intervals, (n, dof)."""
+    # The differences are within one move. They decrease to 0 towards both ends of the move, because
+    # set-points at rest have no bias.
+    ends = trajectory.starts
+    k = np.clip(np.searchsorted(ends, t, side="right"), 1, len(ends) - 1)
+    inside = np.minimum(t - ends[k - 1], ends[k] - t) / cycle
+    reach = np.clip(np.floor(inside + SNAP), 0, HALF_WIDTH).astype(np.intp)
+    i = np.arange(len(t))
+    weight = np.clip(inside / HALF_WIDTH, 0, 1) / np.maximum(reach, 1) ** 2
+    return np.asarray(weight[:, None] * (u[i + reach] - 2 * u + u[i - reach]))

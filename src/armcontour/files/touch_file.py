@@ -1,0 +1,106 @@
+"""Reader for touches: joint positions at points that the robot's tool touched, in a CSV table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, Frozen
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import list_some, show
+from armcontour.files.csv_table import MAX_NAMED, CsvTable, Title, read_table
+from armcontour.files.joint_table import SI, read_csv_text, read_joint_title
+from armcontour.robot import Arm
+
+POINT = ("x", "y", "z")
+OPTION = "--columns"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Touches(Frozen):
+    """Touches of a file, in SI units."""
+
+    # Touched points in the coordinates of the drawing [m], (n, 2) or (n, 3); None if the file has
+    # no columns x and y
+    points: FloatArray | None
+    q: FloatArray  # Joint positions [rad], [m] for prismatic joints, (n, dof)
+    notes: tuple[str, ...]  # Notes on columns that are not used
+
+
+def read_touches(file: str | FilePath, arm: Arm, columns: str | None = None) -> Touches:
+    """Read touches from a CSV table with a row per touch.
+
+    The columns are the joint positions, by number (`q1 [deg]`) or by the joints' names, and for a
+    part the coordinates of the touched points in its drawing (`x [mm]`, `y [mm]`, and `z [mm]` in
+    space). All titles have a unit.
+
+    Args:
+        file: The CSV file.
+        arm: Arm whose joints the file has.
+        columns: Names of the columns of a file without titles, or new names, as for logs.
+
+    Raises:
+        InvalidInput: The file does not exist or is not a table, a column is missing or has no unit,
+            or a value is not a number.
+    """
+    location = FilePath(file)
+    table = read_table(
+        read_csv_text(location, "table of touches"),
+        location.name,
+        partial(_title, arm=arm),
+        example="x [mm],y [mm],z [mm],q1 [deg],q2 [deg]",
+        columns=columns,
+        option=OPTION,
+    )
+    joints = [f"q{k + 1}" for k in range(arm.dof)]
+    table.require_columns(*joints)
+    has_points = any(name in table.columns for name in POINT)
+    if has_points:
+        table.require_columns(*POINT[:2])
+    coordinates = [name for name in POINT if name in table.columns]
+    _require_units(table, [*coordinates, *joints])
+    values, _ = table.read([*coordinates, *joints])
+    empty = np.argwhere(np.isnan(values))
+    if len(empty):
+        row, column = empty[0]
+        table.raise_cell_error(int(row), [*coordinates, *joints][column])
+    notes = list[str]()
+    if table.unknown:
+        names = list_some([show(x) for x in table.unknown], MAX_NAMED)
+        notes.append(f"Columns of {table.source} that are not used: {names}.")
+    count = len(coordinates)
+    return Touches(
+        points=values[:, :count] if has_points else None,
+        q=values[:, count:],
+        notes=tuple(notes),
+    )
+
+
+def _title(name: str, arm: Arm) -> Title[str] | None:
+    """Recognize the title of a coordinate or joint position; None for other titles."""
+    plain = name.strip()
+    if plain.lower() in POINT:
+        return Title(plain.lower(), "m")
+    title = read_joint_title(plain, arm.joint_names)
+    if title is None or title.key.kind != "q":
+        return None
+    joint = title.key.joint
+    if joint in arm.joint_names:
+        joint = str(arm.joint_names.index(joint) + 1)
+    return Title(f"q{joint}", SI["q"])
+
+
+def _require_units(table: CsvTable[str], keys: list[str]) -> None:
+    """Refuse columns without a unit, because degrees and radians look alike in a few touches."""
+    for key in keys:
+        column = table.columns[key]
+        if column.unit is None:
+            unit = "mm" if key in POINT else "deg"
+            raise InvalidInput(
+                f"{table.heading}: the column {show(column.title)} has no unit. Write it in "
+                f"brackets, such as {column.title} [{unit}], or rename the column with "
+                f"{table.rename(f'{column.title} [{unit}]', table.file_title(key))}."
+            )

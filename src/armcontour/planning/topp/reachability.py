@@ -1,0 +1,279 @@
+"""Compiled backward and forward pass: the largest feasible x at all points of a grid."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.kernel_cache import FUSED, compiled
+from armcontour.core.simd import LANES, higher, highest, load, lower, lowest
+from armcontour.planning.topp.friction_rows import MIN_DIVISOR
+from armcontour.planning.topp.limit_forms import GridLimits, Intervals, MotionBounds
+from armcontour.planning.topp.limit_lines import INSIDE_FACTOR, LimitLines, write_interval_limits
+from armcontour.planning.topp.plan_rules import FOUND, STUCK, UNLIMITED, Rules
+
+# Initial x of Newton's method without a ceiling.
+LARGEST_X = 1e100
+# A Newton step to less than this fraction of x has the rounding error FAR_STEP_ROUNDING, because
+# its result is a small difference of large numbers.
+FAR_STEP = 1e-3
+# Rounding error of such a step, as a fraction of x before the step.
+FAR_STEP_ROUNDING = 1e-12
+# Relative rounding error of the ends of a range of u.
+RANGE_ROUNDING = 1e-9
+# Newton steps to the largest x of an interval.
+MAX_NEWTON_STEPS = 100
+
+
+class PassSquares(NamedTuple):
+    """Results of a backward and a forward pass: ds² at the grid points [m²/s²], (n + 1,) each."""
+
+    cap: FloatArray  # The smaller of the caps on both sides of a point
+    reachable: FloatArray  # Largest value from which the end can be reached
+    x: FloatArray  # The plan
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
+    """Smallest and largest mean u of interval i for x at its start."""
+    table = lines.table
+    count = lines.width
+    slot = i & (len(lines.slot_interval) - 1)
+    first = 3 * count * slot
+    tilted = x * load(table, first)
+    bottom = load(table, first + count) - tilted
+    top = load(table, first + 2 * count) - tilted
+    for line in range(first + LANES, first + count, LANES):
+        tilted = x * load(table, line)
+        bottom = higher(bottom, load(table, line + count) - tilted)
+        top = lower(top, load(table, line + 2 * count) - tilted)
+    low = highest(bottom)
+    high = lowest(top)
+    for k in range(lines.conics.shape[1]):
+        p, q, d0, d1, d2 = lines.conics[slot, k]
+        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), MIN_DIVISOR))
+        low = max(low, -p * x - q - root)
+        high = min(high, -p * x - q + root)
+    return low, high
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _mean_range_slopes(
+    lines: LimitLines, i: int, x: float
+) -> tuple[float, float, float, float, int]:
+    """Range of the mean u at x, negative slopes of its ends in x, and index of its lower line."""
+    table = lines.table
+    count = lines.width
+    slot = i & (len(lines.slot_interval) - 1)
+    low = -math.inf
+    high = math.inf
+    below = -1
+    above = -1
+    for k in range(3 * count * slot, 3 * count * slot + count):
+        moved = table[k] * x
+        bottom = table[k + count] - moved
+        top = table[k + 2 * count] - moved
+        if top < high:
+            high = top
+            above = k
+        if bottom > low:
+            low = bottom
+            below = k
+    low_tilt = table[below] if below >= 0 else 0.0
+    high_tilt = table[above] if above >= 0 else 0.0
+    for k in range(lines.conics.shape[1]):
+        p, q, d0, d1, d2 = lines.conics[slot, k]
+        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), MIN_DIVISOR))
+        tilt = (d1 - d2 * x) / root
+        bottom = -p * x - q - root
+        top = -p * x - q + root
+        if top < high:
+            high = top
+            high_tilt = p - tilt
+        if bottom > low:
+            low = bottom
+            low_tilt = p + tilt
+            below = -1
+    return low, high, low_tilt, high_tilt, below - 3 * count * slot
+
+
+@compiled(inner=True)
+def _fastest_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
+    """ds² with the fastest motion on the first interval, if joints rest at the start at any ds."""
+    # A ds² slightly below the largest one may allow a far larger u, because dq_ds is rounded.
+    best = ceiling[0]
+    fastest = 0.0
+    for k in range(60, -1, -1):
+        first = ceiling[0] * (1 - 0.5**k) if k < 60 else ceiling[0]
+        _, high = _mean_range(lines, 0, first)
+        last = min(first + 2 * w * high, ceiling[1])
+        speeds = math.sqrt(first) + math.sqrt(max(last, 0.0))
+        if speeds > fastest:
+            best = first
+            fastest = speeds
+    return float(best)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _largest_start(
+    lines: LimitLines, i: int, w: float, ceiling: float, last: float, below: int
+) -> tuple[float, float, int, int]:
+    """Largest x at the start of interval i from which x at its end is at most `last`.
+
+    The range of the mean u is concave in x and not empty for x = 0, so Newton steps from the
+    ceiling converge to the largest x with a range.
+
+    Returns x; the largest mean u; the line that limits it from below, or -1; and FOUND, STUCK or
+    UNLIMITED.
+
+    - `w`: length of the interval.
+    - `below`: the line that limits the mean u from below on interval i + 1, or -1.
+    """
+    steep = 0.5 / w
+    x = ceiling
+    high = 0.0
+    # The same line on interval i and the largest x at its end give a first upper bound of x.
+    if below >= 0:
+        line = 3 * lines.width * (i & (len(lines.slot_interval) - 1)) + below
+        tilt = lines.table[line]
+        bottom = lines.table[line + lines.width]
+        if tilt < steep and last * steep - bottom < (steep - tilt) * x:
+            x = max((last * steep - bottom) / (steep - tilt) * INSIDE_FACTOR, 0.0)
+    for _ in range(MAX_NEWTON_STEPS):
+        low, high = _mean_range(lines, i, x)
+        if low == -math.inf or high == math.inf:
+            return x, high, below, UNLIMITED
+        high = min(high, (last - x) * steep)
+        if max(low, -x * steep) <= high:
+            return x, high, below, FOUND
+        low, high, low_tilt, high_tilt, below = _mean_range_slopes(lines, i, x)
+        if (last - x) * steep < high:
+            high = (last - x) * steep
+            high_tilt = steep
+        if -x * steep > low:
+            low = -x * steep
+            low_tilt = steep
+        following = x - (low - high) / (high_tilt - low_tilt)
+        # Near zero, x is a difference of large numbers, so a step ends slightly above the root.
+        x = (
+            following * INSIDE_FACTOR
+            if following > FAR_STEP * x
+            else max(following, 0.0) + FAR_STEP_ROUNDING * x
+        )
+    return x, high, below, STUCK
+
+
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def backward_forward_pass(
+    grid: Intervals,
+    limits: GridLimits,
+    bounds: MotionBounds,
+    state: tuple[BoolArray, bool],
+    lines: LimitLines,
+    rules: Rules,
+    squares: PassSquares,
+) -> int:
+    """Write the limits and the largest feasible x, by a backward and a forward pass.
+
+    The method is that of TOPP-RA (Pham and Pham, IEEE Trans. Robotics 34, 645-659, 2018), with
+    intervals on which u is linear in s; docs/concepts/time_optimal.md, "Reachability".
+
+    Returns -1 if a plan was found, the index of an interval on which no motion is allowed, or n
+    plus the index of an interval without limits.
+
+    - `state`: mask of the intervals whose limits have changed, (n,), and true for limits with
+      margins.
+    - `squares`: output.
+    """
+    largest_mean = np.empty(len(grid.piece))
+    stuck = _backward_pass(grid, limits, bounds, state, lines, rules, squares, largest_mean)
+    if stuck < 0:
+        stuck = _forward_pass(grid, limits, bounds, state, lines, rules, squares, largest_mean)
+    return stuck
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _backward_pass(
+    grid: Intervals,
+    limits: GridLimits,
+    bounds: MotionBounds,
+    state: tuple[BoolArray, bool],
+    lines: LimitLines,
+    rules: Rules,
+    squares: PassSquares,
+    largest_mean: FloatArray,
+) -> int:
+    """Write the largest x from which the end can be reached, and its largest mean u, (n,)."""
+    changed, margins = state
+    cap, reachable, _ = squares
+    n = len(grid.piece)
+    below = -1
+    stuck = -1
+    slots = len(lines.slot_interval) - 1
+    # A pass that is stuck does not limit x at the start.
+    reachable[0] = math.inf
+    # Interval i - 1 is written before interval i is planned, while the processor waits for data.
+    for i in range(n, -1, -1):
+        # The ceiling of x at point i is the smaller one of both adjacent intervals.
+        ceiling = math.inf
+        if i > 0:
+            if changed[i - 1] or lines.slot_interval[(i - 1) & slots] != i - 1:
+                write_interval_limits(grid, limits, bounds, i - 1, margins, lines)
+            ceiling = lines.cap[i - 1, 1]
+        if i < n:
+            ceiling = min(ceiling, lines.cap[i, 0])
+        cap[i] = ceiling
+        if i == n:
+            reachable[n] = min(rules.end, ceiling, LARGEST_X)
+            continue
+        # Once stuck, the pass only searches for an interval without limits.
+        if stuck >= n:
+            low, high = _mean_range(lines, i, 0.0)
+            if low > -math.inf and high < math.inf:
+                break
+            stuck = n + i
+        if stuck >= 0:
+            continue
+        w = grid.s[i + 1] - grid.s[i]
+        reachable[i], largest_mean[i], below, outcome = _largest_start(
+            lines, i, w, min(ceiling, LARGEST_X), reachable[i + 1], below
+        )
+        if outcome != FOUND:
+            stuck = i if outcome == STUCK else n + i
+    return stuck
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _forward_pass(
+    grid: Intervals,
+    limits: GridLimits,
+    bounds: MotionBounds,
+    state: tuple[BoolArray, bool],
+    lines: LimitLines,
+    rules: Rules,
+    squares: PassSquares,
+    largest_mean: FloatArray,
+) -> int:
+    """Write the largest x that can be reached from the start, at most the reachable one."""
+    _, margins = state
+    _, reachable, x = squares
+    slots = len(lines.slot_interval) - 1
+    x[0] = min(rules.start, reachable[0])
+    if rules.start == math.inf:
+        x[0] = _fastest_start(lines, grid.s[1] - grid.s[0], reachable)
+    for i in range(len(grid.piece)):
+        w = grid.s[i + 1] - grid.s[i]
+        mean = largest_mean[i]
+        if x[i] < reachable[i]:
+            if lines.slot_interval[i & slots] != i:
+                write_interval_limits(grid, limits, bounds, i, margins, lines)
+            low, high = _mean_range(lines, i, x[i])
+            steep = 0.5 / w
+            mean = min(high, (reachable[i + 1] - x[i]) * steep)
+            if low > mean + RANGE_ROUNDING * (abs(low) + abs(mean) + reachable[i + 1] * steep):
+                return i
+        x[i + 1] = min(max(x[i] + 2 * w * mean, 0.0), reachable[i + 1])
+    return -1
