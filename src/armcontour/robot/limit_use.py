@@ -94,7 +94,7 @@ def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike =
         name: Name of the limit, a field of `Limits`.
         limits: The limits.
         values: Joint values, (..., dof), tool values, (n,), or tool vectors, (n, dimension).
-        error: Bound on the error of the values, or of the lengths of vectors.
+        error: Bound on the error of the values, or on that of vector lengths.
     """
     if name in JOINT_RANGE:
         lower, upper = limits.joint_range(values.shape[-1])
@@ -174,7 +174,7 @@ class States:
         return self._measured[name]
 
     def use(self, name: str, limits: Limits) -> Use:
-        """Compute how much of the limit `name` these states use, as `use_of` does."""
+        """Compute how much of the limit `name` in `limits` these states use, as `use_of` does."""
         return use_of(name, limits, *self.measure(name))
 
     def uses(self, limits: Limits) -> Iterator[Use]:
@@ -223,7 +223,7 @@ class States:
         return np.asarray(total * (1 + self.errors[0].sum())) if self.errors else total
 
     def changes(self, function: Quantity, value: FloatArray, order: int) -> Iterator[FloatArray]:
-        """Yield how each joint state's error changes `value` from `function`, (n, columns) each."""
+        """Yield how each joint state's error changes `value` from `function` and `order`."""
         columns = self.columns[: order + 1]
         for k, errors in enumerate(self.errors[: order + 1]):
             for joint in np.flatnonzero(errors):

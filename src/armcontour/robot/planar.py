@@ -57,7 +57,7 @@ class LinkTube(Checked):
         return self.density * math.pi * (outer**2 - inner**2) * length
 
     def inertia(self, length: float) -> FloatArray:
-        """Return the inertia about its centre [kg m²], (3, 3), of a tube along y."""
+        """Return the inertia of a tube along y, `length` long, about its centre [kg m²], (3, 3)."""
         outer, inner = self._radii()
         mass = self.mass(length)
         squares = outer**2 + inner**2
