@@ -58,7 +58,7 @@ def orient_by_rotations(
     *,
     axis_only: bool,  # True if rotation about the tool axis is free
 ) -> Orientation:
-    """A constant orientation, or one per waypoint with the shortest rotations between them."""
+    """Make a constant orientation, or one per waypoint with the shortest rotations between."""
     specified = rotations("tool orientation", values)
     if specified.ndim == 2:
         return _constant(segments, specified, axis_only)
@@ -73,7 +73,7 @@ def orient_by_rotations(
 def orient_by_axes(
     segments: Segments, waypoints: IntArray, merged: tuple[int, ...], values: npt.ArrayLike
 ) -> Orientation:
-    """A constant direction of the tool axis, or one per waypoint; rotation about it is free.
+    """Make a constant tool axis, or one per waypoint; rotation about it is free.
 
     `values` is one direction of the tool axis, (3,), or one per input point, (n, 3).
     """
@@ -105,7 +105,7 @@ def orient_by_axes(
 
 @lru_cache(maxsize=1)
 def _pointing(x: float, y: float, z: float) -> FloatArray:
-    """The shortest rotation from the z axis to a direction, (3, 3), read-only."""
+    """Return the shortest rotation from the z axis to a direction, (3, 3), read-only."""
     # The result is cached, because all contours of a program have the same direction.
     direction = np.array([x, y, z])
     unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -115,7 +115,7 @@ def _pointing(x: float, y: float, z: float) -> FloatArray:
 def follow_tangent(
     segments: Segments, up: npt.ArrayLike, tool: Any | None = None, *, axis_only: bool = False
 ) -> Orientation:
-    """An orientation at a fixed angle to the tangent of a path.
+    """Make an orientation at a fixed angle to the tangent of a path.
 
     The tool never turns about the tangent. Its orientation is constant on a line, turns with the
     tangent on an arc, and jumps by the turn at a corner that is not rounded.
@@ -151,7 +151,7 @@ def follow_tangent(
 
 
 def carry_frame(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> Orientation:
-    """An orientation that turns with the tangent of a path and never about it.
+    """Make an orientation that turns with the tangent of a path and never about it.
 
     - `frame`: rotation matrix of the tool at the path's start, (3, 3).
     - `axis_only`: true if rotation about the tool axis is free.
@@ -178,7 +178,7 @@ def follow_tangents(
     *,
     axis_only: bool,  # True if rotation about the tool axis is free
 ) -> Orientation:
-    """An orientation that turns with the tangents of segments.
+    """Make an orientation that turns with the tangents of segments.
 
     - `corners`: rotations at the vertices between the n segments, (n - 1, 3, 3), or None if there
       are none.
@@ -205,16 +205,17 @@ def follow_tangents(
 
 
 def tangent_rates(segments: Segments) -> FloatArray:
-    """Angular rates of the tangents of lines and arcs [rad/m], (n, 3)."""
+    """Return the angular rates of the tangents on lines and arcs [rad/m], (n, 3)."""
     return np.asarray(segments.curvatures[:, None] * np.cross(segments.tangents, segments.normals))
 
 
 def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
-    """Rotations of the tangents as columns `first`, `second`, `f` and `g` of an `Orientation`."""
-    # On a transition `second` is the axis of the rotation from the first tangent to the last, and
-    # `first` is the axis of the tilt out of this plane. Both angles are quintics that match the
-    # tangent, the curvature and, in a plane, the shared derivative of the angular rate at both
-    # ends.
+    """Return the tangents' rotations as columns `first`, `second`, `f`, `g` of an `Orientation`.
+
+    On a transition, `second` is the axis that turns the first tangent to the last, and `first`
+    tilts the tangent out of this plane. Both angles are quintics that match the tangent, the
+    curvature and, in a plane, the shared derivative of the angular rate at both ends.
+    """
     first = tangent_rates(segments)
     f = np.tile(LINEAR, (len(segments), 1))
     second = np.zeros_like(first)
@@ -251,7 +252,7 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
 def _along_tilt_and_axis(
     vectors: Sequence[FloatArray], tilts: Sequence[FloatArray], axis: FloatArray
 ) -> list[FloatArray]:
-    """Return the components along the tilt and the axis, (k, 2), of vectors at both ends."""
+    """Return the components of vectors at both ends along the tilt and the axis, (k, 2)."""
     return [
         np.stack([dot(x, tilt), dot(x, axis)], axis=1)
         for x, tilt in zip(vectors, tilts, strict=True)
@@ -259,7 +260,7 @@ def _along_tilt_and_axis(
 
 
 def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
-    """Unit axes about which the tangents turn along transitions; zero for straight ones."""
+    """Return unit axes about which tangents turn along transitions; zero for straight ones."""
     lengths = segments.lengths[bent]
     into = segments.evaluate(bent, 0 * lengths, 1)
     out = segments.evaluate(bent, lengths, 1)
@@ -279,9 +280,11 @@ def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
 
 
 def _shared_changes(segments: Segments) -> FloatArray:
-    """Derivatives of the tangents' angular rates at all vertices [rad/m²], (n + 1, 3)."""
-    # At a vertex between transitions this is the mean of both sides. Lines and arcs turn at a
-    # constant rate, so the derivative is zero at their ends.
+    """Return derivatives of the tangents' angular rates at all vertices [rad/m²], (n + 1, 3).
+
+    At a vertex between transitions this is the mean of both sides. Lines and arcs turn at a
+    constant rate, so the derivative is zero at their ends.
+    """
     every = np.arange(len(segments))
     sides = [
         np.cross(segments.evaluate(every, u, 1), segments.evaluate(every, u, 3))
@@ -296,7 +299,7 @@ def _shared_changes(segments: Segments) -> FloatArray:
 
 
 def _constant(segments: Segments, rotation: FloatArray, axis_only: bool) -> Orientation:
-    """Orientation with the same rotation along the whole path."""
+    """Make an orientation with the same rotation along the whole path."""
     n = len(segments)
     starts = np.tile(rotation, (n, 1, 1))
     return Orientation.even(segments.lengths, starts, np.zeros((n, 3)), axis_only=axis_only)
@@ -305,7 +308,7 @@ def _constant(segments: Segments, rotation: FloatArray, axis_only: bool) -> Orie
 def _turn_evenly(
     segments: Segments, waypoints: IntArray, starts: FloatArray, turn: FloatArray, axis_only: bool
 ) -> Orientation:
-    """An orientation with a constant angular rate from waypoint to waypoint."""
+    """Make an orientation with a constant angular rate from waypoint to waypoint."""
     first = waypoints[:-1]
     breaks = segments.breaks
     section = np.repeat(np.arange(len(turn)), np.diff(waypoints))
@@ -316,7 +319,7 @@ def _turn_evenly(
 
 
 def _smooth_waypoints(segments: Segments, waypoints: IntArray) -> BoolArray:
-    """Mask of the inner waypoints at which the path is a spline, (waypoints - 2,)."""
+    """Return the mask of the inner waypoints at which the path is a spline, (waypoints - 2,)."""
     inner = waypoints[1:-1]
     bent = segments.is_transition
     tangent = angle_between(segments.end_tangents[inner - 1], segments.tangents[inner])
@@ -326,7 +329,7 @@ def _smooth_waypoints(segments: Segments, waypoints: IntArray) -> BoolArray:
 def _turn_axes_smoothly(
     segments: Segments, waypoints: IntArray, axes: FloatArray, smooth: BoolArray, frame: FloatArray
 ) -> Orientation:
-    """An orientation whose tool axis turns at a continuous rate along splines.
+    """Make an orientation whose tool axis turns at a continuous rate along splines.
 
     Along a spline, the axis is the cubic spline through the axes at the waypoints over arc length,
     divided by its length. At other waypoints its rate may jump.
@@ -368,7 +371,7 @@ def _turn_smoothly(
     smooth: BoolArray,
     axis_only: bool,
 ) -> Orientation:
-    """An orientation whose angular rate and its derivative are continuous along splines.
+    """Make an orientation with a continuous rate and derivative of the rate along splines.
 
     Along a spline, the unit quaternion is the cubic spline through the quaternions at the waypoints
     over arc length, divided by its norm. At other waypoints the rate may jump.
@@ -420,7 +423,7 @@ class _Motion:
 
 
 def _spline_of_rotations(s: FloatArray, matrices: FloatArray) -> _Motion:
-    """A spline through rotations, with knots between which the tool turns little.
+    """Interpolate rotations by a spline, with knots between which the tool turns little.
 
     With a cubic spline p(s) through the unit quaternions at the points `s` and q = p / |p|, the
     angular rate is the vector part of 2 q' q* = 2 p' p* / |p|², where * conjugates. Its derivative
@@ -449,14 +452,17 @@ def _spline_of_rotations(s: FloatArray, matrices: FloatArray) -> _Motion:
 
 
 def _quotient(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Vector part of the quaternion product a b*, (n, 4) each to (n, 3), where * conjugates."""
+    """Return the vector part of the quaternion product a b*, where * conjugates, (n, 3).
+
+    - `a`, `b`: quaternions x, y, z, w, (n, 4).
+    """
     v = a[:, :3]
     w = b[:, :3]
     return np.asarray(b[:, 3:] * v - a[:, 3:] * w - np.cross(v, w))
 
 
 def _three_turns(motion: _Motion) -> dict[str, FloatArray]:
-    """Rotations and polynomials of an `Orientation` between the knots of a motion.
+    """Compute the rotations and polynomials of an `Orientation` between the knots of a motion.
 
     The third axis c is that of the whole turn, and the axes a and b of the first and second
     rotation complete it to a right-handed frame. At the start and at the end of a piece, where
@@ -490,7 +496,7 @@ def _three_turns(motion: _Motion) -> dict[str, FloatArray]:
 
 
 def _spline_of_axes(s: FloatArray, axes: FloatArray) -> _Motion:
-    """A spline through unit vectors, with knots between which the axis turns little.
+    """Interpolate unit vectors by a spline, with knots between which the axis turns little.
 
     The knots are the points `s`, (k,), with the unit vectors `axes`, (k, 3), and points between
     them, so that the axis turns by LARGEST_STEP at most. Between two points only, the axis turns in
@@ -520,12 +526,16 @@ def _spline_of_axes(s: FloatArray, axes: FloatArray) -> _Motion:
 def _axis_motion(
     knots: FloatArray, axis: FloatArray, slope: FloatArray, bend: FloatArray
 ) -> _Motion:
-    """The motion of a unit vector, from its first and second derivative [1/m, 1/m²], (k, 3)."""
+    """Return the motion of a unit vector.
+
+    - `knots`: arc lengths [m], (k,).
+    - `axis`, `slope`, `bend`: the vector and its first and second derivative there, (k, 3) each.
+    """
     return _Motion(s=knots, poses=axis, rates=np.cross(axis, slope), changes=np.cross(axis, bend))
 
 
 def _two_turns(motion: _Motion) -> dict[str, FloatArray]:
-    """Columns `first`, `second`, `f` and `g` of an `Orientation` between the knots of an axis.
+    """Compute `first`, `second`, `f` and `g` of an `Orientation` between the knots of an axis.
 
     The second rotation turns from the first direction to the last, and the first rotation tilts
     out of this plane, as in `tangent_turns`.
@@ -554,7 +564,7 @@ def _two_turns(motion: _Motion) -> dict[str, FloatArray]:
 def _per_waypoint(
     name: str, values: FloatArray, waypoints: IntArray, merged: tuple[int, ...]
 ) -> tuple[FloatArray, IntArray]:
-    """One value per waypoint, and the index of each waypoint among the input points."""
+    """Return one value per waypoint, and the index of each waypoint among the input points."""
     count = len(waypoints)
     points = count + len(merged)
     if len(values) not in (points, count):
