@@ -66,9 +66,9 @@ LARGEST_STEP = 0.35
 # On short chords this rounding error is limited, so the chord is within the tangent tolerance.
 ON_CHORD = 1e-12
 ROUNDING = 16 * np.finfo(float).eps
-# Neighbours are merged if they agree within SAME_LINE (difference of tangents [rad]) or SAME_CIRCLE
-# (relative difference of radii and of directions to the centre), and if merging moves the end point
-# by at most SAME_POINT [m].
+# Neighbours are merged if their tangents differ by at most SAME_LINE [rad], or their radii and
+# directions to the centre by at most SAME_CIRCLE (relative), and if merging moves the end point by
+# at most SAME_POINT [m].
 SAME_LINE = 1e-12
 SAME_CIRCLE = 1e-10
 SAME_POINT = 1e-11
@@ -77,7 +77,7 @@ SAME_POINT = 1e-11
 def fit_many(
     curves: Curves, breaks: FloatArray, rows: IntArray, tolerance: float, *, separate: bool = False
 ) -> list[Segments]:
-    """Lines and tangent arcs along many curves, within a tolerance of the curves.
+    """Return lines and tangent arcs along many curves, within a tolerance of the curves.
 
     Every interval becomes a biarc with the curve's end points and tangents; intervals are split
     until the biarcs are within the tolerance. Straight parts become one line, and neighbours on one
@@ -87,11 +87,11 @@ def fit_many(
     - `curves`: `curves(row, t, order)` gives points [m] (order 0) or derivatives with respect to t
       (order 1) of the curves `row`, (n, 2) or (n, 3), for t of shape (n,). Curves are smooth
       between two breaks.
-    - `breaks`: increasing values of t of all curves one after the other, (n,).
+    - `breaks`: increasing values of t, those of each curve after those of the previous one, (n,).
     - `rows`: curve of each break, ascending from 0, (n,).
     - `tolerance`: largest distance of the arcs from the curve and of the curve from the arcs [m].
-    - `separate`: each curve also has the rounding errors of a fit of it alone, and its last arcs
-      are merged.
+    - `separate`: fit each curve as if it were alone: it has the same rounding errors, and its last
+      arcs are merged.
     """
     _check_tolerance(tolerance)
     arcs, vertices = _fit_curves(curves, breaks, rows, tolerance, through=False, separate=separate)
@@ -100,15 +100,19 @@ def fit_many(
 
 
 def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Segments, IntArray]:
-    """Tangent arcs along a smooth curve as by `fit_many`, with a vertex at every break."""
-    # Returns the arcs, and the index of the vertex at each break, (n,).
+    """Return tangent arcs along a smooth curve as by `fit_many`, with a vertex at every break.
+
+    Returns the arcs, and the index of the vertex at each break, (n,).
+    """
     row = np.zeros(len(breaks), dtype=np.intp)
     return _fit_curves(_wrap_curve(curve), breaks, row, tolerance, through=True)
 
 
 def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
-    """The path with tangent arcs instead of its transitions, within a tolerance [m]."""
-    # Returns the path, and corresponding arc lengths on both paths at the vertices [m], (n, 2).
+    """Return the path with tangent arcs instead of its transitions, within a tolerance [m].
+
+    Returns the path, and corresponding arc lengths on both paths at the vertices [m], (n, 2).
+    """
     rows = path.segments
     breaks = path.breaks
     arcs, vertices = fit_through(path, breaks, tolerance)
@@ -174,7 +178,7 @@ def _fit_curves(
     through: bool,
     separate: bool = False,
 ) -> tuple[Segments, IntArray]:
-    """Segments of all curves, and indices of the vertices at which segments are never merged.
+    """Fit all curves; also return the vertices at which segments are never merged.
 
     The indices end with the number of segments. With `through` every break is such a vertex, and
     all intervals become arcs; otherwise the start of each curve is such a vertex.
@@ -205,7 +209,7 @@ class _Intervals:
     line: BoolArray  # Mask of the intervals that become lines, (n,)
 
     def select(self, chosen: Any, **changed: Any) -> _Intervals:
-        """Intervals selected by indices or by a mask, with some columns replaced."""
+        """Select intervals by indices or by a mask, and replace some of their columns."""
         columns = {name: getattr(self, name)[chosen] for name in self.__slots__}
         return _Intervals(**{**columns, **changed})
 
@@ -255,7 +259,7 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
 def _tangents(
     curves: Curves, breaks: FloatArray, row: IntArray, starts: IntArray, size: FloatArray
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """One-sided unit tangents and their uncertainties [rad], at the starts and at the ends."""
+    """Return one-sided unit tangents and their uncertainties [rad], at both ends."""
     row = row[starts]
     begin = breaks[starts]
     end = breaks[starts + 1]
@@ -281,7 +285,7 @@ def _tangents(
 
 
 def _evaluate(curves: Curves, row: IntArray, parameters: FloatArray, order: int) -> FloatArray:
-    """Points or derivatives at k parameters of each interval, (n, k, dimension)."""
+    """Return points or derivatives at k parameters of each interval, (n, k, dimension)."""
     every = np.repeat(row, parameters.shape[1])
     return np.asarray(curves(every, parameters.ravel(), order)).reshape(*parameters.shape, -1)
 
@@ -326,8 +330,10 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
 
 
 def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArray:
-    """Largest distance of the sampled curve from the biarc of each interval [m], (n,)."""
-    # The distance is infinite for a biarc with an arc of more than a quarter circle.
+    """Return the largest distance between each interval's biarc and its samples [m], (n,).
+
+    The distance is infinite for a biarc with an arc of more than a quarter circle.
+    """
     x = intervals
     first, second = make_biarcs(x.p0, x.t0, x.p1, x.t1)
     distances = biarc_distance(points, first, second)
@@ -344,7 +350,7 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
 
 
 def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
-    """Mask of the intervals on which the curve is a straight line along its chord, (n,)."""
+    """Return the mask of the intervals on which the curve follows its chord, (n,)."""
     chord = intervals.p1 - intervals.p0
     size = length(chord)
     along = unit(chord)
@@ -416,7 +422,7 @@ def _drop_points(intervals: _Intervals) -> _Intervals:
 
 
 def _make_segments(intervals: _Intervals) -> tuple[Segments, IntArray]:
-    """Lines and arcs of the intervals, and the row of the first segment of each interval, (n,)."""
+    """Return lines and arcs, and the first row of each interval among them, (n,)."""
     x = intervals
     first, second = make_biarcs(x.p0, x.t0, x.p1, x.t1)
     chord = x.p1 - x.p0
@@ -463,7 +469,7 @@ def _merge_neighbours(
 
 
 def _find_mergeable(arcs: Segments, vertices: IntArray) -> BoolArray:
-    """Mask of the rows that lie on the line or circle of the next row, (n - 1,)."""
+    """Return the mask of the rows that lie on the line or circle of the next row, (n - 1,)."""
     k = arcs.curvatures
     normals = arcs.normals_at(EVERY, arcs.lengths)
     mergeable = (
@@ -476,13 +482,13 @@ def _find_mergeable(arcs: Segments, vertices: IntArray) -> BoolArray:
 
 
 def _find_runs(mergeable: BoolArray) -> tuple[IntArray, IntArray]:
-    """First row of each run of mergeable rows, (runs,), and the run of each row, (n,)."""
+    """Return the first row of each run of mergeable rows, (runs,), and each row's run, (n,)."""
     ends = ~mergeable
     return np.append(0, np.flatnonzero(ends) + 1), np.cumsum(np.append(False, ends))
 
 
 def _split_circles(arcs: Segments, mergeable: BoolArray) -> BoolArray:
-    """Mask of mergeable rows after runs longer than a full circle are split, (n - 1,)."""
+    """Split runs longer than a full circle; returns the mask of mergeable rows, (n - 1,)."""
     # They are split at three quarters of a circle, because each arc is at most a quarter circle.
     turn = arcs.curvatures * arcs.lengths
     first, run = _find_runs(mergeable)

@@ -38,16 +38,18 @@ def make_biarcs(
     t1: FloatArray,  # Unit tangents at the end points, (n, dimension)
     share: FloatArray | float = 1.0,
 ) -> tuple[Segments, Segments]:
-    """First and second arcs of the biarcs from p0 to p1 with a given ratio of tangent lengths.
+    """Return the first and the second arcs of biarcs from p0 to p1.
 
+    A biarc is a pair of tangent arcs (Bolton, "Biarc curves", Computer-Aided Design 7, 1975). The
+    tangent length d of the second arc solves |p1 - p0 - d (w t0 + t1)| = (1 + w) d, where w is
+    `share`.
     The values are not finite where no biarc exists, such as for equal ends with equal tangents.
 
     `share` is the tangent length of the first arc divided by that of the second, (n,) or a number.
     """
     chord = p1 - p0
     w = np.asarray(share)[..., None]
-    # The tangent length d of the second arc solves |chord - d (w t0 + t1)| = (1 + w) d. The
-    # positive solution is computed without cancellation.
+    # The positive solution d, computed without cancellation.
     c = dot(chord, chord)
     b = dot(chord, w * t0 + t1)
     a = 2 * share * (1 - dot(t0, t1))
@@ -60,14 +62,14 @@ def make_biarcs(
 
 
 def join_pairs(first: Segments, second: Segments) -> Segments:
-    """Table in which the second segment of each pair follows the first."""
+    """Join pairs of segments, so that the second one of each pair follows the first."""
     return Segments.join([first, second])[np.arange(2 * len(first)).reshape(2, -1).T.ravel()]
 
 
 def _arc(
     start: FloatArray, tangent: FloatArray, end_tangent: FloatArray, tangent_length: FloatArray
 ) -> Segments:
-    """Arcs from start points and tangents to end tangents, with given tangent lengths."""
+    """Return arcs from start points and tangents to end tangents, with given tangent lengths."""
     # Arcs are computed from tangents and not from end points. Therefore the tangents are equal
     # where two arcs meet, even if the arcs are very short.
     half = np.arctan2(length(end_tangent - tangent), length(end_tangent + tangent))
@@ -84,7 +86,7 @@ def _arc(
 
 
 def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> FloatArray:
-    """Largest distance of k points per biarc from the full circles of its arcs [m], (n,).
+    """Return the largest distance of k points per biarc from its full circles [m], (n,).
 
     Each point is compared with the circle of the arc that is on its side of the junction. The
     distance is infinite if the values of a biarc are not finite.
@@ -98,7 +100,7 @@ def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> Flo
 
 
 def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
-    """Distances of points, (n, k, dimension), from full circles or lines of arcs [m], (n, k)."""
+    """Return the distances of points, (n, k, dimension), from circles or lines [m], (n, k)."""
     v = points - arcs.starts[:, None]
     x = dot(v, arcs.tangents[:, None])
     y = dot(v, arcs.normals[:, None])
@@ -112,7 +114,7 @@ def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
 
 
 def _finite(arcs: Segments) -> BoolArray:
-    """Mask of the arcs whose values are all finite, (n,)."""
+    """Return the mask of the arcs whose values are all finite, (n,)."""
     vectors = (arcs.starts, arcs.tangents, arcs.normals)
     rows = [np.isfinite(x).all(axis=1) for x in vectors]
     rows += [np.isfinite(x) for x in (arcs.curvatures, arcs.lengths)]
@@ -120,12 +122,12 @@ def _finite(arcs: Segments) -> BoolArray:
 
 
 def unit(v: FloatArray) -> FloatArray:
-    """Unit vectors along the last axis; not finite for zero vectors."""
+    """Return unit vectors along the last axis; not finite for zero vectors."""
     return np.asarray(v / length(v)[..., None])
 
 
 def unit_across(v: FloatArray, along: FloatArray) -> FloatArray:
-    """Unit vectors in the direction of `v` that are perpendicular to `along` to the last digit.
+    """Return unit vectors along `v` that are perpendicular to `along` to the last digit.
 
     At a small angle between `v` and `along`, rounding errors tilt the first result.
     """
@@ -135,18 +137,18 @@ def unit_across(v: FloatArray, along: FloatArray) -> FloatArray:
 
 
 def length(v: FloatArray) -> FloatArray:
-    """Lengths of vectors along the last axis."""
+    """Return lengths of vectors along the last axis."""
     return np.asarray(np.sqrt(dot(v, v)))
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Scalar products of vectors along the last axis."""
+    """Return scalar products of vectors along the last axis."""
     # For arrays of short vectors, einsum is faster than a sum along an axis.
     return np.asarray(np.einsum("...k,...k->...", a, b))
 
 
 def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segments:
-    """Table of n quintics with given contacts at both ends, without speeds, tolerances and tags.
+    """Return quintics with given contacts at both ends, without limits and tags.
 
     - `begin`: contacts at the starts.
     - `end`: contacts at the ends, whose points are relative to the starts, so even tiny quintics
@@ -221,14 +223,17 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
 
 
 def tangent_and_curvature(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit tangents and curvature vectors [1/m], from first and second derivatives of curves."""
+    """Return unit tangents and curvature vectors [1/m] from the derivatives of curves.
+
+    - `first`, `second`: first and second derivatives by any parameter, (..., dimension) each.
+    """
     speed2 = dot(first, first)
     across = second - (dot(first, second) / speed2)[..., None] * first
     return first / np.sqrt(speed2)[..., None], across / speed2[..., None]
 
 
 def bound_third_derivatives(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Upper bounds of the third derivatives of quintics with respect to arc length [1/m²], (n,)."""
+    """Return upper bounds of quintics' third derivatives by arc length [1/m²], (n,)."""
     c3 = quintics[:, 3]
     c4 = quintics[:, 4]
     c5 = quintics[:, 5]

@@ -1,9 +1,9 @@
 """Compiled functions: nearest points of lines and arcs, and distances within a tube.
 
-The rows of a table of segments are those of `projection.pack_segments`: start (3), tangent (3),
-normal (3), curvature, length, arc length at the start, end (3). Points are tuples of three
-coordinates. In the formulas, a segment has the start `a`, unit tangent `T` and unit normal `N`
-there, curvature `k` and, if it is an arc, the radius `R = 1/k`.
+Segments are rows of `projection.pack_segments`: start (3), tangent (3), normal (3), curvature,
+length, arc length at the start, end (3). Points are tuples of three coordinates. In the formulas, a
+segment has the start `a`, unit tangent `T` and unit normal `N` there, curvature `k` and, if it is
+an arc, the radius `R = 1/k`.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernel_cache import FUSED, compiled
 
 Point: TypeAlias = tuple[float, float, float]
-# Size of the stack of a tree search, which has at most one waiting node per level.
+# Stack size for a tree search, in which at most one node per level waits.
 STACK = 128
-# Largest depth of repeated halving of a part of a path, and largest number of parts that are
-# evaluated for it.
+# A part of a path is halved at most DEPTH times, and at most PARTS of its parts are evaluated.
 DEPTH = 48
 PARTS = 20_000
 # Where the tolerance is exceeded, a bound is accepted if it exceeds the largest value at points by
@@ -35,14 +34,14 @@ class Foot(NamedTuple):
 
     off2: float  # Squared distance from the segment's line or full circle [m²]
     # Distance of the nearest point along a line [m]; for a circle the sine of the angle around the
-    # centre, times the ratio of the radii of point and circle
+    # centre, times R_p / R
     along: float
     across: float  # 0 for a line; for a circle the cosine of this angle, times the same ratio
 
 
 @compiled(inner=True, fastmath=FUSED, forceinline=True)
 def find_foot(p: Point, g: FloatArray) -> Foot:
-    """Position of a point p relative to the line or full circle of segment `g`.
+    """Return the position of a point p relative to the line or full circle of segment `g`.
 
     With v = p - a, for a line
 
@@ -70,7 +69,7 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
     b = 1 - k * across
     # R - R_p = (1 - A² - B²) / (k (1 + sqrt(A² + B²))), without cancellation.
     radial = (2 * across - k * (along * along + across * across)) / (1 + math.sqrt(a * a + b * b))
-    # Component out of the plane of the circle.
+    # Component perpendicular to the circle's plane.
     x -= along * g[3] + across * g[6]
     y -= along * g[4] + across * g[7]
     z -= along * g[5] + across * g[8]
@@ -79,7 +78,7 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
 
 @compiled(inner=True, fastmath=FUSED)
 def distance2(foot: Foot, k: float, away: float) -> float:
-    """Squared distance [m²] from a point to a segment point at distance `away` from the foot.
+    """Return the squared distance [m²] from a point to the segment point `away` from its foot.
 
     For a line this is off² + away², and for a circle, by the law of cosines,
 
@@ -99,7 +98,7 @@ def distance2(foot: Foot, k: float, away: float) -> float:
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, limit: float
 ) -> tuple[float, float]:
-    """Squared distance [m²] to the nearest point of a part of `g`, and distance along `g` [m].
+    """Return the squared distance [m²] to a part of `g`, and the nearest distance along `g` [m].
 
     The nearest point is the foot if it lies in the part. Else it is the nearer end, because the
     distance along a line or an arc of at most a full turn has no other local minimum.
@@ -128,7 +127,7 @@ def nearest_within(
 
 @compiled(inner=True)
 def point_at(g: FloatArray, u: float) -> Point:
-    """The point at distance u along segment `g` [m].
+    """Return the point at distance u along segment `g` [m].
 
     It is a + u T on a line, and a + sin(k u) / k T + (1 - cos(k u)) / k N on an arc, where
     1 - cos(k u) = 2 sin²(k u / 2) has no cancellation.
@@ -149,7 +148,7 @@ def point_at(g: FloatArray, u: float) -> Point:
 
 @compiled(inner=True, forceinline=True)
 def box_gap2(p: Point, boxes: FloatArray, k: int) -> float:
-    """Squared distance from a point to the box `boxes[k]` [m²], 0 inside the box."""
+    """Return the squared distance from a point to the box `boxes[k]` [m²], 0 inside the box."""
     x: float = max(boxes[k, 0] - p[0], p[0] - boxes[k, 3], 0.0)
     y: float = max(boxes[k, 1] - p[1], p[1] - boxes[k, 4], 0.0)
     z: float = max(boxes[k, 2] - p[2], p[2] - boxes[k, 5], 0.0)
@@ -160,7 +159,7 @@ def box_gap2(p: Point, boxes: FloatArray, k: int) -> float:
 def search_tree(
     queries: FloatArray, rows: FloatArray, pieces: IntArray, boxes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest point for each query, by a tree of boxes.
+    """Return the distance and arc length of the nearest point for each query [m], (n,) each.
 
     A depth-first search with pruning (Roussopoulos, Kelley and Vincent, "Nearest neighbor queries",
     SIGMOD 1995): it visits the nearer child first, and skips nodes whose boxes are farther than the
@@ -168,7 +167,7 @@ def search_tree(
 
     - `queries`: points in space [m], (n, 3).
     - `rows`: segments from `pack_segments`.
-    - `pieces`: index of the segment of each piece in tree order.
+    - `pieces`: index of each piece's segment, in tree order.
     - `boxes`: lower and upper corners of the nodes' boxes in heap order [m], (2 m - 1, 6) for m
       leaves.
     """
@@ -233,7 +232,7 @@ class TubePieces(NamedTuple):
 
 @compiled(inner=True)
 def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tuple[float, float]:
-    """Distance from a part of piece j minus tolerance; distance along j of the nearest point.
+    """Return distance minus tolerance for a part of piece j, and the nearest distance along j.
 
     The distance is infinite if the part is empty or the point belongs to a neighbouring piece.
     """
@@ -250,11 +249,11 @@ def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tu
 def find_excess(
     points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: TubePieces
 ) -> tuple[FloatArray, FloatArray]:
-    """Smallest distance minus tolerance in the range of each point, and arc length there [m].
+    """Return the smallest distance minus tolerance in each point's range, and its arc length.
 
     It compares all pieces of the range; a range has few.
 
-    - `ranges`: arc lengths of start and end of each point's range [m], (n, 2).
+    - `ranges`: arc lengths at which each point's range starts and ends [m], (n, 2).
     - `windows`: indices of the first and last piece of each range, (n, 2).
     """
     excess = np.full(len(points), np.inf)
@@ -275,10 +274,10 @@ def find_excess(
 
 @compiled()
 def bound_bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: float) -> Any:
-    """Bound of the distance between matched parts, minus the larger distance at their ends [m].
+    """Bound the distance between matched parts, minus the larger distance at their ends [m].
 
     One part runs evenly from u0 to u1 along `g`, and the other from v0 to v1 along `h`. With their
-    lengths l and l', the bound is an eighth of the largest second derivative of their difference,
+    lengths l and l', the second derivative of their difference, divided by 8, is at most
 
         (|k l² - k' l'²| + min(k l², k' l'²) max |n - n'|) / 8
 
@@ -329,10 +328,10 @@ class PartBound(NamedTuple):
 def _bound_part(
     g: FloatArray, part: FloatArray, first: int, last: int, pieces: TubePieces
 ) -> PartBound:
-    """Bound of distance minus tolerance on a part of segment `g` [m].
+    """Bound distance minus tolerance on a part of segment `g` [m].
 
-    For every piece, the bound is the larger value at the ends plus `bound_bulge`; the smallest
-    bound of a piece is that of the part.
+    For every piece, the bound is the larger value at the ends plus `bound_bulge`; the part has the
+    smallest of these bounds.
 
     - `part`: as in `bound_excess`, (6,).
     - `first`, `last`: first and last piece within reach.
@@ -346,7 +345,7 @@ def _bound_part(
     bound = np.inf
     tolerance = 0.0
     for j in range(first, last + 1):
-        # The parts of the piece within reach of the start and of the end.
+        # The piece's parts within reach of both ends.
         h = pieces.rows[j]
         low = max(part[1] - part[2] - h[11], 0.0), max(part[4] - part[5] - h[11], 0.0)
         high = min(part[1] + part[2] - h[11], h[10]), min(part[4] + part[5] - h[11], h[10])
@@ -383,7 +382,7 @@ def bound_excess(
     pieces: TubePieces,
     slack: float,  # A bound up to this is not refined [m]
 ) -> FloatArray:
-    """Bounds of distance minus tolerance on parts of a path [m], (k,).
+    """Return upper bounds of distance minus tolerance on parts of a path [m], (k,).
 
     Adaptive bisection: a part is halved until its bound is proven, that is not above `slack` or the
     largest value found at points so far, or near enough to the value at its ends. The bound and its

@@ -32,7 +32,7 @@ ROUNDING = 1e-15
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
 # Fields of `Orientation` with rotations: one matrix or one rotation vector per piece.
 ROTATIONS = ("starts", "first", "second", "third")
-# Fields of `Orientation` with the coefficients of polynomials, one row per piece.
+# Fields of `Orientation` with polynomial coefficients, one row per piece.
 POLYNOMIALS = ("f", "g", "h")
 
 
@@ -50,7 +50,7 @@ class Orientation(Checked):
     constant angular rate has f(u) = u and g = h = 0. Only splines of rotations need h.
 
     Args:
-        breaks: Arc lengths of the ends of the pieces, from 0 [m], (n + 1,).
+        breaks: Arc lengths at which the pieces start and end, from 0 [m], (n + 1,).
         starts: Rotation matrices at the starts of the pieces, (n, 3, 3).
         first: Rotation vectors per unit of f [rad/m], (n, 3).
         second: Rotation vectors per unit of g [rad/m], (n, 3).
@@ -59,6 +59,7 @@ class Orientation(Checked):
         g: Coefficients of 1, u, u², ... in g, of the same shape.
         h: Coefficients of 1, u, u², ... in h, of the same shape.
         axis_only: Only the tool axis, the third column, is prescribed; rotation about it is free.
+            By default, the whole rotation is prescribed.
         follows: The orientation follows the tangent of its path.
 
     Attributes:
@@ -104,7 +105,7 @@ class Orientation(Checked):
         axis_only: bool = False,
         follows: bool = False,
     ) -> Orientation:
-        """An orientation with a constant angular rate on each piece.
+        """Return an orientation with a constant angular rate on each piece.
 
         Args:
             lengths: Lengths of the pieces [m], (n,).
@@ -125,7 +126,7 @@ class Orientation(Checked):
 
     @classmethod
     def join(cls, parts: Sequence[Orientation], lengths: Sequence[float]) -> Orientation:
-        """One orientation made of the orientations of consecutive paths.
+        """Join the orientations of consecutive paths.
 
         Args:
             parts: The orientations in order.
@@ -149,13 +150,13 @@ class Orientation(Checked):
         return len(self.starts)
 
     def __call__(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
-        """Rotation matrices at arc lengths, `s.shape + (3, 3)`."""
+        """Return rotation matrices at arc lengths, `s.shape + (3, 3)`."""
         arc_lengths = checks.floats("arc lengths", s, "m")
         i = self.locate(arc_lengths, side=side)
         return self.on_piece(i, arc_lengths - self.breaks[i])
 
     def rates(self, s: npt.ArrayLike, *, side: str = "right") -> tuple[FloatArray, FloatArray]:
-        """Angular rate [rad/m] and its derivative [rad/m²] along s, `s.shape + (3,)` each.
+        """Return the angular rate [rad/m] and its derivative [rad/m²], `s.shape + (3,)` each.
 
         Args:
             s: Arc lengths [m], any shape.
@@ -166,7 +167,7 @@ class Orientation(Checked):
         return self.rates_on_piece(i, arc_lengths - self.breaks[i])
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
-        """Index of the piece that contains each arc length.
+        """Return the index of the piece that contains each arc length.
 
         Args:
             s: Arc lengths [m], any shape.
@@ -175,7 +176,7 @@ class Orientation(Checked):
         return checks.locate(self.breaks, s, side)
 
     def on_piece(self, i: IntArray, u: FloatArray) -> FloatArray:
-        """Rotation matrices at distance `u` after the start of piece `i`.
+        """Return rotation matrices at distance `u` after the start of piece `i`.
 
         Args:
             i: Indices of pieces, (n,).
@@ -192,7 +193,7 @@ class Orientation(Checked):
         return np.asarray(turned)
 
     def rates_on_piece(self, i: IntArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Angular rate [rad/m] and its derivative [rad/m²] at distance `u` along piece `i`.
+        """Return the angular rate [rad/m] and its derivative [rad/m²] on piece `i`, (n, 3) each.
 
         Args:
             i: Indices of pieces, (n,).
@@ -264,7 +265,7 @@ class Orientation(Checked):
         return inner[(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)] if len(inner) else inner
 
     def cut(self, begin: float, length: float, shortest: float) -> Orientation:
-        """The orientation along a part of the path.
+        """Return the orientation along a part of its path.
 
         Args:
             begin: Arc length at which the part starts [m].
@@ -292,7 +293,7 @@ class Orientation(Checked):
         return replace(self, breaks=ends, **rows)
 
     def reverse(self) -> Orientation:
-        """The orientation along the reversed path."""
+        """Return the orientation along the reversed path."""
         lengths = np.diff(self.breaks)
         at_end = [shift_polynomials(x, lengths) for x in (self.f, self.g, self.h)]
         second = exp(at_end[1][:, :1] * self.second)
@@ -312,7 +313,7 @@ class Orientation(Checked):
         )
 
     def place(self, rotation: FloatArray, scale: float) -> Orientation:
-        """The orientation along the scaled and rotated path.
+        """Return the orientation along the scaled and rotated path.
 
         Args:
             rotation: Rotation matrix, (3, 3).
@@ -335,7 +336,10 @@ class Orientation(Checked):
 
 @lru_cache(maxsize=16)
 def _constant_rate_columns(n: int) -> Mapping[str, FloatArray]:
-    """Columns of an orientation of n pieces with constant rates, shared by many paths."""
+    """Return the columns `second`, `third`, `f`, `g` and `h` of n pieces with constant rates.
+
+    Many orientations share them.
+    """
     columns = {"second": np.zeros((n, 3)), "f": np.tile(LINEAR, (n, 1)), "g": np.zeros((n, 4))}
     frozen = {name: checks.frozen_array(x) for name, x in columns.items()}
     return {**frozen, **no_third_rotation(n, 4)}
@@ -343,10 +347,10 @@ def _constant_rate_columns(n: int) -> Mapping[str, FloatArray]:
 
 @lru_cache(maxsize=16)
 def no_third_rotation(n: int, terms: int) -> Mapping[str, FloatArray]:
-    """Columns `third` and `h` of n pieces without a third rotation, read-only.
+    """Return read-only columns `third` and `h` for n pieces without a third rotation.
 
     - `n`: number of pieces.
-    - `terms`: number of coefficients of a polynomial, 4 or 6.
+    - `terms`: number of coefficients per polynomial, 4 or 6.
     """
     columns = {"third": np.zeros((n, 3)), "h": np.zeros((n, terms))}
     return {name: checks.frozen_array(x) for name, x in columns.items()}
@@ -358,7 +362,7 @@ def rotate(rotations: FloatArray, vectors: FloatArray) -> FloatArray:
 
 
 def shift_polynomials(c: FloatArray, by: FloatArray) -> FloatArray:
-    """Coefficients of polynomials c(u + by), from those of c(u), (n, degree + 1).
+    """Return the coefficients of c(u + by) from those of c(u), (n, degree + 1).
 
     - `c`: coefficients of 1, u, u², ..., (n, degree + 1).
     - `by`: the shifts, (n,).
@@ -367,7 +371,7 @@ def shift_polynomials(c: FloatArray, by: FloatArray) -> FloatArray:
 
 
 def turns_between(first: FloatArray, second: FloatArray, *, axis_only: bool) -> FloatArray:
-    """Angles between rotations [rad], (n,); between their third axes if `axis_only`."""
+    """Return angles between rotations [rad], (n,); between their third axes if `axis_only`."""
     if axis_only:
         return angle_between(first[:, :, 2], second[:, :, 2])
     return np.asarray(np.linalg.norm(log(first @ np.swapaxes(second, 1, 2)), axis=1))
@@ -376,7 +380,7 @@ def turns_between(first: FloatArray, second: FloatArray, *, axis_only: bool) -> 
 def fit_cubics(
     width: FloatArray, begin: tuple[FloatArray, FloatArray], end: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Coefficients of cubics with given values and slopes at the ends of intervals, (n, 4).
+    """Return cubics with given values and slopes at the ends of intervals, (n, 4).
 
     - `width`: lengths of the intervals, (n,).
     - `begin`: value and slope at the start of each interval, (n,) each.
@@ -391,12 +395,15 @@ def fit_cubics(
 
 
 def raise_degree(c: FloatArray, degree: int) -> FloatArray:
-    """Coefficients of the same polynomials up to a higher degree, (n, degree + 1)."""
+    """Return coefficients of the same polynomials up to a higher degree, (n, degree + 1)."""
     return np.pad(c, ((0, 0), (0, degree + 1 - c.shape[1])))
 
 
 def evaluate_polynomials(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
-    """Values of polynomials at u, or derivatives of an order; c: coefficients of 1, u, u², ..."""
+    """Evaluate polynomials, or their derivatives of an order, at u.
+
+    - `c`: coefficients of 1, u, u², ..., (..., degree + 1).
+    """
     values = np.zeros(np.broadcast_shapes(c.shape[:-1], np.shape(u)))
     for k in range(c.shape[-1] - 1, order - 1, -1):
         values = values * u + math.perm(k, order) * c[..., k]

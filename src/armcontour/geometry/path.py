@@ -23,7 +23,7 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segm
 
 PLANAR_PATH = "A tool orientation requires a path in space. Use points with three coordinates."
 EVERY_VERTEX = checks.freeze(np.empty(0, dtype=np.intp))
-# A break of an orientation within this distance of a vertex of its path, in metres plus the same
+# An orientation's break that is nearer than this to a vertex of the path, in metres plus the same
 # fraction of the path length, is moved to the vertex. The differences come from remainders that
 # corner rounding discards, and from rounding errors of summed lengths.
 SAME_BREAK = 1e-12
@@ -56,7 +56,7 @@ class Path(Checked):
             [m], an upper bound; 0 without them.
 
     Attributes:
-        breaks: Arc lengths of the ends of the segments, from 0 [m], (n + 1,).
+        breaks: Arc lengths at which the segments start and end, from 0 [m], (n + 1,).
 
     Raises:
         InvalidInput: A segment is not a Line or Arc, or there is a gap between segments; with the
@@ -109,7 +109,7 @@ class Path(Checked):
         closed: bool = False,
         segment_limits: SegmentLimits = NO_LIMITS,
     ) -> Path:
-        """The path of straight lines through `points`.
+        """Return the path of straight lines through `points`.
 
         Args:
             points: The vertices [m], (n, 2) or (n, 3); repeated points are merged.
@@ -144,7 +144,7 @@ class Path(Checked):
         *,
         segment_limits: SegmentLimits = NO_LIMITS,
     ) -> Path:
-        """The path of one straight line.
+        """Return the path of one straight line.
 
         Args:
             start: First point [m], 2 or 3 coordinates.
@@ -162,7 +162,9 @@ class Path(Checked):
         via: Sequence[float],
         segment_limits: SegmentLimits = NO_LIMITS,
     ) -> Path:
-        """The path of one circular arc through a third point; `Arc` has a centre and an angle.
+        """Return the path of one circular arc through a third point.
+
+        `Arc` is specified by its centre and angle instead.
 
         Args:
             start: First point [m], 2 or 3 coordinates.
@@ -177,7 +179,7 @@ class Path(Checked):
     def circle(
         cls, center: Sequence[float], radius: Size, *, segment_limits: SegmentLimits = NO_LIMITS
     ) -> Path:
-        """The counter-clockwise circle that starts on the +x side of its centre.
+        """Return the counter-clockwise circle that starts on the +x side of its centre.
 
         In space the z coordinate is constant; `Arc.circle` makes other circles.
 
@@ -203,7 +205,7 @@ class Path(Checked):
         closed: bool = False,
         segment_limits: SegmentLimits = NO_LIMITS,
     ) -> Path:
-        """The cubic spline through `points`, as transitions of continuous curvature.
+        """Return the cubic spline through `points`, as transitions with continuous curvature.
 
         Args:
             points: Points of the spline [m], (n, 2) or (n, 3); repeated points are merged.
@@ -234,7 +236,7 @@ class Path(Checked):
         )
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Path:
-        """The path with a constant tool orientation, or with one per waypoint.
+        """Return the path with a constant tool orientation, or with one per waypoint.
 
         The waypoints are the points that the path was made of. Between them the tool turns by the
         shortest rotation, at a constant rate over arc length. Along a spline its rate is
@@ -257,7 +259,7 @@ class Path(Checked):
         return replace(self, orientation=orientation)
 
     def pointing(self, directions: npt.ArrayLike) -> Path:
-        """The path with a constant direction of the tool axis (z), or with one per waypoint.
+        """Return the path with a constant direction of the tool axis (z), or with one per waypoint.
 
         Rotation about the tool axis is free, as in cutting, dispensing and welding. Between
         waypoints the axis turns on the shortest way at a constant rate over arc length; along a
@@ -279,7 +281,7 @@ class Path(Checked):
     def following_tangent(
         self, up: npt.ArrayLike, *, tool: Any | None = None, axis_only: bool = False
     ) -> Path:
-        """The path with a tool orientation at a fixed angle to the tangent.
+        """Return the path with a tool orientation at a fixed angle to the tangent.
 
         Args:
             up: Direction that is not parallel to the first tangent, (3,). Its component
@@ -304,7 +306,7 @@ class Path(Checked):
 
     @checked
     def placed(self, frame: Pose, *, scale: Factor = 1.0) -> Path:
-        """The path transformed from a frame to its parent frame.
+        """Return the path transformed from a frame to its parent frame.
 
         Speeds, tolerances and tool orientation move with it. A path in the plane becomes a path in
         space if the frame lifts or tilts it.
@@ -331,16 +333,16 @@ class Path(Checked):
         )
 
     def lifted(self) -> Path:
-        """A path in the plane as a path in space at z = 0; a path in space unchanged."""
+        """Return a path in the plane as a path in space at z = 0; a path in space is unchanged."""
         return self if self.dimension == 3 else self._plain(segments=self.segments.lift())
 
     def _plain(self, **changed: object) -> Path:
-        """A `Path` with some attributes changed, without the attributes of a subclass."""
+        """Return a `Path` with some attributes changed, without the attributes of a subclass."""
         attributes = {x.name: getattr(self, x.name) for x in fields(Path) if x.init}
         return Path(**{**attributes, **changed})
 
     def reversed(self) -> Path:
-        """The path from its end to its start, with the same tool orientation at every point.
+        """Return the path from its end to its start, with the same tool orientation at every point.
 
         back_and_forth = path + path.reversed()
         """
@@ -354,7 +356,7 @@ class Path(Checked):
         )
 
     def joined(self, *others: Path) -> Path:
-        """This path and others as one path; each starts at the end of the previous one.
+        """Join this path and others; each must start at the end of the previous one.
 
         `path + other` joins one other path.
 
@@ -389,7 +391,7 @@ class Path(Checked):
         )
 
     def __add__(self, other: Path) -> Path:
-        """The path followed by another one, as by `joined`."""
+        """Return this path with another one appended, as by `joined`."""
         return self.joined(other) if isinstance(other, Path) else NotImplemented
 
     @property
@@ -456,7 +458,7 @@ class Path(Checked):
         return len(self.segments)
 
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Point (order 0) or derivative with respect to arc length at `s`.
+        """Return the point (order 0) or derivative with respect to arc length at `s`.
 
         Args:
             s: Arc lengths [m], any shape, within the path.
@@ -474,7 +476,7 @@ class Path(Checked):
         return self.segments.evaluate(i, arc_lengths - self.breaks[i], checks.derivative(order))
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
-        """Index of the segment that contains each arc length.
+        """Return the index of the segment that contains each arc length.
 
         Args:
             s: Arc lengths [m], any shape.
@@ -486,7 +488,7 @@ class Path(Checked):
     def assigned_speeds(
         self, limit: SpeedLimit | None, s: npt.ArrayLike | None = None, *, side: str = "right"
     ) -> FloatArray:
-        """Assigned velocities [m/s]: speeds of the segments, at most a limit; infinite without.
+        """Return the assigned velocities [m/s]: the segments' speeds, at most a limit; inf without.
 
         Args:
             limit: Largest assigned velocity [m/s], such as `limits.speed`, or None.
@@ -497,7 +499,7 @@ class Path(Checked):
         return speeds if s is None else np.asarray(speeds[self.locate(s, side=side)])
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
-        """Point or derivative at distance `u` [m] from the start of segment `i`.
+        """Return the point or derivative at distance `u` [m] from the start of segment `i`.
 
         Args:
             i: Indices of segments, (n,).
@@ -507,12 +509,12 @@ class Path(Checked):
         return self.segments.evaluate(i, u, order)
 
     def project(self, points: npt.ArrayLike) -> Projection:
-        """Distance and arc length of the path point nearest to each query point.
+        """Return the distance and arc length of the path point nearest to each query point.
 
         The result is exact on lines and arcs.
 
-        The first call builds a spatial index, which later calls use. The time of a query is then
-        approximately proportional to the logarithm of the number of segments.
+        The first call builds a spatial index, which later calls use. A query then takes a time
+        proportional to the logarithm of the segment count.
 
         Args:
             points: Query points [m], (n, dimension).
@@ -557,7 +559,7 @@ class Path(Checked):
         return np.asarray(self.segments.evaluate(last, self.lengths[last])[0])
 
     def _snap_breaks(self, orientation: Orientation) -> Orientation:
-        """Snap breaks of the orientation to breaks of the path that are within rounding errors."""
+        """Move the orientation's breaks to those of the path that differ by rounding errors."""
         if self.dimension != 3:
             raise InvalidInput(PLANAR_PATH)
         whole = len(orientation) == 1 and orientation.breaks[1] == self.length
@@ -586,7 +588,7 @@ class Path(Checked):
 
 
 def _check_waypoints(waypoints: npt.ArrayLike, n: int) -> IntArray:
-    """Read-only waypoints; raise InvalidInput unless they increase from 0 to n."""
+    """Return read-only waypoints; raise InvalidInput unless they increase from 0 to n."""
     indices = checks.indices("waypoints of a path", waypoints)
     if (
         indices.ndim != 1
@@ -601,21 +603,21 @@ def _check_waypoints(waypoints: npt.ArrayLike, n: int) -> IntArray:
 
 
 def _find_missing(count: int, remaining: IntArray) -> tuple[int, ...]:
-    """Indices below `count` that are not in `remaining`."""
+    """Return indices below `count` that are not in `remaining`."""
     if len(remaining) == count:
         return ()
     return tuple(np.setdiff1d(np.arange(count), remaining).tolist())
 
 
 def _find_distinct(points: FloatArray) -> IntArray:
-    """Indices of the points that differ from the previous remaining point."""
+    """Return indices of the points that differ from the previous remaining point."""
     none = np.zeros(max(len(points) - 1, 0), dtype=bool)
     _, mask = close_gaps(points[:-1], points[1:], none, REPEATED_POINT)
     return np.flatnonzero(np.append(True, mask))
 
 
 def cut_path(path: Path, begin: float, end: float) -> Path:
-    """The part of a path between two arc lengths, with speeds, tolerances and orientation.
+    """Cut out the part between two arc lengths, with speeds, tolerances and orientation.
 
     `begin`, `end`: arc lengths at which the part starts and ends [m].
     """
@@ -654,7 +656,7 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
 
 
 def drop_z(path: Path) -> Path:
-    """Projection of a path in space onto the x-y plane, without its orientation."""
+    """Project a path in space onto the x-y plane, without its orientation."""
     if path.dimension == 2:
         return path
     across = (np.abs(path.tangents[:, 2]) + np.abs(path.normals[:, 2]) > IN_PLANE) & (
@@ -696,7 +698,7 @@ def has_length_without_z(path: Path) -> bool:
 
 
 def arc_lengths_without_z(path: Path, s: FloatArray) -> FloatArray:
-    """Arc length on the projected path for arc length `s` on a path in space [m]."""
+    """Return arc lengths on the projected path for arc lengths `s` on a path in space [m]."""
     run = np.linalg.norm(path.tangents[:, :2], axis=1)
     run = np.where(path.curvatures > 0, 1.0, run) * path.lengths
     ends = np.cumsum(np.where(run > REPEATED_POINT, run, 0.0))

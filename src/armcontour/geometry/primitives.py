@@ -28,9 +28,10 @@ class SegmentLimits(Checked):
     0.02
 
     Args:
-        speed: Assigned velocity on the segment [m/s].
-        tolerance: Largest corner error at the segment's ends [m].
-        tag: Free text that is copied to the results.
+        speed: Assigned velocity on the segment [m/s]; by default, the segment has none.
+        tolerance: Largest corner error at the segment's ends [m]; by default, only that of the job
+            applies.
+        tag: Free text that is copied to the results; None by default.
     """
 
     speed: Speed | None = None
@@ -38,7 +39,7 @@ class SegmentLimits(Checked):
     tag: Annotated[str | None, NO_KEY] = None
 
     def columns(self, n: int) -> LimitColumns:
-        """The requirements as columns of a table of n segments.
+        """Return the requirements as columns of a table with n segments.
 
         Args:
             n: Number of segments.
@@ -106,7 +107,7 @@ class Arc:
         *,
         segment_limits: SegmentLimits = NO_LIMITS,
     ) -> Arc:
-        """The arc from `start` through `via` to `end`, in the plane or in space.
+        """Return the arc from `start` through `via` to `end`, in the plane or in space.
 
         In the plane, if `end` repeats `start`, this is the full circle with `start` and `via` at
         the ends of a diameter. In space such a circle is not unique and raises an error.
@@ -151,7 +152,7 @@ class Arc:
         normal: Sequence[float] | None = None,
         segment_limits: SegmentLimits = NO_LIMITS,
     ) -> Arc:
-        """The full circle from `start` around `center`, counter-clockwise (about `normal`).
+        """Return the full circle from `start` around `center`, counter-clockwise (about `normal`).
 
         Args:
             start: Point where the circle starts and ends [m], 2 or 3 coordinates.
@@ -171,13 +172,13 @@ class Arc:
 def _circle_through(
     a: FloatArray, b: FloatArray, c: FloatArray
 ) -> tuple[list[float], float, list[float] | None]:
-    """Centre, swept angle and, in space, normal of the arc from a through b to c."""
+    """Return centre, swept angle and, in space, normal of the arc from a through b to c."""
     u, v = b - a, c - a
     uu = u @ u
     vv = v @ v
     uv = u @ v
-    # Squared area of the parallelogram of u and v. The formula uu vv - uv² would lose its digits to
-    # cancellation if the parallelogram is flat.
+    # Squared area of the parallelogram with the sides u and v. The formula uu vv - uv² would lose
+    # its digits to cancellation if the parallelogram is flat.
     across = np.cross(u, v) if len(a) == 3 else np.array([u[0] * v[1] - u[1] * v[0]])
     area = across @ across
     if not area > (1e-9**2) * max(uu, vv) ** 2:
@@ -230,7 +231,7 @@ def tabulate(segments: Iterable[Line | Arc]) -> Segments:
 
 
 def _line(line: Line, index: int) -> Row:
-    """The table row of a line."""
+    """Return a line as a table row."""
     start = check_numbers(f"start of segment {index + 1}", line.start, "m")
     end = check_numbers(f"end of segment {index + 1}", line.end, "m")
     _check_dimensions(index, start, end)
@@ -246,7 +247,7 @@ def _line(line: Line, index: int) -> Row:
 
 
 def _arc(arc: Arc, index: int) -> Row:
-    """The table row of an arc."""
+    """Return an arc as a table row."""
     start = check_numbers(f"start of segment {index + 1}", arc.start, "m")
     center = check_numbers(f"centre of segment {index + 1}", arc.center, "m")
     _check_dimensions(index, start, center)
@@ -266,7 +267,10 @@ def _arc(arc: Arc, index: int) -> Row:
 def _counter_clockwise(
     to_center: FloatArray, normal: Sequence[float] | None, index: int
 ) -> FloatArray:
-    """Unit tangent of the counter-clockwise motion, from the unit vector towards the centre."""
+    """Return the unit tangent of counter-clockwise motion around a centre.
+
+    `inward` is the unit vector towards the centre.
+    """
     if len(to_center) == 2:
         if normal is not None:
             raise InvalidInput(

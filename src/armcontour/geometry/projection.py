@@ -1,4 +1,4 @@
-"""Nearest points of a path, by a tree of boxes, and of a set of points.
+"""Nearest points on a path, by a tree of boxes, and in a set of points.
 
 For 10,000 segments and 100,000 random points (benchmarks/projection) it takes 0.07 s on a spiral
 and 0.19 s on chords across a square.
@@ -24,11 +24,11 @@ from armcontour.geometry.segments import Segments
 # boxes. PIECES_PER_SEGMENT: largest number of pieces per segment on average.
 OVERLAP = 8
 PIECES_PER_SEGMENT = 32
-# Number of pieces in a leaf of the tree. With fewer pieces, the search of nodes dominates the time;
+# Number of pieces per leaf of the tree. With fewer pieces, the search of nodes dominates the time;
 # with more, the search of pieces.
 LEAF_SIZE = 8
-# Array of `pack_segments`, index of the segment of each piece in tree order, and boxes of the nodes
-# in heap order, (2 m - 1, 6) for m leaves.
+# Array of `pack_segments`, segment index of each piece in tree order, and the nodes' boxes in heap
+# order, (2 m - 1, 6) for m leaves.
 Tree = tuple[FloatArray, IntArray, FloatArray]
 _trees: WeakKeyDictionary[Segments, Tree] = WeakKeyDictionary()
 # Largest number of distances in a table. A table of this size takes 10 ms, and the import of
@@ -38,7 +38,7 @@ MAX_TABLE = 250_000
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """Nearest points of a path to n query points.
+    """The points on a path that are nearest to n query points.
 
     Args:
         distance: Distance from each query point to the path [m], (n,).
@@ -52,11 +52,13 @@ class Projection:
 def find_nearest(
     segments: Segments, points: npt.ArrayLike, *, in_order: bool = False
 ) -> Projection:
-    """Distance and arc length of the path point nearest to each query, exact on lines and arcs.
+    """Find the nearest path point of each query: its distance and arc length [m].
+
+    Both are exact on lines and arcs.
 
     Arcs within a nanometre replace transitions (`draw_arcs`). The first call for a table of
-    segments builds a tree, which exists as long as the table. The time of a query is then
-    approximately proportional to the logarithm of the number of segments.
+    segments builds a tree, which exists as long as the table. A query then takes a time
+    proportional to the logarithm of the segment count.
 
     - `points`: query points [m], (n, dimension).
     - `in_order`: true if each point is near the previous point, so the points need not be sorted.
@@ -85,14 +87,16 @@ def find_nearest(
 
 
 def pack_segments(segments: Segments) -> FloatArray:
-    """Segments as an array for compiled functions, padded to space, (n, 15)."""
-    # Transitions are drawn as arcs (`draw_arcs`), so there may be more rows than segments. Columns:
-    # start (3), tangent (3), normal (3), curvature, length, arc length at the start, end (3).
+    """Pack segments as an array for compiled functions, padded to space, (n, 15).
+
+    Transitions are drawn as arcs (`draw_arcs`), so there may be more rows than segments. Columns:
+    start (3), tangent (3), normal (3), curvature, length, arc length at the start, end (3).
+    """
     return pack_arcs(*draw_arcs(segments))
 
 
 def pack_arcs(arcs: Segments, begin: FloatArray) -> FloatArray:
-    """The array of `pack_segments` from both results of `draw_arcs`, (n, 15)."""
+    """Pack both results of `draw_arcs` as by `pack_segments`, (n, 15)."""
     vectors = [pad_to_space(x) for x in (arcs.starts, arcs.tangents, arcs.normals)]
     return np.column_stack(
         [*vectors, arcs.curvatures, arcs.lengths, begin, pad_to_space(arcs.ends)]
@@ -100,14 +104,14 @@ def pack_arcs(arcs: Segments, begin: FloatArray) -> FloatArray:
 
 
 def pad_to_space(points: FloatArray) -> FloatArray:
-    """Points in space, (n, 3), from points in space or in the plane; z = 0 for the plane."""
+    """Return points in space, (n, 3); points in the plane get z = 0."""
     padded = np.zeros((len(points), 3))
     padded[:, : points.shape[1]] = points
     return padded
 
 
 def _build_tree(segments: Segments) -> Tree:
-    """A balanced tree of boxes over pieces of segments, ordered along a space-filling curve."""
+    """Build a balanced tree of boxes over pieces, ordered along a space-filling curve."""
     arcs, begin = draw_arcs(segments)
     segment, low, high = _divide(arcs)
     order = _sort_spatially((low + high) / 2, digits=4)
@@ -128,8 +132,8 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     n = len(segments)
     lengths = segments.lengths
     curvatures = segments.curvatures
-    # The box of a piece of length l has an area of approximately l² / pi. If a path of length L in
-    # an area A has N pieces, a point lies in approximately L² / (pi A N) boxes.
+    # A piece of length l has a box with an area of about l² / pi. If a path of length L in an area
+    # A has N pieces, a point lies in approximately L² / (pi A N) boxes.
     extent = np.sort(np.ptp(np.concatenate([segments.starts, segments[-1:].ends]), axis=0))[-2:]
     area = max(extent[0], 1e-3 * extent[1]) * extent[1]
     pieces = lengths.sum() ** 2 / (np.pi * max(area, 1e-300) * OVERLAP)
@@ -152,8 +156,10 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
 
 
 def _sort_spatially(points: FloatArray, digits: int = 1) -> IntArray:
-    """Indices that sort points along a Morton curve, so consecutive points are near each other."""
-    # Each digit refines the cells by 8 bits per axis in the plane, and by 5 bits in space.
+    """Return indices that sort points along a Morton curve, so neighbours are near.
+
+    Each digit refines the cells by 8 bits per axis in the plane, and by 5 bits in space.
+    """
     axes = points.shape[1]
     bits = 16 // axes
     low = points.min(axis=0)
@@ -173,8 +179,10 @@ def _sort_spatially(points: FloatArray, digits: int = 1) -> IntArray:
 
 
 def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[IntArray, IntArray]:
-    """Indices of queries and points of all pairs within the distance `near`, (pairs,) each."""
-    # The indices of the queries are sorted.
+    """Find all pairs of a query and a point within the distance `near` [m].
+
+    Returns the sorted indices of the queries, and the indices of the points, (pairs,) each.
+    """
     if len(queries) * len(points) <= MAX_TABLE:
         indices = np.nonzero(_squares(queries, points) <= near**2)
         return indices[0], indices[1]
@@ -188,7 +196,7 @@ def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[
 def nearest_points(
     queries: FloatArray, points: FloatArray, count: int, within: float = np.inf
 ) -> IntArray:
-    """Indices of the nearest points of every query, the nearest first, (n, count).
+    """Return the indices of each query's nearest points, the nearest first, (n, count).
 
     The index is m where no further point is closer than `within`.
 
@@ -209,8 +217,10 @@ def nearest_points(
 
 
 def group_points(points: FloatArray, near: float) -> IntArray:
-    """Group number of each point, (n,); steps of at most `near` connect the points of a group."""
-    # Groups are numbered in the order of their first points.
+    """Group points that steps of at most `near` [m] connect; returns group numbers, (n,).
+
+    Groups are numbered in the order of their first points.
+    """
     if len(points) ** 2 > MAX_TABLE:
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
@@ -232,5 +242,5 @@ def group_points(points: FloatArray, near: float) -> IntArray:
 
 
 def _squares(queries: FloatArray, points: FloatArray) -> FloatArray:
-    """Squared distances between queries and points, (n, m)."""
+    """Return squared distances between queries and points, (n, m)."""
     return np.asarray(((queries[:, None] - points[None]) ** 2).sum(axis=2))

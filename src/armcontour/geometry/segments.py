@@ -1,4 +1,4 @@
-"""Table of the segments of a path: lines, arcs, and transitions between them."""
+"""Table of a path's segments: lines, arcs, and transitions between them."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ VECTORS = ("starts", "tangents", "normals")
 NUMBERS = ("curvatures", "lengths", "speeds", "tolerances")
 LIMITS = ("speeds", "tolerances", "tags")
 COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
-# Matrix from the coefficients of x² to x⁵ of a quintic to the Bernstein control points of its
-# second derivative.
+# Matrix from a quintic's coefficients of x² to x⁵ to the Bernstein control points of its second
+# derivative.
 SECOND_DERIVATIVE = checks.frozen_array([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
 NOT_GIVEN = checks.frozen_array([])
 NO_TAGS = checks.freeze(np.empty(0, dtype=object))
 
 
 class LimitColumns(TypedDict):
-    """Columns of a table of n segments with their process requirements, as in `Segments`."""
+    """Process requirements of n segments, as columns of `Segments`."""
 
     speeds: FloatArray
     tolerances: FloatArray
@@ -65,7 +65,8 @@ class Segments:
         tags: Tag of each segment, or None, (n,).
         quintics: Coefficients of the transitions from 1 to x⁵ [m], NaN for lines and arcs,
             (n, 6, dimension); (n, 0, 0) for a table without transitions.
-        checked: Whether `check` has confirmed that the segments form a continuous path.
+        checked: Whether `check` has confirmed that the segments form a continuous path; false by
+            default.
     """
 
     starts: FloatArray
@@ -94,7 +95,7 @@ class Segments:
 
     @classmethod
     def lines(cls, points: FloatArray, **columns: Any) -> Segments:
-        """The table of straight lines through points.
+        """Return straight lines through points.
 
         `points` are the ends of the lines [m], (n + 1, dimension), each different from the previous
         point; `columns` are other columns of the table, such as speeds.
@@ -112,7 +113,7 @@ class Segments:
 
     @classmethod
     def join(cls, tables: Sequence[Segments], *, checked: bool = False) -> Segments:
-        """One table with the rows of several tables in order."""
+        """Join tables in order."""
         if len(tables) == 1:
             return tables[0]
         if len({table.quintics.shape[1] for table in tables}) > 1:
@@ -121,14 +122,14 @@ class Segments:
         return tables[0].replace(**columns, checked=checked)
 
     def _with_quintics(self) -> Segments:
-        """The table with quintic coefficients, which are NaN if the table had none."""
+        """Return the table with quintic coefficients, which are NaN if the table had none."""
         if self.quintics.shape[1]:
             return self
         room = np.full((len(self), 6, self.dimension), np.nan)
         return self.replace(quintics=room, checked=self.checked)
 
     def replace(self, *, checked: bool = False, **columns: npt.NDArray[Any]) -> Segments:
-        """The table with some columns replaced; the new arrays become read-only, without a copy."""
+        """Replace some columns; the new arrays become read-only, without a copy."""
         table = object.__new__(Segments)
         for column in columns.values():
             column.setflags(write=False)
@@ -142,7 +143,7 @@ class Segments:
         return len(self.lengths)
 
     def __getitem__(self, rows: Any) -> Segments:
-        """Table of the selected rows; a contiguous slice of a checked table counts as checked."""
+        """Select rows; a contiguous slice of a checked table counts as checked."""
         columns = {name: getattr(self, name)[rows] for name in COLUMNS}
         together = (
             isinstance(rows, slice) and rows.step in (None, 1) and len(columns["lengths"]) > 0
@@ -178,7 +179,7 @@ class Segments:
 
     @property
     def breaks(self) -> FloatArray:
-        """Arc lengths of the ends of the segments, from 0 [m], (n + 1,)."""
+        """Arc lengths at which the segments start and end, from 0 [m], (n + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.lengths)])
 
     @property
@@ -221,7 +222,7 @@ class Segments:
         return np.stack([everything.min(axis=0), everything.max(axis=0)])
 
     def _extreme_points(self) -> list[FloatArray]:
-        """Points of transitions at which a coordinate is extreme [m], one array per axis."""
+        """Return transition points at which a coordinate is extreme [m], one array per axis."""
         if not self.quintics.size:
             return []
         points = []
@@ -240,7 +241,7 @@ class Segments:
         return points
 
     def evaluate(self, i: IntArray | slice, u: FloatArray, order: int = 0) -> FloatArray:
-        """Point or derivative at distance `u` [m] from the start of segment `i`."""
+        """Return the point or derivative at distance `u` [m] from the start of segment `i`."""
         values = self._on_arcs(i, u, order)
         if not self.quintics.shape[1]:
             return values
@@ -253,7 +254,7 @@ class Segments:
         return values
 
     def _on_arcs(self, i: IntArray | slice, u: FloatArray, order: int) -> FloatArray:
-        """Point or derivative on lines and arcs; see `evaluate`."""
+        """Return the point or derivative on lines and arcs; see `evaluate`."""
         k = self.curvatures[i]
         if order < 2 and not np.any(k):
             along = u if order == 0 else np.ones_like(u)
@@ -280,7 +281,7 @@ class Segments:
         return np.asarray(along[..., None] * self.tangents[i] + across[..., None] * self.normals[i])
 
     def normals_at(self, i: IntArray | slice, u: FloatArray) -> FloatArray:
-        """Unit normals at distance `u` [m] from the start of segment `i`, towards the centre."""
+        """Return unit normals towards the centre at distance `u` [m] along segment `i`."""
         turn = (self.curvatures[i] * u)[..., None]
         normals = np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
         bent = self.is_transition[i]
@@ -290,14 +291,16 @@ class Segments:
         return normals
 
     def cut(self, i: IntArray, begin: FloatArray, end: FloatArray) -> Segments:
-        """Parts of segments `i`, each from distance `begin` to `end` along its segment [m]."""
+        """Cut segments `i`, each from distance `begin` to `end` along it [m]."""
         rows = self._move_starts(i, begin, begin > 0).replace(lengths=end - begin)
         lengths = self.lengths[i]
         return rows._restrict_transitions(begin / lengths, (end - begin) / lengths)
 
     def _move_starts(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
-        """Segments `i`, of which those in the mask `moved` start at distance `u`; same lengths."""
-        # With sign -1, the moved segments run backwards from their new start.
+        """Move the starts of segments in the mask `moved` by `u` along them; lengths stay.
+
+        With sign -1, the moved segments run backwards from their new start.
+        """
         rows = self[i]
         location = (i[moved], u[moved])
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
@@ -325,12 +328,12 @@ class Segments:
         return self.replace(quintics=quintics, curvatures=curvatures, tangents=tangents)
 
     def reverse_rows(self, i: IntArray, back: BoolArray) -> Segments:
-        """Segments `i`, with those in mask `back` reversed."""
+        """Select segments `i`, and reverse those in the mask `back`."""
         turned = self._move_starts(i, self.lengths[i], back, -1)
         return turned._restrict_transitions(np.where(back, 1.0, 0.0), np.where(back, -1.0, 1.0))
 
     def replace_rows(self, mask: BoolArray, rows: Segments) -> Segments:
-        """The table with the rows in mask `mask` replaced by `rows`."""
+        """Replace the rows in the mask `mask` by `rows`."""
         if self.quintics.shape[1] != rows.quintics.shape[1]:
             return self._with_quintics().replace_rows(mask, rows._with_quintics())
         columns = {name: getattr(self, name).copy() for name in COLUMNS}
@@ -339,7 +342,7 @@ class Segments:
         return self.replace(**columns)
 
     def place(self, rotation: FloatArray, origin: FloatArray, scale: float = 1.0) -> Segments:
-        """The segments scaled about the origin, then rotated, then translated by `origin`."""
+        """Scale segments about the origin, then rotate, then translate them by `origin`."""
         starts = origin + scale * self.starts @ rotation.T
         # Gaps can exceed their limit only by scaling or by the rounding of large coordinates.
         close = scale == 1.0 and float(np.abs(starts).max()) <= FAR
@@ -354,7 +357,7 @@ class Segments:
         )
 
     def lift(self) -> Segments:
-        """Segments in the plane as segments in space, at z = 0."""
+        """Return segments in the plane as segments in space, at z = 0."""
         zero = np.zeros((len(self), 1))
         deeper = {x: np.concatenate([getattr(self, x), zero], axis=1) for x in VECTORS}
         if self.quintics.size:
@@ -416,7 +419,7 @@ class Segments:
 
 
 def bound_second_derivatives(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Upper bounds of the second derivatives of quintics with respect to arc length [1/m], (n,).
+    """Return upper bounds of quintics' second derivatives by arc length [1/m], (n,).
 
     The bound is 0 for a quintic of length 0. The second derivative lies in the convex hull of its
     control points.
@@ -432,7 +435,7 @@ def bound_second_derivatives(quintics: FloatArray, lengths: FloatArray) -> Float
 
 
 def _unit_or_zero(v: FloatArray) -> FloatArray:
-    """Unit vectors; zero for zero vectors."""
+    """Return unit vectors; zero for zero vectors."""
     size = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.asarray(np.divide(v, size, out=np.zeros_like(v), where=size > 0))
 

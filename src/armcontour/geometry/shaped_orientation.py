@@ -1,9 +1,9 @@
 """Tool orientation of shaped paths, without a jump of the angular rate where arcs meet.
 
-A shaped path has many arcs, and its arc lengths differ from those of its objective. With the
-orientation of the corresponding point of the objective, the rate would jump, and the tool would
-stop, wherever the ratio of these arc lengths changes. Therefore the arc length on the objective is
-a smooth function of the arc length on the path: monotone cubics between the fewest knots that keep
+A shaped path has many arcs, and its arc lengths differ from those of its objective. If every point
+had the orientation of its corresponding point, the rate would jump, and the tool would stop,
+wherever the ratio of these arc lengths changes. Therefore the arc length on the objective is a
+smooth function of the arc length on the path: monotone cubics between the fewest knots that keep
 the orientation near that of the corresponding points. Where the rate of the objective's orientation
 jumps, blends smooth the jump as at rounded corners (rounded_orientation.py).
 """
@@ -53,7 +53,7 @@ SMALL_ANGLE = 1e-3
 SHORTENING = 0.8
 # Largest number of trials in which blends outside the tolerance are shortened.
 TRIES = 8
-# Largest number of halvings between two knots of the smooth arc lengths.
+# The interval between two knots of the smooth arc lengths is halved at most this number of times.
 HALVINGS = 12
 # Parts of each interval between two known arc lengths at whose ends angles are compared.
 REFINEMENT = 4
@@ -66,8 +66,8 @@ def orient_shaped(
 ) -> tuple[AnyPath, float]:
     """Apply the tool orientation of an objective path to a path that was shaped from it.
 
-    A constant orientation is unchanged. An orientation that turns at constant rates is that of the
-    corresponding point of the objective, except for blends at the vertices where its rate jumps;
+    A constant orientation is unchanged. An orientation that turns at constant rates is copied from
+    the objective's corresponding points, except for blends at the vertices where its rate jumps;
     this also applies to an orientation that follows the tangent of the objective. The angular rate
     does not jump, except at corners of the path, where the tool stops anyway, and at angular
     tolerance 0.
@@ -82,9 +82,8 @@ def orient_shaped(
             with the same distance from the corner.
 
     Returns:
-        The path, and the largest sampled angle between its orientation and that of the
-        corresponding point of the objective [rad]; between the tool axes if only they are
-        prescribed.
+        The path, and the largest sampled angle between its orientation and the objective's at
+        corresponding points [rad]; between the tool axes if only they are prescribed.
 
     Raises:
         InvalidInput: The orientation needs an angular tolerance, or is rounded already; or the
@@ -116,7 +115,7 @@ class _Runs:
 
     @classmethod
     def from_path(cls, path: Path, objective: Path, pairs: FloatArray) -> _Runs:
-        """Runs of an objective, without runs whose length on the shaped path is zero."""
+        """Divide an objective into runs, without those of length zero on the shaped path."""
         orientation = objective.orientation
         assert orientation is not None
         size = np.linalg.norm(orientation.first, axis=1)
@@ -145,7 +144,10 @@ class _Runs:
 def _orient_smoothly(
     path: Path, objective: Path, pairs: FloatArray, allowed: float
 ) -> tuple[Orientation, float]:
-    """Objective's orientation at smooth arc lengths, with blends, and its largest error [rad]."""
+    """Make the objective's orientation at smooth arc lengths, with blends.
+
+    Returns the orientation and its largest error [rad].
+    """
     source = objective.orientation
     assert source is not None
     runs = _Runs.from_path(path, objective, pairs)
@@ -197,8 +199,10 @@ def _smooth_arc_lengths(runs: _Runs, pairs: FloatArray, near: float) -> PchipInt
 def _blend_lengths(
     path: Path, objective: Path, runs: _Runs, pairs: FloatArray, allowed: float
 ) -> FloatArray:
-    """Length of the blend on either side of each vertex between runs [m], (k - 1,)."""
-    # The length is 0 where the rate does not jump, or where the tool stops at a corner.
+    """Return the blend's length on either side of each vertex between runs [m], (k - 1,).
+
+    The length is 0 where the rate does not jump, or where the tool stops at a corner.
+    """
     orientation = objective.orientation
     assert orientation is not None
     vertex = runs.segment[1:] - 1
@@ -225,7 +229,7 @@ def _blend_lengths(
 def _insert_blends(
     runs: _Runs, mapping: PchipInterpolator, cut: FloatArray, *, axis_only: bool
 ) -> Orientation:
-    """Orientation at the smooth arc lengths `mapping`, with blends of half length `cut`."""
+    """Make an orientation at the arc lengths `mapping`, with blends of half length `cut`."""
     blended = np.flatnonzero(cut > 0)
     low = runs.s[1:-1][blended] - cut[blended]
     high = runs.s[1:-1][blended] + cut[blended]
@@ -273,7 +277,7 @@ def _insert_blends(
 
 
 def _nearest(s: FloatArray, marks: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Index of the mark that is nearest to each arc length, and the distance [m].
+    """Return the index of each arc length's nearest mark, and the distance [m].
 
     `marks` increase. Both results are empty if there are no marks.
     """

@@ -17,14 +17,14 @@ from armcontour.core.render import number
 from armcontour.core.text import count_noun, short_repr
 from armcontour.geometry.path import Path
 
-# Key of the duration of the shaped path in `ShapingOutcome.durations`.
+# Key of the shaped path's duration in `ShapingOutcome.durations`.
 SHAPED = "shaped"
 # Number of evenly spaced points at which the distance from the objective is evaluated first, and
 # largest number of intervals that are halved then.
 PLACES = 15_000
 # Largest difference between the distance from the objective and its bound [m].
 RESOLUTION = 1e-8
-# Largest number of halvings of a piece for this bound.
+# For this bound, a piece is halved at most this number of times.
 MAX_HALVINGS = 20
 # Names of the shapes from which a search starts: corners replaced by arcs, corners replaced by
 # parabolas, and the objective path, which stops at its corners.
@@ -35,7 +35,7 @@ STOPS = "stops"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShapingOutcome(Frozen):
-    """Result of the search for the shape of a path.
+    """Result of a path's shape search.
 
     Args:
         start: Name of the fastest start: "arcs", "parabolas" or "stops".
@@ -57,7 +57,7 @@ class ShapingOutcome(Frozen):
 
     @property
     def gain(self) -> float:
-        """Time that the shape saves, as a fraction of the duration of the fastest start shape."""
+        """Time that the shape saves, as a fraction of the fastest start shape's duration."""
         return 1 - self.durations[SHAPED] / self.durations[self.start]
 
 
@@ -69,9 +69,9 @@ class SmoothCurve(Frozen):
     jump. The curvature of the arcs would jump at every vertex.
 
     Args:
-        breaks: Arc lengths of the ends of the quintics [m], (n + 1,).
+        breaks: Arc lengths at which the quintics start and end [m], (n + 1,).
         coefficients: Coefficients of the quintics [m], (n, 6, dimension), as from `quintic`.
-        spreads: Largest distance of the arcs from each quintic [m], (n,).
+        spreads: Largest distance between each quintic and the arcs [m], (n,).
     """
 
     breaks: FloatArray
@@ -79,7 +79,7 @@ class SmoothCurve(Frozen):
     spreads: FloatArray
 
     def on_piece(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
-        """Points or derivatives on quintics `i` at arc lengths `s` [m], (n, dimension)."""
+        """Return points or derivatives on quintics `i` at arc lengths `s` [m], (n, dimension)."""
         width = self.breaks[i + 1] - self.breaks[i]
         u = np.clip(s - self.breaks[i], 0.0, width)
         return evaluate(self.coefficients[i], width, u, order)
@@ -94,7 +94,7 @@ class ShapedPath(Path):
         places: Corresponding arc lengths on the objective and on this path [m], from start to end,
             both increasing, (n, 2).
         tolerance: The specified tolerance [m].
-        outcome: Result of the search for the shape.
+        outcome: Result of the shape search.
         curve: The curve that the tool follows; None if it follows the lines and arcs.
 
     Raises:
@@ -106,7 +106,7 @@ class ShapedPath(Path):
     tolerance: float
     outcome: ShapingOutcome = field(repr=False)
     curve: SmoothCurve | None = field(default=None, repr=False)
-    # Index of the quintic of the curve to which each segment belongs, (n,).
+    # Index of the curve's quintic to which each segment belongs, (n,).
     _piece: IntArray = field(init=False, repr=False)
 
     def _check_together(self) -> None:
@@ -137,7 +137,7 @@ class ShapedPath(Path):
     __repr__ = short_repr
 
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Point or derivative of the curve that the tool follows."""
+        """Return the point or derivative of the curve that the tool follows."""
         if self.curve is None:
             return super().__call__(s, order, side=side)
         arc_lengths = checks.clip_within("arc length", s, 0.0, self.length, "m", "the path")
@@ -145,7 +145,7 @@ class ShapedPath(Path):
         return self.on_segment(i, arc_lengths - self.breaks[i], checks.derivative(order))
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
-        """Point or derivative of the curve at distance `u` [m] from the start of segment `i`.
+        """Return the curve's point or derivative at distance `u` [m] along segment `i`.
 
         Args:
             i: Indices of segments, (n,).
@@ -157,7 +157,7 @@ class ShapedPath(Path):
         return self.curve.on_piece(self._piece[i], self.breaks[i] + u, order)
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
-        """Arc lengths on this path that correspond to arc lengths on the objective path [m].
+        """Return arc lengths on this path that correspond to those on the objective path [m].
 
         Args:
             s: Arc lengths of the objective path [m], any shape.
@@ -169,7 +169,7 @@ class ShapedPath(Path):
 
 
 def _bound_distance(path: Path, other: Path, proven: float) -> float:
-    """Upper bound of the distance of a path's points from another path [m].
+    """Bound the distance of a path's points from another path [m].
 
     The distance changes by at most the arc length. Between points whose arc lengths differ by h and
     whose distances are a and b, it is therefore at most (a + b + h) / 2. Intervals that may have
@@ -190,7 +190,7 @@ def _bound_distance(path: Path, other: Path, proven: float) -> float:
 
 
 def describe_unfinished(paths: Iterable[Path]) -> list[str]:
-    """Message, as a list, on paths whose shape search ended early; empty without such paths."""
+    """Return a sentence on paths whose shape search ended early, if there are any."""
     shaped = [x for x in paths if isinstance(x, ShapedPath)]
     early = [x for x in shaped if x.outcome.unfinished]
     if not early:
@@ -204,7 +204,7 @@ def describe_unfinished(paths: Iterable[Path]) -> list[str]:
 
 
 def check_correspondence(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArray:
-    """Read-only corresponding arc lengths; raise InvalidInput if they do not cover both paths.
+    """Return read-only arc length pairs; raise InvalidInput unless they cover both paths.
 
     - `places`: arc lengths on the objective and on the path [m], (n, 2).
     - `path`: a path that was made from the objective.

@@ -12,12 +12,12 @@ from armcontour.core.quintics import rescale
 from armcontour.geometry.biarcs import UNEVEN, join_by_quintics, length, tangent_and_curvature
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 
-# Fractions of a piece at which its transition is compared with the spline; nodes and weights of the
-# integration of arc length between two neighbouring fractions.
+# Fractions of a piece at which its transition is compared with the spline; nodes and weights that
+# integrate arc length between two neighbouring fractions.
 SAMPLES = np.linspace(0, 1, 17)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
-# Fraction of the tolerance and of `UNEVEN` that is allowed at these samples, because both errors
-# are slightly larger between samples.
+# Fraction of both limits, the tolerance and `UNEVEN`, that is allowed at these samples, because the
+# errors are slightly larger between samples.
 TOLERANCE_SHARE = 0.9
 # Largest number of pieces. If a spline needs more, an error reports that its tolerance is too
 # small.
@@ -31,7 +31,7 @@ def fit_spline(
     *,
     ends: Literal["natural", "not-a-knot"] = "natural",
 ) -> tuple[Segments, IntArray]:
-    """Transitions along the cubic spline through points.
+    """Draw the cubic spline through points as transitions.
 
     The spline is C² over chord length, periodic or with an end condition. Each transition has the
     points, tangents and curvatures of the spline at its ends; the spline is cut until all
@@ -67,9 +67,11 @@ def fit_spline(
 
 
 def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Halve cubics until a transition approximates each part within the tolerance."""
-    # Returns the coefficients and arc lengths [m] of the parts, and the start of each part as index
-    # of the cubic plus fraction.
+    """Halve cubics until a transition approximates each part within the tolerance.
+
+    Returns the parts' coefficients and arc lengths [m], and where each part starts: the index of
+    its cubic plus the fraction along it.
+    """
     begin = np.arange(len(cubics), dtype=np.float64)
     size = 1.0
     done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
@@ -102,7 +104,7 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
 
 
 def _test_transitions(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray]:
-    """Arc lengths of cubics [m], and the mask of cubics that one transition can approximate."""
+    """Return the arc lengths of cubics [m], and the mask of those that one transition fits."""
     x = (SAMPLES[:-1, None] + np.diff(SAMPLES)[:, None] * (NODES + 1) / 2).ravel()
     speed = length(_evaluate(cubics, x, 1)).reshape(len(cubics), -1, len(NODES))
     steps = speed @ WEIGHTS / 2 * np.diff(SAMPLES)
@@ -121,14 +123,14 @@ def _test_transitions(cubics: FloatArray, tolerance: float) -> tuple[FloatArray,
 
 
 def _contact(cubics: FloatArray, x: float) -> tuple[FloatArray, FloatArray]:
-    """Unit tangents and curvature vectors [1/m] of cubics at a parameter, (n, dimension) each."""
+    """Return unit tangents and curvature vectors [1/m] of cubics at a parameter."""
     return tangent_and_curvature(
         *(_evaluate(cubics, np.array([x]), order)[:, 0] for order in (1, 2))
     )
 
 
 def _evaluate(cubics: FloatArray, x: FloatArray, order: int) -> FloatArray:
-    """Values or derivatives of cubics at parameters, (n, parameters, dimension)."""
+    """Return values or derivatives of cubics at parameters, (n, parameters, dimension)."""
     from numpy.polynomial.polynomial import polyder, polyval
 
     values = polyval(x, polyder(np.moveaxis(cubics, 1, 0), order))

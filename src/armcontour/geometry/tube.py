@@ -1,9 +1,9 @@
 """The tube around an objective path, and the proof that another path stays in it.
 
-A path satisfies its tolerance if each of its points is within the tolerance of the part of the
-objective within `reach` of the point's corresponding arc length, and if each corner of the
-objective is within the tolerance of its part of the path. The parts are local, so a path that
-switches to a crossing line or to a neighbouring pass violates the tolerance.
+A path satisfies its tolerance if each of its points is within the tolerance of the objective's part
+that extends by `reach` around the corresponding arc length, and if each corner of the objective is
+within the tolerance of its part of the path. The parts are local, so a path that switches to a
+crossing line or to a neighbouring pass violates the tolerance.
 
 The proof. A part of a path segment with curvature k and length l, and a part of an objective piece
 with curvature k' and length l', are both passed evenly while t runs from 0 to 1. The difference D
@@ -50,8 +50,8 @@ class Proof:
     The path is within its tolerance if all values are at most `slack`.
 
     Args:
-        segments: Bounds over the points of each segment of the path [m], (n,).
-        vertices: Values of the corners of the objective [m], (k,).
+        segments: Upper bound for each segment of the path [m], (n,).
+        vertices: Value for each corner of the objective [m], (k,).
         slack: Rounding error that the bounds may have [m].
     """
 
@@ -66,11 +66,11 @@ class Tube(Frozen):
 
     Args:
         objective: The objective path.
-        segments: Its pieces, m lines and arcs.
-        breaks: Arc lengths of their ends on the objective [m], (m + 1,).
+        segments: Pieces of the objective path, m lines and arcs.
+        breaks: Arc lengths on the objective at which the pieces start and end [m], (m + 1,).
         tolerance: Largest distance from each piece [m], (m,).
-        vertex: Indices of the corners of the objective among its vertices, from 0, (k,).
-        vertex_tolerance: Largest distance of each corner from the path [m], (k,).
+        vertex: Indices of the objective's corners among its vertices, from 0, (k,).
+        vertex_tolerance: Largest distance from each corner to the path [m], (k,).
     """
 
     objective: Path
@@ -86,7 +86,7 @@ class Tube(Frozen):
         object.__setattr__(self, "_pieces", self._pack_pieces())
 
     def _pack_pieces(self) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """The fields of `TubePieces`."""
+        """Pack the fields of `TubePieces`."""
         rows = pack_segments(self.segments)
         rows[:, 11] = self.breaks[:-1]
         # Points beyond the end of a piece with a larger tolerance belong to its neighbour.
@@ -96,7 +96,7 @@ class Tube(Frozen):
 
     @classmethod
     def around(cls, objective: Path, tolerance: npt.ArrayLike) -> Tube:
-        """The tube around an objective path.
+        """Return the tube around an objective path.
 
         Tolerances of the objective's own segments cap those of their pieces and corners.
 
@@ -139,7 +139,7 @@ class Tube(Frozen):
         return len(self.segments)
 
     def nearest(self, points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Arc lengths of the nearest points of the objective, each within a range [m], (n,).
+        """Return the arc lengths of the objective's nearest points, each in a range [m], (n,).
 
         - `points`: the points [m], (n, dimension).
         - `low`: arc lengths on the objective at which the range of each point starts [m], (n,).
@@ -151,7 +151,7 @@ class Tube(Frozen):
         return np.asarray(np.clip(s, low, high))
 
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
-        """Remaining distance to the boundary of the tube, below 0 outside [m], (n,).
+        """Return the remaining distance to the boundary of the tube, below 0 outside [m], (n,).
 
         The margin is the largest one of these pieces.
 
@@ -209,7 +209,7 @@ class Tube(Frozen):
         return Proof(segments=segments, vertices=distance - self.vertex_tolerance, slack=slack)
 
     def windows_between(self, low: FloatArray, high: FloatArray) -> IntArray:
-        """First and last piece of ranges of arc length [m], (n, 2)."""
+        """Return the first and the last piece of arc length ranges [m], (n, 2)."""
         last = len(self) - 1
         first = np.searchsorted(self.breaks[1:], low, side="left")
         end = np.searchsorted(self.breaks[:-1], high, side="right") - 1
@@ -246,7 +246,7 @@ class Tube(Frozen):
     def nearest_to_corners(
         self, path: Path, places: FloatArray, reach: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Distance of each corner from its part of a path, and the nearest arc length [m]."""
+        """Return each corner's distance from its part of a path, and the nearest arc length [m]."""
         corner_s = self.objective.breaks[self.vertex]
         objective_s = places[:, 0]
         along = places[:, 1]
@@ -262,7 +262,7 @@ class Tube(Frozen):
 def _nearest_in_range(
     points: FloatArray, ranges: FloatArray, windows: IntArray, rows: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest point within a range of a path, for each point."""
+    """Return distance and arc length of the nearest point in each point's range [m]."""
     from armcontour.geometry.kernels import TubePieces, find_excess
 
     pieces = TubePieces(rows, np.zeros(len(rows)), np.zeros((len(rows), 2), np.bool_))

@@ -19,11 +19,11 @@ from armcontour.geometry.path import Path, cut_path
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
 UP = checks.frozen_array([0.0, 0.0, 1.0])
-# Number of points of a sine per pitch at first; it is doubled until the tolerance is satisfied.
+# Number of points per pitch on a sine at first; it is doubled until the tolerance is satisfied.
 SAMPLES = 64
-# Largest number of doublings of the points of a sine.
+# The number of points on a sine is doubled at most this number of times.
 MAX_DOUBLINGS = 6
-# Largest number of points of a sine.
+# Largest number of points on a sine.
 MAX_POINTS = 2_000_000
 # Smallest sine of the angle between the tool axis and the tangent. Below it, the direction of the
 # weave is undefined.
@@ -87,19 +87,21 @@ class Woven:
     pitch: float  # Length of the seam per wave [m]
     # Waves per second at the assigned velocity [1/s]; NaN if the velocity changes along the seam
     frequency: float
-    left_out: float  # Total length of the parts of the seam that are too short for the weave [m]
+    left_out: float  # Total length of seam parts that are too short for the weave [m]
 
 
 def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
-    """Path that weaves perpendicular to a seam and to the tool axis, and its parameters."""
-    # Vertices that turn by no more than 30° are waypoints of a smooth seam, a spline through them,
-    # unless a vertex turns by more than 5° and three times as much as both of its neighbours. All
-    # others are corners. Each part between two corners starts and ends on the seam. The amplitude
-    # of a sine rises within the first half pitch and decays within the last one, so the sine is
-    # tangent to the seam at both ends. A part of less than half a pitch is not woven. Speeds are
-    # along the seam, so the assigned velocity of each piece of the woven path is greater by the
-    # ratio of the lengths. Tolerances, tags and the tool orientation are those of the seam.
-    # A seam in space without orientation is woven perpendicular to z.
+    """Weave perpendicular to a seam and to the tool axis; also return the weave's data.
+
+    Vertices that turn by no more than 30° are waypoints of a smooth seam, a spline through them,
+    unless a vertex turns by more than 5° and three times as much as both of its neighbours. All
+    others are corners. Each part between two corners starts and ends on the seam. The amplitude of
+    a sine rises within the first half pitch and decays within the last one, so the sine is tangent
+    to the seam at both ends. A part of less than half a pitch is not woven. Speeds are along the
+    seam, so each woven piece has an assigned velocity that is greater by the ratio of the lengths.
+    Tolerances, tags and the tool orientation are those of the seam. A seam in space without
+    orientation is woven perpendicular to z.
+    """
     if weave.speed is not None:
         same = path.segments.replace(speeds=np.full(len(path), weave.speed))
         path = replace(path, segments=same)
@@ -152,7 +154,7 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
 
 
 def _pitch_and_dwell_length(path: Path, weave: Weave) -> tuple[float, float]:
-    """Lengths of the seam per wave and per dwell at an edge [m]."""
+    """Return the seam lengths per wave and per dwell at an edge [m]."""
     pitch = weave.pitch
     frequency = weave.frequency
     dwell = weave.dwell
@@ -179,7 +181,7 @@ def _pitch_and_dwell_length(path: Path, weave: Weave) -> tuple[float, float]:
 
 
 def _corners(path: Path) -> npt.NDArray[np.bool_]:
-    """Mask of the inner vertices that are corners of the seam, (segments - 1,)."""
+    """Return the mask of inner vertices that are seam corners, (segments - 1,)."""
     turns = np.concatenate([[0.0], path.turns, [0.0]])
     neighbours = np.maximum(turns[:-2], turns[2:])
     sharp = (turns[1:-1] > SMALL_CORNER) & (turns[1:-1] > CORNER_RATIO * neighbours)
@@ -187,7 +189,7 @@ def _corners(path: Path) -> npt.NDArray[np.bool_]:
 
 
 def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
-    """The smooth seam, and corresponding arc lengths of seam and path [m], (n, 2)."""
+    """Return the smooth seam, and corresponding arc lengths on seam and path [m], (n, 2)."""
     from armcontour.geometry.spline import fit_spline
 
     bare = replace(path, orientation=None)
@@ -219,7 +221,7 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
 
 
 def _select_waypoints(s: FloatArray, distance: float) -> npt.NDArray[np.bool_]:
-    """Mask of the first arc length in each cell of this width, and of the last one, (n,)."""
+    """Return the mask of the first arc length in each cell, and of the last one, (n,)."""
     chosen = np.append(np.diff(np.floor(s / distance), prepend=-1) > 0, True)[: len(s)]
     chosen[-1] = True
     # The last but one is not chosen if the spline would be short, and therefore curved, after it.
@@ -241,11 +243,11 @@ class _Wave:
     edge: float  # Length of an edge: a part of the seam at a crest with constant offset [m]
 
     def on_part(self, s: FloatArray) -> FloatArray:
-        """Arc lengths on the part that correspond to arc lengths on the seam [m], (n,)."""
+        """Return arc lengths on the part for arc lengths on the seam [m], (n,)."""
         return np.asarray(np.interp(s, *self.places.T))
 
     def offset_points(self, s: FloatArray, offset: FloatArray) -> FloatArray:
-        """Points at distance `offset` to the left of the seam [m], (n, dimension)."""
+        """Return points at distance `offset` to the left of the seam [m], (n, dimension)."""
         tangents = self.seam(s, 1)
         if self.seam.dimension == 2:
             side = np.column_stack([-tangents[:, 1], tangents[:, 0]])
@@ -267,7 +269,7 @@ class _Wave:
         return np.asarray(self.seam(s) + offset[:, None] * side)
 
     def turning_points(self) -> FloatArray:
-        """Arc lengths of start and end of each edge that fits on the seam [m], (edges, 2)."""
+        """Return the arc lengths at both ends of each edge that fits on the seam [m], (k, 2)."""
         count = int(np.ceil(self.seam.length / self.pitch))
         middle = (2 * np.arange(2 * count) + 1) / 4 * self.pitch
         edges = middle[:, None] + np.array([-0.5, 0.5]) * self.edge
@@ -275,13 +277,13 @@ class _Wave:
         return np.asarray(edges[edges[:, 1] <= room])
 
     def full_crests(self) -> FloatArray:
-        """Arc lengths of the middles of those edges at which a sine has its full amplitude [m]."""
+        """Return the arc lengths of the edges' middles with full amplitude [m], (crests,)."""
         middle = self.turning_points().mean(axis=1)
         half = (self.pitch + self.edge) / 2
         return np.asarray(middle[(middle >= half) & (middle <= self.seam.length - half)])
 
     def sine(self, s: FloatArray) -> FloatArray:
-        """Points of the sine, (n, dimension); its amplitude rises and decays over half a pitch."""
+        """Return points of the sine, (n, dimension); it rises and decays over half a pitch."""
         share = self.edge / self.pitch / 2
         knots = [0.0, 0.25 - share, 0.25 + share, 0.75 - share, 0.75 + share, 1.0]
         phase = np.interp(s / self.pitch % 1, knots, [0.0, 0.25, 0.25, 0.75, 0.75, 1.0])
@@ -291,7 +293,7 @@ class _Wave:
 
 
 def _weave_part(wave: _Wave, tolerance: float) -> Path:
-    """The woven path of a part, with its speeds, tolerances, tags and orientation."""
+    """Weave along a part, with its speeds, tolerances, tags and orientation."""
     from armcontour.geometry.prescribed_orientation import carry_frame
 
     part = wave.part
@@ -328,7 +330,7 @@ def _weave_part(wave: _Wave, tolerance: float) -> Path:
 def _fit_sine(
     wave: _Wave, pieces: FloatArray, tolerance: float
 ) -> tuple[Segments, npt.NDArray[np.intp]]:
-    """Tangent arcs along the sine of a part, and the index of the vertex at each of `pieces`."""
+    """Fit tangent arcs to a part's sine; also return the vertex index at each of `pieces`."""
     # Where the curvature of the seam jumps, the sine has a slight kink. A cubic spline through its
     # points removes the kink.
     from scipy.interpolate import CubicSpline

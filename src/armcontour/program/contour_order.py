@@ -22,26 +22,26 @@ from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
 # A function that makes the contour of an option, and its first and last point [m], (2, dimension).
 Option = tuple[Callable[[], Contour], FloatArray]
 
-# Number of possible start points of a closed contour, unless the program has many contours.
+# Number of start points that are tried per closed contour, unless the program has many contours.
 PLACES = 24
 # Smallest number to which the possible start points of a closed contour are reduced.
 FEWEST_PLACES = 4
 # If all contours together would have more start points than this, each has fewer than PLACES.
 MAX_PLACES = 20_000
-# Largest product of the number of first contours that the search for a short tour tries and the
-# square of the number of contours, which limits the time to about 0.5 s.
+# The search for a short tour tries several first contours. This limits their number times the
+# square of the contour count, and with it the time to about 0.5 s.
 MAX_WORK = 20_000
 # Smallest reduction of a tour that is no rounding error [m].
 NO_GAIN = 1e-12
 # Orientations at both ends of a contour that differ by less than this angle [rad] count as equal,
 # because summed turns have rounding errors.
 SAME_ORIENTATION = 1e-6
-# Largest number of segments of a contour with its overlap, which repeats the contour's segments.
+# Largest number of segments in a contour with its overlap, which repeats the contour's segments.
 MAX_SEGMENTS = 1_000_000
 
 
 def direct_contours(program: Program, process: Process) -> Program:
-    """Reverse closed contours that do not have the direction of travel of the process."""
+    """Reverse closed contours that run against the process's direction of travel."""
     contours = program.contours
     directions = [process.of_contour(x).direction if x.closed else DRAWN for x in contours]
     if all(x == DRAWN for x in directions):
@@ -74,9 +74,11 @@ def direct_contours(program: Program, process: Process) -> Program:
 
 
 def order_contours(program: Program, process: Process) -> Program:
-    """Sort the contours of a program by the order of the process."""
-    # For a shorter tour, a contour can start at another point or run backwards; later steps do not
-    # change this start. A note reports a contour that is cut before a contour inside it.
+    """Sort the contours of a program by the order of the process.
+
+    For a shorter tour, a contour can start at another point or run backwards; later steps do not
+    change this start. A note reports a contour that is cut before a contour inside it.
+    """
     order = process.order
     contours = program.contours
     if order == "auto":
@@ -135,7 +137,7 @@ def _add_order_note(program: Program, process: Process) -> Program:
 
 
 def _order_inside_first(parents: IntArray) -> list[int]:
-    """Indices in the drawn order, except that each contour follows all contours inside it."""
+    """Return indices in drawn order, but each contour after all contours inside it."""
     children: dict[int, list[int]] = {}
     for i, parent in enumerate(parents.tolist()):
         children.setdefault(parent, []).append(i)
@@ -269,12 +271,12 @@ class _Choices:
             i = (i + 1) % n
 
     def _length(self, tour: IntArray, option: IntArray) -> float:
-        """Length of the straight links between the contours of a tour [m]."""
+        """Return the length of a tour's straight links between contours [m]."""
         ends = self.ends[option[tour]]
         return float(np.linalg.norm(ends[1:, 0] - ends[:-1, 1], axis=1).sum())
 
     def _best_options(self, tour: IntArray) -> IntArray:
-        """Option of every contour with which a tour is shortest, by dynamic programming, (n,)."""
+        """Choose the option of each contour for the shortest tour, by dynamic programming, (n,)."""
         from scipy.spatial.distance import cdist
 
         first = self.first
@@ -295,7 +297,7 @@ class _Choices:
 
 
 def _options(contour: Contour, process: Process, count: int) -> list[Option]:
-    """The options of a contour; a closed contour has at most `count`."""
+    """List the options of a contour; a closed contour has at most `count`."""
     path = contour.path
 
     if not contour.closed:
@@ -314,7 +316,7 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
 
 
 def _fix_start(contour: Contour, start: float) -> Contour:
-    """A closed contour that starts at an arc length [m], and keeps this start."""
+    """Start a closed contour at an arc length [m], and keep this start."""
     return replace(move_start(contour, start, {}), keep_start=True)
 
 
@@ -327,8 +329,10 @@ def _reverse_contour(contour: Contour) -> Contour:
 
 
 def find_start_candidates(path: Path, count: int) -> FloatArray:
-    """Arc lengths at which a closed path may start [m], away from its corners."""
-    # Between two corners, all candidates lie in the middle half, so both corners can be rounded.
+    """Return arc lengths at which a closed path may start [m], away from its corners.
+
+    Between two corners, all candidates lie in the middle half, so both corners can be rounded.
+    """
     length = path.length
     closing = np.linalg.norm(path(0.0, 1) - path(length, 1, side="left")) > TANGENT_TOLERANCE
     corners = path.breaks[1:-1][path.turns > TANGENT_TOLERANCE]
@@ -348,7 +352,7 @@ def find_start_candidates(path: Path, count: int) -> FloatArray:
 def close_contour(
     contour: Contour, process: Process, *, led: bool, outputs: Mapping[str, Value]
 ) -> Contour:
-    """A closed contour with the start point, the laps and the overlap of the process.
+    """Add the start point, the laps and the overlap of the process to a closed contour.
 
     An automatic start keeps the drawn start point if the contour's `keep_start` is true, a rapid,
     dwell or event leads to the contour, the contour has events, or its end orientations differ.
@@ -388,7 +392,7 @@ def keeps_drawn_start(contour: Contour, *, led: bool) -> bool:
 
 
 def find_start(contour: Contour, process: Process, *, led: bool) -> float:
-    """Arc length at which a closed contour starts [m]; see `close_contour`."""
+    """Find the arc length at which a closed contour starts [m]; see `close_contour`."""
     path = contour.path
     begin = process.begin
     if begin == DRAWN or (begin == AUTO and keeps_drawn_start(contour, led=led)):
@@ -490,7 +494,7 @@ def _check_switching(contour: Contour, start: float, outputs: Mapping[str, Value
 
 
 def _move_event(event: Event, start: float, length: float) -> Event:
-    """Adapt an event to a new start point of its contour; events at the ends stay at the ends."""
+    """Move an event to its contour's new start point; events at the ends stay there."""
     if event.s <= REPEATED_POINT or event.s >= length - REPEATED_POINT:
         return replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
     return replace(event, s=(event.s - start) % length)

@@ -1,4 +1,4 @@
-"""Corner rounding, and smoothing of the curvature, of a path or of all contours of a program."""
+"""Corner rounding and curvature smoothing for a path or all contours of a program."""
 
 from __future__ import annotations
 
@@ -164,5 +164,5 @@ def draw_with_arcs(contour: Contour) -> Contour:
 
 
 def _interpolate(pairs: FloatArray, s: FloatArray) -> FloatArray:
-    """Arc lengths on the second path [m], interpolated between `pairs` of arc lengths, (n, 2)."""
+    """Return arc lengths on the second path [m], interpolated between `pairs`, (n, 2)."""
     return np.interp(s, pairs[:, 0], pairs[:, 1])

@@ -55,7 +55,7 @@ KERF_BISECTIONS = 14
 
 
 def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, float, float]]:
-    """Parts of the tool path that separate material: path, first and last arc length, kerf [m].
+    """List the tool path's separating parts: path, first and last arc length, kerf [m].
 
     `process` is the process for which the program was prepared.
     """
@@ -75,7 +75,7 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
 
 
 def idle_parts(program: Program, process: Process) -> list[tuple[int, float, float]]:
-    """Parts of contours on which the process is off, such as leads and tabs.
+    """List the parts of contours on which the process is off, such as leads and tabs.
 
     Each is the index of the contour, and the first and last arc length [m].
     """
@@ -138,7 +138,7 @@ def apply_kerf(program: Program, process: Process) -> Program:
 def _find_problems(
     program: Program, contours: Sequence[Contour], flat: Sequence[Segments | None]
 ) -> dict[int, str]:
-    """Contours of which the kerf has no side, by index, with the reason.
+    """Find the contours whose kerf has no side; returns {index: reason}.
 
     Such contours are left out. The program is refused if none remains, or if it has rapids, events
     or dwells, which may belong to such a contour.
@@ -166,7 +166,7 @@ def _find_problems(
 
 
 def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Process) -> list[str]:
-    """The side of each contour on which its kerf lies; "" for contours without offset."""
+    """Return the side of each contour's kerf; "" for contours without offset."""
     waste = process.kerf_side == WASTE
     sides = waste_sides(contours, process) if waste else [process.kerf_side] * len(contours)
     return [
@@ -176,7 +176,10 @@ def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Pr
 
 
 def _notes_on_open(names: Sequence[str]) -> list[str]:
-    """A note on open contours that are not offset, by their names; empty without such contours."""
+    """Return a note on open contours that are not offset, if there are any.
+
+    - `names`: their names.
+    """
     if not names:
         return []
     more = count_noun(len(names) - 1, "more open contour")
@@ -188,7 +191,7 @@ def _notes_on_open(names: Sequence[str]) -> list[str]:
 
 
 def _flatten(contour: Contour, number: int, process: Process) -> Segments:
-    """Segments of a contour projected along `up`; raise InvalidInput if the kerf has no side."""
+    """Project a contour along `up`; raise InvalidInput if the kerf has no side."""
     called = contour_called(contour, number)
     up = process.up
     rows = contour.path.segments
@@ -214,14 +217,14 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
 def _offset(
     rows: Segments, contour: Contour, number: int, kerf: float, side: str
 ) -> list[OffsetPart]:
-    """The parts of a contour's offset by half the kerf; raise InvalidInput if it does not fit."""
+    """Offset a contour by half the kerf; raise InvalidInput if it does not fit."""
     called = contour_called(contour, number)
     sign = 1 if side == "left" else -1
 
     def parts_of(width: float) -> list[OffsetPart]:
         parts = offset_segments(rows, sign * width / 2, closed=contour.closed)
-        # A closed part of the offset of an open contour lies where the contour curls around an
-        # area, and is discarded.
+        # A closed part of an open contour's offset lies where the contour curls around an area, and
+        # is discarded.
         return parts if contour.closed else [x for x in parts if not x.closed]
 
     offset_parts = parts_of(kerf)
@@ -283,7 +286,7 @@ def _check_distances(
 
 
 def _name_with_layer(contours: Sequence[Contour], number: int) -> str:
-    """Name of a contour for messages, with its layer if there are several layers."""
+    """Return a contour's name for messages, with its layer if there are several layers."""
     called = contour_called(contours[number], number)
     layer = contours[number].layer
     return f"{called} (layer {layer})" if len({x.layer for x in contours}) > 1 else called
@@ -292,8 +295,10 @@ def _name_with_layer(contours: Sequence[Contour], number: int) -> str:
 def _make_contours(
     contour: Contour, number: int, parts: Sequence[OffsetPart], up: FloatArray
 ) -> list[Contour]:
-    """Contours along the parts of an offset, the part nearest to the start point first."""
-    # Without parts, the original contour is returned.
+    """Make contours along an offset's parts, the part nearest to the start point first.
+
+    Without parts, the original contour is returned.
+    """
     if not parts:
         return [contour]
     source = contour.path
@@ -311,7 +316,7 @@ def _make_contours(
 
 
 def _put_on_part(contour: Contour, path: Path, *, ring: bool) -> Contour:
-    """The contour along the only part of its offset, with its events."""
+    """Move a contour and its events to the only part of its offset."""
     source = contour.path
     event_s = [float(path.project(source(x.s)[None]).s[0]) for x in contour.events]
     events = tuple(
@@ -323,7 +328,7 @@ def _put_on_part(contour: Contour, path: Path, *, ring: bool) -> Contour:
 
 
 def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
-    """The path of an offset part, with speeds, tolerances, tags and orientation of its source."""
+    """Return the path of an offset part, with its source's limits, tags and orientation."""
     rows = part.segments.replace(**source.segments[part.rows].limit_columns)
     if source.dimension == 3:
         axes = perpendicular_axes(up)
@@ -345,7 +350,7 @@ def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
 
 
 def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) -> Orientation:
-    """Tool orientation along an offset, constant or at the same angle to the tangent."""
+    """Orient the tool along an offset, constantly or at the same angle to the tangent."""
     rows = path.segments
     start = orientation(0.0)
     same = orientation.fixed and all(
@@ -387,12 +392,12 @@ def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) 
 
 
 def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
-    """Mask of the contours that are cut through, (n,): all but marks, whose kerf is None."""
+    """Return the mask of contours that are cut through, (n,): all but marks (kerf None)."""
     return np.array([not _is_mark(x, process) for x in contours], dtype=bool)
 
 
 def _is_mark(contour: Contour, process: Process) -> bool:
-    """Return whether the values of a contour or of its layer state that it is not cut through."""
+    """Return whether a contour's values, or its layer's, state that it is not cut through."""
     # A contour without a value, of a process without kerf, can be the outline of a part whose other
     # contours have a kerf. Only None as a value states that it is a mark.
     values = process.by_contour.get(contour.number)
@@ -402,7 +407,7 @@ def _is_mark(contour: Contour, process: Process) -> bool:
 
 
 def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
-    """The waste side of every contour in its direction of travel, "left" or "right".
+    """Return the waste side of every contour in its direction of travel, "left" or "right".
 
     A closed contour inside an odd number of other contours that are cut is a hole, on any layer and
     whichever of them has a kerf. The waste side of open contours is "left".
@@ -417,14 +422,14 @@ def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
 
 
 def _find_holes(nesting: Nesting, edges: BoolArray) -> BoolArray:
-    """Mask of the contours inside an odd number of other contours that are `edges`, (n,)."""
+    """Return the mask of contours inside an odd number of other `edges`, (n,)."""
     return np.asarray(nesting.contains[edges].sum(axis=0) % 2 == 1)
 
 
 def _notes_on_nesting(program: Program, sides: Sequence[str], process: Process) -> list[str]:
-    """Notes on offset contours whose side depends on whether contours without a kerf count.
+    """Return notes on contours whose offset side depends on those without a kerf.
 
-    `sides` has the side of each contour of the program; "" for contours without offset.
+    `sides` has a side for each of the program's contours; "" for contours without offset.
     """
     contours = (*program.contours, *program.left_out)
     runs = np.arange(len(contours)) < len(program.contours)

@@ -56,7 +56,7 @@ class LeadPlacement:
     def place_lead(
         self, number: int, path: Path, lead: Lead, length: float, *, after: bool
     ) -> Path:
-        """The lead-in or the lead-out of contour `number`.
+        """Return the lead-in or the lead-out of contour `number`.
 
         - `length`: requested length [m]; a lead of automatic length is shortened until it fits.
         - `after`: true for the lead-out.
@@ -121,7 +121,7 @@ class LeadPlacement:
         )
 
     def _tangent_beyond(self, contour: Contour, path: Path, after: bool) -> FloatArray | None:
-        """Unit tangent of a contour beyond the vertex at a lead; None without a vertex there."""
+        """Return the contour's unit tangent beyond a vertex at a lead; None without a vertex."""
         outline = contour.path
         # A contour with an overlap does not end at its start point.
         if not outline.segments.closed:
@@ -147,8 +147,8 @@ class LeadPlacement:
         pieces, boxes = self._around
         lead_pieces = _tabulate_pieces(lead, up)
         tip = lead_pieces[0, :2]
-        # Only pieces within reach of the lead are tested: the starts of a piece and of the lead are
-        # at most the sum of both lengths apart if the piece and the lead meet.
+        # Only pieces within reach of the lead are tested: if a piece and the lead meet, their
+        # starts are at most the sum of both lengths apart.
         apart = np.linalg.norm(pieces[:, :2] - tip, axis=1)
         near = pieces[apart <= pieces[:, LENGTH] + lead.length + REPEATED_POINT]
         pairs, distances = find_crossings(np.concatenate([lead_pieces, near]))
@@ -166,14 +166,14 @@ class LeadPlacement:
 
 
 def _bounding_box(pieces: FloatArray) -> FloatArray:
-    """Lower and upper corner of a box around pieces [m], (2, 2)."""
+    """Return the lower and upper corner of a box around pieces [m], (2, 2)."""
     starts = pieces[:, :2]
     lengths = pieces[:, LENGTH:]
     return np.stack([(starts - lengths).min(axis=0), (starts + lengths).max(axis=0)])
 
 
 def _tabulate_pieces(path: Path, up: FloatArray) -> FloatArray:
-    """The table of pieces (offset_curves.py) of a path seen from above, (n, 6)."""
+    """Return a path seen from above as pieces (offset_curves.py), (n, 6)."""
     chords = find_chords(path, up)
     a = chords[:, :2]
     chord = chords[:, 2:4] - chords[:, :2]
@@ -197,7 +197,7 @@ def lead_path(
     after: bool,  # True for the lead-out
     beyond: FloatArray | None = None,
 ) -> Path:
-    """The lead-in before a path, or the lead-out after the path.
+    """Return the lead-in before a path, or the lead-out after it.
 
     If the contour turns towards the side of the arc at this vertex, the lead becomes a line along
     the bisector, because a tangent arc would cross the contour.
@@ -250,7 +250,7 @@ def lead_path(
 
 
 def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
-    """Unit vector perpendicular to a tangent, towards `side`."""
+    """Return the unit vector perpendicular to a tangent, towards `side`."""
     if len(tangent) == 2:
         normal = np.array([-tangent[1], tangent[0]])
     else:
@@ -270,7 +270,7 @@ def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
 def _lead_orientation(
     orientation: Orientation, rotation: FloatArray, lead: Path, after: bool
 ) -> Orientation:
-    """Tool orientation along a lead, which follows the tangent or is constant like the path's."""
+    """Orient the tool along a lead: along the tangent, or constantly as on the path."""
     rate = np.zeros(3)
     if orientation.follows and lead.curvatures[0] > 0:
         rate = tangent_rates(lead.segments)[0]

@@ -41,7 +41,7 @@ Value = bool | PlainNumber | Name
 TOOL = "tool"
 # Name of the output for the word S of G-code.
 SPINDLE_SPEED = "spindle speed"
-# Largest numbers of moves and segments of a repeated program. Planning more takes minutes.
+# A repeated program has at most this number of moves, and of segments. Planning more takes minutes.
 MAX_MOVES = 100_000
 MAX_SEGMENTS = 1_000_000
 Copies = Annotated[int, AtLeast(1, MAX_MOVES)]
@@ -88,18 +88,18 @@ class Contour(Checked):
 
     Args:
         path: The path.
-        name: Name of the contour in its source, such as an id or a line number.
+        name: Name of the contour in its source, such as an id or a line number; empty by default.
         number: Number of the contour in its source, from 1; 0 without a source.
-        layer: Layer of the drawing.
-        events: Events along the contour.
+        layer: Layer of the drawing; empty without layers.
+        events: Events along the contour, in any order; none by default.
         work: Arc lengths at which the process is switched on and off [m]; leads are before and
             after. By default the whole path.
-        keep_start: Whether to keep the drawn start point, as in G-code.
+        keep_start: Whether to keep the drawn start point, as in G-code; false by default.
         ring: Whether the contour is closed, for a path with leads or overlap; None compares the
             ends of the path.
         woven: Seam and parameters of a woven path; None without weaving.
-        order: Contours with smaller values run first; the order of the process applies to contours
-            with the same value.
+        order: Contours with smaller values run first; 0 by default. The order of the process
+            applies to contours with the same value.
 
     Raises:
         InvalidInput: The path is missing, a name or layer is invalid, an event is after the end of
@@ -148,7 +148,7 @@ class Contour(Checked):
         return (0.0, self.path.length) if self.work is None else self.work
 
     def without_z(self) -> tuple[Contour | Event, ...]:
-        """The contour without z; if no length remains, its events as separate moves."""
+        """Return the contour without z; if no length remains, its events as separate moves."""
         if not has_length_without_z(self.path):
             return tuple(replace(x, s=0.0) for x in self.events)
         return (put_on_path(self, drop_z(self.path), partial(arc_lengths_without_z, self.path)),)
@@ -167,9 +167,9 @@ def put_on_path(
 
 
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
-    """A sentence that lists layers that are not run, with their counts; empty without any.
+    """Return a sentence on the layers that are not run, with their counts, if there are any.
 
-    `layers` contains the number of contours, or of entities of a drawing, of each layer.
+    `layers` contains the number of contours, or of drawing entities, per layer.
     """
     listed = list_some(
         [f"{name or 'no layer'} ({n})" for name, n in sorted(layers.items()) if n], 12
@@ -178,7 +178,7 @@ def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
 
 
 def contour_called(contour: Contour, number: int) -> str:
-    """Contour in messages: its number from 1, by default `number` + 1, and its name if any."""
+    """Name a contour in messages: its number, by default `number` + 1, and its name if any."""
     if contour.name.startswith("contour "):
         return contour.name
     name = f" ({contour.name})" if contour.name else ""
@@ -186,13 +186,13 @@ def contour_called(contour: Contour, number: int) -> str:
 
 
 def name_copy(name: str, row: int, column: int) -> str:
-    """Name of a copy of a contour in a row and a column, counted from 0."""
+    """Name a contour's copy by its row and column, counted from 0."""
     suffix = f"[{row + 1},{column + 1}]"
     return f"{shorten(name, checks.LONGEST_NAME - 1 - len(suffix))} {suffix}" if name else suffix
 
 
 def _check_spacing(name: str, spacing: float | None, copies: int) -> float:
-    """Distance between copies [m]; 0 for a single copy; raise InvalidInput if it is missing."""
+    """Return the distance between copies [m]; raise InvalidInput if several copies have none."""
     distance = spacing or 0.0
     if copies > 1 and abs(distance) <= REPEATED_POINT:
         raise InvalidInput(
@@ -248,12 +248,13 @@ class Program(Checked):
     Args:
         moves: The moves.
         source: Origin of the program, such as the name of a file.
-        notes: Sentences on parts that were ignored or changed when the program was read.
+        notes: Sentences on parts that were ignored or changed when the program was read; none by
+            default.
         remarks: Sentences on automatic choices that need no attention.
         rapid_speed: Largest tool speed of rapids without a path [m/s]; None for the limits of the
             joints only.
-        other_layers: Names of the layers of the drawing that are not run.
-        left_out: Contours of the drawing that are not run, if known.
+        other_layers: Names of the drawing's layers that are not run.
+        left_out: The drawing's contours that are not run, if known.
 
     Raises:
         InvalidInput: There is no contour, an object is not a move, an event between contours has an
@@ -310,7 +311,7 @@ class Program(Checked):
 
     @property
     def single_path(self) -> Path | None:
-        """The path of a program of one contour without leads and events; None for other programs.
+        """The path of a program with one contour, no leads and no events; else None.
 
         Some options and results are defined for such a program only.
         """
@@ -377,7 +378,7 @@ class Program(Checked):
         return replace(self, moves=tuple(moves), left_out=left_out)
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Program:
-        """The program in space with one tool orientation, as by `Path.oriented`.
+        """Return the program in space with one tool orientation, as by `Path.oriented`.
 
         Args:
             rotations: Tool axes as columns: a matrix, a quaternion (x, y, z, w) or a rotation of
@@ -387,7 +388,7 @@ class Program(Checked):
         return self.mapped(lambda path: path.lifted().oriented(rotations, axis_only=axis_only))
 
     def pointing(self, direction: npt.ArrayLike) -> Program:
-        """The program in space with the tool axis in one direction, as by `Path.pointing`.
+        """Return the program in space with the tool axis in one direction, as by `Path.pointing`.
 
         Args:
             direction: Direction of the tool axis, of any length, (3,).
@@ -395,12 +396,12 @@ class Program(Checked):
         return self.mapped(lambda path: path.lifted().pointing(direction))
 
     def __repr__(self) -> str:
-        """Source, number of contours and length, in one line."""
+        """Return source, number of contours and length in one line."""
         source = f"{self.source!r}, " if self.source else ""
         return f"Program({source}{len(self.contours)} contours, {self.length:.6g} m)"
 
     def placed(self, frame: Pose, *, scale: float = 1.0) -> Program:
-        """The program transformed from a frame to its parent frame.
+        """Return the program transformed from a frame to its parent frame.
 
         Speeds, tolerances and leads stay the same.
 
@@ -420,7 +421,7 @@ class Program(Checked):
         column_spacing: Length | None = None,
         row_spacing: Length | None = None,
     ) -> Program:
-        """Copies of the whole program in columns along x and rows along y, there and back.
+        """Copy the whole program in columns along x and rows along y, there and back.
 
         Rapids, dwells and events are also copied. A contour `hole` becomes `hole [1,1]` (row,
         column), `hole [1,2]`, and so on.
@@ -470,7 +471,7 @@ class Program(Checked):
                 )
 
     def without_z(self) -> Program:
-        """The program without z. Vertical moves are removed, but their events remain.
+        """Return the program without z. Vertical moves are removed, but their events remain.
 
         Raises:
             InvalidInput: An arc is not parallel to the plane.
@@ -498,7 +499,7 @@ class Program(Checked):
     def selected(
         self, *, layers: Collection[str] | None = None, names: Collection[str] | None = None
     ) -> Program:
-        """The contours on some layers or with some names, with new rapids between them.
+        """Select the contours on some layers or with some names, with new rapids between them.
 
         Args:
             layers: Names of layers; None for all layers.
@@ -539,7 +540,7 @@ class Program(Checked):
     def _selection_mask(
         self, kind: str, requested: Collection[str] | None, available: Sequence[str]
     ) -> Sequence[bool]:
-        """Mask of the contours whose layer or name in `available` is requested."""
+        """Return the mask of the contours whose layer or name in `available` is requested."""
         if requested is None:
             return [True] * len(available)
         named = (requested,) if isinstance(requested, str) else requested
@@ -554,8 +555,10 @@ class Program(Checked):
 
 
 def has_intended_start(moves: Sequence[Move], i: int) -> bool:
-    """Return whether a rapid, dwell or event precedes contour i and thus fixes its start."""
-    # A dwell or event counts only if it is between this contour and the previous contour.
+    """Return whether a rapid, dwell or event precedes contour i and thus fixes its start.
+
+    A dwell or event counts only if it is between this contour and the previous contour.
+    """
     for k in range(i - 1, -1, -1):
         if isinstance(moves[k], Rapid):
             return True
@@ -565,7 +568,7 @@ def has_intended_start(moves: Sequence[Move], i: int) -> bool:
 
 
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
-    """Index of the first rapid in an order; None if it has no path or a contour comes first.
+    """Find the first rapid in an order; None if it has no path or a contour comes first.
 
     `order` are the indices of moves to search, in order.
     """
@@ -588,7 +591,7 @@ def events_of(moves: Iterable[Move]) -> Iterator[Event]:
 
 
 def find_departing_rapids(moves: Sequence[Move]) -> set[Rapid]:
-    """Rapids whose path starts at the end of the previous contour."""
+    """Find the rapids whose path starts at the end of the previous contour."""
     rapids = set()
     for i, move in enumerate(moves):
         k = next_rapid(moves, range(i + 1, len(moves))) if isinstance(move, Contour) else None
@@ -602,7 +605,7 @@ def find_departing_rapids(moves: Sequence[Move]) -> set[Rapid]:
 
 
 def last_end(moves: Sequence[Move]) -> FloatArray | None:
-    """End point of the last contour [m]; None without contours."""
+    """Return the end point of the last contour [m]; None without contours."""
     last = next((x.path for x in reversed(moves) if isinstance(x, Contour)), None)
     return None if last is None else last(last.length)
 

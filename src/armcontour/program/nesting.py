@@ -1,7 +1,7 @@
 """Closed contours and the contours inside them, seen from above; exact for lines and arcs.
 
-A point is inside a contour if its winding number is not zero. This is the winding number of the
-polygon of chords, plus one turn for every arc between whose chord and curve the point lies.
+A point is inside a contour if its winding number is not zero. It is the winding number of the
+chords' polygon, plus one turn for every arc with the point between its chord and its curve.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments
 from armcontour.program.moves import Contour
 
-# Number of chords per quarter circle of a tilted arc, whose projection is not an arc.
+# Number of chords per quarter circle on a tilted arc, whose projection is not an arc.
 CHORDS = 32
 # A unit vector with a smaller component along `up` counts as perpendicular to `up`.
 MAX_SLOPE = 1e-6
 NO_CHORDS = np.empty((0, 8))
-# Approximate number of pairs of a point and a chord that are tested together, to limit the memory.
+# About this number of point-chord pairs are tested together, to limit the memory.
 PAIRS = 200_000
 
 
@@ -60,7 +60,7 @@ def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
 
 
 def wind_around(paths: Sequence[Path], points: FloatArray) -> IntArray:
-    """Winding numbers of closed paths in the plane around points, (n,)."""
+    """Return the winding numbers of closed paths in the plane around points, (n,)."""
     chords = [_close_chords(find_chords(x, np.eye(3)[2])) for x in paths]
     return _windings(np.concatenate(chords), points)
 
@@ -71,16 +71,18 @@ def project_along_up(points: FloatArray, up: FloatArray) -> FloatArray:
 
 
 def perpendicular_axes(up: FloatArray) -> FloatArray:
-    """Two unit vectors as columns that form a right-handed frame with `up`, (3, 2)."""
+    """Return two unit vectors as columns that form a right-handed frame with `up`, (3, 2)."""
     first = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(up, first)], axis=1)
 
 
 def find_chords(path: Path, up: FloatArray) -> FloatArray:
-    """Chords of the segments of a path, projected along `up`, (m, 8)."""
-    # Columns: start x, y, end x, y, centre x, y, radius [m], and turn: 1 for arcs to the left, -1
-    # for arcs to the right, 0 for lines. An arc is at most half a circle.
+    """Return the chords of a path's segments, projected along `up`, (m, 8).
+
+    Columns: start x, y, end x, y, centre x, y, radius [m], and turn: 1 for arcs to the left, -1 for
+    arcs to the right, 0 for lines. An arc is at most half a circle.
+    """
     rows = _split_arcs(draw_arcs(path.segments)[0], up)
     a = project_along_up(rows.starts, up)
     b = project_along_up(rows.ends, up)
@@ -125,10 +127,10 @@ def _close_chords(chords: FloatArray) -> FloatArray:
 
 
 def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
-    """Mask of the points inside a closed contour, (n,); all false without chords."""
+    """Return the mask of the points inside a closed contour, (n,); all false without chords."""
     if not len(chords):
         return np.zeros(len(points), np.bool_)
-    # The box of the chords and of the circles of arcs contains the contour.
+    # A box around all chords and all circles of arcs contains the contour.
     centers = chords[:, 4:6]
     radius = chords[:, 6:7]
     bent = chords[:, 7:8] != 0
@@ -141,7 +143,7 @@ def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
 
 
 def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
-    """Winding numbers of closed contours around points, (n,)."""
+    """Return the winding numbers of closed contours around points, (n,)."""
     if len(points) * len(chords) > PAIRS and len(points) > 1:
         return np.concatenate([_windings(chords, x) for x in np.array_split(points, 2)])
     x, y = points[:, :1], points[:, 1:]
@@ -158,7 +160,7 @@ def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
 
 
 def _area(chords: FloatArray) -> float:
-    """Area of a closed contour [m²], positive if it is counter-clockwise; 0 without chords."""
+    """Return a closed contour's area [m²], positive if counter-clockwise; 0 without chords."""
     if not len(chords):
         return 0.0
     a = chords[:, :2] - chords[0, :2]

@@ -23,10 +23,10 @@ from armcontour.geometry.segments import Segments
 
 # Points closer than this distance [m] count as equal.
 SAME_POINT = 1e-9
-# Approximate number of pairs of pieces that are intersected together, which limits the memory.
+# About this number of piece pairs are intersected together, to limit the memory.
 PAIRS = 200_000
 
-# Columns of a table of pieces: start x, y, unit tangent x, y, curvature (positive to the left) and
+# Columns of a piece table: start x, y, unit tangent x, y, curvature (positive to the left) and
 # length.
 X, Y, TX, TY, CURVATURE, LENGTH = range(6)
 # Rounding error of the distance between a part and the contour [m]. Points of a path have errors up
@@ -41,7 +41,7 @@ THIN = 1e-8
 
 
 def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
-    """Points of pieces, or their tangents, at distances u from their starts, (n, 2)."""
+    """Return points of pieces, or their tangents, at distances u from their starts, (n, 2)."""
     angle = pieces[:, CURVATURE] * u
     tangents = pieces[:, TX : TY + 1]
     normals = rotate_left(tangents)
@@ -53,8 +53,10 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
 
 
 def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
-    """Pieces offset by d to the left [m], (n, 6); length <= 0 if a radius would be negative."""
-    # The offset of an arc has the same centre.
+    """Offset pieces by d to the left [m], (n, 6); length <= 0 if a radius became negative.
+
+    The offset of an arc has the same centre.
+    """
     moved = pieces.copy()
     grown = 1 - pieces[:, CURVATURE] * d
     moved[:, :2] += d * rotate_left(pieces[:, TX : TY + 1])
@@ -64,13 +66,13 @@ def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
 
 
 def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
-    """Angles from arriving to leaving tangents, positive to the left [rad], (n,)."""
+    """Return angles from arriving to leaving tangents, positive to the left [rad], (n,)."""
     return np.asarray(np.arctan2(_cross(arriving, leaving), (arriving * leaving).sum(axis=1)))
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # The radius of a line is 1 / 0.
 def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
-    """All points at which pieces cross or touch each other, including their ends.
+    """Find all points at which pieces cross or touch each other, including their ends.
 
     Returns the indices of both pieces at each point, (m, 2), and the distances of the point along
     both pieces [m], (m, 2).
@@ -107,17 +109,17 @@ def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
 
 
 def rotate_left(vectors: FloatArray) -> FloatArray:
-    """Vectors turned to the left by a right angle, (..., 2)."""
+    """Turn vectors to the left by a right angle, (..., 2)."""
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross products of vectors, (...,)."""
+    """Return cross products of vectors, (...,)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper corners of boxes around pieces, (n, 2) each."""
+    """Return lower and upper corners of boxes around pieces, (n, 2) each."""
     radius = 1 / pieces[:, CURVATURE]
     centers = pieces[:, :2] + radius[:, None] * rotate_left(pieces[:, TX : TY + 1])
     radii = np.abs(radius)
@@ -131,7 +133,7 @@ def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _distances_along(pieces: FloatArray, points: FloatArray) -> FloatArray:
-    """Distances of points (n, m, 2) along n pieces that are extended beyond their ends, (n, m)."""
+    """Return the distances of points (n, m, 2) along n extended pieces [m], (n, m)."""
     offset = points - pieces[:, None, :2]
     tangents = pieces[:, None, TX : TY + 1]
     along = (offset * tangents).sum(axis=2)
@@ -148,7 +150,7 @@ def _distances_along(pieces: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Common points of pairs of extended pieces [m], (n, 4, 2), NaN for missing points.
+    """Return the points that pairs of extended pieces share [m], (n, 4, 2), or NaN.
 
     A line or circle through the origin with curvature k and left normal n there consists of the
     points x with k x.x / 2 = n.x. The difference of two such equations is the straight line w.x =
@@ -206,7 +208,7 @@ class OffsetPart:
 
 
 def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[OffsetPart]:
-    """The parts of the offset of a contour in the plane, in its direction of travel.
+    """Return the parts of a plane contour's offset, in its direction of travel.
 
     The list is empty if no point on this side has this distance from the contour.
 
@@ -238,7 +240,7 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
 
 
 def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:
-    """A point at which a path in the plane crosses or touches itself [m]; None without one."""
+    """Find a point at which a plane path crosses or touches itself [m]; None without one."""
     table = to_pieces(source)
     # Without pieces that are points, the pieces before and after them are neighbours.
     table = table[table[:, LENGTH] > SAME_POINT]
@@ -264,7 +266,7 @@ def has_no_area(source: Segments) -> bool:
 
 
 def _has_no_area(p: FloatArray) -> bool:
-    """Return whether the area of a closed chain of pieces is zero, except for rounding errors."""
+    """Return whether a closed chain encloses no area, except for rounding errors."""
     a = p[:, :2] - p[0, :2]
     b = points_at(p, p[:, LENGTH]) - p[0, :2]
     angle = p[:, CURVATURE] * p[:, LENGTH]
@@ -276,7 +278,7 @@ def _has_no_area(p: FloatArray) -> bool:
 
 
 def find_crossing_paths(paths: Sequence[Segments]) -> tuple[int, int] | None:
-    """Indices of two paths in the plane that cross or touch each other; None if there are none."""
+    """Find two plane paths that cross or touch each other; returns indices, or None."""
     table = np.concatenate([to_pieces(x) for x in paths])
     owner = np.repeat(np.arange(len(paths)), [len(x) for x in paths])
     pairs = owner[find_crossings(table)[0]]
@@ -285,7 +287,7 @@ def find_crossing_paths(paths: Sequence[Segments]) -> tuple[int, int] | None:
 
 
 def to_pieces(source: Segments, mirror: FloatArray | float = 1.0) -> FloatArray:
-    """Table of pieces of a path whose coordinates are multiplied by `mirror`."""
+    """Return a path as pieces, with its coordinates multiplied by `mirror`."""
     starts = source.starts * mirror
     tangents = source.tangents * mirror
     normals = source.normals * mirror
@@ -294,7 +296,7 @@ def to_pieces(source: Segments, mirror: FloatArray | float = 1.0) -> FloatArray:
 
 
 def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, IntArray]:
-    """Segments offset to the left by d [m] and circles around vertices, and their source rows."""
+    """Offset segments to the left by d [m], with circles around vertices, and source rows."""
     n = len(table)
     moved = offset_pieces(table, d)
     # An arc to the left with a radius below d has no offset, because its points are nearer than d
@@ -325,7 +327,7 @@ class _Parts(NamedTuple):
     nodes: IntArray  # Numbers of the points at which each part starts and ends, (n, 2)
 
     def select(self, mask: BoolArray | IntArray) -> _Parts:
-        """The parts selected by a mask or by indices."""
+        """Select parts by a mask or by indices."""
         return _Parts._make(x[mask] for x in self)
 
     def without_dead_ends(self, ends: FloatArray | None) -> _Parts:
@@ -348,7 +350,7 @@ class _Parts(NamedTuple):
         return parts
 
     def chains(self) -> list[tuple[_Parts, bool]]:
-        """Chains of consecutive parts, each with true if it is closed."""
+        """List the chains of consecutive parts, each with true if it is closed."""
         leaving: dict[int, list[int]] = {}
         for i, node in enumerate(self.nodes[:, 0].tolist()):
             leaving.setdefault(node, []).append(i)
@@ -372,7 +374,7 @@ class _Parts(NamedTuple):
         return [(x._merge_pieces(ring), ring) for x, ring in chains if not (ring and x._is_thin())]
 
     def _right_turn(self, tangent: FloatArray, k: int) -> float:
-        """Angle by which the path turns to the right from `tangent` into part k [rad]."""
+        """Return how far the path turns to the right from `tangent` into part k [rad]."""
         tx = self.pieces[k, TX]
         ty = self.pieces[k, TY]
         return -float(
@@ -401,7 +403,7 @@ class _Parts(NamedTuple):
 
 
 def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
-    """Half circles with radius d [m] around the ends of an open contour, from its offset."""
+    """Return half circles with radius d [m] around the ends of an open contour."""
     ends = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
     leaving = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1], 1)
     across = 2 * d * np.column_stack([leaving[:, 1], -leaving[:, 0]])
@@ -435,7 +437,7 @@ def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Part
 
 
 def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray | float = 1.0) -> OffsetPart:
-    """A chain of parts as an `OffsetPart`."""
+    """Convert a chain of parts to an `OffsetPart`."""
     p = chain.pieces
     starts = _close_gaps(p[:, :2], points_at(p, p[:, LENGTH]), ring)
     tangents = p[:, [TX, TY]]
@@ -451,7 +453,7 @@ def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray | float = 1.0)
 
 
 def _close_gaps(starts: FloatArray, ends: FloatArray, ring: bool) -> FloatArray:
-    """Start points of segments that are translated where gaps are too wide for a path [m]."""
+    """Translate segments where gaps are too wide for a path; returns their starts [m]."""
     # Gaps of the source and at its vertices add up. Whole segments are translated, because tangents
     # must not change.
     n = len(starts)

@@ -49,7 +49,7 @@ PIERCE = "pierce"
 def prepare(
     program: Path | Program, process: Process, lengths: Sequence[Leads] | None = None
 ) -> Program:
-    """The program with start points, leads, overlaps, approaches and events of the process.
+    """Add start points, leads, overlaps, approaches and events of the process to a program.
 
     >>> part = ac.Program(moves=(ac.Contour(path=path),))
     >>> [type(move).__name__ for move in ac.prepare(part, ac.Process(dwell=0.2)).moves]
@@ -228,7 +228,7 @@ def arrange_contours(program: Program, process: Process) -> Program:
 
 
 def _repeat_open_contour(contour: Contour, passes: int) -> list[Contour]:
-    """One contour per pass of an open contour; a closed contour alone, whose passes are laps.
+    """Return a contour per pass of an open contour; of a closed one, whose passes are laps, one.
 
     `passes` is checked first, because `closed` takes longer.
     """
@@ -247,7 +247,7 @@ def _link_moves(
 ) -> list[Move]:
     """Replace contours, reroute rapids to their new ends, add approaches, retracts and dwells."""
     result: list[Move] = []
-    # Index in `result` of each move of the program.
+    # Where each move of the program begins in `result`.
     positions: list[int] = []
     number = 0
     for i, move in enumerate(moves):
@@ -276,7 +276,7 @@ def _link_moves(
 
 
 def _without_outputs(moves: Sequence[Move]) -> list[Move]:
-    """Moves without events that switch outputs; the tool still stops at tool changes."""
+    """Remove the events that switch outputs; the tool still stops at tool changes."""
     kept = list[Move]()
     for move in moves:
         if isinstance(move, Contour):
@@ -287,7 +287,7 @@ def _without_outputs(moves: Sequence[Move]) -> list[Move]:
 
 
 def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:
-    """Lead lengths of contour `number` [m]: those of the process, or else those in `lengths`."""
+    """Return the process's lead lengths of contour `number` [m], or else those in `lengths`."""
     automatic = Leads() if lengths is None else lengths[number]
     return Leads(
         before=_lead_length(process.lead_in, automatic.before),
@@ -303,7 +303,7 @@ def _lead_length(lead: Lead | None, automatic: float) -> float:
 
 
 def set_limits(path: Path, segment_limits: SegmentLimits, *, override: bool = False) -> Path:
-    """Set speed and tolerance of those segments of a path that have none, or of all segments."""
+    """Set speed and tolerance where a path's segments have none, or of all segments."""
     speeds = _fill_in(path.speeds, segment_limits.speed, override)
     tolerances = _fill_in(path.tolerances, segment_limits.tolerance, override)
     # `SegmentLimits` has checked the values, so the segments count as checked.
@@ -396,7 +396,7 @@ def _add_leads(
 
 
 def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end: float) -> Event:
-    """Move an event to a contour with leads; switch events move to the far ends of active leads."""
+    """Move an event to a contour with leads; switch events move to the ends of active leads."""
     moved = replace(event, s=event.s + work[0])
     if process.switch is None or event.name != process.switch.name:
         return moved
@@ -410,7 +410,7 @@ def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end
 
 
 def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
-    """A contour with its approach and retract, as moves in order."""
+    """Return a contour with its approach and retract, as moves in order."""
     path = contour.path
     pierce = process.of_contour(contour).pierce
     result: list[Move] = [contour]
@@ -428,7 +428,7 @@ def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: 
 def _axial_line(
     path: Path, s: float, height: float, up: FloatArray, segment_limits: SegmentLimits
 ) -> Path:
-    """Line of length `height` down to the point at s, along the tool axis, or `up` without one."""
+    """Make a line down to the point at s, along the tool axis, or along `up` without one."""
     end = path(s)
     orientation = path.orientation
     if orientation is None:
@@ -439,10 +439,12 @@ def _axial_line(
 
 
 def resume_program(program: Program, process: Process) -> tuple[Program, Contour | None]:
-    """The program from an arc length on, and the part of its first contour before this point."""
-    # Outputs that are switched before the arc length are switched again: at the arc length if they
-    # are switched on the same contour, or else before the first move.
-    # The second result is None if the program resumes at the start of a contour.
+    """Return the program from an arc length on, and its first contour's part before that.
+
+    Outputs that are switched before the arc length are switched again: at the arc length if they
+    are switched on the same contour, or else before the first move. The second result is None if
+    the program resumes at the start of a contour.
+    """
     resume_at = process.resume_at
     if resume_at == 0:
         return program, None
@@ -469,7 +471,7 @@ def resume_program(program: Program, process: Process) -> tuple[Program, Contour
 
 
 def _cut_after(contour: Contour, s: float, process: Process) -> Contour:
-    """The part of a contour after arc length s, with outputs restored at its start."""
+    """Cut a contour after arc length s, and restore the outputs at its start."""
     if s <= REPEATED_POINT:
         return contour
     last: dict[str, Event] = {}
@@ -543,7 +545,7 @@ class OutputStates:
 def _confine_output(
     events: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
 ) -> list[Event]:
-    """Events of one output along a contour, which is off before the start and after the end.
+    """Return an output's events along a contour, outside which it is off.
 
     `state` is the event with the value at the start if no event at the start sets it, or None.
     """

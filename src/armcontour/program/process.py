@@ -61,9 +61,9 @@ NULL_VALUES: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "a
 AUTO = "auto"
 # Start point or direction of a contour that is kept as it is drawn.
 DRAWN = "drawn"
-# Largest number of laps of a contour; a larger number is a mistake in a unit or digit.
+# Largest number of laps per contour; a larger number is a mistake in a unit or digit.
 MAX_PASSES = 1000
-# Largest number of tabs of a contour; a larger number is a mistake in a unit or digit.
+# Largest number of tabs per contour; a larger number is a mistake in a unit or digit.
 MAX_TABS = 1000
 ORDERS = ("auto", "drawn", "inside_first", "nearest", "shortest")
 # Side of the tool in the direction of travel, for a spindle that turns clockwise (M3).
@@ -79,8 +79,8 @@ class Lead(Checked):
         length: Length of the lead [m]; None for the length that the arm needs to reach the
             assigned velocity.
         shape: "line", along the tangent, or "arc", a quarter circle that touches the tangent.
-        side: Side of the contour of an arc: "left" or "right" in the direction of travel, or
-            "waste": inside of holes, outside of outer contours, left of open contours.
+        side: Side of the contour on which an arc lies: "left" or "right" in the direction of
+            travel, or "waste": inside of holes, outside of outer contours, left of open contours.
         active: Whether the process is on along the lead, as in cutting.
     """
 
@@ -167,7 +167,7 @@ class Tabs(Checked):
 
     Args:
         width: Length along the contour over which the process is off [m].
-        count: Number of tabs of every contour.
+        count: Number of tabs per contour.
         spacing: Approximate length of the contour per tab [m]; specify this or the count.
     """
 
@@ -185,7 +185,7 @@ class Tabs(Checked):
 
 @declared(eq=False)
 class LayerProcess:
-    """Values for the contours of one layer, instead of those of the process.
+    """Values for one layer's contours, which replace those of the process.
 
     Args:
         lead_in, lead_out, pierce, switch, tabs, weave: As in the process; None to remove it from
@@ -212,7 +212,7 @@ class LayerProcess:
 
 @declared()
 class ContourProcess(LayerProcess):
-    """Values for one contour, instead of those of its layer and of the process.
+    """Values for one contour, which replace those of its layer and of the process.
 
     Args:
         speed: Assigned velocity of the contour, also instead of velocities in the drawing [m/s].
@@ -258,20 +258,20 @@ class Process(Checked, LayerProcess):
             the end of a contour, and on again at the start of the next one.
         events: Events on every contour; an event past the end of a contour raises an error.
         analog: Analog outputs that follow the planned tool speed.
-        passes: Number of passes of every contour. Closed contours run in laps without a stop; open
+        passes: Number of passes per contour. Closed contours run in laps without a stop; open
             contours run again from their start, as separate contours.
         tabs: Parts of closed contours that are not cut.
         weave: Weaving along contours; speeds are along the seam.
-        by_layer: Values for the contours of a layer, by the names of the fields of `LayerProcess`.
+        by_layer: Values for a layer's contours, named as the fields of `LayerProcess`.
         by_contour: Values for single contours, by their number in the drawing; `by_layer` does not
             apply to these contours.
         layers: Speed and tolerance of contours by layer, for segments that have none.
-        order: Order of the contours of a drawing. "drawn" keeps it. "inside_first" runs each
-            contour after all contours inside it. "nearest" continues with the nearest contour.
-            "shortest" minimizes the total distance between contours; if `begin` is "auto", it also
-            chooses the start points of closed contours. In the last two orders, contours also run
-            after all contours inside them. "auto" is "inside_first" for drawings that are cut (with
-            a kerf, or an arc lead in the waste), else "drawn".
+        order: Order of a drawing's contours. "drawn" keeps it. "inside_first" runs each contour
+            after all contours inside it. "nearest" continues with the nearest contour. "shortest"
+            minimizes the total distance between contours; if `begin` is "auto", it also chooses the
+            start points of closed contours. In the last two orders, contours also run after all
+            contours inside them. "auto" is "inside_first" for drawings that are cut (with a kerf,
+            or an arc lead in the waste), else "drawn".
         kerf: Width of the cut [m]; the tool path is offset from the contour by half of it. None for
             a process that does not cut. All closed contours determine which of them are holes,
             except for marks: contours whose layer, or own value, sets the kerf to None.
@@ -388,7 +388,7 @@ class Process(Checked, LayerProcess):
     def _remedy_of_part(
         self, remedy: Mapping[Keys, Any], values: Mapping[str, Any]
     ) -> dict[Keys, Any]:
-        """Remedy with the values of a part; empty if it would change a value of all contours."""
+        """Return the remedy with a part's values; empty if it would change all contours."""
         fixed: dict[Keys, Any] = {}
         for keys, x in remedy.items():
             if keys[0] in values or not getattr(self, str(keys[0]), None):
@@ -407,7 +407,7 @@ class Process(Checked, LayerProcess):
 
     @checked
     def of_contour(self, contour: Contour) -> Process:
-        """The process of a contour, with the values of the contour or of its layer.
+        """Return a contour's process, with the values of the contour or of its layer.
 
         Args:
             contour: The contour.
@@ -421,7 +421,7 @@ class Process(Checked, LayerProcess):
 
     @property
     def analog_names(self) -> tuple[str, ...]:
-        """Names of the analog outputs of all contours."""
+        """Names of all contours' analog outputs."""
         outputs = chain.from_iterable(variant.analog for variant in self.variants)
         return tuple(dict.fromkeys(x.name for x in outputs))
 
@@ -456,7 +456,7 @@ class Process(Checked, LayerProcess):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leads(Checked):
-    """Lengths of the leads of one contour.
+    """Lead lengths of one contour.
 
     Args:
         before: Length of the lead-in [m].
@@ -468,7 +468,7 @@ class Leads(Checked):
 
 
 def _checked_begin(begin: str | float | Sequence[float]) -> str | float | tuple[float, ...]:
-    """Checked start point of closed contours: a name, an arc length [m], or a point [m]."""
+    """Check the start of closed contours: a name, an arc length [m], or a point [m]."""
     if isinstance(begin, str):
         checks.check_choice("begin", begin, (AUTO, DRAWN))
         return begin

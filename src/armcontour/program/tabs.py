@@ -18,7 +18,7 @@ CORNER = np.radians(20)
 
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
-    """Switch the process off at tabs of a closed contour, at the same positions in every lap.
+    """Switch the process off at a closed contour's tabs, at the same place in every lap.
 
     Returns the contour unchanged if the process has no tabs.
 
@@ -50,8 +50,10 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
 
 
 def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
-    """Arc lengths of the middles of tabs on the first lap [m], (tabs,)."""
-    # Tabs are evenly spaced. A tab at a corner or at the start point is moved next to this point.
+    """Return the arc lengths of the tabs' middles on the first lap [m], (tabs,).
+
+    Tabs are evenly spaced. A tab at a corner or at the start point is moved next to this point.
+    """
     width = tabs.width
     count = tabs.count or _count_tabs(contour, tabs.spacing or lap, lap)
     even = (np.arange(count) + 0.5) * lap / count
@@ -79,7 +81,7 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
 
 
 def _count_tabs(contour: Contour, spacing: float, lap: float) -> int:
-    """Number of tabs of a lap for a spacing [m]."""
+    """Number of tabs per lap for a spacing [m]."""
     count = max(1, round(lap / spacing))
     if count > MAX_TABS:
         raise InvalidInput(
@@ -93,5 +95,5 @@ def _count_tabs(contour: Contour, spacing: float, lap: float) -> int:
 
 
 def _name_contour(contour: Contour) -> str:
-    """Name of a contour for messages."""
+    """Name a contour in messages."""
     return contour_called(contour, 0) if contour.name else "A contour"

@@ -1,9 +1,9 @@
 """Blends at corners next to arcs: pairs of tangent arcs, or connections, within a corner error.
 
-A blend replaces the part of length t of both segments at a corner by two tangent arcs. Each arc is
-more curved than the segment next to it, and the increase of both curvatures is nearly the same. If
-the corner does not turn, the blend equals the segments. Between two lines, the blend is the single
-arc of (10)-(16) of the paper. Where the curvature must not jump, a blend is a connection
+A blend replaces the length t of both segments at a corner by two tangent arcs. Each arc is more
+curved than the segment next to it, and the increase of both curvatures is nearly the same. If the
+corner does not turn, the blend equals the segments. Between two lines, the blend is the single arc
+of (10)-(16) of the paper. Where the curvature must not jump, a blend is a connection
 (connections.py). See docs/concepts/corners.md.
 """
 
@@ -27,15 +27,15 @@ SEARCH_ERROR = 1e-9
 SEARCH_STEPS = 120
 # Smallest tangent length [m]. Shorter blends approach the distance of repeated points.
 SHORTEST = 2 * REPEATED_POINT
-# Largest turn of a blend's arcs and of the arcs that it replaces [rad]. With this limit no arc
-# turns back, so the distance between blend and path is largest at the corner.
+# Largest turn of an arc in a blend, and of an arc that a blend replaces [rad]. With this limit no
+# arc turns back, so the distance between blend and path is largest at the corner.
 WIDEST = np.pi / 2
 # Rounding error of a turn [rad].
 ROUNDING = 1e-9
 # A blend counts as not shrunk if it reaches a bound within this relative tolerance, which includes
 # the error of the search.
 BOUND_REACHED = 1e-6
-# Fractions of each half of a connection at which its distance from the path is evaluated.
+# Fractions of each connection half at which its distance from the path is evaluated.
 SAMPLES = np.linspace(0.0, 1.0, 17)
 
 
@@ -54,7 +54,10 @@ class _Blend(CornerKind):
 
     @abstractmethod
     def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Largest ratios to a bound, and inward curvatures [1/m], for tangent lengths t [m]."""
+        """Return the largest ratio to a bound, and the inward curvature [1/m], (n,) each.
+
+        - `t`: tangent lengths [m], (n,).
+        """
 
     def shortest(self, half: FloatArray) -> FloatArray:
         return np.full(len(half), REPEATED_POINT)
@@ -82,7 +85,7 @@ class _Blend(CornerKind):
         return tangents
 
     def _search(self, bounds: CornerBounds, state: FloatArray) -> FloatArray:
-        """Largest tangent lengths within bounds [m], (n,).
+        """Search for the largest tangent lengths within bounds [m], (n,).
 
         The search uses false position on logarithms, in which the excess is nearly linear; every
         third step is a bisection. `state`, (4, n): logarithms of a length that satisfies the bounds
@@ -105,7 +108,7 @@ class _Blend(CornerKind):
         return np.asarray(np.exp(state[0]))
 
     def _excess(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Logarithms of the largest ratio to a bound: with the bound of the radius, without it."""
+        """Return logarithms of the largest ratio to a bound, with and without the radius bound."""
         any_radius, curvature = self.bound_ratios(bounds, t)
         need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
         wide = np.where(np.isfinite(bounds.radius), need, 0.0)
@@ -150,8 +153,8 @@ class _Connection(_Blend):
         x = connections.nearest
         peaks = []
         for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
-            # Deviation of one half of the connection from the part of the path that it replaces.
-            # Points at the same fractions of both are compared.
+            # Deviation of one connection half from the path part that it replaces. Points at the
+            # same fractions of both are compared.
             deviations = [
                 connections.begin
                 + connections.evaluate(EVERY, begin + share * (end - begin))
@@ -199,7 +202,7 @@ def _make_curves(
 
 
 def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
-    """Pairs of tangent arcs with given tangent lengths [m], (n,)."""
+    """Make pairs of tangent arcs with given tangent lengths [m], (n,)."""
     corner = after.starts
     inward = after.tangents - before.end_tangents
     # Points are relative to the corner, so even tiny blends have full precision.
@@ -223,7 +226,7 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
 
 
 def _bound_peaks(values: FloatArray) -> FloatArray:
-    """Upper bounds of n smooth functions with evenly spaced samples `values`, (samples, n)."""
+    """Bound n smooth functions from evenly spaced samples `values`, (samples, n)."""
     # Between samples, a peak exceeds the nearest sample by at most about an eighth of the second
     # difference; a sixth is a safe bound.
     inner = values[1:-1]
@@ -237,7 +240,7 @@ def _bound_peaks(values: FloatArray) -> FloatArray:
 
 
 def _corner_distances(first: Segments, second: Segments) -> FloatArray:
-    """Distance of the corner, which is the origin, from the two arcs of each blend [m], (n,)."""
+    """Return each blend's distance from its corner, which is the origin [m], (n,)."""
     # Coordinates are relative to the point where the arcs meet. This point is near the corner, so
     # no significant digits are lost.
     v = -second.starts
@@ -254,11 +257,11 @@ def _corner_distances(first: Segments, second: Segments) -> FloatArray:
 
 
 def _tangent_length(rows: Segments, t: FloatArray) -> FloatArray:
-    """Tangent lengths of arcs or lines with the arc lengths t [m], (n,)."""
+    """Return tangent lengths [m] for arcs or lines with the arc lengths t [m], (n,)."""
     half = rows.curvatures * t / 2
     return np.asarray(t / 2 * np.sinc(half / np.pi) / np.cos(half))
 
 
 def _signed_curvatures(arcs: Segments, inward: FloatArray) -> FloatArray:
-    """Curvatures of arcs [1/m], negative for arcs that bend away from the vectors `inward`."""
+    """Return the curvatures of arcs [1/m], negative if they bend away from `inward`, (n,)."""
     return np.asarray(np.where(dot(arcs.normals, inward) >= 0, 1, -1) * arcs.curvatures)

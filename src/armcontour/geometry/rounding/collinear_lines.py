@@ -42,19 +42,19 @@ class MergedLines:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Runs:
-    """Runs of the n segments of a path between splits; columns have a value per segment, (n,)."""
+    """Runs of segments between splits; columns have a value for each of the n segments, (n,)."""
 
-    first: IntArray  # Index of the first segment of each of the m runs, (m,)
+    first: IntArray  # Index of the first segment in each run, (m,)
     run: IntArray  # Index of the run of each segment
     number: IntArray  # Number of segments in the run of each segment
     lines: FloatArray  # Unit vectors along the line of the run, (n, dimension)
-    lengths: FloatArray  # Lengths of the line of the run [m]
+    lengths: FloatArray  # Lengths of the runs' lines [m]
     distances: FloatArray  # Distance of the segment's start from the line of its run [m]
     deviations: FloatArray  # Largest of these distances in the run [m]
 
     @classmethod
     def between(cls, points: FloatArray, split: BoolArray) -> _Runs:
-        """The runs between splits, with the lines from their first points to their last.
+        """Make the runs between splits, with lines from their first points to their last.
 
         - `points`: vertices of the path [m], (n + 1, dimension).
         - `split`: mask of the inner vertices at which a run ends, (n - 1,).
@@ -77,7 +77,7 @@ class _Runs:
         )
 
     def is_farthest(self, turns: FloatArray, *, everywhere: bool) -> BoolArray:
-        """Mask of the segments that start at the farthest vertex of their run, (n,).
+        """Return the mask of the segments that start at the farthest vertex of their run, (n,).
 
         - `turns`: turns at the inner vertices [rad]. A split at a vertex without a turn has no
           effect, so its distance counts as 0.
@@ -88,7 +88,7 @@ class _Runs:
         return np.asarray(farthest | everywhere)
 
     def any_in_run(self, mask: BoolArray) -> BoolArray:
-        """Mask of the segments in whose run `mask`, (n,), is true for a segment, (n,)."""
+        """Return the mask of segments whose run has a segment in `mask`, (n,)."""
         return np.asarray(np.logical_or.reduceat(mask, self.first)[self.run])
 
 
@@ -126,9 +126,9 @@ def merge_lines(path: Path, allowed: FloatArray) -> MergedLines:
 
 
 def _find_corners(segments: Segments, turns: FloatArray, allowed: FloatArray) -> BoolArray:
-    """Mask of the inner vertices that are corners, (n - 1,).
+    """Return the mask of the inner vertices that are corners, (n - 1,).
 
-    A movement of both ends of a line by `allowed` [m] cannot explain the turn of a corner [rad].
+    If both ends of a line move by `allowed` [m], this cannot explain a corner's turn [rad].
     """
     shorter = np.minimum(segments.lengths[1:], segments.lengths[:-1])
     corner = shorter * np.sin(turns) > 4 * allowed
@@ -146,7 +146,9 @@ def _carries_frame(path: Path, turns: FloatArray) -> bool:
 
 
 def _find_changes(path: Path, *, carried: bool) -> BoolArray:
-    """Mask of the inner vertices next to a curve, or where limits, tag or rate change, (n - 1,).
+    """Return the mask of inner vertices where a run must end, (n - 1,).
+
+    There is a curve next to them, or limits, tag or angular rate change.
 
     - `carried`: true if the orientation follows the tangent, so that its rate is not compared.
     """
@@ -169,7 +171,7 @@ def _find_wrong(
     corner: BoolArray,
     allowed: FloatArray,
 ) -> BoolArray:
-    """Mask of the segments because of which their run must be split, (n,).
+    """Return the mask of the segments that require a split of their run, (n,).
 
     - `turns`, `split`, `corner`, `allowed`: turns of the given path [rad], ends of runs, corners
       and largest distances from the lines [m] at the inner vertices, (n - 1,) each.
@@ -188,7 +190,7 @@ def _find_wrong(
 def _find_sharper_turns(
     segments: Segments, turns: FloatArray, runs: _Runs, split: BoolArray
 ) -> BoolArray:
-    """Mask of the ends of runs where the turn between their lines is too large, (n - 1,).
+    """Return the mask of run ends at which the lines turn too much, (n - 1,).
 
     It may exceed the turn of the given path by a share of the largest turn inside the runs.
     """
@@ -203,7 +205,7 @@ def _find_sharper_turns(
 
 
 def _draw_lines(path: Path, runs: _Runs, *, carried: bool) -> Path:
-    """The path with one line per run.
+    """Replace each run by one line.
 
     - `carried`: true if the orientation follows the tangent and never turns about it.
     """

@@ -1,7 +1,7 @@
 """Smooth connections across a vertex, between a point before and a point after the vertex.
 
-A connection has the points, tangents, curvatures and changes of curvature of the segments at both
-ends. It is a polynomial of degree 7, drawn as transitions: quintics between points on it.
+At both ends, a connection has the segment's point, tangent, curvature and curvature derivative. It
+is a polynomial of degree 7, drawn as transitions: quintics between points on it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ DEGREE = 7
 # Matrix from residuals to the last four coefficients. The residuals are the value and the first
 # three derivatives at the end, minus the contributions of the first four coefficients.
 END_TO_COEFFICIENTS = np.linalg.inv([[math.perm(j, k) for j in range(4, 8)] for k in range(4)])
-# Nodes and weights of the integration of arc length, exact up to rounding errors for connections.
+# Nodes and weights that integrate a connection's arc length exactly up to rounding errors.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 NODE_PARAMETERS = (NODES + 1) / 2
 # Number of iterations that scale the end derivatives by the length of the connection. The scale
@@ -40,8 +40,8 @@ SCALE_ITERATIONS = 3
 # Number of Newton steps in the search for a parameter of a connection; sufficient for an error at
 # rounding level.
 NEWTON_STEPS = 8
-# Largest number of quintics in each half of a connection, and the fractions of each quintic at
-# which its speed is checked.
+# Largest number of quintics in each connection half, and the fractions of each quintic at which its
+# speed is checked.
 MAX_PARTS = 64
 SPEED_SAMPLES = np.linspace(0.1, 0.9, 5)
 # Parameters at which the shape of a connection is checked.
@@ -70,11 +70,11 @@ class Connections:
         return len(self.begin)
 
     def evaluate(self, i: IntArray | slice, x: FloatArray, order: int = 0) -> FloatArray:
-        """Positions relative to the starts of connections `i` at x, or their derivatives by x."""
+        """Return positions at x relative to the start, or derivatives by x, of connections `i`."""
         return evaluate_polynomials(np.swapaxes(self.coefficients[i], -1, -2), x[..., None], order)
 
     def lengths_to(self, i: IntArray | slice, x: FloatArray) -> FloatArray:
-        """Arc lengths from the starts of connections `i` to x [m], (n,)."""
+        """Return arc lengths from the starts of connections `i` to x [m], (n,)."""
         return np.asarray(
             WEIGHTS @ length(self.evaluate(i, NODE_PARAMETERS[:, None] * x, 1)) * x / 2
         )
@@ -114,7 +114,7 @@ class Connections:
         return np.asarray(even & ~tight & (along.min(axis=0) > SMALLEST_COSINE))
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
-        """Positions relative to the starts, unit tangents and curvature vectors at parameters x.
+        """Return relative positions, unit tangents and curvature vectors at parameters x.
 
         `i` are indices of the connections, or a slice; x is between 0 and 1.
         """
@@ -124,7 +124,7 @@ class Connections:
 
 
 def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
-    """Connections that replace the length t of the segments on either side of vertices.
+    """Make connections that replace the length t of the segments on either side of vertices.
 
     `t` are the lengths, no longer than the segments [m], (n,).
     """
@@ -152,7 +152,7 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
 
 
 def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segments]:
-    """Segments before vertices, reversed, and segments after them, all starting at the origin."""
+    """Return segments before vertices, reversed, and after them, all from the origin."""
     # Points near a vertex then have full precision.
     zero = np.zeros_like(after.starts)
     back = before.reverse_rows(np.arange(len(before)), np.full(len(before), True))
@@ -162,9 +162,9 @@ def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segmen
 def draw_connections(
     connections: Connections, vertices: FloatArray, middle: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray]:
-    """Transitions along connections, whose parameters equal their arc lengths within `UNEVEN`.
+    """Draw connections as transitions, whose parameters equal arc lengths within `UNEVEN`.
 
-    Returns the transitions in order, the index of the connection of each, and the mask of the
+    Returns the transitions in order, the index of each one's connection, and the mask of the
     transitions before the middle.
 
     - `vertices`: vertices of the connections [m], (n, dimension).
@@ -192,7 +192,7 @@ def draw_connections(
 def _draw_halves(
     connections: Connections, vertices: FloatArray, middle: FloatArray, parts: IntArray
 ) -> tuple[Segments, IntArray, BoolArray]:
-    """Transitions along connections, with `parts` quintics in each half, (n,)."""
+    """Draw connections as transitions, with `parts` quintics in each half, (n,)."""
     every = np.arange(len(connections))
     half = connections.lengths_to(EVERY, middle)
     whole = connections.lengths_to(EVERY, np.ones(len(connections)))
@@ -230,7 +230,7 @@ def _draw_halves(
 def bound_deviation(
     drawn: Segments, old: Segments, i: IntArray, ends: tuple[FloatArray, FloatArray], parts: int
 ) -> FloatArray:
-    """Bounds of the distances between transitions and the parts of a path that they replace [m].
+    """Bound the distances between transitions and the path parts that they replace [m], (n,).
 
     Corresponding points move evenly along both. On each of the `parts`, of length h, the distance
     of corresponding points is at most the larger distance at the ends plus h² / 8 times the largest
@@ -238,7 +238,7 @@ def bound_deviation(
 
     Returns bounds of the distance in both directions, (n,).
 
-    - `i`: index of the segment of which each transition replaces a part, (n,).
+    - `i`: index of the segment that each transition replaces in part, (n,).
     - `ends`: distances along this segment at which the part starts and ends [m], (n,) each.
     """
     row, number = number_parts(np.full(len(drawn), parts))

@@ -40,7 +40,7 @@ BEND_FLOOR = 1e-9
 # Deviation of a connection from the path at a small turn, divided by the square of its half length
 # and by the jump of the curvature.
 DEVIATION = 0.0077
-# Largest turn of either half of a connection [rad].
+# Largest turn of either connection half [rad].
 WIDEST = 1.2
 # Smallest length of a connection on either side [m]. A shorter connection saves hardly any time
 # compared with a full stop.
@@ -53,10 +53,9 @@ LARGEST_FACTOR = 0.95
 SAFETY = 0.99
 # Factor by which connections with a loop or a cusp are shortened.
 LOOP_FACTOR = 0.5
-# Number of parts of each quintic for the first bound of the deviation.
+# Number of parts per quintic for the deviation's first bound.
 FEW_PARTS = 2
-# Number of parts of each quintic for the bound of the deviation, if FEW_PARTS do not prove the
-# tolerance.
+# Number of parts per quintic for a second bound, if FEW_PARTS do not prove the tolerance.
 MANY_PARTS = 16
 # Largest number of connections that are computed together.
 BATCH = 4000
@@ -64,7 +63,7 @@ BATCH = 4000
 
 @checked
 def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray]:
-    """The path with transitions where its curvature jumps without a corner.
+    """Insert transitions where a path's curvature jumps without a corner.
 
     Returns the path, and corresponding arc lengths on both paths from start to end [m], (n, 2); the
     correspondence is linear between them.
@@ -92,7 +91,10 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
 
 
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Vertices where only the curvature jumps, tolerances, and connection lengths per side [m]."""
+    """Find the vertices where only the curvature jumps.
+
+    Returns their indices, tolerances [m], and largest connection lengths per side [m], (k,) each.
+    """
     rows = path.segments
     orientation = path.orientation
     vectors = [rows.evaluate(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
@@ -125,7 +127,7 @@ class _Transitions:
 
     @classmethod
     def join(cls, parts: Sequence[_Transitions]) -> _Transitions:
-        """The transitions at consecutive vertices."""
+        """Join the transitions at consecutive vertices."""
         return cls(
             rows=Segments.join([x.rows for x in parts]),
             vertex=np.concatenate([x.vertex for x in parts]),
@@ -200,8 +202,8 @@ def _draw_transitions(path: Path, vertex: IntArray, w: FloatArray, allowed: Floa
     sound = connections.valid
     middle = np.where(sound, connections.nearest, 0.5)
     drawn, owners, before = draw_connections(connections, rows.starts[vertex + 1], middle)
-    # `ends`: ends of the part of the path that each transition replaces. All transitions of a half
-    # replace the same length.
+    # `ends`: ends of the path part that each transition replaces. All transitions of a half replace
+    # the same length.
     half = 2 * owners + ~before
     count = np.bincount(half)
     _, number = number_parts(count)
@@ -230,7 +232,7 @@ def _insert_transitions(
     """Insert transitions; returns the path, and corresponding arc lengths on both paths [m].
 
     - `vertex`: index of the segment before each replaced vertex, (k,).
-    - `w`: length that is replaced on either side of each of them [m], (k,).
+    - `w`: length that is replaced on either side of each vertex [m], (k,).
     """
     drawn = transitions.rows
     after = transitions.vertex

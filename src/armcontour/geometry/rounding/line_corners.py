@@ -43,7 +43,7 @@ from armcontour.geometry.segments import REPEATED_POINT, Segments, combine_limit
 STEP = 0.25
 # Largest curvature of SMOOTH divided by its mean curvature.
 PEAK_RATIO = 15 / 8
-# Number of quintics in each half of SMOOTH, divided by (half the turn)**0.45. With this number the
+# Number of quintics in each SMOOTH half, divided by (half the turn)**0.45. With this number the
 # parameter equals the arc length within 1e-6, see biarcs.py.
 QUINTICS = 7.8
 # Largest halves of turns for which one quintic is enough, and two [rad].
@@ -66,7 +66,7 @@ class CornerBounds:
     tangent: FloatArray  # Largest tangent lengths [m], (n,)
 
     def __getitem__(self, rows: IntArray) -> CornerBounds:
-        """Bounds of the corners with the increasing indices `rows`."""
+        """Return bounds of the corners with the increasing indices `rows`."""
         if len(rows) == len(self.half):
             return self
         return CornerBounds(**{name: getattr(self, name)[rows] for name in self.__slots__})
@@ -90,15 +90,15 @@ class CornerKind(ABC):
 
     @abstractmethod
     def shortest(self, half: FloatArray) -> FloatArray:
-        """Tangent lengths at which the curve is as small as the resolution of a point [m], (n,)."""
+        """Return tangent lengths at which curves are as small as a point's resolution [m], (n,)."""
 
     @abstractmethod
     def fit(self, bounds: CornerBounds) -> FloatArray:
-        """Largest tangent lengths of curves within bounds [m], (n,); 0 where none fits."""
+        """Return the largest tangent lengths within bounds [m], (n,); 0 where no curve fits."""
 
     @abstractmethod
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
-        """Curves with given tangent lengths [m], above 0 and no longer than the segments, (n,)."""
+        """Draw curves with given tangent lengths, above 0 and at most the segments' [m], (n,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,16 +112,16 @@ class LineCorner(CornerKind):
     length: Callable[[FloatArray], FloatArray]
     least: Callable[[FloatArray], FloatArray]
     # Function that draws curves with given bounds and smallest radii [m]; it returns the segments,
-    # and the index of the corner of each segment
+    # and each segment's corner index
     draw_with_radius: Callable[[CornerBounds, FloatArray], tuple[Segments, IntArray]]
     smooth: bool = False  # True if its curvature is continuous
 
     def shortest(self, half: FloatArray) -> FloatArray:
-        """Tangent lengths at which the curve is as small as the resolution of a point [m], (n,)."""
+        """Return tangent lengths at which curves are as small as a point's resolution [m], (n,)."""
         return REPEATED_POINT * self.least(half)
 
     def fit(self, bounds: CornerBounds) -> FloatArray:
-        """Largest tangent lengths within bounds [m], (n,)."""
+        """Return the largest tangent lengths within bounds [m], (n,)."""
         half = bounds.half
         stretch = self.stretch(bounds.half)
         turn = bounds.turn / (0.5 - self.length(half) / stretch * middle_fraction(self.smooth))
@@ -129,7 +129,7 @@ class LineCorner(CornerKind):
         return np.asarray(np.minimum(np.minimum(wide, turn), bounds.tangent))
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
-        """Curves with given tangent lengths [m], (n,)."""
+        """Draw curves with given tangent lengths [m], (n,)."""
         stretch = self.stretch(bounds.half)
         radius = self._radius(bounds)
         shrunk = tangent < radius * stretch * (1 - 1e-12)
@@ -145,7 +145,7 @@ class LineCorner(CornerKind):
         return CornerCurves(rows=rows, corner=corner, radius=radius, error=error, shrunk=shrunk)
 
     def _radius(self, bounds: CornerBounds) -> FloatArray:
-        """Smallest radii of the curves by case I or case II [m], (n,)."""
+        """Return the smallest radii of the curves by case I or case II [m], (n,)."""
         return np.asarray(np.minimum(bounds.error / self.gap(bounds.half), bounds.radius))
 
 
@@ -220,7 +220,7 @@ def _draw_smooth_curves(bounds: CornerBounds, radius: FloatArray) -> tuple[Segme
 
 
 def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
-    """Gap between corner point and arc [m], (10): `r (1 - cos h) / cos h`.
+    """Return the gap between corner point and arc [m], (10): `r (1 - cos h) / cos h`.
 
     - `radius`: radius r of the arc [m].
     - `half_turn`: half h of the angle between the lines [rad].
@@ -229,38 +229,39 @@ def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
 
 
 def _axes(bounds: CornerBounds) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors along the mean tangents of corners between lines, and towards their insides."""
+    """Return unit vectors along the mean tangents of corners, and towards their insides."""
     along = unit(bounds.before.tangents + bounds.after.tangents)
     return along, unit_across(bounds.after.tangents, along)
 
 
 def _relative_angle(x: FloatArray) -> FloatArray:
-    """Angle of the tangent of SMOOTH at x from -1 to 1, divided by half the turn."""
+    """Return the tangent's angle on SMOOTH at x from -1 to 1, divided by half the turn."""
     return np.asarray(x * (15 - 10 * x**2 + 3 * x**4) / 8)
 
 
 def _mean_over_half(half: FloatArray, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Mean of a function of the tangent's angle over half of SMOOTH, (n,)."""
+    """Return a function's mean over half of SMOOTH, (n,); it depends on the tangent's angle."""
     angles = half * _relative_angle((HALF_NODES[0][:, None] + 1) / 2)
     return np.asarray(HALF_NODES[1] @ function(angles) / 2)
 
 
 def _smooth_tangent_ratio(half: FloatArray) -> FloatArray:
-    """Tangent lengths of SMOOTH divided by its smallest radii, (n,)."""
+    """Return tangent lengths of SMOOTH divided by its smallest radii, (n,)."""
     return np.asarray(half * PEAK_RATIO * _mean_over_half(half, np.cos) / np.cos(half))
 
 
 def _count_quintics(half: FloatArray) -> IntArray:
-    """Number of quintics in half of SMOOTH, (n,)."""
+    """Return how many quintics draw half of SMOOTH, (n,)."""
     few = 1 + np.searchsorted(FEW_QUINTICS, half)
     return np.maximum(np.ceil(QUINTICS * half**0.45), few).astype(np.intp)
 
 
 def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
-    """Tangent arcs along y = x² / 2 from tangent angle -h to h, and the parabola of each arc."""
-    # The ends of the arc pairs are on the parabola and have its tangents; one end is the apex.
-    # With w = asinh(tan(angle)) the curvature is cosh(w)**-3, so its relative change is 3 tanh(w)
-    # dw.
+    """Draw y = x² / 2 from tangent angle -h to h as arcs; also return each arc's parabola.
+
+    The ends of the arc pairs are on the parabola and have its tangents; one end is the apex. With w
+    = asinh(tan(angle)) the curvature is cosh(w)**-3, so its relative change is 3 tanh(w) dw.
+    """
     largest = np.arcsinh(np.tan(half))
     steps = 2 * np.maximum(np.ceil(largest / STEP), 1.0).astype(np.intp)
     parabola, k = number_parts(steps)
@@ -274,7 +275,7 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
 
 
 def _length_of_parabolas(half: FloatArray) -> FloatArray:
-    """Lengths of the arcs along parabolas divided by their smallest radii, (n,)."""
+    """Return lengths of the arcs along parabolas divided by their smallest radii, (n,)."""
     arcs, corner = _draw_parabolas(half)
     return np.asarray(np.bincount(corner, arcs.lengths, minlength=len(half)), dtype=float)
 
@@ -311,8 +312,8 @@ def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) ->
     """Reduce the lengths that vertices request on either side until they fit the segments [m].
 
     A vertex may use half of a segment, or more if the vertex at the other end requests less than
-    half. This rule depends on direct neighbours only, is independent of the direction of travel,
-    and always has a solution.
+    half. This rule depends on direct neighbours only, gives the same result in both directions of
+    travel, and always has a solution.
 
     Returns the reduced lengths, (n,).
 
@@ -333,13 +334,13 @@ def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) ->
 def replace_vertices(
     rows: Segments, cut: FloatArray, drawn: Segments, after: IntArray
 ) -> tuple[Segments, IntArray, IntArray]:
-    """Replace parts of segments on both sides of vertices by other segments.
+    """Replace the parts on both sides of vertices by other segments.
 
     Returns the new table and two indices for each of its segments. The first is an index in `rows`:
     of the segment that contains the new segment, or, for a segment from `drawn`, of the segment
     before the vertex. The second is the index in `drawn`; it is negative for a segment from `rows`.
 
-    - `cut`: length that is replaced on either side of each vertex of the n segments [m], (n + 1,).
+    - `cut`: length that is replaced on either side of each of the n + 1 vertices [m], (n + 1,).
     - `drawn`: the replacing segments, in order at each vertex.
     - `after`: for each replacing segment, index of the segment in `rows` that is before its vertex.
     """

@@ -4,7 +4,7 @@ Across a rounded vertex the orientation is `exp(g b) exp(f a) R`, where R is the
 vertex, and a and b are the angular rates before and after the vertex. f ends at 0 with slope 0, and
 g starts at 0 with slope 0, so rate a fades out while rate b sets in. They are cubics. For
 continuous curvature they are quintics with zero second derivatives at the ends, so the derivative
-of the angular rate is continuous as well. The index of a vertex is that of the segment before it.
+of the angular rate is continuous as well. A vertex has the index of the segment before it.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from armcontour.geometry.orientation import (
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
 
-# In the middle of a blend of length l that replaces the length t of either piece, the polynomial f
-# of `Orientation` is `l MIDDLE - t / 2` if f is a cubic.
+# If a blend of length l replaces the length t on either side, the polynomial f of `Orientation` is
+# `l MIDDLE - t / 2` in its middle if f is a cubic.
 MIDDLE = 1 / 8
 # In the middle of such a blend, f is `l SMOOTH_MIDDLE - t / 2` if f is a quintic.
 SMOOTH_MIDDLE = 5 / 32
@@ -41,8 +41,10 @@ NO_VERTICES = np.empty(0, dtype=np.intp)
 
 
 def find_kinks(path: Path) -> IntArray:
-    """Indices of the vertices at which the angular rate of the path's orientation jumps, (k,)."""
-    # The result is empty if the orientation follows the tangent or is None.
+    """Find the vertices at which the path's angular rate jumps; returns indices, (k,).
+
+    The result is empty if the orientation follows the tangent or is None.
+    """
     orientation = path.orientation
     if orientation is None or orientation.follows:
         return NO_VERTICES
@@ -56,7 +58,7 @@ def find_kinks(path: Path) -> IntArray:
 
 
 def middle_fraction(smooth: bool) -> float:
-    """Factor c of `k = t / 2 - c l`, which determines a blend's middle; see `largest_blend`.
+    """Return c in `k = t / 2 - c l`, which determines a blend's middle; see `largest_blend`.
 
     If `smooth`, the derivative of the angular rate must not jump.
     """
@@ -64,7 +66,7 @@ def middle_fraction(smooth: bool) -> float:
 
 
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
-    """Largest k that satisfies the angular tolerance in the middle of each corner [m], (n,).
+    """Return the largest k within the angular tolerance at each corner's middle [m], (n,).
 
     The orientation in the middle of a curve is `exp(k b) exp(-k a) R`: R is the orientation at the
     vertex, a and b are the angular rates before and after it. With tangent length t and length l of
@@ -91,10 +93,12 @@ def round_orientation(
     *,
     smooth: bool = False,  # True if the derivative of the angular rate must not jump
 ) -> tuple[Orientation, FloatArray]:
-    """Orientation of a rounded path, for an orientation that does not follow the tangent."""
-    # Returns the orientation, and the angle between it and the vertex's orientation in the middle
-    # of each blend [rad], (k,). For a path that prescribes the tool axis only, the angle is between
-    # the axes.
+    """Round an orientation that does not follow the tangent, along a rounded path.
+
+    Returns the orientation, and the angle between it and the vertex's orientation in the middle of
+    each blend [rad], (k,). For a path that prescribes the tool axis only, the angle is between the
+    axes.
+    """
     orientation = objective.orientation
     assert orientation is not None
     lengths = objective.lengths
@@ -124,7 +128,7 @@ def follow_rounded(
     *,
     smooth: bool = False,  # True if the derivative of the angular rate must not jump
 ) -> Orientation:
-    """Orientation of a rounded path, for an orientation that follows the tangent.
+    """Round an orientation that follows the tangent, along a rounded path.
 
     - `segment`: for each segment of the rounded path, index of the objective segment that contains
       it, or that is before its corner, (n,).
@@ -147,7 +151,7 @@ def follow_rounded(
 
 
 def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) -> FloatArray:
-    """Largest half lengths of blends within an angular tolerance, per inner break [m], (n - 1,).
+    """Return the blends' largest half lengths within an angular tolerance [m], (n - 1,).
 
     The path, and with it the length of each piece, does not change. The half length is 0 where the
     rate does not jump.
@@ -164,7 +168,7 @@ def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) ->
 def blend_kinks(
     sharp: Orientation, requested: FloatArray, *, smooth: bool = False
 ) -> tuple[Orientation, FloatArray]:
-    """Insert a blend at every jump of the rate of an orientation of constant rates.
+    """Insert a blend wherever the angular rate of an orientation jumps.
 
     A blend replaces at most half of either piece; there is no blend where the orientation jumps.
     Its largest deviation from the constant rates is at the break.
@@ -190,8 +194,10 @@ def blend_kinks(
 
 
 def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> FloatArray:
-    """Angle of the rotation `exp(k b) exp(-k a)` in the middle of each blend [rad], (k,)."""
-    # For an orientation that prescribes the tool axis only, the angle is between the axes.
+    """Return the angle of `exp(k b) exp(-k a)` in each blend's middle [rad], (k,).
+
+    For an orientation that prescribes the tool axis only, the angle is between the axes.
+    """
     a = sharp.first[vertex]
     b = sharp.first[vertex + 1]
     rotation = sharp.starts[vertex + 1]
@@ -200,12 +206,13 @@ def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> Float
 
 
 def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:
-    """Largest k at which the angle of `exp(k b) exp(-k a)` is at most `allowed` [m], (k,)."""
-    # The angle between two rotations is at most the distance of their rotation vectors, so this
-    # angle is at most `k |b - a|`. The tool axis alone turns by at most
-    # `k d + k² e m / 2`: d and e are the components of b - a perpendicular and parallel to the
-    # axis, and m is the smaller of the rates at which a and b tilt the axis. See
-    # docs/concepts/corners.md.
+    """Return the largest k with an angle of `exp(k b) exp(-k a)` up to `allowed` [m], (k,).
+
+    Two rotations differ by at most the distance between their rotation vectors, so the angle is at
+    most `k |b - a|`. The tool axis alone turns by at most `k d + k² e m / 2`: d and e are the
+    components of b - a perpendicular and parallel to the axis, and m is the smaller of the rates at
+    which a and b tilt the axis. See docs/concepts/corners.md.
+    """
     if sharp.fixed:
         return np.full(len(vertex), np.inf)
     a = sharp.first[vertex]
@@ -275,7 +282,7 @@ def _insert_blends(
 def _fade_polynomials(
     cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of f, which fades out the rate before a vertex, and g, for the rate after it."""
+    """Return f, which fades out the rate before a vertex, and g for the rate after it."""
     none = np.zeros_like(cut)
     one = np.ones_like(cut)
     if not smooth:

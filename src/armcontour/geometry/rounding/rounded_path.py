@@ -60,7 +60,7 @@ LARGE = 0.02
 # Planes whose normals differ by less than this angle [rad] count as equal.
 SAME_PLANE = 1e-9
 # Largest distance of vertices from a line that replaces nearly collinear lines [m]: the rounding
-# error of coordinates with three decimals of a millimetre or four of an inch, as for
+# error of coordinates with three decimals in mm or four in inches, as for
 # `ReadOptions.repair_vertices`.
 PRINTED = 2e-6
 # Largest fraction of the smallest corner error that this distance may be.
@@ -81,7 +81,7 @@ class Corners(Frozen):
     """The n corners of an objective path in path order, and the arcs that replace them.
 
     Args:
-        vertex: Index of the corner among the vertices of the objective path, from 0, (n,).
+        vertex: Index of the corner among the objective path's vertices, from 0, (n,).
         point: The corner points [m], (n, dimension).
         turn: Angle between the lines [rad], above 0 and at most pi, (n,).
         radius: Radius of the arc, next to an arc the smaller of the two radii [m], 0 if the tool
@@ -93,11 +93,11 @@ class Corners(Frozen):
             or its orientation turns too much, (n,).
         speed: Largest speed on the arc under the specified acceleration, (16) [m/s], (n,); NaN
             without an acceleration.
-        angular_error: Angle between the tool orientation in the middle of the arc and that at the
-            corner point [rad], (n,); between the tool axes if only they are prescribed; 0 if the
+        angular_error: Angle between the tool orientations at the arc's middle and at the corner
+            point [rad], (n,); between the tool axes if only they are prescribed; 0 if the
             orientation follows the tangent or is missing.
-        reason: Reason for the stop at the corner, such as "turn-back", "tolerance zero" or
-            "no room"; None without a stop, (n,).
+        reason: Reason for the stop at the corner, such as "turn-back", "tolerance zero" or "no
+            room"; None without a stop, (n,).
     """
 
     vertex: IntArray
@@ -130,8 +130,8 @@ class RoundedPath(Path):
     Args:
         objective: The path before rounding.
         corners: The corners of the objective path, and their arcs.
-        deviation: Largest corner error, including the distance of the objective path from lines
-            that replace nearly collinear lines [m]; 0 without corners.
+        deviation: Largest corner error [m], including the distance between nearly collinear lines
+            of the objective and the line that replaces them; 0 without corners.
     """
 
     objective: Path
@@ -141,7 +141,7 @@ class RoundedPath(Path):
     __repr__ = short_repr
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
-        """Arc lengths on this path that correspond to arc lengths on the objective path [m].
+        """Return arc lengths on this path that correspond to arc lengths on the objective path [m].
 
         Within a rounded corner the correspondence is linear.
 
@@ -280,7 +280,7 @@ def _merge_printed_lines(path: Path, sharp: BoolArray, error: FloatArray) -> Mer
 
 
 def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
-    """A sentence if the corner tolerance [m] is larger than the path; empty otherwise."""
+    """Return a sentence if the corner tolerance [m] exceeds the path's extent."""
     largest = 0.0 if tolerance is None else float(np.max(tolerance, initial=0.0))
     if largest <= LARGE:
         return []
@@ -295,10 +295,12 @@ def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> lis
 
 
 def count_full_stops(path: Path) -> dict[str, int]:
-    """Number of full stops inside a path for each reason, {reason: number}."""
-    # The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded,
-    # "faster than a curve" for corners of a shaped path, and "tool orientation" where only the
-    # orientation or its rate jumps.
+    """Number of full stops inside a path for each reason, {reason: number}.
+
+    The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded,
+    "faster than a curve" for corners of a shaped path, and "tool orientation" where only the
+    orientation or its rate jumps.
+    """
     if isinstance(path, RoundedPath):
         reasons = [x for x in path.corners.reason.tolist() if x is not None]
     else:
@@ -347,7 +349,7 @@ def _turns_smoothly(path: Path) -> bool:
 
 
 def _without_corners(path: Path) -> RoundedPath:
-    """A path without corners as a rounded path."""
+    """Return a path without corners as a rounded path."""
     none = np.empty(0)
     numbers = ("turn", "radius", "error", "tangent", "start", "end", "speed", "angular_error")
     corners = Corners(
@@ -485,7 +487,7 @@ def _find_reasons(
     angle: float,
     rounded: BoolArray,
 ) -> ObjectArray:
-    """Reason why each corner stays sharp; None if a curve replaces it, (n,).
+    """Return the reason why each corner stays sharp; None if a curve replaces it, (n,).
 
     - `angle`: angular tolerance [rad].
     - `rounded`: mask of the corners that a curve replaces, (n,).
@@ -512,10 +514,13 @@ def _blend_orientation(
     *,
     smooth: bool,
 ) -> tuple[Orientation | None, FloatArray]:
-    """Orientation along a rounded path, and its deviation at each blended vertex [rad].
+    """Blend the orientation along a rounded path.
+
+    Returns the orientation, and its deviation at each blended vertex [rad], (n + k,).
 
     - `table`: segments of the rounded path.
-    - `source`: index of the segment of `path` that contains each of them, or is before its corner.
+    - `source`: index of the `path` segment that contains each of them, or that is before its
+      corner.
     - `angle`: angular tolerance [rad].
     - `smooth`: true if the derivative of the angular rate must not jump.
     """
@@ -533,7 +538,7 @@ def _blend_orientation(
 
 
 def _in_plane(bounds: CornerBounds) -> BoolArray:
-    """Mask of the corners whose two segments lie in one plane, (n,)."""
+    """Return the mask of the corners whose two segments lie in one plane, (n,)."""
     before, after = bounds.before, bounds.after
     if before.dimension == 2 or not len(before):
         return np.ones(len(before), dtype=bool)
@@ -547,7 +552,7 @@ def _in_plane(bounds: CornerBounds) -> BoolArray:
 
 
 def check_angular_tolerance(path: Path, tolerance: float | None, kinked: IntArray) -> float:
-    """The angular tolerance [rad]; infinite if it is not specified and not required.
+    """Return the angular tolerance [rad]; infinite if it is neither specified nor required.
 
     - `tolerance`: the specified tolerance [rad].
     - `kinked`: index of the segment before each vertex at which only the angular rate jumps, (k,).

@@ -22,7 +22,8 @@ LARGEST_KINK = 0.05
 # compared with the new arcs.
 SHARES = np.linspace(0.0, 1.0, 9)
 FIRST_ROWS = np.zeros(len(SHARES), dtype=np.intp)
-# Largest number of halvings of these lengths. If they do not suffice, the vertex stays unchanged.
+# These lengths are halved at most this number of times. If they do not suffice, the vertex stays
+# unchanged.
 MAX_HALVINGS = 20
 
 
@@ -38,7 +39,7 @@ class RepairedPath:
     deviation: float  # Largest distance between the original and the repaired path [m]
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
-        """Arc lengths on the repaired path that correspond to arc lengths before the repair [m]."""
+        """Return arc lengths on the repaired path for arc lengths before the repair [m]."""
         return np.asarray(np.interp(np.asarray(s, dtype=np.float64), self.before, self.after))
 
 
@@ -88,7 +89,7 @@ def repair_tangents(
 
 
 def _possible_turns(segments: Segments, tolerance: float) -> FloatArray:
-    """Angles by which segments turn if their ends move by `tolerance` [m], (n,)."""
+    """Return angles by which segments turn if their ends move by `tolerance` [m], (n,)."""
     longest = 1 / np.maximum(segments.curvatures, 1 / segments.lengths)
     return np.asarray(2 * tolerance / np.minimum(segments.lengths, longest))
 
@@ -132,11 +133,11 @@ def _repair_inner_vertices(
 def _keep_waypoints(
     path: Path, blended: Path, ends: IntArray, after: FloatArray, replaced: IntArray
 ) -> Path:
-    """The repaired path, with the waypoints of the path before the repair.
+    """Return the repaired path, with the waypoints of the path before the repair.
 
     Waypoints keep their numbers. They are no vertices if a line or an arc replaced them.
 
-    - `ends`: vertices of `path` at the ends of merged lines, (m + 1,).
+    - `ends`: vertices of `path` where merged lines start and end, (m + 1,).
     - `after`: arc lengths of these vertices on the repaired path [m], (m + 1,).
     - `replaced`: indices in `ends` of the vertices that an arc replaced.
     """
@@ -153,7 +154,7 @@ def _keep_waypoints(
 
 
 def _closing_errors(path: Path) -> FloatArray:
-    """Corner errors above 0 of the first and the last segment [m], (k,)."""
+    """Return the corner errors above 0 of the first and the last segment [m], (k,)."""
     errors = path.tolerances[[0, -1]]
     return np.asarray(errors[errors > 0])
 
