@@ -211,7 +211,7 @@ class _ScaledBounds(NamedTuple):
     bounds are 2 apart. All values except the inner ones keep their value, so x is zero there.
     """
 
-    count: int  # Number n of inner values
+    size: int  # Number n of inner values
     orders: list[int]  # Bounded orders of differences
     scales: list[float]  # Factor of the differences of each order
     cuts: IntArray  # First rows of all orders but the first
@@ -310,7 +310,7 @@ def _first_iterate(scaled: _ScaledBounds) -> _Iterate:
     excess = scaled.excess
     slacks = np.maximum(scaled.room, max(excess, 1.0))
     multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
-    return _Iterate(np.zeros(scaled.count), slacks, multipliers)
+    return _Iterate(np.zeros(scaled.size), slacks, multipliers)
 
 
 def _conditions_at(scaled: _ScaledBounds, iterate: _Iterate) -> _Conditions:
@@ -381,7 +381,7 @@ def _newton_step(
 
 def _bands(scaled: _ScaledBounds, weights: Sequence[FloatArray]) -> FloatArray:
     """Return the lower bands of `I + D' W D`, diagonal first; `weights` by order of differences."""
-    count = scaled.count
+    count = scaled.size
     bands = np.zeros((max(scaled.orders) + 1, count))
     bands[0] = 1.0
     for k, scale, weight in zip(scaled.orders, scaled.scales, weights, strict=True):
