@@ -154,6 +154,15 @@ def held_pieces(u: FloatArray, starts: FloatArray, servo: ServoModel | JointServ
     return pieces
 
 
+class Response(NamedTuple):
+    """Motion of all joints at m times."""
+
+    t: FloatArray  # Times since the start of the interval [s], (m,)
+    q: FloatArray  # Positions [rad], (m, dof)
+    before: FloatArray  # Velocities just before each time [rad/s], (m, dof)
+    after: FloatArray  # Velocities just after each time [rad/s], (m, dof)
+
+
 def respond_within(
     q: FloatArray,
     cycle: float,
@@ -162,11 +171,10 @@ def respond_within(
     k: int,
     times: FloatArray,
     state: tuple[FloatArray, FloatArray, FloatArray],
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Response of all joints at increasing times within interval k.
+) -> Response:
+    """Simulate all joints within interval k.
 
-    Returns `times` and the times at which a set-point reaches a joint, in order [s], (m,);
-    positions [rad], and velocities just before and just after each time [rad/s], (m, dof) each.
+    The response is at increasing `times` and at the times at which a set-point reaches a joint.
 
     `state` contains positions [rad], velocities [rad/s] and held values at the first time, (dof,)
     each.
@@ -187,7 +195,7 @@ def respond_within(
     if not servo.drive_cycle:
         jump = active.velocities_after((k - first) * cycle + times[:-1], position[:-1])
         after[:-1] = np.where(np.isnan(jump), velocity[:-1], jump)
-    return times, position, velocity, after
+    return Response(times, position, velocity, after)
 
 
 def follow(
