@@ -167,12 +167,14 @@ def write_equations(
 def newton(
     links: FloatArray, task: int, q: FloatArray, targets: FloatArray, w: FloatArray, g: FloatArray
 ) -> BoolArray:
-    """Solve the inverse kinematics by Newton's method; mask of the solved poses, (n,).
+    """Solve the inverse kinematics by Newton's method; return the mask of solved poses, (n,).
 
-    The guide equations use only w[:, 0] and g[:, 0]; derivatives in w[:, 1:] and g[:, 1:] are
-    ignored.
+    A step solves `J dq = e`, with the pose error e and the derivative J of the tool pose by q, and
+    the guide equations `w (q + dq) = w g`. The guide equations use only w[:, 0] and g[:, 0];
+    derivatives in w[:, 1:] and g[:, 1:] are ignored.
 
-    - `links`: (dof + 1, 12).
+    - `links`: (dof + 1, 13).
+    - `task`: task dimension.
     - `q`: initial guesses [rad], (n, dof); overwritten.
     - `targets`: (n, 3, 4).
     """
@@ -331,9 +333,10 @@ def write_second_task(
 def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
     """Return an orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof).
 
-    For task 5 the tool may rotate about its axis, for task 3 about the tool point.
+    For task 5 the tool may rotate about its axis, for task 3 about the tool point. The basis is
+    made by Gram-Schmidt orthogonalization.
 
-    - `links`: (dof + 1, 12).
+    - `links`: (dof + 1, 13).
     - `q`: joint positions [rad], (n, dof).
     - `targets`: (n, 3, 4).
     """
@@ -415,9 +418,12 @@ def write_shortest_step(
 def approach(
     links: FloatArray, task: int, target: FloatArray, q: FloatArray, weight: float, max_steps: int
 ) -> FloatArray:
-    """Move q [rad] to a pose by damped least squares; remaining errors [m, rad], (n, 2).
+    """Move q [rad] to a pose by damped least squares; return remaining errors [m, rad], (n, 2).
 
-    - `links`: (dof + 1, 12).
+    Steps are those of `write_shortest_step` (Wampler, IEEE Trans. Syst. Man Cybern. 16, 93-101,
+    1986). The damping decreases after a step that reduces the error, and increases otherwise.
+
+    - `links`: (dof + 1, 13).
     - `target`: (3, 4).
     - `q`: initial positions, (n, dof); overwritten.
     - `weight`: weight of a radian relative to a metre [m/rad].
@@ -438,6 +444,7 @@ def approach(
         residual[i, 1] = math.inf
         write_row(q[i], trial)
         for _ in range(max_steps):
+            # Error and derivative of the trial, with weighted rotations
             write_equations(links, task, trial, target, tried)
             error = tried.error
             turn = 0.0
@@ -446,6 +453,7 @@ def approach(
                 turn += error[r] ** 2
                 for k in range(dof):
                     tried.rows[r, k] *= weight
+            # Accept the trial if its error is smaller.
             position_cost = error[0] ** 2 + error[1] ** 2 + error[2] ** 2
             if position_cost + turn < cost:
                 gain = cost - (position_cost + turn)
@@ -461,6 +469,7 @@ def approach(
                 damping *= 4.0
                 if damping > 1e3:
                     break
+            # Next trial from the best positions
             size = write_shortest_step(task, best, damping, square, right, step)
             if not math.isfinite(size):
                 break
@@ -501,7 +510,8 @@ def follow(
 ) -> None:
     """Follow poses from several joint positions by the shortest joint steps.
 
-    A pose is reached if the correction is below `enough` [rad].
+    A pose is reached if the correction is below `enough` [rad]. If corrections do not converge, the
+    step to the pose is halved (step-length control of numerical continuation).
 
     - `targets`: (n, 3, 4), each close to the previous pose.
     - `q`: [rad], (branches, n, dof); the first pose of each branch is input, the others are output.

@@ -342,11 +342,14 @@ class ServoPlant(LimitedPlant):
             if self.servo.drive_cycle and self.servo.kv is None:
                 held = motion.dq[i]
             arguments = self.servo, bounds, k, times, (motion.q[i], motion.dq[i], held)
-            t, *states = respond_within(set_points.q, set_points.cycle, *arguments)
-            parts.append((t - times[0] + motion.t[i], *states))
-        columns = (np.concatenate(each) for each in zip(*parts, strict=True))
-        t, q, before, after = columns
-        return FineMotion(t=t, q=q, before=before, after=after)
+            response = respond_within(set_points.q, set_points.cycle, *arguments)
+            parts.append(response._replace(t=response.t - times[0] + motion.t[i]))
+        return FineMotion(
+            t=np.concatenate([x.t for x in parts]),
+            q=np.concatenate([x.q for x in parts]),
+            before=np.concatenate([x.before for x in parts]),
+            after=np.concatenate([x.after for x in parts]),
+        )
 
     def _smooth_between(self, demand: FloatArray, width: float) -> bool:
         """Return whether the motion has no kink between results, and quintics are exact enough.

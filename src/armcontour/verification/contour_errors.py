@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -97,7 +97,7 @@ class ContourExecution:
 
     @cached_property
     def on_path(self) -> FloatArray:
-        """Positions of the path points of the samples [m], (n, dimension)."""
+        """Positions of the samples' path points [m], (n, dimension)."""
         return self.path(self.followed.s)
 
     @cached_property
@@ -205,7 +205,7 @@ class ContourExecution:
     def _maximize_nearby(
         self, indices: IntArray, function: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """Largest values of m smooth functions of the tool point, each around one sample, (m,).
+        """Maximize m smooth functions of the tool point, each around one sample, (m,).
 
         `function` maps tool points, (m, n, dimension), to values, (m, n).
         """
@@ -408,9 +408,8 @@ def pieces_of(
     if path.single_path is None:
         windows = [_find_window(executed, x) for x in spans]
     else:
-        every = slice(0, len(executed.t))
-        windows = [{"which": every, "end_time": last, "rms_end_time": rms_end_time}]
-    beyond = [*(x["which"].start for x in windows[1:]), len(executed.t)]
+        windows = [_Window(slice(0, len(executed.t)), last, rms_end_time)]
+    beyond = [*(x.which.start for x in windows[1:]), len(executed.t)]
     pieces = []
     for k, (contour, window) in enumerate(zip(path.contours, windows, strict=True)):
         first = None if objective is None else objective.contours[k]
@@ -422,20 +421,35 @@ def pieces_of(
                 beyond=beyond[k],
                 work=contour.at_work,
                 before_work=None if first is None else first.at_work,
-                **window,
+                which=window.which,
+                since=window.since,
+                end_time=window.end_time,
+                rms_end_time=window.rms_end_time,
+                offset=window.offset,
             )
         )
     return pieces
 
 
-def _find_window(executed: Execution, span: Span) -> dict[str, Any]:
-    """Samples, times and offset of the piece of a contour, as fields of `ContourExecution`."""
+class _Window(NamedTuple):
+    """Samples and times of a contour's piece, as in `ContourExecution`."""
+
+    which: slice
+    end_time: float
+    rms_end_time: float | None = None
+    since: float | None = None
+    offset: float = 0.0
+
+
+def _find_window(executed: Execution, span: Span) -> _Window:
+    """Find the samples of a contour, its times at work, and its offset on the path."""
     assert span.work is not None
     start, end = np.searchsorted(executed.t, span.work)
     # A piece has at least two samples, even on a very short contour.
     start = min(int(start), len(executed.t) - 2)
     which = slice(start, max(int(end), start + 2))
-    return {"which": which, "since": span.work[0], "end_time": span.work[1], "offset": span.s[0]}
+    since, end_time = span.work
+    return _Window(which, end_time, since=since, offset=span.s[0])
 
 
 def _side(path: Path, followed: Followed, tool: FloatArray) -> FloatArray:

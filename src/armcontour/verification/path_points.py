@@ -269,7 +269,8 @@ def _tool_distances(
             returns = step > 0 and motion.later[j] < until
             if j != i and not returns and gone > reach:
                 break
-            # The next chord is nearer by at most the tool's travel to its far end.
+            # Skip chords that cannot be nearer: the next chord is nearer by at most the tool's
+            # travel to its far end.
             spare -= motion.sizes[j]
             if spare <= EQUAL:
                 x = y = 0.0
@@ -323,9 +324,10 @@ def _measure_parts(
         size = last - first
         p = point_at(g, first - g[11])
         q = point_at(g, last - g[11])
-        # The distances from this chord alone bound the range of chords to search.
+        # Range of chords to search: the distances from this chord alone bound it.
         a, b, _ = _tool_distances(p, q, motion, chord, -math.inf, -1.0)
         reach = 2 * (max(a, b) + min(g[9] * size**2 / 8, size / 2))
+        # Depth-first search by halving
         count = 1
         halves[0, 0] = first
         halves[0, 1] = last

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Protocol
 
 import numpy as np
@@ -332,7 +332,7 @@ def check(
     uses: dict[str, LimitUse] = {}
     not_judged: dict[str, None] = {}
     farthest: PathDeviation | None = None
-    whole: dict[str, Any] | None = None
+    whole: _Judged | None = None
     planned = samples.limits if isinstance(samples, Trajectory) else None
     bounds = resolve_limits("check", arm, limits, planned)
     of_arm = {x for x in LIMIT_UNITS if getattr(bounds, x) is getattr(arm.limits, x)}
@@ -367,13 +367,22 @@ def check(
         if part.path is not None and (farthest is None or far.distance > farthest.distance):
             farthest = replace(far, t=part.t + far.t, s=part.s + far.s)
     assert whole is not None
+    first_speed, last_speed = whole.end_speeds.max(axis=1).tolist()
     return Check(
         uses=tuple(uses.values()),
         not_judged=tuple(not_judged),
         missing=tuple(x for x in not_judged if x in LIMIT_UNITS and x not in of_arm),
+        reconstruction=whole.reconstruction,
         tolerance=tolerance,
+        states=whole.states,
+        start=whole.start,
+        end=whole.end,
+        end_speeds=(first_speed, last_speed),
+        end_units=_units_of_fastest(arm, whole.end_speeds),
         path_deviation=farthest,
-        **whole,
+        rounding=whole.rounding,
+        gaps=whole.gaps,
+        time_decimals=whole.time_decimals,
     )
 
 
@@ -419,49 +428,59 @@ def _split(samples: Any, arm: Arm, program: Program | None, bounds: Limits) -> l
     ]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Judged:
+    """What a check of a law or of samples knows besides the uses of the limits, as in `Check`."""
+
+    reconstruction: str
+    states: int
+    start: float
+    end: float
+    end_speeds: FloatArray  # Joint speeds at both ends [rad/s], (2, dof)
+    rounding: Mapping[str, float] = field(default_factory=dict)
+    gaps: tuple[SampleGap, ...] = ()
+    time_decimals: int | None = None
+
+
 def _judge_law(
     law: TimeLaw, tally: LimitUseAccumulator, points: int, seed: int, velocity_step: float
-) -> dict[str, Any]:
-    """Check a law; returns the fields of `Check` that the accumulator does not have."""
+) -> _Judged:
+    """Check a law, and record the uses of the limits in the accumulator."""
     count = record_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
     start = float(law.breaks[0])
     end = float(law.breaks[-1])
     first = law(np.array([start]), 1)
     last = law(np.array([end]), 1, side="left")
-    return {
-        "reconstruction": (
+    return _Judged(
+        reconstruction=(
             f"The motion is a continuous law and needs no reconstruction. It was checked at "
             f"{points} random times (seed {seed}) between any two breaks and on both sides of "
             "every break."
         ),
-        "states": count,
-        "start": start,
-        "end": end,
-        **_fastest(tally.arm, np.abs([first[0], last[0]])),
-        "rounding": {},
-        "gaps": (),
-        "time_decimals": None,
-    }
+        states=count,
+        start=start,
+        end=end,
+        end_speeds=np.abs([first[0], last[0]]),
+    )
 
 
-def _judge_log(log: SampledMotion, tally: LimitUseAccumulator) -> dict[str, Any]:
-    """Check samples; returns the fields of `Check` that the accumulator does not have."""
+def _judge_log(log: SampledMotion, tally: LimitUseAccumulator) -> _Judged:
+    """Check samples, and record the uses of the limits in the accumulator."""
     record_samples(log, tally)
-    rounding = {"t": float(log.t_error.max())} | {
-        name: float(error.max())
-        for name, error in zip(("q", "dq", "ddq"), log.errors, strict=True)
-        if getattr(log, name) is not None
-    }
-    return {
-        "reconstruction": _reconstruction(log),
-        "states": len(log.t),
-        "start": float(log.t[0]),
-        "end": float(log.t[-1]),
-        **_fastest(tally.arm, _end_speeds(log, tally.limits)),
-        "rounding": rounding,
-        "gaps": () if log.is_plan else find_gaps(log.t, log.q, log.errors[0], log.lines),
-        "time_decimals": _time_decimals(log.t),
-    }
+    rounding = {"t": float(log.t_error.max())}
+    for name, error in zip(("q", "dq", "ddq"), log.errors, strict=True):
+        if getattr(log, name) is not None:
+            rounding[name] = float(error.max())
+    return _Judged(
+        reconstruction=_reconstruction(log),
+        states=len(log.t),
+        start=float(log.t[0]),
+        end=float(log.t[-1]),
+        end_speeds=_end_speeds(log, tally.limits),
+        rounding=rounding,
+        gaps=() if log.is_plan else find_gaps(log.t, log.q, log.errors[0], log.lines),
+        time_decimals=_time_decimals(log.t),
+    )
 
 
 def _time_decimals(t: FloatArray) -> int:
@@ -472,13 +491,10 @@ def _time_decimals(t: FloatArray) -> int:
     return int(np.clip(np.ceil(-np.log10(max(step, finest))), 0, MAX_DECIMALS))
 
 
-def _fastest(arm: Arm, speeds: FloatArray) -> dict[str, Any]:
-    """Fields of `Check` with the largest joint speeds at both ends, (2, dof), and their units."""
-    joints = np.argmax(speeds, axis=1).tolist()
-    return {
-        "end_speeds": tuple(speeds.max(axis=1).tolist()),
-        "end_units": tuple(unit_of(arm, "rad/s", j) for j in joints),
-    }
+def _units_of_fastest(arm: Arm, speeds: FloatArray) -> tuple[str, str]:
+    """Return the speed units of the fastest joints at both ends, from speeds, (2, dof)."""
+    first, last = np.argmax(speeds, axis=1).tolist()
+    return unit_of(arm, "rad/s", first), unit_of(arm, "rad/s", last)
 
 
 def _end_speeds(log: SampledMotion, limits: Limits) -> FloatArray:
@@ -519,7 +535,7 @@ def _check_path(
 
 
 def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[str, ...]:
-    """Names of limits, and of requirements of the path, that were not checked."""
+    """Name the limits and the path's requirements that were not checked."""
     required = [x for x in LIMIT_UNITS if getattr(limits, x) is not None]
     if path is not None and path.orientation is not None:
         required.append("orientation_deviation")

@@ -320,7 +320,11 @@ def _accumulate(
 
 @compiled(inner=True)
 def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: FloatArray) -> float:
-    """Add second derivatives and negative gradient of the duration; returns the duration [s]."""
+    """Add second derivatives and negative gradient of the duration; return the duration [s].
+
+    The duration of a cell is the integral of `a^(-1/2)`, by Gauss-Legendre quadrature. On a cell of
+    uniform jerk with length h it is `3 h a^(-1/2)`, with a at its moving end.
+    """
     n = len(p.width)
     total = 0.0
     for i in range(n):
@@ -361,13 +365,18 @@ def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: Floa
 def _add_barriers(
     p: JerkSection, iterate: _Iterate, mu: float, bands: FloatArray, right: FloatArray
 ) -> None:
-    """Add the barriers of all rows; writes the inverse slacks of blocks."""
+    """Add the barriers `-mu log s` of all rows; write the inverse slacks of blocks.
+
+    A row with the slack s and the multiplier y adds `(ds/dd)' (y / s) (ds/dd)` to the second
+    derivatives, and `(mu / s) ds/dd` to the right side.
+    """
     n = len(p.width)
     d, blocks, slack, dual = iterate
     plain = p.plain.shape[1]
     curved = p.curved.shape[1]
     rows = blocks.rows
     sums = np.empty(9 * LANES)
+    # Plain and curved rows, LANES parts at a time
     for b in range(len(blocks.near) // (3 * LANES)):
         near = _load_row(blocks.near, b * 3 * LANES)
         zero = near[0] * 0.0
@@ -399,6 +408,7 @@ def _add_barriers(
             x = sums[lane::LANES]
             squares = x[0], x[1], x[2], x[3], x[4], x[5]
             _add_cell(bands, right, p.cell[b * LANES + lane], squares, (x[6], x[7], x[8]))
+    # Vector rows
     for c in range(len(p.cell) if p.round.shape[1] else 0):
         i = p.cell[c]
         squares = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -414,6 +424,7 @@ def _add_barriers(
                 row = (p.round[c, r, k, 0], p.round[c, r, k, 1], p.round[c, r, k, 2])
                 squares, gradient = _accumulate(squares, gradient, row, 2.0 * weight / bound, 0.0)
         _add_cell(bands, right, i, squares, gradient)
+    # Positive control points
     for i in range(n + 2):
         if slack.positive[i] > 0.0:
             bands[0, i] += dual.positive[i] / slack.positive[i]
@@ -639,9 +650,18 @@ def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
 
 @compiled()
 def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int) -> int:
-    """Improve a strictly feasible d in place until its gap is small; returns the iterations.
+    """Improve a strictly feasible d in place until its gap is small; return the iterations.
 
-    `d` are the control points of a [m²/s²], (n + 2,); the ends are fixed.
+    The duration T(d) is minimized with slacks s(d) > 0 and multipliers y > 0 of all bounds. Each
+    iteration takes Newton's step for
+
+        dT/dd = sum(y ds/dd),  s y = mu,
+
+    and mu is reduced while the steps are long (primal-dual method; Nocedal and Wright, Numerical
+    Optimization, 2006, chapter 19). The number of bounds times mu is the duality gap.
+
+    - `d`: control points of a [m²/s²], (n + 2,); the ends are fixed.
+    - `tolerance`: largest gap, as a fraction of the duration.
     """
     n = len(p.width)
     blocks = _new_blocks(p)
@@ -661,6 +681,7 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
     _dual_changes(p, iterate, trial, mu, change)
     _take_dual_step(blocks.rows, dual, change, 1.0)
     for iteration in range(max_iterations):
+        # Newton's system, and its solution
         bands[:] = 0.0
         right[:] = 0.0
         size = _add_durations(p, d, bands, right)
@@ -671,6 +692,7 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
         decrement = 0.0
         for i in range(n + 2):
             decrement += trial[i] * right[i]
+        # Longest feasible step
         share, dual_share = _dual_changes(p, iterate, right, mu, change)
         _take_dual_step(blocks.rows, dual, change, dual_share)
         _take_step(d, right, share, trial)
@@ -682,6 +704,7 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
             if halvings > MAX_SHORTENINGS:
                 return iteration
             _take_step(d, right, share, trial)
+        # New tangents, and a smaller barrier near the central path
         d[:] = trial
         _move_tangents(p, blocks)
         if decrement < CENTERED * bounds * mu and min(share, dual_share) > LONG_NEWTON_STEP:

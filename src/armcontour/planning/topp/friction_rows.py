@@ -44,6 +44,31 @@ class Row(NamedTuple):
     high: float | Vector
 
 
+class Rise(NamedTuple):
+    """Margin of a row inside an interval: factors of U, X, slope and 1, as in `limit_forms`."""
+
+    by_u: float
+    by_x: float
+    by_slope: float
+    constant: float
+
+
+class IntervalRow(NamedTuple):
+    """A row at the start and at the end of an interval, and its margin."""
+
+    start: Row
+    end: Row
+    rise: Rise
+
+
+class FrictionLine(NamedTuple):
+    """Bound of the friction in a row: `largest`, or `offset + slope x` times the one at x = 1."""
+
+    largest: float  # Largest friction of a joint that may reverse, otherwise 0
+    offset: float  # 0 for a joint that may reverse
+    slope: float  # 0 for a joint that may reverse
+
+
 class Bracket(NamedTuple):
     """Range of x on an interval: smallest x, and roots of the smallest and the largest x."""
 
@@ -61,8 +86,8 @@ def bracket(smallest: float, largest: float) -> Bracket:
 @compiled(inner=True)
 def bound_friction(
     friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
-) -> tuple[float, float, float]:
-    """Upper bound, linear in x, of friction in the row of one limit of joint j on interval i.
+) -> FrictionLine:
+    """Bound the friction of joint j on interval i from above by a line in x, for one limit.
 
     If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is the
     friction at each end of the interval, multiplied by a line in x that bounds the root of x. The
@@ -72,32 +97,28 @@ def bound_friction(
     has the allowed offset. If this x is below the smallest x, the upper line has the allowed offset
     and passes through the root at the smallest x.
 
-    Returns the largest friction, or 0; offset and slope of the line, or 0.
-
     - `towards`: 1 for the upper limit, -1 for the lower one.
     - `within`: the bracket of x.
     """
     largest = friction.within[i, j, LARGEST]
     sign = friction.within[i, j, SIGN]
     if sign == 0.0:
-        return towards * largest * within.high, 0.0, 0.0
+        return FrictionLine(towards * largest * within.high, 0.0, 0.0)
     total = within.low + within.high
     if sign != towards:
         slope = 1 / total
-        return 0.0, within.low * within.high * slope, slope
+        return FrictionLine(0.0, within.low * within.high * slope, slope)
     offset = total / 4
     if offset * largest > MAX_OFFSET_SHARE * room:
         offset = max(MAX_OFFSET_SHARE * room / largest, MIN_DIVISOR)
     if offset >= within.low / 2:
-        return 0.0, offset, 1 / (4 * offset)
-    return 0.0, offset, (within.low - offset) / within.smallest
+        return FrictionLine(0.0, offset, 1 / (4 * offset))
+    return FrictionLine(0.0, offset, (within.low - offset) / within.smallest)
 
 
 @compiled(inner=True)
-def friction_rise(
-    friction: Friction, i: int, j: int, offset: float, slope: float, w: float
-) -> tuple[float, float, float, float]:
-    """Rise that the line of `bound_friction` adds to a row: factors of U, X, slope and 1.
+def friction_rise(friction: Friction, i: int, j: int, line: FrictionLine, w: float) -> Rise:
+    """Return the rise that a friction line adds to a row.
 
     The slope of the line adds to b, so its product with x curves as b x does. In addition, the
     friction deviates from its chord.
@@ -107,8 +128,9 @@ def friction_rise(
     v0 = friction.viscous[i, 0, j]
     v1 = friction.viscous[i, 1, j]
     deviation = friction.within[i, j, DEVIATION]
-    by_slope = slope * max(abs(v0), abs(v1)) * w * w / 4
-    return slope * abs(v1 - v0) * w / 2, slope * deviation, by_slope, offset * deviation
+    by_slope = line.slope * max(abs(v0), abs(v1)) * w * w / 4
+    by_u = line.slope * abs(v1 - v0) * w / 2
+    return Rise(by_u, line.slope * deviation, by_slope, line.offset * deviation)
 
 
 @compiled(inner=True)
@@ -118,18 +140,14 @@ def _row_end(ends: FloatArray, i: int, end: int, r: int) -> Row:
 
 
 @compiled(inner=True)
-def _subtract_friction(
-    row: Row, viscous: float, line: tuple[float, float, float], towards: float
-) -> Row:
-    """One limit of a row, less the friction of the line of `bound_friction`.
+def _subtract_friction(row: Row, viscous: float, line: FrictionLine, towards: float) -> Row:
+    """Return one limit of a row, less the friction that `bound_friction` bounds.
 
     - `viscous`: friction at x = 1.
-    - `line`: largest friction, offset and slope.
     - `towards`: 1 for the upper limit, -1 for the lower one.
     """
-    largest, offset, slope = line
-    b = row.b + viscous * slope
-    less = viscous * offset + largest
+    b = row.b + viscous * line.slope
+    less = viscous * line.offset + line.largest
     if towards > 0.0:
         return Row(row.a, b, -math.inf, row.high - less)
     return Row(row.a, b, row.low - less, math.inf)
@@ -138,8 +156,8 @@ def _subtract_friction(
 @compiled(inner=True)
 def linear_row(
     limits: GridLimits, i: int, r: int, w: float, within: Bracket, margins: bool
-) -> tuple[Row, Row, tuple[float, float, float, float]]:
-    """Row r of interval i at its start and at its end, and its rise.
+) -> IntervalRow:
+    """Return row r of interval i.
 
     Rows with friction come first: all upper limits, then all lower limits. `margins` adds the
     friction of joints that may reverse.
@@ -160,23 +178,23 @@ def linear_row(
         if r >= count:
             towards = -1.0
             room = min(-start.low, -end.low)
-        largest, offset, slope = bound_friction(friction, i, j, towards, room, within)
-        line = largest * margins, offset, slope
+        bound = bound_friction(friction, i, j, towards, room, within)
+        line = FrictionLine(bound.largest * margins, bound.offset, bound.slope)
         start = _subtract_friction(start, friction.viscous[i, 0, j], line, towards)
         end = _subtract_friction(end, friction.viscous[i, 1, j], line, towards)
-        added = friction_rise(friction, i, j, offset, slope, w)
-        by_u = by_u + added[BY_U]
-        by_x = by_x + added[BY_X]
-        by_slope = by_slope + added[BY_SLOPE]
-        alone = alone + added[BY_CONSTANT]
-    return start, end, (by_u, by_x, by_slope, alone)
+        added = friction_rise(friction, i, j, line, w)
+        by_u = by_u + added.by_u
+        by_x = by_x + added.by_x
+        by_slope = by_slope + added.by_slope
+        alone = alone + added.constant
+    return IntervalRow(start, end, Rise(by_u, by_x, by_slope, alone))
 
 
 @compiled()
 def rows_with_friction(
     width: FloatArray, limits: GridLimits, bounds: MotionBounds, margins: bool
 ) -> LinearRows:
-    """Linear rows: upper limits with friction, lower limits with friction, other rows.
+    """Make the linear rows: upper limits with friction, lower limits with friction, other rows.
 
     - `width`: lengths of the intervals, (n,).
     - `bounds`: bounds of the plan, which include the range of x.

@@ -102,7 +102,7 @@ def make_lines(limits: GridLimits, lost: FloatArray) -> LimitLines:
 
 @compiled(inner=True, fastmath=FUSED)
 def _margin(rise: FloatArray, i: int, r: int, bounds: MotionBounds) -> float:
-    """Margin of row r on interval i that is valid within the bounds."""
+    """Return the margin of row r on interval i, which is valid within the bounds."""
     by = rise[i, r, BY_U] * bounds.u[i] + rise[i, r, BY_X] * bounds.x[i]
     return float(by + rise[i, r, BY_SLOPE] * abs(bounds.k[i]) + rise[i, r, BY_CONSTANT])
 
@@ -116,18 +116,26 @@ def _write_half_plane(
 ) -> None:
     """Write the half-planes `low <= a u + b x <= high` of LANES rows at one end of an interval.
 
-    Rows without m become a ceiling of x, because rest satisfies every row.
+    With the half change t of u, the rows are, at the start and at the end,
+
+        low + a t <= a m + b x <= high + a t,
+        low - a t <= (a + 2 w b) m + b x <= high - a t.
+
+    They are divided by the factor of m. Rows without m become a ceiling of x, because rest
+    satisfies every row.
 
     - `location`: interval, end and first line.
-    - `motion`: length of the interval, and half of the change of u.
+    - `motion`: w, the length of the interval, and t.
     """
     i, end, line = location
     w, turn = motion
     a = row.a
     b = row.b
+    # Factor of m, and bounds of the row
     shift = turn - 2 * turn * end
     low, high = row.low + shift * a, row.high + shift * a
     by_mean = a + (2 * w * end) * b
+    # Ceilings of rows whose factor of m is a rounding error
     bends = 2 * w * size(b)
     magnitude = size(by_mean)
     threshold = ZERO_SHARE * (size(a) + bends)
@@ -139,6 +147,7 @@ def _write_half_plane(
         ceiling = higher(choose(0.0, alone, math.inf, largest), 0.0)
         lines.cap[i, end] = min(lines.cap[i, end], lowest(ceiling))
         magnitude = choose(threshold, magnitude, choose(0.0, alone, magnitude, 0.0), 0.0)
+    # Lines `bottom <= m + tilt x <= top` of the other rows
     inverse = 1.0 / choose(NEGLIGIBLE_COEFFICIENT, magnitude, by_mean, 1.0)
     low, high = low * inverse, high * inverse
     first = 3 * lines.width * (i & (len(lines.slot_interval) - 1)) + line
@@ -176,7 +185,7 @@ def _write_half_planes(
 
 @compiled(inner=True)
 def _square_of_a(ends: FloatArray, i: int, end: int, r: int) -> float:
-    """Square of the vector a of limit r at one end of interval i."""
+    """Return `|a|²` for the vector limit r at one end of interval i."""
     square = 0.0
     for d in range(3):
         square += ends[i, end, r, A, d] * ends[i, end, r, A, d]
@@ -193,12 +202,23 @@ def _write_conic(
     motion: tuple[float, float],
     end: int,
 ) -> None:
-    """Write the conic `|a u + b x|² <= square` at one end of an interval."""
+    """Write the conic `|a u + b x|² <= square` at one end of an interval.
+
+    The vector is `e m + b x`, plus or minus t a, where the factor e of m is a at the start and
+    `a + 2 w b` at the end. Completing the square in m gives the conic
+
+        (m + p x + q)² <= d0 + 2 d1 x - d2 x²,  p = e b / e e,  d2 = |e x b|² / (e e)²,
+
+    with `q = -t`, `d0 = square / e e` and `d1 = 0` at the start. At the end, x is replaced by
+    `x - 2 w t`, so `q = t (1 - 2 w p)`, `d1 = 2 w t d2` and `d0 = square / e e - d2 (2 w t)²`.
+
+    - `motion`: w, the length of the interval, and t, the half change of u.
+    """
     w, turn = motion
     out = lines.conics[i & (len(lines.slot_interval) - 1), 2 * r + end]
     for d in range(5):
         out[d] = 0.0
-    # The factor of m is a at the start, and a + 2 w b at the end.
+    # Vectors a, b and e, and their products
     step = 2 * w * end
     a0 = ends[i, end, r, A, 0]
     a1 = ends[i, end, r, A, 1]
@@ -220,7 +240,8 @@ def _write_conic(
             largest = math.sqrt(square / bb) - 2 * w * abs(turn)
             lines.cap[i, 0] = min(lines.cap[i, 0], max(largest, 0.0))
         return
-    # The cross product e x b equals a x b. It has the rounding error of the vectors.
+    # The cross product e x b equals a x b. Unlike `(e e) (b b) - (e b)²`, it has only the rounding
+    # error of the vectors.
     c0 = e1 * b2 - e2 * b1
     c1 = e2 * b0 - e0 * b2
     c2 = e0 * b1 - e1 * b0
@@ -297,9 +318,15 @@ def _write_joint_half_planes(
     location: tuple[int, int],
     margins: bool,
 ) -> None:
-    """Write a group of joint bounds on interval i; `location` is the group and its first joint."""
-    # With the derivatives q1 to q4 and the slope k of u, g = q1 u + q2 x has g'' = 5 q3 u + q4 x +
-    # 4 q2 k, and h = q1² x has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
+    """Write a group of joint bounds on interval i; `location` is the group and its first joint.
+
+    With the derivatives q1 to q4 and the slope k of u, the acceleration g = q1 u + q2 x and the
+    squared velocity h = q1² x of a joint have the second derivatives in s
+
+        g'' = 5 q3 u + q4 x + 4 q2 k,  h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
+
+    Between the ends of an interval they exceed their chords by at most w² / 8 times these.
+    """
     group, joint = location
     table = limits.joints
     offset = ROWS * group
@@ -311,15 +338,17 @@ def _write_joint_half_planes(
     share = w * w / 8
     certain = share * q3
     q1 = higher(size(a0), size(a1)) + certain
-    # A joint that may reverse must satisfy both bounds.
+    # Inverse square of the velocity limit; a joint that may reverse must satisfy both limits.
     back = load(table, offset + BACKWARD)
     forth = load(table, offset + FORWARD)
     by = choose(higher(a0, a1), 0.0 - certain, back, higher(forth, back))
     by = choose(certain, lower(a0, a1), forth, by)
+    # Squared velocity as a fraction of its limit at x = 1, at both ends
     room = 0.0 * q1
     e0 = a0 * a0 * by
     e1 = a1 * a1 * by
     if margins:
+        # Margin of the accelerations
         u = bounds.u[i]
         x = bounds.x[i]
         k = abs(slope)
@@ -329,6 +358,7 @@ def _write_joint_half_planes(
         # The margin includes the rounding error of s.
         rounding = X_ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
         room = room + (rounding * u) * q2 + (rounding * x) * q3
+        # Margin of the squared velocities
         second = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
         remaining = 1.0 - share * by * second
         largest = q1 * q1 * by
@@ -388,8 +418,8 @@ def _write_row_half_planes(
         if first + lane < count:
             start, end, rise = linear_row(limits, i, first + lane, w, within, margins)
             if margins:
-                by = rise[BY_U] * bounds.u[i] + rise[BY_X] * bounds.x[i]
-                room = by + rise[BY_SLOPE] * abs(bounds.k[i]) + rise[BY_CONSTANT]
+                by = rise.by_u * bounds.u[i] + rise.by_x * bounds.x[i]
+                room = by + rise.by_slope * abs(bounds.k[i]) + rise.constant
         for k in range(4):
             by_lane[k * LANES + lane] = start[k]
             by_lane[at_end + k * LANES + lane] = end[k]

@@ -38,7 +38,7 @@ class PassSquares(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
-    """Smallest and largest mean u of interval i for x at its start."""
+    """Return the smallest and the largest mean u on interval i, for x at its start."""
     table = lines.table
     count = lines.width
     slot = i & (len(lines.slot_interval) - 1)
@@ -60,11 +60,28 @@ def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
     return low, high
 
 
+class _MeanRange(NamedTuple):
+    """Range of the mean u on an interval for x at its start, and how it changes with x."""
+
+    low: float
+    high: float
+    low_tilt: float  # Negative slope of `low` in x
+    high_tilt: float  # Negative slope of `high` in x
+    below: int  # Line of the interval that limits the mean u from below; negative if none
+
+
+class _Start(NamedTuple):
+    """Largest x at the start of an interval."""
+
+    x: float
+    mean: float  # The largest mean u for this x
+    below: int  # Line of the interval that limits the mean u from below; negative if none
+    outcome: int  # FOUND, STUCK or UNLIMITED
+
+
 @compiled(inner=True, fastmath=FUSED)
-def _mean_range_slopes(
-    lines: LimitLines, i: int, x: float
-) -> tuple[float, float, float, float, int]:
-    """Range of the mean u at x, negative slopes of its ends in x, and index of its lower line."""
+def _mean_range_slopes(lines: LimitLines, i: int, x: float) -> _MeanRange:
+    """Return the mean-u range at x, its negative slopes in x, and the index of its lower line."""
     table = lines.table
     count = lines.width
     slot = i & (len(lines.slot_interval) - 1)
@@ -97,12 +114,12 @@ def _mean_range_slopes(
             low = bottom
             low_tilt = p + tilt
             below = -1
-    return low, high, low_tilt, high_tilt, below - 3 * count * slot
+    return _MeanRange(low, high, low_tilt, high_tilt, below - 3 * count * slot)
 
 
 @compiled(inner=True)
 def _fastest_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
-    """ds² with the fastest motion on the first interval, if joints rest at the start at any ds."""
+    """Return the ds² with the fastest first interval, if the joints rest at the start at any ds."""
     # A ds² slightly below the largest one may allow a far larger u, because dq_ds is rounded.
     best = ceiling[0]
     fastest = 0.0
@@ -120,14 +137,11 @@ def _fastest_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
 @compiled(inner=True, fastmath=FUSED)
 def _largest_start(
     lines: LimitLines, i: int, w: float, ceiling: float, last: float, below: int
-) -> tuple[float, float, int, int]:
-    """Largest x at the start of interval i from which x at its end is at most `last`.
+) -> _Start:
+    """Find the largest x at the start of interval i from which x at its end is at most `last`.
 
     The range of the mean u is concave in x and not empty for x = 0, so Newton steps from the
     ceiling converge to the largest x with a range.
-
-    Returns x; the largest mean u; the line that limits it from below, or -1; and FOUND, STUCK or
-    UNLIMITED.
 
     - `w`: length of the interval.
     - `below`: the line that limits the mean u from below on interval i + 1, or -1.
@@ -145,10 +159,11 @@ def _largest_start(
     for _ in range(MAX_NEWTON_STEPS):
         low, high = _mean_range(lines, i, x)
         if low == -math.inf or high == math.inf:
-            return x, high, below, UNLIMITED
+            return _Start(x, high, below, UNLIMITED)
         high = min(high, (last - x) * steep)
         if max(low, -x * steep) <= high:
-            return x, high, below, FOUND
+            return _Start(x, high, below, FOUND)
+        # Newton step, also within the limits `0 <= x at the end <= last`
         low, high, low_tilt, high_tilt, below = _mean_range_slopes(lines, i, x)
         if (last - x) * steep < high:
             high = (last - x) * steep
@@ -158,12 +173,11 @@ def _largest_start(
             low_tilt = steep
         following = x - (low - high) / (high_tilt - low_tilt)
         # Near zero, x is a difference of large numbers, so a step ends slightly above the root.
-        x = (
-            following * INSIDE_FACTOR
-            if following > FAR_STEP * x
-            else max(following, 0.0) + FAR_STEP_ROUNDING * x
-        )
-    return x, high, below, STUCK
+        if following > FAR_STEP * x:
+            x = following * INSIDE_FACTOR
+        else:
+            x = max(following, 0.0) + FAR_STEP_ROUNDING * x
+    return _Start(x, high, below, STUCK)
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
@@ -238,11 +252,12 @@ def _backward_pass(
         if stuck >= 0:
             continue
         w = grid.s[i + 1] - grid.s[i]
-        reachable[i], largest_mean[i], below, outcome = _largest_start(
-            lines, i, w, min(ceiling, LARGEST_X), reachable[i + 1], below
-        )
-        if outcome != FOUND:
-            stuck = i if outcome == STUCK else n + i
+        start = _largest_start(lines, i, w, min(ceiling, LARGEST_X), reachable[i + 1], below)
+        reachable[i] = start.x
+        largest_mean[i] = start.mean
+        below = start.below
+        if start.outcome != FOUND:
+            stuck = i if start.outcome == STUCK else n + i
     return stuck
 
 

@@ -375,6 +375,74 @@ def expand(
             x[k + 1] = (kp * (p - q[k]) - w - (z[k] - a) / kv) * INVERSE[k]
 
 
+class Phase(NamedTuple):
+    """Part of a step in which the demand stays on one side of the bounds."""
+
+    duration: float  # [s]
+    following: float  # Side after the phase; the same side at the end of the step
+    lowest: float  # Smallest demand at the extrema in the phase [rad/s²]
+    highest: float  # Largest demand at the extrema in the phase [rad/s²]
+
+
+@compiled(inner=True, fastmath=FUSED)
+def side_of(servo: Servo, z: float, tolerance: float) -> float:
+    """Return 1 if the demand z is above the upper bound, -1 if below the lower one, otherwise 0."""
+    if z < servo.lower - tolerance:
+        return -1.0
+    return 1.0 if z > servo.upper + tolerance else 0.0
+
+
+@compiled(inner=True, fastmath=FUSED)
+def find_extrema(demands: FloatArray, n: int, end: float) -> tuple[float, float]:
+    """Times of up to two extrema of the demand; `end` in place of missing ones.
+
+    The slope of the demand has at most one extremum in a step.
+    """
+    first = find_passage(demands, n, 1, 0.0, end, 0.0)
+    if first != end:
+        return first, end
+    turn = find_passage(demands, n, 2, 0.0, end, 0.0)
+    first = find_passage(demands, n, 1, 0.0, turn, 0.0)
+    return first, find_passage(demands, n, 1, turn, end, 0.0)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def find_phase(
+    servo: Servo, demands: FloatArray, n: int, side: float, tolerance: float, end: float
+) -> Phase:
+    """Find when the demand first leaves its side of the bounds, at the latest at `end`.
+
+    - `demands`, `n`: Taylor coefficients of the demand, and their number.
+    - `tolerance`: rounding error of the demand [rad/s²].
+    """
+    first, second = find_extrema(demands, n, end)
+    lowest = math.inf
+    highest = -math.inf
+    begin = 0.0
+    for t in (first, second, end):
+        value = evaluate(demands, n, 0, t)
+        if side == 0.0 and value > servo.upper + tolerance:
+            bound = servo.upper
+            following = 1.0
+        elif side == 0.0 and value < servo.lower - tolerance:
+            bound = servo.lower
+            following = -1.0
+        elif side > 0.0 and value < servo.upper:
+            bound = servo.upper
+            following = 0.0
+        elif side < 0.0 and value > servo.lower:
+            bound = servo.lower
+            following = 0.0
+        else:
+            lowest = min(lowest, value)
+            highest = max(highest, value)
+            begin = t
+            continue
+        crossing = find_passage(demands, n, 0, begin, t, bound)
+        return Phase(crossing, following, lowest, highest)
+    return Phase(end, side, lowest, highest)
+
+
 @compiled(inner=True, fastmath=FUSED)
 def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m: Motion) -> Motion:
     """Simulate a step from event to event, where events are starts and ends of saturation.
@@ -396,10 +464,8 @@ def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m:
         z, _ = demand(servo, v, q, w, x)
         scale = abs(v.value) + abs(q) + servo.ki * abs(x)
         tolerance = DEMAND_ROUNDING * (servo.kp * servo.kv * scale + abs(z))
-        # Side of the bounds: 1 above the upper bound, -1 below the lower bound, otherwise 0
         if not known:
-            side = 1.0 if z > servo.upper + tolerance else 0.0
-            side = -1.0 if z < servo.lower - tolerance else side
+            side = side_of(servo, z, tolerance)
         # Taylor series of the motion on this side
         position[0] = q - v.value
         position[1] = w
@@ -407,46 +473,17 @@ def respond_by_events(servo: Servo, taylor: FloatArray, h: float, u: Command, m:
         # In saturation without an integrator, the demand is a cubic.
         n = 4 if side != 0.0 and servo.ki == 0.0 else count_terms(2 * fastest_rate(servo) * end)
         expand(servo, v, side, n, position, integral, demands)
-        # Extrema of the demand: its slope has at most one extremum in a step.
-        first = find_passage(demands, n, 1, 0.0, end, 0.0)
-        second = end
-        if first == end:
-            turn = find_passage(demands, n, 2, 0.0, end, 0.0)
-            first = find_passage(demands, n, 1, 0.0, turn, 0.0)
-            second = find_passage(demands, n, 1, turn, end, 0.0)
-        lowest = min(lowest, z)
-        highest = max(highest, z)
-        # First crossing of a bound between the extrema
-        begin = 0.0
-        following = side
-        for t in (first, second, end):
-            value = evaluate(demands, n, 0, t)
-            if side == 0.0 and value > servo.upper + tolerance:
-                bound = servo.upper
-                following = 1.0
-            elif side == 0.0 and value < servo.lower - tolerance:
-                bound = servo.lower
-                following = -1.0
-            elif side > 0.0 and value < servo.upper:
-                bound = servo.upper
-                following = 0.0
-            elif side < 0.0 and value > servo.lower:
-                bound = servo.lower
-                following = 0.0
-            else:
-                lowest = min(lowest, value)
-                highest = max(highest, value)
-                begin = t
-                continue
-            end = find_passage(demands, n, 0, begin, t, bound)
-            break
-        # Motion up to the crossing, or to the end of the step
+        # Motion up to the next event, or to the end of the step
+        phase = find_phase(servo, demands, n, side, tolerance, end)
+        end = phase.duration
+        lowest = min(lowest, z, phase.lowest)
+        highest = max(highest, z, phase.highest)
         saturated += end if side != 0.0 else 0.0
         q = evaluate(position, n + 2, 0, end) + v.value
         w = evaluate(position, n + 2, 1, end)
         x = evaluate(integral, n + 1, 0, end)
-        known = following != side
-        side = following
+        known = phase.following != side
+        side = phase.following
         now += end
         if not known:
             return Motion(q, w, x, saturated, lowest, highest)
