@@ -58,7 +58,7 @@ _HOME = {
     "_version": "__version__",
 }
 METHODS |= {
-    "draw_result": "armcontour.report.result_study",
+    "draw_result": "armcontour.report.single_results",
     "explain": "armcontour.planning.explanation",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -1,4 +1,4 @@
-"""A study equals its steps called one after the other; the chosen run; jobs out of reach."""
+"""A job_result equals its steps called one after the other; the chosen run; jobs out of reach."""
 
 import dataclasses
 import sys
@@ -41,7 +41,7 @@ def job(arm, objective, servo, limits):
 
 
 @pytest.fixture(scope="module")
-def study(job):
+def job_result(job):
     return ac.run(job)
 
 
@@ -53,11 +53,11 @@ def changed(run, **values):
     return dataclasses.replace(run, **values)
 
 
-def test_the_results_of_run_equal_those_of_its_single_steps(job, study):
-    assert list(study.runs) == ["proposed", "conventional"] and study.job is job
+def test_the_results_of_run_equal_those_of_its_single_steps(job, job_result):
+    assert list(job_result.runs) == ["proposed", "conventional"] and job_result.job is job
     for job_run in job.runs:
         path = job.path
-        result = study.runs[job_run.name]
+        result = job_result.runs[job_run.name]
         if job_run.rounding is not None:
             path = ac.round_corners(path, tolerance=5e-3, acceleration=0.09)
         trajectory = ac.plan(ac.trace(path, job.arm), job.arm, job_run.limits, job_run.timing)
@@ -88,8 +88,8 @@ def test_the_configuration_of_a_run_is_traced(job):
 
 def test_an_experiment_executes_the_same_set_points_on_rigid_bodies(job):
     experiment_run = changed(job.runs[0], experiment=Experiment(step=5e-4))
-    study = ac.run(with_runs(job, experiment_run, job.runs[1]))
-    result = study.runs["proposed"]
+    job_result = ac.run(with_runs(job, experiment_run, job.runs[1]))
+    result = job_result.runs["proposed"]
     plant = ac.RigidBodyPlant(job.arm, job.plant_servo, experiment_run.limits, step=5e-4)
     execution = ac.simulate(result.set_points, plant)
     evaluation_options = {
@@ -101,7 +101,7 @@ def test_an_experiment_executes_the_same_set_points_on_rigid_bodies(job):
     np.testing.assert_array_equal(result.experiment.execution.q, execution.q)
     assert result.experiment.evaluation.contour_error.rms == evaluation.contour_error.rms
     assert result.evaluation.contour_error.rms != evaluation.contour_error.rms
-    assert study.runs["conventional"].experiment is None
+    assert job_result.runs["conventional"].experiment is None
 
 
 def test_the_robot_of_an_experiment_has_a_payload_unknown_to_its_controller():
@@ -176,8 +176,8 @@ def test_a_failed_experiment_does_not_affect_other_results(job, monkeypatch):
     assert results["conventional"].failure is None
 
 
-def test_warnings_name_demands_and_set_points_above_limits(study):
-    result = study.runs["proposed"]
+def test_warnings_name_demands_and_set_points_above_limits(job_result):
+    result = job_result.runs["proposed"]
     # The gains of the plant differ, so the demand exceeds the limit by far.
     (overload,) = result.warnings
     assert "times its acceleration limit" in overload
@@ -238,8 +238,8 @@ def test_configuration_seed_and_angular_tolerance_are_used(in_space):
     assert corners.shrunk[0]
 
 
-def test_reported_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
-    result = study.runs["proposed"]
+def test_reported_torques_and_angular_speed_are_those_of_the_arm(job, job_result, in_space):
+    result = job_result.runs["proposed"]
     torques = planned_torques(result.arm, result.trajectory)
     plan = result.trajectory
     arm = job.arm
