@@ -102,7 +102,7 @@ def right() -> dict[str, Any]:
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
     limits = arm.limits.replace(speed=0.1, joint_acceleration=[0.7, 0.7])
     job = files.parse_job(FILES["bend.yaml"])
-    study = ac.run(job)
+    job_result = ac.run(job)
     straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
     objective = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20), (0.33, 0.23)])
     path = ac.round_corners(objective, tolerance=1e-3)
@@ -161,7 +161,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (smooth_curvature, {"path": x["path"], "tolerance": 1e-5}),
         (ac.dwell_law, {"q": np.zeros(2), "duration": 1.0}),
         (ac.trace, {"path": x["path"], "arm": x["arm"]}),
-        (ac.write_report, {"study": x["study"], "file": "a.html"}),
+        (ac.write_report, {"result": x["job_result"], "file": "a.html"}),
         # Names on the pages that only a package has.
         (geometry.round_path, {"path": x["objective"], "tolerance": 1e-3}),
         (files.parse_job, {"text": FILES["bend.yaml"]}),

@@ -153,11 +153,11 @@ FACTS = {
 
 def results():
     job = parse_job(CORNER_JOB)
-    study = ac.run(job)
-    x = study.runs["only"]
+    job_result = ac.run(job)
+    x = job_result.runs["only"]
     certificate = ac.certify(job)
     check = ac.check(x.trajectory, job.arm, x.run.limits)
-    yield from (job, study, x, certificate, certificate.worst, check, check.worst, job.arm)
+    yield from (job, job_result, x, certificate, certificate.worst, check, check.worst, job.arm)
     yield from (x.evaluation, x.evaluation.contour_error, x.explanation)
     grid = {"x": np.array([0.0, 0.01])}
     places = [Place(values={"x": x}, duration=1.5, refusal="") for x in (0.0, 0.01)]

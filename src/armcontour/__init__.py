@@ -60,7 +60,7 @@ _HOME = {
 }
 METHODS |= {
     "check_formats": "armcontour.files.exports.formats",
-    "draw_result": "armcontour.report.result_study",
+    "draw_result": "armcontour.report.single_results",
     "explain": "armcontour.planning.explanation",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

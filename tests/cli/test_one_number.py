@@ -54,7 +54,7 @@ LABELS = {
 # The figures of each text.
 TEXTS = {
     "print": set(LABELS),
-    "study": {"duration", "rms", "largest", "clearance"},
+    "job_result": {"duration", "rms", "largest", "clearance"},
     "explanation": {"assigned length", "share"},
     "command": set(LABELS),
     "report": set(LABELS),
@@ -131,12 +131,12 @@ def check(data, done, folder):
     (folder / "job.yaml").write_text(text)
     for x in LIBRARY.iterdir():
         (folder / x.name).write_bytes(x.read_bytes())
-    study = ac.run(ac.read_job(folder / "job.yaml"))
-    ((run, result),) = study.runs.items()
+    job_result = ac.run(ac.read_job(folder / "job.yaml"))
+    ((run, result),) = job_result.runs.items()
     printed = done("run", folder / "job.yaml", "--out", folder / "out")
     texts = {
         "print": str(result),
-        "study": side_by_side(str(study)),
+        "job_result": side_by_side(str(job_result)),
         "explanation": str(result.explanation),
         "command": printed,
         "report": text_of((folder / "out" / "report.html").read_text("utf-8")),

@@ -204,37 +204,37 @@ runs: {plain: {compensation: {method: none}}, tried: {}}
 
 
 @pytest.fixture(scope="module")
-def study():
+def job_result():
     return run(parse_job(yaml.safe_dump(JOB)))
 
 
 @pytest.fixture(scope="module")
-def study_data(study):
-    return json.loads(to_json(plain(study.to_data())))
+def job_data(job_result):
+    return json.loads(to_json(plain(job_result.to_data())))
 
 
-def test_the_summary_states_torques_start_and_assumed_masses(study_data, study):
-    arm = study_data["arm"]
-    plain = study_data["runs"]["plain"]
-    tried = study_data["runs"]["tried"]
+def test_the_summary_states_torques_start_and_assumed_masses(job_data, job_result):
+    arm = job_data["arm"]
+    plain = job_data["runs"]["plain"]
+    tried = job_data["runs"]["tried"]
     assert arm["joints"][0] == "shoulder_pan_joint" and arm["masses_known"]
     assert arm["assumed"] == load_arm("ur5e").chain.assumed
     for torque in (plain["torque"], tried["experiment"]["torque"]):
         assert torque["assumed"] == arm["assumed"]
-    for name, result in study.runs.items():
-        start = study_data["runs"][name]["start"]
-        assert list(start) == list(study.job.arm.joint_names)
+    for name, result in job_result.runs.items():
+        start = job_data["runs"][name]["start"]
+        assert list(start) == list(job_result.job.arm.joint_names)
         assert list(start.values()) == result.trajectory(0.0).tolist()
     torque = plain["torque"]
     assert torque["limit"] == [150, 150, 150, 28, 28, 28]
     np.testing.assert_allclose(plain["torque_ratio"], np.divide(torque["peak"], torque["limit"]))
-    peak = np.abs(study.runs["tried"].experiment.execution.torque).max(axis=0)
+    peak = np.abs(job_result.runs["tried"].experiment.execution.torque).max(axis=0)
     np.testing.assert_array_equal(tried["experiment"]["torque"]["peak"], peak)
     # How the tool turned.
     assert tried["angular_speed"] > 0.1
     assert 0 < tried["orientation_error"]["rms"] < tried["orientation_error"]["max"] < 0.02
     assert tried["corners"][0]["angular_error"] == pytest.approx(np.radians(0.05), rel=1e-6)
-    units = {x: study_data["units"][x] for x in ("angular_error", "torque.peak", "start")}
+    units = {x: job_data["units"][x] for x in ("angular_error", "torque.peak", "start")}
     assert units == {"angular_error": "rad", "torque.peak": "N m", "start": "rad"}
 
 
@@ -244,9 +244,9 @@ def written(tmp_path, write, *arguments):
     return (tmp_path / "written.csv").read_text(encoding="utf-8")
 
 
-def test_columns_have_joint_names_and_are_read_again(study, tmp_path):
-    plan = study.runs["plain"].trajectory
-    names = study.job.arm.joint_names
+def test_columns_have_joint_names_and_are_read_again(job_result, tmp_path):
+    plan = job_result.runs["plain"].trajectory
+    names = job_result.job.arm.joint_names
     text = written(tmp_path, write_planned, plan.sample(4e-3), names)
     assert text.startswith("t [s],q shoulder_pan_joint [rad],")
     samples = parse_trajectory(text, names)

@@ -100,11 +100,11 @@ def test_a_smaller_tolerance_is_suggested_for_corners_outside_the_accuracy(tmp_p
     assert after.kept is True
 
 
-def test_suggested_changes_are_in_the_data_and_the_text_of_a_study(tmp_path):
+def test_suggested_changes_are_in_data_and_text_of_a_job_result(tmp_path):
     job = parse_job(yaml.safe_dump(CORNER))
-    study = ac.run(job)
-    assert "changes" not in plain(study.runs["one"].to_data())
-    done = with_advice(study)
+    job_result = ac.run(job)
+    assert "changes" not in plain(job_result.runs["one"].to_data())
+    done = with_advice(job_result)
     improvements = done.runs["one"].advice.improvements
     rows = plain(done.figures["one"])["changes"]
     assert [x["saved"] for x in rows] == [x.saved for x in improvements]

@@ -149,8 +149,8 @@ def test_a_missing_clearance_library_causes_a_warning(job, monkeypatch):
 
 @needs_dynamics
 def test_the_executed_motion_is_also_checked(job):
-    study = ac.run(job)
-    result = study.runs["compensated"]
+    job_result = ac.run(job)
+    result = job_result.runs["compensated"]
     planned = result.clearance
     executed = result.executed_clearance
     assert executed.satisfied

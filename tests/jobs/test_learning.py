@@ -10,7 +10,7 @@ from tests.loaded_robot import loaded_robot
 import armcontour as ac
 from armcontour.files import parse_job
 from armcontour.jobs.run_learning import (
-    LearningStudy,
+    LearnedRun,
     learn_logs,
     plan_run,
 )
@@ -32,30 +32,32 @@ def executed(job, plan):
 
 
 @pytest.fixture(scope="module")
-def study(job, plan, executed):
+def job_result(job, plan, executed):
     lesson = learn_logs(job, plan, [executed])
     again = ac.simulate(lesson, loaded_robot(job, plan, 1), resolution=1e-3)
     lesson = learn_logs(job, plan, [again], set_points=lesson)
-    return LearningStudy(job=job, plan=plan, lesson=lesson)
+    return LearnedRun(job=job, plan=plan, lesson=lesson)
 
 
-def test_errors_of_learning_are_computed_from_encoder_positions(job, plan, executed, study):
-    run = study.lesson.runs[0]
-    assert study.errors(0) == (run.contour_rms, run.contour_max)
+def test_errors_of_learning_are_computed_from_encoder_positions(job, plan, executed, job_result):
+    run = job_result.lesson.runs[0]
+    assert job_result.errors(0) == (run.contour_rms, run.contour_max)
     # Stiff links and little noise: encoders show what the tool does.
     error = ac.evaluate(executed, plan.path, limits=plan.run.limits).contour_error
-    assert study.profile(0).rms == pytest.approx(error.rms, rel=0.02)
-    assert study.errors(1)[0] < 0.2 * study.errors(0)[0]
-    assert study.has_path and len(study.lesson.runs) == 2
+    assert job_result.profile(0).rms == pytest.approx(error.rms, rel=0.02)
+    assert job_result.errors(1)[0] < 0.2 * job_result.errors(0)[0]
+    assert job_result.has_path and len(job_result.lesson.runs) == 2
 
 
-def test_limits_exceeded_before_learning_are_reported(job, plan, study):
-    assert not any("exceed joint limits" in x for x in dataclasses.replace(study, plan=plan).notes)
+def test_limits_exceeded_before_learning_are_reported(job, plan, job_result):
+    assert not any(
+        "exceed joint limits" in x for x in dataclasses.replace(job_result, plan=plan).notes
+    )
     rate = np.abs(np.diff(plan.set_points.q, axis=0)).max(axis=0) / plan.set_points.cycle
     trajectory = plan.trajectory.limited(plan.run.limits.replace(joint_velocity=0.9 * rate))
     set_points = dataclasses.replace(plan.set_points, trajectory=trajectory)
     slow = dataclasses.replace(plan, trajectory=trajectory, set_points=set_points)
-    notes = dataclasses.replace(study, plan=slow).notes
+    notes = dataclasses.replace(job_result, plan=slow).notes
     assert sum("set-points before learning already exceed joint limits" in x for x in notes) == 1
     lesson = learn_logs(job, slow, [ac.simulate(slow.set_points, loaded_robot(job, plan))])
     assert not lesson.finished

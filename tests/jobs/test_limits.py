@@ -150,9 +150,9 @@ def test_limits_above_those_of_the_arm_cause_one_warning():
         ac.plan(path, arm, ac.Limits(joint_velocity=3.1416, joint_torque=20.0))
         ac.plan(path, arm, ac.Limits(joint_velocity=math.inf, joint_lower=math.inf))
     specified = {"joint_velocity": 3.5}
-    study = ac.run(job_of("ur5e", specified, "{one: {}, two: {limits: {speed: 0.1}}}"))
+    job_result = ac.run(job_of("ur5e", specified, "{one: {}, two: {limits: {speed: 0.1}}}"))
     (range_warning,) = (
-        x for x in warnings_of(study.runs.values()) if "joint_velocity of joint 1" in x
+        x for x in warnings_of(job_result.runs.values()) if "joint_velocity of joint 1" in x
     )
     assert (
         "one, two" in range_warning

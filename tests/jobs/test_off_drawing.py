@@ -41,7 +41,7 @@ SLOT = {
 CENTRE = np.array([0.08, 0.02, 0.0])
 
 
-def study_of(**changes):
+def job_result_of(**changes):
     return ac.run(parse_job(yaml.safe_dump({**SLOT, **changes})))
 
 
@@ -56,13 +56,13 @@ def distance_to_slot(points):
 
 
 @pytest.fixture(scope="module")
-def study():
-    return with_advice(study_of())
+def job_result():
+    return with_advice(job_result_of())
 
 
 @pytest.fixture(scope="module")
-def result(study):
-    return study.runs["one"]
+def result(job_result):
+    return job_result.runs["one"]
 
 
 @needs_dynamics
@@ -89,16 +89,16 @@ def test_a_remedy_for_smoothing_that_exceeds_the_accuracy_works(result):
     (change, *_) = result.advice.improvements
     ((key, tolerance),) = change.edits
     assert key == "corners.tolerance" and change.kept
-    repaired = study_of(corners={"tolerance": tolerance}).runs["one"]
+    repaired = job_result_of(corners={"tolerance": tolerance}).runs["one"]
     assert repaired.kept is True
     assert repaired.verdict.off_drawing == pytest.approx(change.off_drawing, rel=1e-9)
 
 
 @needs_dynamics
-def test_a_certificate_guarantees_the_distance_with_smoothing(study):
+def test_a_certificate_guarantees_the_distance_with_smoothing(job_result):
     # The tolerance is between the servo's error and that of smoothing.
     for tolerance in (4e-6, 50e-6):
-        certificate = ac.certify(study.job, goal=ac.CertificateGoal(tolerance=tolerance))
+        certificate = ac.certify(job_result.job, goal=ac.CertificateGoal(tolerance=tolerance))
         measured = float(distance_to_slot(certificate.result.execution.tool).max())
         budget = certificate.budget
         assert budget.smoothing > 0.5e-6
@@ -109,15 +109,15 @@ def test_a_certificate_guarantees_the_distance_with_smoothing(study):
 
 
 @needs_dynamics
-def test_a_path_that_was_smoothed_before_the_job_is_its_drawing(study):
+def test_a_path_that_was_smoothed_before_the_job_is_its_drawing(job_result):
     from armcontour.program import smooth_curvature
 
-    drawn = smooth_curvature(study.job.path, tolerance=1e-4)
+    drawn = smooth_curvature(job_result.job.path, tolerance=1e-4)
     assert 5e-5 < drawn.smoothing <= 1e-4
     moved = ac.Frame([0.1, 0.0, 0.0])
     assert drawn.placed(moved, scale=2.0).smoothing == 2.0 * drawn.smoothing
-    sharp = replace(study.job.runs[0], rounding=None)
-    again = ac.run(replace(study.job, path=drawn, runs=(sharp,))).runs["one"]
+    sharp = replace(job_result.job.runs[0], rounding=None)
+    again = ac.run(replace(job_result.job, path=drawn, runs=(sharp,))).runs["one"]
     (deviation,) = again.deviations
     assert deviation.total == 0.0 and again.verdict.off_drawing < 1e-6
 
@@ -129,7 +129,7 @@ def test_a_job_whose_arm_has_a_jerk_limit_that_is_not_kept_has_one_note(arm):
     job = {"arm": robot, "limits": {"speed": 0.1}, "accuracy": 1e-3}
 
     def notes_of(**limits):
-        run = study_of(**{**job, "limits": {"speed": 0.1, **limits}}).runs["one"]
+        run = job_result_of(**{**job, "limits": {"speed": 0.1, **limits}}).runs["one"]
         return run, [x for x in run.to_data().notes if "jerk" in x]
 
     run, (note,) = notes_of()
@@ -145,7 +145,7 @@ def test_a_job_whose_arm_has_a_jerk_limit_that_is_not_kept_has_one_note(arm):
 
 @needs_dynamics
 def test_arms_without_a_published_jerk_limit_have_no_note():
-    run = study_of(arm={**SLOT["arm"], "name": "ur5e"}, limits={"speed": 0.1}).runs["one"]
+    run = job_result_of(arm={**SLOT["arm"], "name": "ur5e"}, limits={"speed": 0.1}).runs["one"]
     assert ac.load_arm("ur5e").unused_limits is None
     assert not [x for x in run.to_data().notes if "jerk" in x]
 
@@ -154,8 +154,8 @@ def test_arms_without_a_published_jerk_limit_have_no_note():
 def test_the_note_counts_external_axes_which_stay_without_a_limit():
     rail = {"axis": [0, 1, 0], "lower": -1, "upper": 1, "velocity": 0.5, "acceleration": 1}
     job = {"arm": {**SLOT["arm"], "rail": rail}, "accuracy": 1e-3}
-    (note,) = (x for x in study_of(**job, limits={}).runs["one"].remarks if "jerk" in x)
+    (note,) = (x for x in job_result_of(**job, limits={}).runs["one"].remarks if "jerk" in x)
     limits = yaml.safe_load(re.search(r"\{joint_jerk: \[.*?\]\}", note).group())
-    kept = study_of(**job, limits=limits).runs["one"]
+    kept = job_result_of(**job, limits=limits).runs["one"]
     assert kept.run.limits.joint_jerk.tolist() == [np.inf, *7 * [5000.0]]
     assert not [x for x in kept.remarks if "jerk" in x]

@@ -28,8 +28,8 @@ FIGURES = {
 
 
 @pytest.fixture
-def study(monkeypatch):
-    """A study whose evaluations have one more row."""
+def job_result(monkeypatch):
+    """A job_result whose evaluations have one more row."""
     original = Evaluation.to_data
 
     def to_data(self):
@@ -42,15 +42,15 @@ def study(monkeypatch):
     return ac.run(parse_job(yaml.safe_dump(job)))
 
 
-def test_a_new_row_appears_in_text_report_table_and_json(study):
-    (result,) = study.runs.values()
-    for text in (str(result), str(study), text_of(render_report(study))):
+def test_a_new_row_appears_in_text_report_table_and_json(job_result):
+    (result,) = job_result.runs.values()
+    for text in (str(result), str(job_result), text_of(render_report(job_result))):
         assert "wobble" in text and "1.23" in text and "1.234" not in text
     shown = {x["name"].split(".")[-1]: x for x in frame(result.to_data())}["wobble"]
     assert (shown["text"], shown["unit"], shown["note"]) == ("1.23", "mm", "of the tool")
-    saved = json.loads(to_json(plain(study.to_data())))["runs"]["optimal"]
+    saved = json.loads(to_json(plain(job_result.to_data())))["runs"]["optimal"]
     assert saved["wobble"] == 1.23456e-3
-    assert study.figures["optimal"]["wobble"].value == 1.23456e-3
+    assert job_result.figures["optimal"]["wobble"].value == 1.23456e-3
 
 
 @pytest.mark.parametrize("figure", FIGURES)

@@ -16,7 +16,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.render import number
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
+from armcontour.jobs.run_learning import LearnedRun, learn_logs, plan_run
 from armcontour.report import render_report, render_table, sections, write_report
 from armcontour.report.figure import Curve, Figure, Plot, to_json
 from armcontour.report.message_frame import MessageFrame
@@ -27,7 +27,7 @@ from armcontour.studies.placement import Place, Placement
 
 
 @pytest.fixture(scope="module")
-def study():
+def job_result():
     """The paper's job, coarsely, to be quick."""
     job = built_in_job()
     coarse = tuple(dataclasses.replace(x, cycle=4e-3) for x in job.runs)
@@ -35,16 +35,16 @@ def study():
 
 
 @pytest.fixture(scope="module")
-def page(study):
-    return render_report(study)
+def page(job_result):
+    return render_report(job_result)
 
 
-def test_the_report_shows_the_figures_of_every_run(study, page, in_order):
-    for result in study.runs.values():
+def test_the_report_shows_the_figures_of_every_run(job_result, page, in_order):
+    for result in job_result.runs.values():
         e = result.judged
         values = (e.duration, "s"), (e.contour_error.rms, "m"), (e.contour_error.max, "m")
         assert all((number(*x) if x[0] >= 1e-6 else "&lt; 0.001 mm") in page for x in values)
-    slowest = study.runs["shaped"].explanation.to_data()["slowest"].value
+    slowest = job_result.runs["shaped"].explanation.to_data()["slowest"].value
     words = (f"slowest point: {slowest}", "&lt;b&gt;T &amp; J&lt;/b&gt;")
     assert [x for x in words if x not in page] == []
     assert "<b>T & J</b>" not in page
@@ -55,34 +55,34 @@ def first_screen(page):
     return page[page.index('<section class="front">') : page.index("</section>")]
 
 
-def test_the_first_screen_states_the_verdict_before_any_figure(study, page):
+def test_the_first_screen_states_the_verdict_before_any_figure(job_result, page):
     front = first_screen(page)
     assert "<script" not in front
-    durations = {x: y.trajectory.duration for x, y in study.runs.items() if y.kept}
+    durations = {x: y.trajectory.duration for x, y in job_result.runs.items() if y.kept}
     fastest = min(durations, key=durations.get)
     assert f"Run {fastest}: Kept" in front and '<p class="verdict kept">' in front
     # Several runs are compared; a single one has three figures in large print.
-    for name in study.runs:
+    for name in job_result.runs:
         assert f'<th scope="row">{name}</th>' in front
-    alone = dataclasses.replace(study.job, runs=study.job.runs[3:4])
+    alone = dataclasses.replace(job_result.job, runs=job_result.job.runs[3:4])
     front = first_screen(render_report(run(alone)))
-    (result,) = [study.runs["optimal"]]
+    (result,) = [job_result.runs["optimal"]]
     assert front.count('class="tile">') == 3
     assert f"<b>{number(result.trajectory.duration, 's')}</b>" in front
 
 
-def test_the_report_begins_with_a_run_that_is_not_kept(study):
+def test_the_report_begins_with_a_run_that_is_not_kept(job_result):
     # Without compensation, and nearer to the drawing than the servo can be.
-    (loose,) = (x for x in study.job.runs if x.name == "uncompensated")
-    strict = dataclasses.replace(study.job, runs=(dataclasses.replace(loose, accuracy=1e-6),))
+    (loose,) = (x for x in job_result.job.runs if x.name == "uncompensated")
+    strict = dataclasses.replace(job_result.job, runs=(dataclasses.replace(loose, accuracy=1e-6),))
     assert '<p class="verdict not-kept">' in first_screen(render_report(run(strict)))
 
 
-def test_the_report_is_written_completely_or_not_at_all(study, tmp_path):
-    write_report(study, tmp_path / "report.html")
+def test_the_report_is_written_completely_or_not_at_all(job_result, tmp_path):
+    write_report(job_result, tmp_path / "report.html")
     assert (tmp_path / "report.html").read_text(encoding="utf-8").endswith("</html>")
     with pytest.raises(InvalidInput):
-        write_report(study, tmp_path / "none" / "report.html")
+        write_report(job_result, tmp_path / "none" / "report.html")
     assert [x.name for x in tmp_path.iterdir()] == ["report.html"]
 
 
@@ -108,12 +108,12 @@ def unpacked(page, name):
     return gzip.decompress(base64.b64decode(text))
 
 
-def test_a_page_contains_its_figures_and_their_script(page, study):
+def test_a_page_contains_its_figures_and_their_script(page, job_result):
     figures = json.loads(unpacked(page, "figures"))
     assert set(figures) == set(re.findall(r'<div id="([^"]*)" class="plots"', page))
     speed, limits, error = figures["figure-time-1"]["plots"]
-    assert [x["name"] for x in speed["curves"]][: len(study.runs)] == list(study.runs)
-    for curve, result in zip(speed["curves"], study.runs.values(), strict=False):
+    assert [x["name"] for x in speed["curves"]][: len(job_result.runs)] == list(job_result.runs)
+    for curve, result in zip(speed["curves"], job_result.runs.values(), strict=False):
         largest = 1e3 * result.motion.tool_speed.max()
         assert max(x for x in curve["y"] if x is not None) == pytest.approx(largest, rel=1e-4)
     assert {x[3] for x in limits["bars"]} >= {"joint acceleration"} and error["logarithmic"]
@@ -122,11 +122,11 @@ def test_a_page_contains_its_figures_and_their_script(page, study):
     assert 'id="packed-' not in render_table("a", "", ("b",), [("c",)])
 
 
-def test_the_animated_arm_moves_as_planned_along_the_path(page, study):
+def test_the_animated_arm_moves_as_planned_along_the_path(page, job_result):
     frames = (unpacked(page, f"figure-arm-1-{x}") for x in ("arm", "motion"))
     arm, motion = map(MessageFrame.unpack, frames)
     (name,) = re.findall(r"Run (\w+): Kept", page)
-    result = study.runs[name]
+    result = job_result.runs[name]
     t, q = (motion.arrays[x].astype(float) for x in "tq")
     assert t[-1] == pytest.approx(result.trajectory.duration) and len(t) < 1500
     # Between the stored postures the page interpolates.
@@ -136,19 +136,19 @@ def test_the_animated_arm_moves_as_planned_along_the_path(page, study):
     assert np.abs(drawn - planned).max() < 2e-3
     assert len(arm.header["joints"]) == q.shape[1]
     # The path is where the tool is at these times.
-    tool = study.job.arm.tool_position(planned)
+    tool = job_result.job.arm.tool_position(planned)
     lines = [motion.arrays[x["points"]][:, : tool.shape[1]] for x in motion.header["lines"]]
     corners = np.concatenate(lines)
     distances = np.linalg.norm(corners[:, None] - tool[None], axis=2).min(axis=1)
     assert distances.max() < 1e-3 and len({x["light"] for x in motion.header["lines"]}) > 1
 
 
-def test_errors_are_shown_in_percent_of_the_allowed_error(study):
+def test_errors_are_shown_in_percent_of_the_allowed_error(job_result):
     for name in ("optimal", "shaped"):
-        alone = dataclasses.replace(study, runs={name: study.runs[name]})
+        alone = dataclasses.replace(job_result, runs={name: job_result.runs[name]})
         plot = sections.motion.plot_error(alone)
-        e = study.runs[name].evaluation.contour_error
-        allowed = study.runs[name].tolerance / 10
+        e = job_result.runs[name].evaluation.contour_error
+        allowed = job_result.runs[name].tolerance / 10
         largest = np.nanmax(plot.curves[0].y)
         assert largest == pytest.approx(100 * e.max / allowed, rel=1e-6)
         assert plot.also == (pytest.approx(10 * allowed), "mm")
@@ -157,8 +157,8 @@ def test_errors_are_shown_in_percent_of_the_allowed_error(study):
         assert high < 200 * largest and (low == 0 or high / low < 2e4)
 
 
-def test_figures_of_a_result_are_pages(study, tmp_path):
-    result = next(iter(study.runs.values()))
+def test_figures_of_a_result_are_pages(job_result, tmp_path):
+    result = next(iter(job_result.runs.values()))
     for kind in ("path", "joints", "speed", "error"):
         result.figure(kind).write_html(tmp_path / f"{kind}.html")
         text = (tmp_path / f"{kind}.html").read_text(encoding="utf-8")
@@ -166,7 +166,7 @@ def test_figures_of_a_result_are_pages(study, tmp_path):
         assert "<iframe" in result.figure(kind)._repr_html_()
 
 
-def test_figures_are_written_as_valid_json(study):
+def test_figures_are_written_as_valid_json(job_result):
     x = np.array([0.0, 0.5, 1.0])
     y = np.array([1 / 3, np.nan, np.inf])
     curves = tuple(Curve(x=x, y=z, name="</script>", colour="#000") for z in (y, 2 * y))
@@ -199,7 +199,7 @@ def real():
         contour_max=5e-6, source="<b>run2</b>.csv",
     )  # fmt: skip
     lesson = dataclasses.replace(lesson, runs=(first, second), noise=2e-7, best=1, finished=False)
-    return LearningStudy(job=job, plan=plan, lesson=lesson)
+    return LearnedRun(job=job, plan=plan, lesson=lesson)
 
 
 def test_learning_shows_errors_over_runs_joints_and_time(real):

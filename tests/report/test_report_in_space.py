@@ -1,4 +1,4 @@
-"""The report of an arm in space: its values equal those of the study."""
+"""The report of an arm in space: its values equal those of the job_result."""
 
 import re
 
@@ -29,13 +29,13 @@ runs:
 
 
 @pytest.fixture(scope="module")
-def study():
+def job_result():
     return run(parse_job(yaml.safe_dump(UR)))
 
 
 @pytest.fixture(scope="module")
-def page(study):
-    return render_report(study)
+def page(job_result):
+    return render_report(job_result)
 
 
 def test_the_report_in_space_has_its_sections_in_order(page, in_order):
@@ -45,11 +45,11 @@ def test_the_report_in_space_has_its_sections_in_order(page, in_order):
     assert len(page) < 0.95e6
 
 
-def test_the_drawn_executed_path_is_that_of_the_tool(study):
-    section = sections.paths(study)
+def test_the_drawn_executed_path_is_that_of_the_tool(job_result):
+    section = sections.paths(job_result)
     names = [x for x, _ in section.choices]
-    assert set(names) == {x + y for x in study.runs for y in ("", ", experiment")}
-    tools = {x.name: x for x in sections.path_section.tools_of(study)}
+    assert set(names) == {x + y for x in job_result.runs for y in ("", ", experiment")}
+    tools = {x.name: x for x in sections.path_section.tools_of(job_result)}
     for name, (drawing,) in section.choices:
         curves = re.findall(r'<path class="limit path"[^>]* d="([^"]*)"', drawing.svg)
         drawn = np.array(" ".join(curves).replace("M", " ").split(), float).reshape(-1, 2)

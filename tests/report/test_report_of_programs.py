@@ -1,4 +1,4 @@
-"""The report of a program: its values equal those of the study, also for long programs."""
+"""The report of a program: its values equal those of the job_result, also for long programs."""
 
 import dataclasses
 import re
@@ -34,7 +34,7 @@ G0 X0 Y0
 """
 
 
-def study_of(folder, text, cell="pmk3s", **changes):
+def job_result_of(folder, text, cell="pmk3s", **changes):
     file = folder / "program.ngc"
     file.write_text(text, encoding="utf-8")
     return run(dataclasses.replace(read_cell(cell, file), **changes))
@@ -45,13 +45,13 @@ def replace_runs(job, **changes):
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    return study_of(tmp_path_factory.mktemp("plane"), GCODE)
+def job_result(tmp_path_factory):
+    return job_result_of(tmp_path_factory.mktemp("plane"), GCODE)
 
 
 @pytest.fixture(scope="module")
-def result(study):
-    (run,) = study.runs.values()
+def result(job_result):
+    (run,) = job_result.runs.values()
     return run
 
 
@@ -64,8 +64,8 @@ def in_space(tmp_path_factory):
 
 
 @needs_dynamics
-def test_contours_have_a_table(study, in_space, in_order):
-    page = render_report(study)
+def test_contours_have_a_table(job_result, in_space, in_order):
+    page = render_report(job_result)
     in_order(page, "figures contours time paths joints")
     header = page[page.index("<header>") : page.index("</header>")]
     assert "2 contours" in header and "211 mm as drawn" in header
@@ -119,11 +119,11 @@ def fitted(svg, result):
     return lambda x: np.column_stack([x, np.ones(len(x))]) @ transform, sizes[0]
 
 
-@pytest.mark.parametrize("fixture", mark_all_but(["study", "in_space"], ["study"]))
+@pytest.mark.parametrize("fixture", mark_all_but(["job_result", "in_space"], ["job_result"]))
 def test_the_drawing_shows_the_active_limit_at_each_point(fixture, request):
-    study = request.getfixturevalue(fixture)
-    (result,) = study.runs.values()
-    drawing = draw_plan(result, study.job)
+    job_result = request.getfixturevalue(fixture)
+    (result,) = job_result.runs.values()
+    drawing = draw_plan(result, job_result.job)
     paths = drawn_paths(drawing.svg)
     place, size = fitted(drawing.svg, result)
     rapids = paths.pop("limit")
@@ -176,8 +176,8 @@ def test_the_drawing_shows_the_process_and_links_to_extremes():
     changes[("process", "pierce")] = {"time": "0.2 s"}
     changes[("process", "lead_in")] = {"length": "auto", "shape": "arc", "active": True}
     job = read_cell(DRAWINGS / "laser.yaml", DRAWINGS / "gasket.dxf", patch=changes)
-    study = run(job)
-    (result,) = study.runs.values()
+    job_result = run(job)
+    (result,) = job_result.runs.values()
     drawing = draw_plan(result, job)
     count = len(result.path.contours)
     for name in ("start", "pierce", "on", "off"):
@@ -186,7 +186,7 @@ def test_the_drawing_shows_the_process_and_links_to_extremes():
     assert np.isnan(gaps[:, 0]).sum() == 2 * count
     where = places_in(drawing.svg)
     assert {x.place for x in drawing.legend if x.place} <= set(where)
-    page = render_report(study)
+    page = render_report(job_result)
     assert set(drawing.places) == {"off_drawing", "clearance.low", "slowest", "time_limit"}
     for target in drawing.places.values():
         assert f'href="#{target}"' in page and page.count(f'id="{target}"') == 1
@@ -198,8 +198,8 @@ def places_in(svg):
     return {x: np.array([float(a), float(b)]) for x, a, b in re.findall(pattern, svg)}
 
 
-def test_links_of_values_point_to_where_they_occur(study, result):
-    drawing = draw_plan(result, study.job)
+def test_links_of_values_point_to_where_they_occur(job_result, result):
+    drawing = draw_plan(result, job_result.job)
     place, _ = fitted(drawing.svg, result)
     worst = result.verdict.contour
     s = result.judged.drawing_errors[worst].s_max - result.path.breaks[worst]
@@ -218,9 +218,9 @@ def test_a_drawing_of_many_contours_is_small_and_exact(tmp_path):
         x = 6 * (k % 10)
         y = 6 * (k // 10)
         lines += [f"G0 X{x} Y{y}", f"G1 X{x + 4} F6000", f"Y{y + 4}", f"X{x}", f"Y{y}"]
-    study = study_of(tmp_path, "\n".join(lines))
-    (result,) = study.runs.values()
-    svg = draw_plan(result, study.job).svg
+    job_result = job_result_of(tmp_path, "\n".join(lines))
+    (result,) = job_result.runs.values()
+    svg = draw_plan(result, job_result.job).svg
     assert len(svg) < 140_000
     paths = drawn_paths(svg)
     place, _ = fitted(svg, result)

@@ -66,11 +66,11 @@ def without_code(page):
 def test_a_job_that_was_not_simulated_has_a_report(tmp_path):
     from armcontour.cli.run_command import built_in_job
 
-    study = ac.run(built_in_job(), simulate=False)
-    ac.write_report(study, tmp_path / "study.html")
-    page = (tmp_path / "study.html").read_text(encoding="utf-8")
+    job_result = ac.run(built_in_job(), simulate=False)
+    ac.write_report(job_result, tmp_path / "job_result.html")
+    page = (tmp_path / "job_result.html").read_text(encoding="utf-8")
     assert '<details id="time">' in page and "contour error" not in without_code(page)
-    first = next(iter(study.runs.values()))
+    first = next(iter(job_result.runs.values()))
     ac.write_report(first, tmp_path / "run.html")
     assert curves(first.figure("speed"))
 

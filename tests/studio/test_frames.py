@@ -315,14 +315,14 @@ class TestResults:
         paper["runs"][name]["cycle"] = 4e-3
         planned = exact(previewer, paper, name)
         executed = previewer.execute(planned)
-        study_run = whole(paper, name, 4e-3)
-        evaluation = study_run.evaluation
-        duration = study_run.trajectory.duration
+        run_result = whole(paper, name, 4e-3)
+        evaluation = run_result.evaluation
+        duration = run_result.trajectory.duration
         assert planned.trajectory.duration == pytest.approx(duration, abs=1e-12)
         assert executed.settled == evaluation.settled
         assert executed.errors.rms == pytest.approx(evaluation.contour_error.rms, rel=1e-12)
         assert executed.errors.max == pytest.approx(evaluation.contour_error.max, rel=1e-12)
-        bindings = None if study_run.explanation is None else study_run.explanation.bindings
+        bindings = None if run_result.explanation is None else run_result.explanation.bindings
         assert bindings == (planned.explanation and planned.explanation.bindings)
 
     def test_rigid_bodies_judge_set_points_of_inverse_dynamics(self, previewer, paper):

@@ -64,8 +64,8 @@ runs: {cut: {}}
 def test_the_results_of_a_task_equal_a_run_of_the_saved_job(name_of_job, request):
     data = GASKET if name_of_job == "gasket" else request.getfixturevalue(name_of_job)
     text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
-    study = run(parse_job(text, folder=DRAWINGS))
-    for name, result in study.runs.items():
+    job_result = run(parse_job(text, folder=DRAWINGS))
+    for name, result in job_result.runs.items():
         figures = ask("figures", text, name).header
         e = result.evaluation
         rows = {"duration": e.duration, "settled": e.settled}

@@ -27,7 +27,7 @@ def test_swaps_pairs_and_returned_tuples_are_not_packed_statements(statement):
     "statement",
     [
         "names, count = [], 0",
-        "job, runs = study.job, study.runs",
+        "job, runs = job_result.job, job_result.runs",
         "low, high = min(x), len(y)",
         "x.low, x.high = min(y), max(y)",
         "low, mean, high = min(x), sum(x), max(x)",

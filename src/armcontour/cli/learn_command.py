@@ -33,7 +33,7 @@ from armcontour.files.log_file import log_text, read_log, read_run_log
 from armcontour.files.result_folder import kind_of, verify_file
 from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import Job
-from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
+from armcontour.jobs.run_learning import LearnedRun, learn_logs, plan_run
 from armcontour.motion import Log
 from armcontour.report import render_learning
 
@@ -68,12 +68,12 @@ def learn(options: Learn, folder: ResultFolder | None, progress: ProgressDisplay
     log = read_run_log(options.log, names, window=window, columns=options.columns)
     print_lines(*(f"Note: {x}" for x in log.notes), err=True)
     lesson = learn_logs(job, plan, [log], set_points=set_points, progress=progress)
-    study = LearningStudy(job=job, plan=plan, lesson=lesson)
+    learned_run = LearnedRun(job=job, plan=plan, lesson=lesson)
     name = plan.run.name
-    _write_study(study, folder)
+    _write_learned_run(learned_run, folder)
     lines = [
         f"{job.title}, run {name}: error of the tool",
-        *data_lines(study.result),
+        *data_lines(learned_run.result),
         *(f"Note: {x}" for x in job.arm.notes),
         f"Set-points of the next run: {folder.folder / name / 'set_points.csv'}",
     ]
@@ -82,7 +82,7 @@ def learn(options: Learn, folder: ResultFolder | None, progress: ProgressDisplay
             "Next: execute these set-points, then use learn with the new log and --set-points "
             f"{folder.folder}."
         )
-    return Outcome(lines=lines, page=plain(study.to_data()))
+    return Outcome(lines=lines, page=plain(learned_run.to_data()))
 
 
 def _learn_robot(options: Learn, progress: ProgressDisplay) -> Outcome:
@@ -112,8 +112,8 @@ def _learn_robot(options: Learn, progress: ProgressDisplay) -> Outcome:
                     with ResultFolder(out, force=options.force, replaces=KIND) as folder:
                         result = learn_next(result, player, band)
                         _write_lost(result, folder)
-                        if result.study is not None:
-                            _write_runs(result, result.study, folder)
+                        if result.learned_run is not None:
+                            _write_runs(result, result.learned_run, folder)
     code = playing.STOPPED if result.stopped else playing.DONE
     return Outcome(
         lines=_robot_lines(result, options),
@@ -133,12 +133,12 @@ def _earlier_logs(out: FilePath, job: Job) -> list[Log]:
     return logs
 
 
-def _write_runs(result: RobotLearning, study: LearningStudy, folder: ResultFolder) -> None:
+def _write_runs(result: RobotLearning, learned_run: LearnedRun, folder: ResultFolder) -> None:
     """Write logs, learned set-points, report and summary."""
     for k, log in enumerate(result.logs, 1):
         folder.write(LOG.format(k), log_text(log))
-    _write_study(study, folder)
-    write_summary(folder, plain(study.to_data()))
+    _write_learned_run(learned_run, folder)
+    write_summary(folder, plain(learned_run.to_data()))
 
 
 def _write_lost(result: RobotLearning, folder: ResultFolder) -> None:
@@ -152,12 +152,14 @@ def _lost_log_name(result: RobotLearning) -> str:
     return LOST_LOG.format(len(result.logs) + 1)
 
 
-def _write_study(study: LearningStudy, folder: ResultFolder) -> None:
+def _write_learned_run(learned_run: LearnedRun, folder: ResultFolder) -> None:
     """Write the set-points of the next run and the report."""
-    name = study.plan.run.name
-    write_motions(folder, study.job, {name: replace(study.plan, set_points=study.lesson)})
-    folder.write_with(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
-    folder.write(REPORT, render_learning(study))
+    name = learned_run.plan.run.name
+    write_motions(
+        folder, learned_run.job, {name: replace(learned_run.plan, set_points=learned_run.lesson)}
+    )
+    folder.write_with(f"{name}/{LESSON}", partial(write_lesson, lesson=learned_run.lesson))
+    folder.write(REPORT, render_learning(learned_run))
 
 
 def _robot_lines(result: RobotLearning, options: Learn) -> list[str]:
@@ -165,10 +167,10 @@ def _robot_lines(result: RobotLearning, options: Learn) -> list[str]:
     lost = []
     if options.out is not None and result.lost_log is not None:
         lost = [f"Log: {options.out / _lost_log_name(result)}"]
-    if result.study is None:
+    if result.learned_run is None:
         end = playing.DRY if not options.execute else "Stopped before anything was learned."
         return [*data_lines(result.to_data()), *lost, end]
-    lines = [*data_lines(result.study.result), *lost]
+    lines = [*data_lines(result.learned_run.result), *lost]
     if not options.execute:
         lines.append(playing.DRY)
     elif result.ended:

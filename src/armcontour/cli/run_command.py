@@ -33,29 +33,31 @@ def run(options: Run, folder: files.ResultFolder, progress: Progress) -> Outcome
     check_options(job, options.keys)
     check_exports(job)
     with compile_for_run(job.arm.dimension, progress):
-        study = jobs.run(job, simulate=simulate, progress=progress)
+        job_result = jobs.run(job, simulate=simulate, progress=progress)
         if simulate and options.changes is not False:
-            study = with_advice(study, progress, complete=options.changes is True)
+            job_result = with_advice(job_result, progress, complete=options.changes is True)
         progress(WRITING)
         if simulate or not job.export.formats:
             # Without simulation, the exports are written instead of the usual files.
-            write_motions(folder, job, study.runs)
+            write_motions(folder, job, job_result.runs)
         written = []
         notes = []
-        for name, result in study.runs.items():
+        for name, result in job_result.runs.items():
             exported = write_exports(folder, job, name, result)
             written.append(exported)
             notes += exported.lines
         if simulate:
-            folder.write(REPORT, report.render_report(study))
+            folder.write(REPORT, report.render_report(job_result))
         else:
             notes.append(f"The run was not simulated. Set-points: {options.out.resolve()}")
     # Runs that are not kept may be there for comparison with a run that is kept.
-    verdicts = {x.kept for x in study.runs.values()}
+    verdicts = {x.kept for x in job_result.runs.values()}
     code = int(False in verdicts and True not in verdicts)
     for x in written:
         code = max([code, *(error.exit_code for error in x.errors)])
-    return Outcome(lines=[*_result_lines(study), *notes], page=plain(study.to_data()), code=code)
+    return Outcome(
+        lines=[*_result_lines(job_result), *notes], page=plain(job_result.to_data()), code=code
+    )
 
 
 def demo(options: Demo, folder: files.ResultFolder, progress: Progress) -> Outcome:
@@ -64,21 +66,21 @@ def demo(options: Demo, folder: files.ResultFolder, progress: Progress) -> Outco
     compared = tuple(replace(x, experiment=None) for x in paper.runs if x.name in COMPARED)
     plate = files.read_job(library_file("plate.yaml"))
     with compile_for_run(None, progress):
-        studies = {
+        job_results = {
             prefix: jobs.run(job, progress=progress)
             for prefix, job in {"": replace(paper, runs=compared), "plate/": plate}.items()
         }
         progress(WRITING)
-        for prefix, study in studies.items():
+        for prefix, job_result in job_results.items():
             others = len(folder.files)
-            write_motions(folder, study.job, study.runs, prefix=prefix)
+            write_motions(folder, job_result.job, job_result.runs, prefix=prefix)
             written = [x.removeprefix(prefix) for x in folder.files[others:]]
-            page = plain(study.to_data()) | {"files": [*written, SUMMARY]}
+            page = plain(job_result.to_data()) | {"files": [*written, SUMMARY]}
             folder.write(f"{prefix}{SUMMARY}", files.to_json(page))
-        folder.write(REPORT, report.render_demo(list(studies.values())))
+        folder.write(REPORT, report.render_demo(list(job_results.values())))
     lines: list[str] = []
-    for study in studies.values():
-        lines += _result_lines(study)
+    for job_result in job_results.values():
+        lines += _result_lines(job_result)
     return Outcome(lines=lines)
 
 
@@ -115,12 +117,12 @@ def write_motions(
             folder.write_with(f"{prefix}{name}/torque.csv", torque)
 
 
-def _result_lines(study: jobs.JobResult) -> Sequence[str]:
+def _result_lines(job_result: jobs.JobResult) -> Sequence[str]:
     """Verdict, values, remarks and warnings of each run."""
-    job = study.job
-    runs = study.figures
+    job = job_result.job
+    runs = job_result.figures
     servo = job.plant_servo.describe(job.arm.chain.prismatic)
-    title = f"{job.title}, simulated with {servo}" if study.simulated else job.title
+    title = f"{job.title}, simulated with {servo}" if job_result.simulated else job.title
     if len(runs) == 1:
         lines = [title, *text(next(iter(runs.values()))).splitlines()]
     else:
@@ -129,11 +131,11 @@ def _result_lines(study: jobs.JobResult) -> Sequence[str]:
             lines.append(verdict(data))
             for table in (y for y in data.tables if y.level == VERDICT):
                 lines += lay_out("", cells(table)).splitlines()[1:]
-    for result in study.runs.values():
+    for result in job_result.runs.values():
         lines += result.remarks
-    lines += [f"Warning: {x}" for x in jobs.warnings_of(study.runs.values())]
+    lines += [f"Warning: {x}" for x in jobs.warnings_of(job_result.runs.values())]
     lines += [f"Note: {x}" for x in job.arm.notes]
-    has_experiment = any(x.run.experiment is not None for x in study.runs.values())
+    has_experiment = any(x.run.experiment is not None for x in job_result.runs.values())
     if has_experiment and (assumed := job.arm.chain.assumed):
         lines.append(f"Masses: {assumed}")
-    return [*lines, *unknown_notes(study.runs.values())]
+    return [*lines, *unknown_notes(job_result.runs.values())]

@@ -133,8 +133,8 @@ def certify(options: Certify, folder: files.ResultFolder | None, progress: Progr
     job = open_job(options.job, options, progress)
     certificate = certification.certify(job, run=options.run_name, progress=progress)
     if folder is not None:
-        write_motions(folder, job, certificate.study.runs)
-        page = report.render_report(certificate.study, certificate=certificate)
+        write_motions(folder, job, certificate.job_result.runs)
+        page = report.render_report(certificate.job_result, certificate=certificate)
         folder.write(REPORT, page)
     data = certificate.to_data()
     lines = [

@@ -27,7 +27,7 @@ from armcontour.core.quantities import AngularDistance, Reserve
 from armcontour.core.render import Result
 from armcontour.core.result import FIRST, VERDICT, Data, Row
 from armcontour.jobs.job import Job
-from armcontour.jobs.run_learning import LearningStudy, learn_logs
+from armcontour.jobs.run_learning import LearnedRun, learn_logs
 from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Log, SetPoints
 from armcontour.robot import Arm
@@ -91,10 +91,10 @@ class RobotLearning(Result):
         return replace(lesson, q=lesson.runs[lesson.best].q)
 
     @property
-    def study(self) -> LearningStudy | None:
+    def learned_run(self) -> LearnedRun | None:
         """Data of the report; None before the first run."""
         best = self.best
-        return None if best is None else LearningStudy(job=self.job, plan=self.plan, lesson=best)
+        return None if best is None else LearnedRun(job=self.job, plan=self.plan, lesson=best)
 
     @property
     def lost_log(self) -> Log | None:

@@ -406,7 +406,7 @@ def raise_if(wrong: bool | np.bool_, message: str) -> None:
 
 
 def check_type(name: str, value: Any, *kinds: type) -> Any:
-    """Return `value` if it is an instance of one of the classes; else raise InvalidInput."""
+    """Return `value` if it belongs to one of the classes; else raise InvalidInput."""
     if isinstance(value, kinds):
         return value
     words = [_words_for(x) for x in kinds if x is not np.bool_]

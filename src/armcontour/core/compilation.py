@@ -65,7 +65,7 @@ def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> Co
 
 
 def _kind_for(dimension: int | None) -> Which:
-    """Return which kind of run an arm of this dimension needs; "usual" if it is unknown."""
+    """Return the kind of run for an arm's dimension; "usual" if it is unknown."""
     if dimension is None:
         return "usual"
     return "plane" if dimension == 2 else "space"

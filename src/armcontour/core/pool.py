@@ -101,7 +101,7 @@ def split_evenly(count: int, parts: int) -> list[slice]:
 
 
 class ProcessPool(Executor):
-    """Executor of processes that replaces all of them after one has ended."""
+    """Process executor; new processes replace all of them after one has ended."""
 
     def __init__(self, processes: int | None = None) -> None:
         self._max_workers = processes or processors()

@@ -49,7 +49,7 @@ SMALLEST_LENGTH = 1e-6
 
 
 def limit_style(kind: str) -> dict[str, Any]:
-    """Return colours, dashes and word of a kind of limit, from `palette.json`."""
+    """Return the colours, dashes and word for a kind of limit, from `palette.json`."""
     return LIMITS.get(kind, LIMITS["other"])
 
 

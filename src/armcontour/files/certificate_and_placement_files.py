@@ -21,7 +21,7 @@ from armcontour.studies.placement import AXES, Placement
 def certificate_page(certificate: Certificate) -> dict[str, Any]:
     """Return the data of a certificate for JSON: requirements, results and model."""
     data = certificate.to_data()
-    page = plain(certificate.study.to_data())
+    page = plain(certificate.job_result.to_data())
     return page | {"units": page["units"] | units([data]), "certificate": plain(data)}
 
 

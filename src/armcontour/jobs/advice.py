@@ -118,19 +118,19 @@ def advise(
 
 
 def with_advice(
-    study: JobResult, progress: Progress | None = None, *, complete: bool = False
+    job_result: JobResult, progress: Progress | None = None, *, complete: bool = False
 ) -> JobResult:
-    """Study with the advice on each of its runs; for a large job only if `complete`."""
-    most = MAX_PLANNED_CHANGES if complete else _count_affordable(study.job)
+    """Add the advice on each run; for a large job only if `complete`."""
+    most = MAX_PLANNED_CHANGES if complete else _count_affordable(job_result.job)
     if not most:
-        return study
-    runs = dict(study.runs)
-    for name, result in study.runs.items():
+        return job_result
+    runs = dict(job_result.runs)
+    for name, result in job_result.runs.items():
         # The limits that changes would move do not determine the speed of a slow first run.
         if result.trajectory.speed_factor == 1.0:
-            changes = advise(study.job, result, subprogress(progress, name), most=most)
+            changes = advise(job_result.job, result, subprogress(progress, name), most=most)
             runs[name] = replace(result, advice=changes)
-    return replace(study, runs=MappingProxyType(runs))
+    return replace(job_result, runs=MappingProxyType(runs))
 
 
 def _count_affordable(job: Job) -> int:

@@ -286,7 +286,7 @@ class Run(Checked):
     ('only', 0.01)
 
     Args:
-        name: Key of the run in the study.
+        name: Key of the run in the results.
         limits: Limits of this run.
         timing: Options of `plan`.
         compensation: Options of `compensate`.

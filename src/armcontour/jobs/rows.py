@@ -58,7 +58,7 @@ def job_data(
     arm = job.arm
     suffix = f", {count_noun(len(warnings), 'warning')}" if warnings else ""
     return Data(
-        f"Study of {job.title}{suffix}",
+        f"Results of {job.title}{suffix}",
         (
             Row("armcontour", __version__),
             Row("job", job.name),

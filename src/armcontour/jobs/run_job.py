@@ -41,8 +41,8 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
 
     If the joints of an experiment do not come to rest, the error is the `failure` of its run.
 
-    >>> study = ac.run(ac.read_job("job.yaml"))
-    >>> list(study.runs)
+    >>> result = ac.run(ac.read_job("job.yaml"))
+    >>> list(result.runs)
     ['only']
 
     Args:

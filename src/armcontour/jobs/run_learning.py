@@ -23,7 +23,7 @@ from armcontour.verification.contour_errors import ContourExecution, pieces_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LearningStudy:
+class LearnedRun:
     """A run of a job, and what was learned from its executions on a robot.
 
     Args:
@@ -39,8 +39,8 @@ class LearningStudy:
     @checked
     def to_data(self) -> Data:
         """Return the data of plan and learning, for the summary of a result."""
-        study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
-        return study.to_data({"learning": self.result})
+        job_result = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
+        return job_result.to_data({"learning": self.result})
 
     @property
     def result(self) -> Data:

@@ -15,12 +15,12 @@ from armcontour.jobs import Job, JobResult, RunResult
 from armcontour.motion import Execution, Trajectory
 from armcontour.report import sections
 from armcontour.report.figure import render_page
-from armcontour.report.result_study import study_of
 from armcontour.report.section import Chapter, Front, Section, TextTable
+from armcontour.report.single_results import job_result_of
 from armcontour.verification import Evaluation
 
 if TYPE_CHECKING:
-    from armcontour.jobs.run_learning import LearningStudy
+    from armcontour.jobs.run_learning import LearnedRun
     from armcontour.studies.certification import Certificate
     from armcontour.studies.placement import Placement
 
@@ -30,41 +30,41 @@ OF_PLAN = "Everything on this page was computed from the job and its plan."
 OF_LOGS = "Everything on this page was computed from the job and from logs of its robot."
 
 
-def render_report(study: JobResult, *, certificate: Certificate | None = None) -> str:
-    """Render the report of a study, or of its certificate, as one self-contained HTML page."""
-    source = OF_SIMULATION if study.simulated else OF_PLAN
-    folded = sections_of(study, () if certificate is None else certificate.warnings)
+def render_report(job_result: JobResult, *, certificate: Certificate | None = None) -> str:
+    """Render the report of a job, or of its certificate, as one self-contained HTML page."""
+    source = OF_SIMULATION if job_result.simulated else OF_PLAN
+    folded = sections_of(job_result, () if certificate is None else certificate.warnings)
     if certificate is None:
-        return _page(study.job, sections.front(study), folded, source=source)
+        return _page(job_result.job, sections.front(job_result), folded, source=source)
     # Sections that other pages lack are imported only here, for a fast start.
     from armcontour.report.sections.certificate_section import certified, section_of
 
-    front = certified(study, certificate)
+    front = certified(job_result, certificate)
     # The section on contours is omitted, because the certificate has its own table of contours.
     others = [x for x in folded if x.key != "contours"]
-    return _page(study.job, front, [section_of(certificate), *others], source=source)
+    return _page(job_result.job, front, [section_of(certificate), *others], source=source)
 
 
-def render_demo(studies: Sequence[JobResult]) -> str:
-    """Render several studies with different job names as one self-contained HTML page."""
+def render_demo(job_results: Sequence[JobResult]) -> str:
+    """Render the results of several jobs with different names as one self-contained HTML page."""
     chapters = []
-    for study in studies:
-        folded = [replace(y, key=f"{study.job.name}-{y.key}") for y in sections_of(study)]
-        title = f"{study.job.title}: {describe(study.job)}"
-        chapters.append(Chapter(front=sections.front(study), sections=folded, title=title))
+    for job_result in job_results:
+        folded = [replace(y, key=f"{job_result.job.name}-{y.key}") for y in sections_of(job_result)]
+        title = f"{job_result.job.title}: {describe(job_result.job)}"
+        chapters.append(Chapter(front=sections.front(job_result), sections=folded, title=title))
     about = "Two jobs, planned, compensated and executed on simulated servos with assumed gains."
     return render_page("armcontour demo", *chapters, about=about, source=OF_SIMULATION)
 
 
-def sections_of(study: JobResult, warnings: Sequence[str] = ()) -> list[Section]:
-    """Make the sections of a study that have contents; `warnings` are a certificate's."""
+def sections_of(job_result: JobResult, warnings: Sequence[str] = ()) -> list[Section]:
+    """Make the sections of a job result that have contents; `warnings` are a certificate's."""
     folded = [
-        sections.notes(study, warnings),
-        sections.all_figures(study),
-        sections.contours(study),
-        sections.over_time(study),
-        sections.paths(study),
-        sections.joints(study),
+        sections.notes(job_result, warnings),
+        sections.all_figures(job_result),
+        sections.contours(job_result),
+        sections.over_time(job_result),
+        sections.paths(job_result),
+        sections.joints(job_result),
     ]
     return [x for x in folded if x is not None]
 
@@ -85,11 +85,11 @@ def render_table(
     return render_page(title, chapter, about=about)
 
 
-def render_learning(study: LearningStudy) -> str:
-    """Render the report of a learning study as one self-contained HTML page."""
+def render_learning(learned_run: LearnedRun) -> str:
+    """Render the report of learning as one self-contained HTML page."""
     from armcontour.report.sections.learning import learned, learning
 
-    return _page(study.job, learned(study), [learning(study)], source=OF_LOGS)
+    return _page(learned_run.job, learned(learned_run), [learning(learned_run)], source=OF_LOGS)
 
 
 def _page(job: Job, front: Front, folded: Sequence[Section], *, source: str) -> str:
@@ -114,7 +114,7 @@ def describe(job: Job) -> str:
 
 @checked
 def write_report(
-    study: JobResult | RunResult | Evaluation | Execution | Trajectory, file: str | FilePath
+    result: JobResult | RunResult | Evaluation | Execution | Trajectory, file: str | FilePath
 ) -> None:
     """Write the report of a result to an HTML file, atomically.
 
@@ -124,13 +124,13 @@ def write_report(
     >>> ac.write_report(ac.run(ac.read_job("job.yaml")), "report.html")
 
     Args:
-        study: A study, the result of a run, an evaluation, an execution or a trajectory; the report
-            has the sections that apply to it.
+        result: The result of a job or of a run, an evaluation, an execution or a trajectory; the
+            report has the sections that apply to it.
         file: The HTML file; an existing file is replaced.
 
     Raises:
         InvalidInput: An unsupported result, a result without its arm, or an unwritable file.
     """
     place = FilePath(file)
-    page = render_report(study_of(study))
+    page = render_report(job_result_of(result))
     file_access.write_atomically(place, lambda x: x.write_text(page, encoding="utf-8"))

@@ -186,7 +186,7 @@ def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[
 
 
 def _link_body(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
-    """Return mass, centre of mass and central inertia of link k; the last link has the payload."""
+    """Return link k's mass, centre of mass and central inertia; the last link has the payload."""
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
     mass = float(chain.masses[k])
     center = chain.centers[k]

@@ -233,8 +233,8 @@ def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
     place.write_text(JOB, encoding="utf-8")
     job = read_job(place)
     assert job.runs[1].compensation.command_limits.joint_acceleration is None
-    study = ac.jobs.run(job)
-    strict, wide = study.runs.values()
+    job_result = ac.jobs.run(job)
+    strict, wide = job_result.runs.values()
     limits = ac.Limits(joint_acceleration=9.999, joint_jerk=4999.0)
     assert max(largest_shares(strict.set_points.q, CYCLE, limits)) <= 1
     error = strict.evaluation.contour_error
@@ -242,9 +242,9 @@ def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
     assert any("command_limits" in x and "contour error" in x for x in strict.warnings)
     assert any("command limits" in x for x in strict.remarks)
     assert wide.set_points.limit_cost is None and wide.evaluation.contour_error.max < 1e-6
-    runs = json.loads(to_json(plain(study.to_data())))["runs"]
+    runs = json.loads(to_json(plain(job_result.to_data())))["runs"]
     assert runs["strict"]["limit_contour_max"] == strict.set_points.limit_cost.contour_max
     assert max(runs["strict"]["command_use"]["joint_jerk"]) == pytest.approx(1, abs=1e-5)
     assert runs["wide"]["limit_contour_max"] == 0
-    page = render_report(study)
+    page = render_report(job_result)
     assert "command limit" in page and number(strict.set_points.limit_cost.contour_max, "m") in page

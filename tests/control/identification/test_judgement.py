@@ -195,8 +195,8 @@ def test_a_fit_of_one_program_is_marked_provisional_in_the_file(good, tmp_path, 
         "limits": {"speed": "50 mm/s"},
         "runs": {"only": {}},
     }
-    study = ac.run(parse_job(yaml.safe_dump(job)))
-    assert any("may be worse than none" in x for x in study.runs["only"].warnings)
+    job_result = ac.run(parse_job(yaml.safe_dump(job)))
+    assert any("may be worse than none" in x for x in job_result.runs["only"].warnings)
 
 
 def test_invalid_contour_ratios_and_programs_of_a_servo_are_refused():

@@ -95,7 +95,7 @@ def batched():
 
 def certified():
     certificate = ac.certify(gasket(), goal=CertificateGoal(servo_error=0.02e-3))
-    return render_report(certificate.study, certificate=certificate)
+    return render_report(certificate.job_result, certificate=certificate)
 
 
 PAGES = {

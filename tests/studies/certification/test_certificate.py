@@ -137,7 +137,7 @@ def test_a_certificate_states_that_rigid_bodies_are_not_covered(certified):
     assert "independent servos" in certificate.to_data().title
     assert certificate.rigid_body_warning.startswith("Valid for independent joint servos only: ")
     assert certificate.warnings[-1] == certificate.rigid_body_warning
-    page = render_report(certificate.study, certificate=certificate)
+    page = render_report(certificate.job_result, certificate=certificate)
     assert "Valid for independent joint servos only" in page
     e = certified.result.experiment.evaluation
     error = number(max(e.contour_error.max, e.coverage_error.max), "m")

@@ -121,7 +121,7 @@ def test_the_written_certificate_contains_every_contour(certified):
     data = certificate_page(certified)["certificate"]
     assert [x["name"] for x in data["contours"]] == ["contour 1 (bend)", "contour 2 (line)"]
     assert data["contours"][1]["budget"]["executed"] == certified.contours[1].budget.executed
-    page = render_report(certified.study, certificate=certified)
+    page = render_report(certified.job_result, certificate=certified)
     assert all(number(x.duration, "s") in page for x in certified.contours)
 
 
@@ -149,6 +149,6 @@ def test_a_certificate_names_the_limit_that_determines_the_duration(certified):
     assert sum(x.time for x in run.explanation.shares) == pytest.approx(certified.duration)
     assert data["time_limit"].value == run.explanation.longest[0]
     assert run.to_data()["off_drawing"].value <= data["off_drawing"].value
-    page = render_report(certified.study, certificate=certified)
+    page = render_report(certified.job_result, certificate=certified)
     front = page[: page.index("Warnings and notes")]
     assert all(x in front for x in ("Where the time goes", data["time_limit"].value))

@@ -79,4 +79,4 @@ def test_a_note_states_if_shaping_is_not_faster_than_arcs(job, certified):
     row = certified.to_data()["shape"]
     shown = number(certified.shapes["arc"], "s")
     assert row.value == data["shape"] == shape and shown in row.note
-    assert shown in render_report(certified.study, certificate=certified)
+    assert shown in render_report(certified.job_result, certificate=certified)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from armcontour.studies.certification import Certificate
 
 
-def certified(study: JobResult, certificate: Certificate) -> Front:
+def certified(job_result: JobResult, certificate: Certificate) -> Front:
     """Make the first screen of a certificate's report."""
     data = certificate.to_data()
     model = capitalise(certificate.model)
@@ -34,15 +34,15 @@ def certified(study: JobResult, certificate: Certificate) -> Front:
         ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
         ("Weakest point", (*doubts, *data.notes, "None known.")[0]),
     ]  # fmt: skip
-    shown = next(iter(study.runs.values()))
-    drawing = draw_plan(shown, study.job)
+    shown = next(iter(job_result.runs.values()))
+    drawing = draw_plan(shown, job_result.job)
     words = "Certified" if verdict.value else "Not certified"
     return Front(
         verdict=f"{words}: {figure(deviation)} {deviation.label}; {verdict.note}.",
         good=verdict.value,
         tiles=tiles(data, places=drawing.places),
         drawing=drawing,
-        arm=draw_arm(shown, study.job),
+        arm=draw_arm(shown, job_result.job),
         sentences=tuple(sentences),
     )
 

@@ -24,9 +24,9 @@ COLUMNS = (
 )
 
 
-def contours(study: JobResult) -> Section | None:
+def contours(job_result: JobResult) -> Section | None:
     """Make the section with a table of the contours; None for a single path."""
-    if next(iter(study.runs.values())).path.single_path is not None:
+    if next(iter(job_result.runs.values())).path.single_path is not None:
         return None
     return Section(
         key="contours",
@@ -36,7 +36,7 @@ def contours(study: JobResult) -> Section | None:
             "Lengths, times and errors are for the process on. Rapids between contours satisfy the "
             "joint limits, and rapid_speed and approach_speed of the process if specified."
         ),
-        choices=tuple((name, (_table(name, x),)) for name, x in study.runs.items()),
+        choices=tuple((name, (_table(name, x),)) for name, x in job_result.runs.items()),
     )
 
 

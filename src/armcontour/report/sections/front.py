@@ -1,4 +1,4 @@
-"""First screen of a study: drawing, verdict, important values and sentences."""
+"""First screen of a report: drawing, verdict, important values and sentences."""
 
 from __future__ import annotations
 
@@ -15,39 +15,39 @@ from armcontour.report.section import Front, Section, TextTable, side_by_side, t
 from armcontour.report.style import few
 
 
-def front(study: JobResult) -> Front:
-    """Make the first screen of a study, with the drawing of one run."""
-    name = _shown(study)
-    data = study.figures[name]
-    result = study.runs[name]
-    alone = len(study.runs) == 1
-    header, *rows = compare(study.figures, VERDICT, texts=True)
-    drawing = draw_plan(result, study.job)
+def front(job_result: JobResult) -> Front:
+    """Make the first screen of a job result, with the drawing of one run."""
+    name = _shown(job_result)
+    data = job_result.figures[name]
+    result = job_result.runs[name]
+    alone = len(job_result.runs) == 1
+    header, *rows = compare(job_result.figures, VERDICT, texts=True)
+    drawing = draw_plan(result, job_result.job)
     return Front(
-        verdict=("" if alone else f"Run {name}: ") + _verdict_sentence(study, data),
+        verdict=("" if alone else f"Run {name}: ") + _verdict_sentence(job_result, data),
         good=result.kept,
         tiles=tiles(data, places=drawing.places) if alone else (),
         tables=() if alone else (TextTable(header=header, rows=tuple(rows)),),
         drawing=drawing,
-        arm=draw_arm(result, study.job),
-        sentences=tuple(_sentences(study, result)),
+        arm=draw_arm(result, job_result.job),
+        sentences=tuple(_sentences(job_result, result)),
     )
 
 
-def _shown(study: JobResult) -> str:
+def _shown(job_result: JobResult) -> str:
     """Choose the drawn run: the fastest run that keeps its accuracy, if any.
 
     Otherwise the fastest run with an explanation, or the fastest of all runs.
     """
-    runs = study.runs
+    runs = job_result.runs
     accurate = [x for x in runs if runs[x].kept]
     candidates = accurate or [x for x in runs if runs[x].explanation is not None] or list(runs)
     return min(candidates, key=lambda x: runs[x].trajectory.duration)
 
 
-def _verdict_sentence(study: JobResult, data: Data) -> str:
+def _verdict_sentence(job_result: JobResult, data: Data) -> str:
     """Compare the deviation from the drawing with the required accuracy, in one sentence."""
-    if not study.simulated:
+    if not job_result.simulated:
         return "This report has no errors, because only the plan was computed."
     deviation = data["off_drawing"]
     verdict = data["kept"]
@@ -58,14 +58,14 @@ def _verdict_sentence(study: JobResult, data: Data) -> str:
     return f"{capitalise(figure(verdict))}: {words}" + f" ({note})" * bool(note) + "."
 
 
-def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]:
+def _sentences(job_result: JobResult, result: RunResult) -> Iterator[tuple[str, str]]:
     """Yield headings and sentences: active limits, advice, weakest point and assumptions."""
     changes = list[str]()
     if (advice := result.advice) is not None:
         for x in advice.improvements:
             changes.append(f"{x.label}: {x.effect}" + f", if {x.condition}" * bool(x.condition))
         changes += filter(None, [advice.note])
-    elif result.explanation is not None and study.simulated:
+    elif result.explanation is not None and job_result.simulated:
         changes.append("Add --changes to armcontour run, or press Improve in the Studio.")
     yield from zip(["What to change", *[""] * len(changes)], changes, strict=False)
     # Notes of the drawing are no weak points of the plan.
@@ -73,52 +73,52 @@ def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]
     if warnings:
         rest = f" {len(warnings) - 1} more under Warnings and notes." if len(warnings) > 1 else ""
         yield "Weakest point", f"{capitalise(warnings[0])}{rest}"
-    yield "Assumed", _assumed(study)
+    yield "Assumed", _assumed(job_result)
 
 
-def _assumed(study: JobResult) -> str:
+def _assumed(job_result: JobResult) -> str:
     """Return the state the assumptions on which the values are based, in one sentence."""
-    if not study.simulated:
+    if not job_result.simulated:
         return "Joints follow the plan exactly."
-    servo = study.job.plant_servo
+    servo = job_result.job.plant_servo
     if servo.order == "unknown":
         return "Errors are deviations of the executed tool position from the path."
-    described = servo.describe(study.job.arm.chain.prismatic)
+    described = servo.describe(job_result.job.arm.chain.prismatic)
     return (
         f"The servos are simulated with {described} and with their acceleration limits. Errors are "
         "larger on a robot with other gains."
     )
 
 
-def all_figures(study: JobResult) -> Section:
+def all_figures(job_result: JobResult) -> Section:
     """Make the section with all values of all runs side by side."""
-    tables = side_by_side(study.figures)
+    tables = side_by_side(job_result.figures)
     count = sum(len(x.rows) for x in tables)
     return Section(
         key="figures",
         title="All figures",
-        summary=f"{count} figures of {list_some(list(study.runs), 6)}",
+        summary=f"{count} figures of {list_some(list(job_result.runs), 6)}",
         parts=tables,
     )
 
 
-def notes(study: JobResult, warnings: Sequence[str] = ()) -> Section | None:
+def notes(job_result: JobResult, warnings: Sequence[str] = ()) -> Section | None:
     """Make the section with warnings, notes and assumptions; None without any.
 
     A certificate's `warnings` replace those of the runs.
     """
-    runs = study.runs.values()
+    runs = job_result.runs.values()
     uses_masses = any(
         x.run.experiment is not None or x.run.limits.joint_torque is not None for x in runs
     )
-    assumed = study.job.arm.chain.assumed
+    assumed = job_result.job.arm.chain.assumed
     shown_warnings = tuple(warnings) or warnings_of(runs)
     remarks = list[str]()
     for result in runs:
         remarks += (*result.path.remarks, *result.remarks)
     others = (
         *dict.fromkeys(remarks),
-        *unknown_notes(study.runs.values()),
+        *unknown_notes(job_result.runs.values()),
         *((f"About the masses: {assumed}",) if assumed and uses_masses else ()),
     )
     if not shown_warnings and not others:

@@ -29,10 +29,10 @@ WORTH_SHOWING = 0.3
 USUAL = 99.8
 
 
-def joints(study: JobResult) -> Section:
+def joints(job_result: JobResult) -> Section:
     """Make the section with the joint motion of every run, with ranges and limits."""
     executed = ", executed and, with an experiment, simulated with rigid bodies"
-    executed = executed if study.simulated else ""
+    executed = executed if job_result.simulated else ""
     return Section(
         key="joints",
         title="Joints",
@@ -41,7 +41,7 @@ def joints(study: JobResult) -> Section:
             f"Planned{executed}. Black lines are limits; a limit of which less than "
             f"{WORTH_SHOWING:.0%} is used is listed only in the table."
         ),
-        choices=tuple((k, (draw_joints(k, x), _table(x))) for k, x in study.runs.items()),
+        choices=tuple((k, (draw_joints(k, x), _table(x))) for k, x in job_result.runs.items()),
     )
 
 

@@ -34,51 +34,55 @@ ASSIGNED_POINTS = 4000
 BARS = 28
 
 
-def over_time(study: JobResult) -> Section:
+def over_time(job_result: JobResult) -> Section:
     """Make the section with tool speed, active limits and contour error over time."""
     text = ""
-    if _is_squeezed(study):
+    if _is_squeezed(job_result):
         text += "Speeds of rapids are cut off at the top; double-click the plot to show them. "
-    if any(x.experiment is not None for x in study.runs.values()):
+    if any(x.experiment is not None for x in job_result.runs.values()):
         text += "Dotted curves are experiments: simulations with rigid bodies. "
     tables = [
-        text_table(time_table(x.explanation), name * (len(study.runs) > 1))
-        for name, x in _plans(study).items()
+        text_table(time_table(x.explanation), name * (len(job_result.runs) > 1))
+        for name, x in _plans(job_result).items()
         if x.explanation is not None
     ]
     return Section(
         key="time",
         title="Over time",
-        summary="tool speed and active limits" + ", contour error" * study.simulated,
+        summary="tool speed and active limits" + ", contour error" * job_result.simulated,
         text=text,
-        parts=(draw_over_time(study, plot_speed, plot_limits, plot_error), *tables),
+        parts=(draw_over_time(job_result, plot_speed, plot_limits, plot_error), *tables),
     )
 
 
 def draw_over_time(
-    study: JobResult, *made: Callable[[JobResult], Plot | None], title: str = "Motion over time"
+    job_result: JobResult,
+    *made: Callable[[JobResult], Plot | None],
+    title: str = "Motion over time",
 ) -> Figure:
-    """Draw plots over time; each function in `made` returns a study's plot, or None."""
-    plots = tuple(x for x in (make(study) for make in made) if x is not None)
+    """Draw plots over time; each function in `made` returns a job result's plot, or None."""
+    plots = tuple(x for x in (make(job_result) for make in made) if x is not None)
     return Figure(title=title, plots=plots)
 
 
-def plot_speed(study: JobResult) -> Plot:
+def plot_speed(job_result: JobResult) -> Plot:
     """Plot every run's executed or planned tool speed, and the assigned velocity."""
-    colours = run_colours(study.runs)
-    widths = run_widths(study.runs)
+    colours = run_colours(job_result.runs)
+    widths = run_widths(job_result.runs)
     curves = []
-    for name, result in study.runs.items():
+    for name, result in job_result.runs.items():
         t = result.motion.t
         y = result.motion.tool_speed * 1e3
         curves.append(Curve(x=t, y=y, name=name, colour=colours[name], width=widths[name]))
-    visible = (0.0, 1.2 * _largest_on_contours(study) * 1e3) if _is_squeezed(study) else None
-    return Plot(label="speed [mm/s]", curves=(*curves, *_assigned(study)), limits=visible)
+    visible = (
+        (0.0, 1.2 * _largest_on_contours(job_result) * 1e3) if _is_squeezed(job_result) else None
+    )
+    return Plot(label="speed [mm/s]", curves=(*curves, *_assigned(job_result)), limits=visible)
 
 
-def plot_limits(study: JobResult) -> Plot | None:
+def plot_limits(job_result: JobResult) -> Plot | None:
     """Plot every plan's active limits as bars; None if no plan has an explanation."""
-    plans = _plans(study)
+    plans = _plans(job_result)
     bars = list[Bar]()
     for row, plan in enumerate(plans.values()):
         if plan.explanation is not None:
@@ -111,19 +115,19 @@ def list_bars(bindings: Sequence[Binding], row: int) -> list[Bar]:
     return bars
 
 
-def plot_error(study: JobResult) -> Plot | None:
+def plot_error(job_result: JobResult) -> Plot | None:
     """Plot every run's contour error; None without a simulation.
 
     The errors are shares of the allowed error if it is the same for all runs.
     """
-    if not study.simulated:
+    if not job_result.simulated:
         return None
-    allowed = {x.verdict.allowed for x in study.runs.values() if x.evaluation is not None}
+    allowed = {x.verdict.allowed for x in job_result.runs.values() if x.evaluation is not None}
     limit = allowed.pop() if len(allowed) == 1 else None
     unit = limit / 100 if limit else 1e-3
-    colours = run_colours(study.runs)
+    colours = run_colours(job_result.runs)
     curves = []
-    for name, result, _, evaluation in tools_of(study):
+    for name, result, _, evaluation in tools_of(job_result):
         if evaluation is not None:
             e = evaluation.contour_error
             run = result.run.name
@@ -151,25 +155,25 @@ def scale_errors(plot: Plot, logarithmic: bool = True) -> Plot:
     return replace(plot, curves=raised, limits=(float(least), 1.3 * largest), logarithmic=True)
 
 
-def _plans(study: JobResult) -> dict[str, RunResult]:
+def _plans(job_result: JobResult) -> dict[str, RunResult]:
     """Return the first run of each explained plan, by the names of all runs with this plan."""
     names_of_plan: dict[int, list[str]] = {}
-    for name, result in study.runs.items():
+    for name, result in job_result.runs.items():
         if result.explanation is not None:
             names_of_plan.setdefault(id(result.trajectory), []).append(name)
-    return {", ".join(names): study.runs[names[0]] for names in names_of_plan.values()}
+    return {", ".join(names): job_result.runs[names[0]] for names in names_of_plan.values()}
 
 
-def _is_squeezed(study: JobResult) -> bool:
+def _is_squeezed(job_result: JobResult) -> bool:
     """Return whether contours are much slower than rapids; then the axis is scaled to contours."""
-    fastest = max(float(x.motion.tool_speed.max()) for x in study.runs.values())
-    return _largest_on_contours(study) < SQUEEZED * fastest
+    fastest = max(float(x.motion.tool_speed.max()) for x in job_result.runs.values())
+    return _largest_on_contours(job_result) < SQUEEZED * fastest
 
 
-def _largest_on_contours(study: JobResult) -> float:
+def _largest_on_contours(job_result: JobResult) -> float:
     """Return the largest planned tool speed on contours [m/s]; infinite if none has a path."""
     speeds = []
-    for result in study.runs.values():
+    for result in job_result.runs.values():
         for span in result.trajectory.contour_spans:
             motion = span.trajectory
             if motion is not None and motion.path is not None:
@@ -177,16 +181,16 @@ def _largest_on_contours(study: JobResult) -> float:
     return float(max(speeds, default=np.inf))
 
 
-def _assigned(study: JobResult) -> list[Curve]:
+def _assigned(job_result: JobResult) -> list[Curve]:
     """Return the curves of assigned velocities; runs with the same constant one share a curve."""
     curves: dict[str, Curve] = {}
     look: dict[str, Any] = {"colour": LINES["allowed"], "dash": LIMIT_DASH, "width": 1.0}
-    for name, result in study.runs.items():
+    for name, result in job_result.runs.items():
         t, value = _assigned_speeds(result)
         known = value[np.isfinite(value)]
         if not len(known):
             continue
-        label = f"assigned velocity, {name}" if len(study.runs) > 1 else "assigned velocity"
+        label = f"assigned velocity, {name}" if len(job_result.runs) > 1 else "assigned velocity"
         if np.ptp(known) == 0:
             label = f"assigned velocity {number(known[0], 'm/s')}"
         if label not in curves or t[-1] > curves[label].x[-1]:

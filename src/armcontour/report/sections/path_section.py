@@ -38,17 +38,17 @@ MAX_CORNERS = 8
 AROUND = 5.0
 
 
-def paths(study: JobResult) -> Section:
+def paths(job_result: JobResult) -> Section:
     """Make the section with objective and executed paths."""
-    kind = "executed" if study.simulated else "planned"
+    kind = "executed" if job_result.simulated else "planned"
     return Section(
         key="paths",
         title="Path of the tool",
-        summary=f"{kind} path" + " with its errors" * study.simulated,
+        summary=f"{kind} path" + " with its errors" * job_result.simulated,
         text=f"The {kind} path of the tool over the drawing"
-        + ", coloured by its distance from the drawing" * study.simulated
+        + ", coloured by its distance from the drawing" * job_result.simulated
         + ". Drag a rectangle to enlarge it; double-click to see all.",
-        choices=tuple((x.name, (draw_tool(x, study.job.name),)) for x in tools_of(study)),
+        choices=tuple((x.name, (draw_tool(x, job_result.job.name),)) for x in tools_of(job_result)),
     )
 
 
@@ -68,10 +68,10 @@ class Tool(NamedTuple):
     evaluation: Evaluation | None
 
 
-def tools_of(study: JobResult) -> list[Tool]:
+def tools_of(job_result: JobResult) -> list[Tool]:
     """List the executed tool paths of all runs and experiments."""
     tools = []
-    for name, result in study.runs.items():
+    for name, result in job_result.runs.items():
         tools.append(Tool(name, result, result.motion, result.evaluation))
         if (x := result.experiment) is not None:
             tools.append(Tool(f"{name}, experiment", result, x.execution, x.evaluation))

@@ -478,7 +478,7 @@ class Certificate(Result):
         return self.result.set_points
 
     @property
-    def study(self) -> JobResult:
+    def job_result(self) -> JobResult:
         """Job result with the certified plan as its only run."""
         run = self.result.run
         return JobResult(job=replace(self.job, runs=(run,)), runs={run.name: self.result})

@@ -24,7 +24,7 @@ from armcontour.studio.tasks.request import Request
 if TYPE_CHECKING:
     from armcontour.control.identification import Identification
     from armcontour.jobs import Job
-    from armcontour.jobs.run_learning import LearningStudy
+    from armcontour.jobs.run_learning import LearnedRun
 
 # Format whose file names must be KRL identifiers.
 KUKA = "kuka"
@@ -46,11 +46,11 @@ def report(request: Request) -> MessageFrame:
     if not request.option("all", False):
         chosen = tuple(y for y in job.runs if request.run in (None, y.name))[:1]
         job = replace(job, runs=chosen)
-    study = with_advice(run(job, progress=request.progress), request.progress)
+    job_result = with_advice(run(job, progress=request.progress), request.progress)
     request.progress(Step(("writing",)))
     return MessageFrame.of_file(
         f"{job.name}-report.html",
-        render_report(study).encode(),
+        render_report(job_result).encode(),
         {"sentence": "The report is ready."},
     )
 
@@ -79,7 +79,7 @@ def certify(request: Request) -> MessageFrame:
         "notes": [*data.notes, *data.warnings],
         "certificate": plain(data),
     }
-    page = render_report(certificate.study, certificate=certificate)
+    page = render_report(certificate.job_result, certificate=certificate)
     return MessageFrame.of_file(f"{certificate.job.name}-certificate.html", page.encode(), header)
 
 
@@ -116,8 +116,8 @@ def export(request: Request) -> MessageFrame:
     # The motion is planned only if it can be exported.
     check_export(job, kind, stem=stem, cycle=cycle)
     if source == "learned":
-        study = learn_from_logs(request)
-        plan = replace(study.plan, set_points=study.lesson)
+        learned_run = learn_from_logs(request)
+        plan = replace(learned_run.plan, set_points=learned_run.lesson)
     else:
         plan = request.set_points
     format = format_named(kind, job.export)
@@ -222,23 +222,25 @@ def learn(request: Request) -> MessageFrame:
     """Learn the set-points of the next run; creates the same file as `armcontour learn`."""
     from armcontour.files.exports.export_table import set_point_pieces
 
-    study = learn_from_logs(request)
-    content = "".join(set_point_pieces(study.lesson, study.job.arm.joint_names)).encode()
-    name = f"{study.job.name}-{study.plan.run.name}-set_points.csv"
+    learned_run = learn_from_logs(request)
+    content = "".join(
+        set_point_pieces(learned_run.lesson, learned_run.job.arm.joint_names)
+    ).encode()
+    name = f"{learned_run.job.name}-{learned_run.plan.run.name}-set_points.csv"
     return MessageFrame.of_file(
-        name, content, {"label": "Download next set-points", **_shown(study.result)}
+        name, content, {"label": "Download next set-points", **_shown(learned_run.result)}
     )
 
 
-def learn_from_logs(request: Request) -> LearningStudy:
-    """Learn from the logs of successive runs; returns the learning study."""
-    from armcontour.jobs.run_learning import LearningStudy, learn_logs, plan_run
+def learn_from_logs(request: Request) -> LearnedRun:
+    """Learn from the logs of successive runs."""
+    from armcontour.jobs.run_learning import LearnedRun, learn_logs, plan_run
 
     job = request.whole_job
     progress = request.progress
     plan = plan_run(job, request.run, progress)
     lesson = learn_logs(job, plan, read_logs(request), progress=progress)
-    return LearningStudy(job=job, plan=plan, lesson=lesson)
+    return LearnedRun(job=job, plan=plan, lesson=lesson)
 
 
 def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:

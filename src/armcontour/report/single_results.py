@@ -1,4 +1,4 @@
-"""Conversion of single results (plan, execution, evaluation, run) to studies for reports."""
+"""Conversion of single results (plan, execution, evaluation, run) to job results for reports."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ Result = JobResult | RunResult | Evaluation | Execution | Trajectory
 PLACES = 2000
 
 
-def study_of(result: Result) -> JobResult:
-    """Make the study whose only run is a result.
+def job_result_of(result: Result) -> JobResult:
+    """Make the job result whose only run is a result.
 
     Raises InvalidInput if the result does not contain its arm, or an evaluation its execution.
     """
     if isinstance(result, JobResult):
         return result
     if isinstance(result, RunResult):
-        return _study(result)
+        return _only_run(result)
     if isinstance(result, Trajectory):
         plan = _planned(result)
-        return _study(replace(plan, set_points=Execution.from_plan(result, plan.arm).set_points))
+        return _only_run(replace(plan, set_points=Execution.from_plan(result, plan.arm).set_points))
     if isinstance(result, Execution):
         result = evaluate(result, _planned(result.set_points.trajectory, result.arm).path)
     if result.judged is None:
@@ -62,31 +62,31 @@ def study_of(result: Result) -> JobResult:
         execution=evaluated.executed,
         evaluation=result,
     )
-    return _study(run_result)
+    return _only_run(run_result)
 
 
 def draw_result(result: Result, kind: str) -> Picture:
     """Draw a result as a picture of a kind in KINDS, see `armcontour.core.text.draw`."""
     checks.check_choice("kind", kind, tuple(KINDS))
-    return KINDS[kind](study_of(result))
+    return KINDS[kind](job_result_of(result))
 
 
-def _draw_error(study: JobResult) -> Figure:
-    if not study.simulated:
+def _draw_error(job_result: JobResult) -> Figure:
+    if not job_result.simulated:
         raise InvalidInput("A plan has no contour error. Execute and evaluate the plan first.")
-    return draw_over_time(study, plot_error, title="Contour error")
+    return draw_over_time(job_result, plot_error, title="Contour error")
 
 
 KINDS: dict[str, Callable[[JobResult], Picture]] = {
-    "path": lambda study: draw_tool(tools_of(study)[0], study.job.name),
-    "joints": lambda study: draw_joints(*next(iter(study.runs.items()))),
-    "speed": lambda study: draw_over_time(study, plot_speed, title="Tool speed"),
+    "path": lambda job_result: draw_tool(tools_of(job_result)[0], job_result.job.name),
+    "joints": lambda job_result: draw_joints(*next(iter(job_result.runs.items()))),
+    "speed": lambda job_result: draw_over_time(job_result, plot_speed, title="Tool speed"),
     "error": _draw_error,
 }
 
 
-def _study(result: RunResult) -> JobResult:
-    """Make the study of one run."""
+def _only_run(result: RunResult) -> JobResult:
+    """Make a job result with one run."""
     # A servo of order "unknown" without dead time follows its set-points exactly.
     servo = ServoModel(order="unknown") if result.servo is None else result.servo
     job = Job(
