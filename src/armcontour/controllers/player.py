@@ -631,7 +631,7 @@ class Player:
 
 
 def lost_motion(played: Played, lost: ControllerLost) -> Played:
-    """The motion until its controller was lost, with a note that its record is incomplete.
+    """Return the motion until its controller was lost; a note says that it is incomplete.
 
     If the record is too short for a log, the motion has none.
     """
