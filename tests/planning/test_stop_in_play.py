@@ -1,11 +1,16 @@
 """Stops on the path, within the limits, with the plan unchanged before the stop."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 
 import armcontour as ac
 from armcontour.planning import stop
+from armcontour.planning.constraints import FROM_LIMITS, Constraint, ToolAcceleration
 from armcontour.planning.stop_in_play import ShortenedLaw, plan_stop
+from armcontour.planning.topp.limit_forms import Form
+from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
 TIMES = np.linspace(0.02, 0.98, 17)
@@ -116,3 +121,37 @@ def test_a_stop_at_a_rest_or_end_of_a_program_takes_no_time() -> None:
     assert not result.violated and result.end_speeds[1] < 1e-9
     assert stop(plan, rapid.t[0]).duration == pytest.approx(rapid.t[0])
     assert stop(plan, plan.duration).duration == plan.duration
+
+
+class OwnToolAcceleration(Constraint):
+    """A limit of the tool's acceleration that says nothing about stops."""
+
+    serves = ("tool_acceleration",)
+    name = "own acceleration"
+
+    def __init__(self, kept: ToolAcceleration) -> None:
+        self.kept = kept
+
+    @classmethod
+    def from_limits(
+        cls, joint_path: ac.JointPath, arm: ac.Arm, limits: ac.Limits
+    ) -> Constraint | None:
+        kept = ToolAcceleration.from_limits(joint_path, arm, limits)
+        return None if kept is None else cls(kept)
+
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
+        return self.kept.discretize(path)
+
+
+def test_stop_keeps_the_limit_of_an_added_constraint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A new constraint restricts stops unless it says that they need not consider it."""
+    kinds = [OwnToolAcceleration if x is ToolAcceleration else x for x in FROM_LIMITS]
+    monkeypatch.setattr("armcontour.planning.stop_in_play.FROM_LIMITS", tuple(kinds))
+    plan = _plan("tool")
+    for t in TIMES * plan.duration:
+        stopped = stop(plan, float(t))
+        times = np.linspace(0.0, stopped.duration, 2001)
+        tool = plan.arm.tool_position(stopped(times))
+        step = times[1] - times[0]
+        acceleration = np.linalg.norm(np.diff(tool, 2, axis=0), axis=1) / step**2
+        assert acceleration.max() < 0.3 * (1 + 1e-3)

@@ -130,7 +130,9 @@ class Constraint:
     limit: float | FloatArray = np.inf  # Largest value; one number, or one per joint
     joints = False  # True if each joint has its own limit; explanations then name the joint
     curved = False  # True if the limit has a term in sqrt(x), viscous friction
-    brakes = False  # True if a limit of the tool also restricts the path acceleration
+    # False if a stop need not consider the constraint: a slower motion always satisfies it (limits
+    # of speed), or stops have the limit as a limit of the joints
+    brakes = True
 
     @classmethod
     def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> Constraint | None:
@@ -271,6 +273,7 @@ class JointTorque(Constraint):
 
     serves = ("joint_torque",)
     name = LIMITS["joint_torque"].label
+    brakes = False
     limit: FloatArray  # Largest torques [N m], (dof,)
     joints = True
 
@@ -321,6 +324,7 @@ class JointMotion(Constraint):
     """Bounds of the velocities `q' ds` and accelerations `q' dds + q'' ds²` of every joint."""
 
     serves = ("joint_velocity", "joint_acceleration")
+    brakes = False
 
     def __init__(
         self,
@@ -489,6 +493,7 @@ class ToolPace(Constraint):
     """
 
     serves = ("speed", "centripetal_acceleration")
+    brakes = False
 
     def __init__(
         self, metric: ToolMetric, speed: FloatArray | None, centripetal: float | None
@@ -527,7 +532,6 @@ class ToolPace(Constraint):
 class ToolConstraint(Constraint):
     """Base of constraints with one limit of the tool, which is a number."""
 
-    brakes = True
     limit: float
 
     def __init__(self, limit: float, arm: Arm) -> None:
