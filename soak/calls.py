@@ -61,10 +61,13 @@ INNER = {
     *("ServoModel.saturate", "motion_between", "on_interval", "on_piece", "on_segment"),
     "Uncertainty.half_widths",
     *("rates_on_piece", "run", "times"),
+    # `plan`, `compensate` and jobs call the methods of options.
+    *("at_cycle", "check_jerk", "for_program", "reshape", "time", "without_duration"),
+    *("set_points", "settling", "Limits.of_chain"),
     *(
         f"{name}Format.{method}"
-        for name in ("Csv", "Npz", "Mcap", "RosYaml", "URScript", "Template")
-        for method in ("describe", "digit_of", "parts", "write")
+        for name in ("Csv", "RosYaml", "URScript", "Template")
+        for method in ("describe", "last_digit", "parts", "write")
     ),
 }
 # Arguments that start processes, or wait for a server.
