@@ -164,5 +164,9 @@ def draw_with_arcs(contour: Contour) -> Contour:
 
 
 def _interpolate(pairs: FloatArray, s: FloatArray) -> FloatArray:
-    """Return arc lengths on the second path [m], interpolated between `pairs`, (n, 2)."""
+    """Return arc lengths on the second path that correspond to those on the first path [m], (m,).
+
+    - `pairs`: corresponding arc lengths on both paths [m], (n, 2).
+    - `s`: arc lengths on the first path [m], (m,).
+    """
     return np.interp(s, pairs[:, 0], pairs[:, 1])
