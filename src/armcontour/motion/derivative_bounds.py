@@ -216,9 +216,10 @@ def _derivatives_along(path: JointPath, piece: IntArray, s: FloatArray) -> Deriv
     x = (s - path.breaks[piece]) / width
     # Arrays of shape (dof, n) for all joints, because long rows are fast.
     coefficients = np.ascontiguousarray(np.moveaxis(path.coefficients[piece], 0, -1))
-    derivatives = []
+    derivatives: Derivatives = []
     for _ in range(6):
-        derivatives.append(polyval(x, coefficients, tensor=False))
+        values = polyval(x, coefficients, tensor=False)
+        derivatives.append(np.asarray(values, dtype=np.float64))
         degrees = np.arange(1, len(coefficients))[:, None, None]
         coefficients = degrees * coefficients[1:] / width
     return derivatives

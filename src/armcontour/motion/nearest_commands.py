@@ -167,7 +167,7 @@ def nearest_commands(
         if find_excess(q[:, j : j + 1], cycle, joint_bounds[:, :, None]) is None:
             continue
         narrower = _bounds_before_rounding(joint_bounds, cycle).tolist()
-        nearest = nearest_within(q[:, j], [(low, high) for low, high in narrower])
+        nearest = nearest_values(q[:, j], [(low, high) for low, high in narrower])
         if nearest is None:
             if otherwise is None:
                 return commands, j
@@ -178,7 +178,7 @@ def nearest_commands(
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
+def nearest_values(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
     """Return the least-squares nearest values within bounds on values and differences.
 
     The first and the last value do not change; before and after them the values are assumed

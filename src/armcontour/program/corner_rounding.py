@@ -88,6 +88,7 @@ def round_corners(
     acceleration = texts_to_si(acceleration, Quantity("m/s^2", "1 m/s^2"), "acceleration")
 
     def rounded(path: Path) -> RoundedPath:
+        """Round the corners of one path."""
         return round_path(
             path,
             tolerance=tolerance(path) if callable(tolerance) else tolerance,

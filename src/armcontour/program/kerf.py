@@ -237,6 +237,7 @@ def _offset(
     sign = 1 if side == "left" else -1
 
     def offset_parts_with(width: float) -> list[OffsetPart]:
+        """Return the parts of the offset for a kerf of this width [m]."""
         parts = offset_segments(rows, sign * width / 2, closed=contour.closed)
         # A closed part of an open contour's offset lies where the contour curls around an area, and
         # is discarded.

@@ -371,6 +371,7 @@ class Program(Checked):
         """
 
         def map_contour(contour: Contour) -> Contour:
+            """Return the contour on the changed path."""
             path = change(contour.path)
             checks.check_type("result of change", path, Path)
             scale = partial(np.multiply, path.length / contour.path.length)

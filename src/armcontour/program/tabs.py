@@ -18,9 +18,9 @@ CORNER = np.radians(20)
 
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
-    """Switch the process off at a closed contour's tabs, at the same place in every lap.
+    """Return a closed contour on whose tabs the process is off, at the same place in every lap.
 
-    Returns the contour unchanged if the process has no tabs.
+    The contour is unchanged if the process has no tabs.
 
     - `contour`: the contour from its start point, with laps and overlap.
     - `process`: the process with tabs and switch.
