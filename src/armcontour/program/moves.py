@@ -579,7 +579,7 @@ def has_intended_start(moves: Sequence[Move], i: int) -> bool:
 
 
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
-    """Return the index of the first rapid before any contour; None if there is none with a path.
+    """Return the index of the first rapid; None if it has no path or a contour comes before it.
 
     - `order`: indices of the moves to search, in order.
     """

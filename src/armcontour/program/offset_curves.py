@@ -310,7 +310,7 @@ def to_pieces(source: Segments, mirror: FloatArray | float = 1.0) -> FloatArray:
 
 
 def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, IntArray]:
-    """Return the offsets of pieces to the left, and arcs vertex_arcs their vertices, before cuts.
+    """Return the offsets of pieces to the left, and arcs around their vertices, before cuts.
 
     The second result is the index of the source piece of each of them, (m,); see
     `OffsetPart.rows`.
