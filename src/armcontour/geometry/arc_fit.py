@@ -43,7 +43,7 @@ MAX_INTERVALS = 500_000
 DEFAULT_TOLERANCE = 1e-7
 # An interval outside the tolerance becomes a corner if its extent is at most this fraction of the
 # tolerance.
-CORNER = 1e-3
+CORNER_EXTENT = 1e-3
 # A derivative below this fraction of the largest one counts as zero; the tangent is then computed
 # as a limit.
 ZERO_SPEED = 1e-10
@@ -60,12 +60,13 @@ SAME_LIMIT = 1e-4
 # Largest distance between two neighbouring samples, as a fraction of the interval's length. With a
 # larger distance a deviation between samples could be missed, so the interval is split. A
 # parametrization that starts from rest satisfies this limit.
-LARGEST_STEP = 0.35
+LARGEST_SAMPLE_STEP = 0.35
 # An interval is a line if the distance of the curve from the chord is at most the fraction ON_CHORD
-# of the chord's length, plus the rounding error of points, ROUNDING times the largest coordinate.
-# On short chords this rounding error is limited, so the chord is within the tangent tolerance.
+# of the chord's length, plus the rounding error of points: POINT_ROUNDING times the largest
+# coordinate. On short chords this rounding error is limited, so the chord is within the tangent
+# tolerance.
 ON_CHORD = 1e-12
-ROUNDING = 16 * np.finfo(float).eps
+POINT_ROUNDING = 16 * np.finfo(float).eps
 # Neighbours are merged if their tangents differ by at most SAME_LINE [rad], or their radii and
 # directions to the centre by at most SAME_CIRCLE (relative), and if merging moves the end point by
 # at most SAME_POINT [m].
@@ -277,7 +278,7 @@ def _tangents(
     span = end - begin
     parameters = begin[:, None] + span[:, None] * SAMPLES[1:-1]
     largest_speed = length(_evaluate(curves, row, parameters, 1)).max(axis=1)
-    zero_speed = ZERO_SPEED * largest_speed + ROUNDING * size / span
+    zero_speed = ZERO_SPEED * largest_speed + POINT_ROUNDING * size / span
     tangents = []
     for t, sign in ((begin, 1.0), (end, -1.0)):
         # The derivative can jump at a break, so it is evaluated at the next floating-point number
@@ -322,9 +323,9 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
         along = np.concatenate([todo.p0[:, None], points, todo.p1[:, None]], axis=1)
         extent = length(along - todo.p0[:, None]).max(axis=1)
         steps = length(np.diff(along, axis=1))
-        distances[steps.max(axis=1) > LARGEST_STEP * steps.sum(axis=1)] = np.inf
+        distances[steps.max(axis=1) > LARGEST_SAMPLE_STEP * steps.sum(axis=1)] = np.inf
         corner = (extent <= REPEATED_POINT) | (
-            (extent <= CORNER * tolerance) & (distances > TOLERANCE_SHARE * tolerance)
+            (extent <= CORNER_EXTENT * tolerance) & (distances > TOLERANCE_SHARE * tolerance)
         )
         line = (_is_straight(todo, points) & np.isfinite(distances) & lines) | corner
         ready = line | (distances <= TOLERANCE_SHARE * tolerance)
@@ -373,7 +374,7 @@ def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
     x = dot(v, along[:, None])
     across = length(v - x[..., None] * along[:, None]).max(axis=1)
     scale = np.abs(intervals.p0).max(axis=1)
-    allowed = ON_CHORD * size + np.minimum(ROUNDING * scale, TANGENT_TOLERANCE * size / 16)
+    allowed = ON_CHORD * size + np.minimum(POINT_ROUNDING * scale, TANGENT_TOLERANCE * size / 16)
     runs_forwards = np.diff(np.column_stack([np.zeros(len(x)), x, size]), axis=1) >= 0
     return np.asarray((across <= allowed) & runs_forwards.all(axis=1))
 

@@ -27,7 +27,7 @@ SAME_ORIENTATION = 1e-9
 SAME_RATE = 1e-9
 RATE_FLOOR = 1e-9
 # Relative rounding error of an arc length.
-ROUNDING = 1e-15
+RELATIVE_LENGTH_ROUNDING = 1e-15
 # Coefficients of f(u) = u.
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
 # Fields of `Orientation` with rotations: one matrix or one rotation vector per piece.
@@ -255,7 +255,9 @@ class Orientation(Checked):
         size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
         # At a tight corner the rate changes strongly within the rounding error of an arc length.
         slope = np.linalg.norm(slope_before, axis=1) + np.linalg.norm(slope_after, axis=1)
-        rounding = SAME_RATE * size + RATE_FLOOR + ROUNDING * self.breaks[1:-1] * slope
+        rounding = (
+            SAME_RATE * size + RATE_FLOOR + RELATIVE_LENGTH_ROUNDING * self.breaks[1:-1] * slope
+        )
         return np.asarray(np.where(kink > rounding, kink, 0.0))
 
     @property

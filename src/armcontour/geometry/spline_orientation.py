@@ -23,7 +23,7 @@ from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 # Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
 # Largest angle by which the tool turns between two knots along a spline [rad].
-LARGEST_STEP = 0.2
+LARGEST_TURN_STEP = 0.2
 
 
 def smooth_waypoints(segments: Segments, waypoints: IntArray) -> BoolArray:
@@ -110,12 +110,12 @@ def _splines_between_corners(smooth: BoolArray) -> list[slice]:
 
 
 def _subdivide(s: FloatArray, angles: FloatArray) -> FloatArray:
-    """Return arc lengths [m] between which the tool turns by about `LARGEST_STEP` at most.
+    """Return arc lengths [m] between which the tool turns by about `LARGEST_TURN_STEP` at most.
 
     - `s`: arc lengths of waypoints [m], (n,).
     - `angles`: angles by which the tool turns between them [rad], (n - 1,).
     """
-    parts = np.maximum(np.ceil(angles / LARGEST_STEP), 1).astype(np.intp)
+    parts = np.maximum(np.ceil(angles / LARGEST_TURN_STEP), 1).astype(np.intp)
     inner = [np.linspace(s[i], s[i + 1], n, endpoint=False) for i, n in enumerate(parts)]
     return np.concatenate([*inner, s[-1:]])
 
@@ -206,8 +206,8 @@ def _spline_of_axes(s: FloatArray, axes: FloatArray) -> _Motion:
     """Interpolate unit vectors by a spline, with knots between which the axis turns little.
 
     The knots are the points `s`, (k,), with the unit vectors `axes`, (k, 3), and points between
-    them, so that the axis turns by LARGEST_STEP at most. Between two points only, the axis turns in
-    their plane at a constant rate.
+    them, so that the axis turns by LARGEST_TURN_STEP at most. Between two points only, the axis
+    turns in their plane at a constant rate.
     """
     from scipy.interpolate import CubicSpline
 

@@ -32,10 +32,10 @@ PARALLEL = 1e-6
 TEST_FRACTIONS = np.array([0.25, 0.5, 0.75])
 # A vertex with a larger turn than this [rad] is a corner of the seam. A vertex that is not a corner
 # is a waypoint of a smooth seam.
-CORNER = np.radians(30.0)
+CORNER_TURN = np.radians(30.0)
 # A vertex with a larger turn than this [rad] is a corner of the seam if its turn also exceeds
 # CORNER_RATIO times the turns of its neighbours.
-SMALL_CORNER = np.radians(5.0)
+SMALL_CORNER_TURN = np.radians(5.0)
 # Ratio to the turns of its neighbours above which the turn of a vertex stands out as a corner.
 CORNER_RATIO = 3.0
 # Waypoints closer than this multiple of the pitch are removed, if the smooth seam passes close
@@ -46,7 +46,7 @@ SEAM_DEVIATION = 0.005
 # Largest turn of an arc between two waypoints [rad].
 MAX_TURN = np.radians(10.0)
 # Relative rounding error of lengths.
-ROUNDING = 1e-12
+LENGTH_ROUNDING = 1e-12
 # If at least this fraction of a seam is too short for the weave, nothing is woven.
 NOTHING_WOVEN = 0.999
 # Largest fraction of the pitch for both dwells of a wave.
@@ -195,8 +195,8 @@ def _find_corners(path: Path) -> npt.NDArray[np.bool_]:
     """Return the mask of inner vertices that are seam corners, (segments - 1,)."""
     turns = np.concatenate([[0.0], path.turns, [0.0]])
     neighbours = np.maximum(turns[:-2], turns[2:])
-    sharp = (turns[1:-1] > SMALL_CORNER) & (turns[1:-1] > CORNER_RATIO * neighbours)
-    return np.asarray((turns[1:-1] > CORNER) | sharp)
+    sharp = (turns[1:-1] > SMALL_CORNER_TURN) & (turns[1:-1] > CORNER_RATIO * neighbours)
+    return np.asarray((turns[1:-1] > CORNER_TURN) | sharp)
 
 
 def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
@@ -293,7 +293,7 @@ class _Wave:
         count = int(np.ceil(self.seam.length / self.pitch))
         middles = (2 * np.arange(2 * count) + 1) / 4 * self.pitch
         edges = middles[:, None] + np.array([-0.5, 0.5]) * self.edge
-        last_end = self.seam.length * (1 + ROUNDING) - (self.pitch / 2 - self.edge) / 2
+        last_end = self.seam.length * (1 + LENGTH_ROUNDING) - (self.pitch / 2 - self.edge) / 2
         return np.asarray(edges[edges[:, 1] <= last_end])
 
     def full_crests(self) -> FloatArray:

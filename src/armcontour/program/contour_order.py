@@ -35,7 +35,7 @@ MAX_WORK = 20_000
 NO_GAIN = 1e-12
 # Orientations at both ends of a contour that differ by less than this angle [rad] count as equal,
 # because summed turns have rounding errors.
-SAME_ORIENTATION = 1e-6
+SAME_END_ORIENTATION = 1e-6
 # Largest number of segments in a contour with its overlap, which repeats the contour's segments.
 MAX_SEGMENTS = 1_000_000
 
@@ -475,8 +475,8 @@ def _has_equal_end_orientations(path: Path) -> bool:
         turn = shortest(path(path.length, 1, side="left"), path(0.0, 1))
         end = exp(turn) @ end
     if orientation.axis_only:
-        return bool(angle_between(end[:, 2], start[:, 2]) <= SAME_ORIENTATION)
-    return bool(np.linalg.norm(log(start @ end.T)) <= SAME_ORIENTATION)
+        return bool(angle_between(end[:, 2], start[:, 2]) <= SAME_END_ORIENTATION)
+    return bool(np.linalg.norm(log(start @ end.T)) <= SAME_END_ORIENTATION)
 
 
 def _add_overlap(path: Path, overlap: float) -> Path:

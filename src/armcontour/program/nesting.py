@@ -24,7 +24,7 @@ CHORDS = 32
 MAX_SLOPE = 1e-6
 NO_CHORDS = np.empty((0, 8))
 # About this number of point-chord pairs are tested together, to limit the memory.
-PAIRS = 200_000
+PAIRS_AT_ONCE = 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -156,7 +156,7 @@ def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
     - `chords`: chords of the contours from `find_chords`, closed, (m, 8).
     - `points`: the points [m], (n, 2).
     """
-    if len(points) * len(chords) > PAIRS and len(points) > 1:
+    if len(points) * len(chords) > PAIRS_AT_ONCE and len(points) > 1:
         return np.concatenate([_windings(chords, x) for x in np.array_split(points, 2)])
     x, y = points[:, :1], points[:, 1:]
     ax, ay, bx, by, cx, cy, radius, turn = chords.T

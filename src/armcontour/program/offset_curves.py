@@ -24,7 +24,7 @@ from armcontour.geometry.segments import Segments
 # Points closer than this distance [m] count as equal.
 SAME_POINT = 1e-9
 # About this number of piece pairs are intersected together, to limit the memory.
-PAIRS = 200_000
+PAIRS_AT_ONCE = 200_000
 
 # Columns of a piece table: start x, y, unit tangent x, y, curvature (positive to the left) and
 # length.
@@ -91,7 +91,7 @@ def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     order = np.argsort(start)
     last = np.searchsorted(start[order], end[order] + SAME_POINT, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
-    parts = np.cumsum(count) // PAIRS
+    parts = np.cumsum(count) // PAIRS_AT_ONCE
     meetings = [np.empty((0, 2), np.intp)]
     distances = [np.empty((0, 2))]
     for part in np.unique(parts):

@@ -14,7 +14,7 @@ from armcontour.program.process import MAX_TABS, Process, Tabs
 # Smallest distance from a tab to a corner, the start point or another tab [widths of a tab].
 TAB_CLEARANCE = 1.0
 # Smallest turn of a corner [rad]. Smaller turns occur in curves that are drawn as polylines.
-CORNER = np.radians(20)
+CORNER_TURN = np.radians(20)
 
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
@@ -57,7 +57,7 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     width = tabs.width
     count = tabs.count or _count_tabs(contour, tabs.spacing or lap, lap)
     even_positions = (np.arange(count) + 0.5) * lap / count
-    inner = contour.path.breaks[1:-1][contour.path.turns > CORNER]
+    inner = contour.path.breaks[1:-1][contour.path.turns > CORNER_TURN]
     corners = np.concatenate([[0.0], inner[inner < lap], [lap]])
     margin = (0.5 + TAB_CLEARANCE) * width
     low = corners[:-1] + margin

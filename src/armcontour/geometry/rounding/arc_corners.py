@@ -26,12 +26,12 @@ from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, combin
 SEARCH_ERROR = 1e-9
 SEARCH_STEPS = 120
 # Smallest tangent length [m]. Shorter blends approach the distance of repeated points.
-SHORTEST = 2 * REPEATED_POINT
+SHORTEST_TANGENT = 2 * REPEATED_POINT
 # Largest turn of an arc in a blend, and of an arc that a blend replaces [rad]. With this limit no
 # arc turns back, so the distance between blend and path is largest at the corner.
-WIDEST = np.pi / 2
+LARGEST_ARC_TURN = np.pi / 2
 # Rounding error of a turn [rad].
-ROUNDING = 1e-9
+TURN_ROUNDING = 1e-9
 # A blend counts as not shrunk if it reaches a bound within this relative tolerance, which includes
 # the error of the search.
 BOUND_REACHED = 1e-6
@@ -71,13 +71,13 @@ class _Blend(CornerKind):
         """
         before, after = bounds.before, bounds.after
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            widest_arc = WIDEST / np.maximum(before.curvatures, after.curvatures)
+            widest_arc = LARGEST_ARC_TURN / np.maximum(before.curvatures, after.curvatures)
             high = np.minimum(widest_arc, np.minimum(before.lengths, after.lengths))
             high = np.minimum(high, bounds.tangent)
             excess_at_high = self._excess(bounds, high)[0]
             if (excess_at_high <= 0).all():
                 return high
-            low = np.minimum(SHORTEST, high)
+            low = np.minimum(SHORTEST_TANGENT, high)
             excess_at_low, excess_without_radius = self._excess(bounds, low)
             # The bound of the radius does not apply to the shortest blend, because at a tiny turn
             # this blend is permitted at any speed.
@@ -146,7 +146,8 @@ class _Pair(_Blend):
         """
         pairs = _make_pairs(bounds.before, bounds.after, t)
         turns = [
-            x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (pairs.first, pairs.second)
+            x.curvatures * x.lengths / (LARGEST_ARC_TURN + TURN_ROUNDING)
+            for x in (pairs.first, pairs.second)
         ]
         turn = t / 2 - middle_fraction(False) * (pairs.first.lengths + pairs.second.lengths)
         ratios = [*turns, pairs.error / bounds.error, turn / bounds.turn]

@@ -22,10 +22,10 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segm
 
 # A vertex with a larger turn [rad] is a corner, whose turn may increase. Rounding errors of short
 # moves can explain smaller turns.
-SHARP = 0.5
+SMALLEST_CORNER_TURN = 0.5
 # Share of the largest turn inside a run by which the turns at its ends may increase. On a circle,
 # runs of three lines would increase them by this turn; near an inflection, by a third of it.
-NOISE = 0.25
+TURN_INCREASE = 0.25
 # Number of times that runs are split at their farthest vertices. Then they are split at every
 # vertex. A million lines need 20 times if runs are split in halves.
 MAX_SPLITS = 40
@@ -138,7 +138,11 @@ def _find_corners(segments: Segments, turns: FloatArray, allowed: FloatArray) ->
 def _carries_frame(path: Path, turns: FloatArray) -> bool:
     """Return whether the orientation follows the tangent and never turns about it."""
     orientation = path.orientation
-    if orientation is None or not orientation.follows or not turns.max() < np.pi - SHARP:
+    if (
+        orientation is None
+        or not orientation.follows
+        or not turns.max() < np.pi - SMALLEST_CORNER_TURN
+    ):
         return False
     # Joined paths can have an orientation that turns about the tangent where they meet.
     frames = carry_frame(path.segments, orientation.starts[0]).starts
@@ -205,8 +209,12 @@ def _find_sharper_turns(
     inner_turns = np.append(np.where(split, 0.0, turns), 0.0)
     largest_inner_turn = np.maximum.reduceat(inner_turns, runs.first)[runs.run]
     of_both_runs = np.maximum(largest_inner_turn[:-1], largest_inner_turn[1:])
-    allowed_turns = np.maximum(turns + NOISE * of_both_runs, of_both_runs) + TANGENT_TOLERANCE
-    return np.asarray((angle_between(before, after) > allowed_turns) & split & (turns < SHARP))
+    allowed_turns = (
+        np.maximum(turns + TURN_INCREASE * of_both_runs, of_both_runs) + TANGENT_TOLERANCE
+    )
+    return np.asarray(
+        (angle_between(before, after) > allowed_turns) & split & (turns < SMALLEST_CORNER_TURN)
+    )
 
 
 def _draw_lines(path: Path, runs: _Runs, *, carried: bool) -> Path:

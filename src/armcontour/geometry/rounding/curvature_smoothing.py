@@ -41,10 +41,10 @@ BEND_FLOOR = 1e-9
 # and by the jump of the curvature.
 DEVIATION = 0.0077
 # Largest turn of either connection half [rad].
-WIDEST = 1.2
+LARGEST_HALF_TURN = 1.2
 # Smallest length of a connection on either side [m]. A shorter connection saves hardly any time
 # compared with a full stop.
-SHORTEST = 1e-6
+SHORTEST_CONNECTION = 1e-6
 # Largest number of iterations that shorten a connection outside the tolerance.
 MAX_ITERATIONS = 20
 # Largest factor by which one iteration multiplies the length of such a connection.
@@ -112,7 +112,7 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
     # Half of each segment next to a corner is reserved, because the corner can be rounded later.
     requested = np.where(sharp, np.inf, 0.0)
     by_tolerance = np.sqrt(limits / (DEVIATION * jump[vertex]))
-    requested[vertex] = np.minimum(by_tolerance, WIDEST / largest_curvature)
+    requested[vertex] = np.minimum(by_tolerance, LARGEST_HALF_TURN / largest_curvature)
     w = fit_lengths(requested, np.arange(len(requested)), path.lengths)[vertex]
     return vertex, limits, w
 
@@ -161,7 +161,7 @@ def _draw_within_tolerance(
     """
     # Connections outside the tolerance are shortened and drawn again; length 0 means that a vertex
     # has no connection.
-    w = np.where(w < SHORTEST, 0.0, w)
+    w = np.where(w < SHORTEST_CONNECTION, 0.0, w)
     drawn_vertex = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
     before = [np.zeros(0, dtype=bool)]
@@ -181,7 +181,7 @@ def _draw_within_tolerance(
         deviations = trial.deviations[~within]
         shorter = np.minimum(LARGEST_FACTOR, SAFETY * np.sqrt(allowed[remaining] / deviations))
         w[remaining] *= np.where(np.isfinite(deviations), shorter, LOOP_FACTOR)
-        w[remaining[w[remaining] < SHORTEST]] = 0.0
+        w[remaining[w[remaining] < SHORTEST_CONNECTION]] = 0.0
         remaining = remaining[w[remaining] > 0]
     w[remaining] = 0.0
     return _Transitions(

@@ -11,7 +11,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.frames import angle_between
 from armcontour.geometry.biarcs import biarc_distance, make_biarcs, unit
 from armcontour.geometry.path import Path
-from armcontour.geometry.rounding.arc_corners import WIDEST
+from armcontour.geometry.rounding.arc_corners import LARGEST_ARC_TURN
 from armcontour.geometry.rounding.collinear_lines import MergedLines, merge_lines
 from armcontour.geometry.rounding.rounded_path import blend_vertices
 from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
@@ -225,7 +225,7 @@ def _fit_closure(first: Segments, last: Segments, allowed: float) -> _Closure | 
     middle = unit(first.tangents + last.end_tangents)
     size = np.minimum(first.lengths, last.lengths) / 2
     size = np.minimum(
-        size, WIDEST / np.maximum(np.maximum(first.curvatures, last.curvatures), 1e-300)
+        size, LARGEST_ARC_TURN / np.maximum(np.maximum(first.curvatures, last.curvatures), 1e-300)
     )
     for _ in range(MAX_HALVINGS):
         begin = last.lengths - size
