@@ -172,7 +172,7 @@ def _angle(axes: Axes, vertex, between, radius: float, away: float, text: str) -
 
 
 def draw_fig05_passes() -> Figure:
-    """Both passes over line 2 from rest to rest, run on beyond the assigned velocity."""
+    """Both passes over line 2 from rest to rest, line_pass on beyond the assigned velocity."""
     path = ac.Path.polyline(OBJECTIVE.vertices[1:3])
     trajectory = ac.plan(path, ARM, LIMITS, ac.Paper(knots=KNOTS))
     joint_path = ac.trace(path, ARM)
@@ -193,12 +193,12 @@ def draw_fig05_passes() -> Figure:
     assigned = 1e3 * LIMITS.speed
 
     figure, (top, bottom) = plt.subplots(2, 1, figsize=(7.2, 5.6), sharex=True)
-    for run, rule, name, clock in (
+    for line_pass, rule, name, clock in (
         (line.forward(0.0), "MAC", "forward pass (MAC)", lambda t: t),
         (back.reverse(0.0), "MDC", "reverse pass (MDC)", lambda t: end - t),
     ):
-        t = clock(np.concatenate([[0.0], np.cumsum(run.h[: run.done])]))
-        speed = 1e3 * run.speed[: run.done + 1]
+        t = clock(np.concatenate([[0.0], np.cumsum(line_pass.durations[: line_pass.valid_count])]))
+        speed = 1e3 * line_pass.speed[: line_pass.valid_count + 1]
         within = speed <= assigned
         top.plot(t[within], speed[within], color=style.RULES[rule], lw=2.5, label=name)
         top.plot(t[~within], speed[~within], color=style.RULES[rule], lw=1.2, ls=":")

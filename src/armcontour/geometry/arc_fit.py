@@ -40,10 +40,10 @@ MAX_PARTS = 8
 # small.
 MAX_INTERVALS = 500_000
 # Default tolerance of the arcs that replace transitions [m].
-DRAWN = 1e-7
+DEFAULT_TOLERANCE = 1e-7
 # An interval outside the tolerance becomes a corner if its extent is at most this fraction of the
 # tolerance.
-CORNER = 1e-3
+CORNER_EXTENT = 1e-3
 # A derivative below this fraction of the largest one counts as zero; the tangent is then computed
 # as a limit.
 ZERO_SPEED = 1e-10
@@ -60,12 +60,13 @@ SAME_LIMIT = 1e-4
 # Largest distance between two neighbouring samples, as a fraction of the interval's length. With a
 # larger distance a deviation between samples could be missed, so the interval is split. A
 # parametrization that starts from rest satisfies this limit.
-LARGEST_STEP = 0.35
+LARGEST_SAMPLE_STEP = 0.35
 # An interval is a line if the distance of the curve from the chord is at most the fraction ON_CHORD
-# of the chord's length, plus the rounding error of points, ROUNDING times the largest coordinate.
-# On short chords this rounding error is limited, so the chord is within the tangent tolerance.
+# of the chord's length, plus the rounding error of points: POINT_ROUNDING times the largest
+# coordinate. On short chords this rounding error is limited, so the chord is within the tangent
+# tolerance.
 ON_CHORD = 1e-12
-ROUNDING = 16 * np.finfo(float).eps
+POINT_ROUNDING = 16 * np.finfo(float).eps
 # Neighbours are merged if their tangents differ by at most SAME_LINE [rad], or their radii and
 # directions to the centre by at most SAME_CIRCLE (relative), and if merging moves the end point by
 # at most SAME_POINT [m].
@@ -108,7 +109,7 @@ def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Seg
     return _fit_curves(_wrap_curve(curve), breaks, row, tolerance, through=True)
 
 
-def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
+def draw_with_arcs(path: Path, tolerance: float = DEFAULT_TOLERANCE) -> tuple[Path, FloatArray]:
     """Return the path with tangent arcs instead of its transitions, within a tolerance [m].
 
     Returns the path, and corresponding arc lengths on both paths at the vertices [m], (n, 2).
@@ -215,7 +216,10 @@ class _Intervals:
 
 
 def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Intervals:
-    """Make the intervals between neighbouring breaks of curves."""
+    """Make the intervals between neighbouring breaks of curves.
+
+    - `breaks`, `row`: parameter and curve of each break, as in `fit_many`, (m,) each.
+    """
     points = np.array(curves(row, breaks, 0), dtype=np.float64)
     if not np.isfinite(points).all():
         raise InvalidInput("A curve must be finite at its breaks.")
@@ -226,7 +230,7 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
     size = np.maximum.reduceat(np.abs(points).max(axis=1), first)[row]
     # An interval starts at every break except the last one of a curve, and ends at the next break.
     starts = np.delete(np.arange(len(row)), last)
-    (t0, slack0), (t1, slack1) = _tangents(curves, breaks, row, starts, size[starts])
+    (t0, uncertainty0), (t1, uncertainty1) = _tangents(curves, breaks, row, starts, size[starts])
     n = len(starts)
     curve = row[starts]
     begin = np.flatnonzero(np.diff(curve, prepend=-1))
@@ -239,7 +243,8 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
     # Where both tangents at a break differ by rounding errors only, their mean replaces them.
     into = t1[before]
     out = t0[after[before]]
-    same = length(out - into) <= np.maximum(slack1[before], slack0[after[before]])
+    uncertainty = np.maximum(uncertainty1[before], uncertainty0[after[before]])
+    same = length(out - into) <= uncertainty
     common = unit(out + into)[same]
     before = before[same]
     t1[before] = common
@@ -259,35 +264,46 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
 def _tangents(
     curves: Curves, breaks: FloatArray, row: IntArray, starts: IntArray, size: FloatArray
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Return one-sided unit tangents and their uncertainties [rad], at both ends."""
+    """Return the unit tangents and their uncertainties [rad] at both ends of intervals.
+
+    The first pair is at the starts, the second one at the ends, (n, dimension) and (n,) each.
+
+    - `breaks`, `row`: parameter and curve of each break, (m,) each.
+    - `starts`: index of the break at which each interval starts, (n,).
+    - `size`: largest coordinate of each interval's curve [m], (n,).
+    """
     row = row[starts]
     begin = breaks[starts]
     end = breaks[starts + 1]
     span = end - begin
     parameters = begin[:, None] + span[:, None] * SAMPLES[1:-1]
-    speed = length(_evaluate(curves, row, parameters, 1)).max(axis=1)
-    still = ZERO_SPEED * speed + ROUNDING * size / span
+    largest_speed = length(_evaluate(curves, row, parameters, 1)).max(axis=1)
+    zero_speed = ZERO_SPEED * largest_speed + POINT_ROUNDING * size / span
     tangents = []
     for t, sign in ((begin, 1.0), (end, -1.0)):
         # The derivative can jump at a break, so it is evaluated at the next floating-point number
         # inside the interval.
         derivative = curves(row, np.nextafter(t, t + sign * span), 1)
-        weak = length(derivative) <= still
+        at_rest = length(derivative) <= zero_speed
         direction = unit(derivative)
-        if weak.any():
-            near = t[weak, None] + sign * span[weak, None] * NEAR_END
-            directions = unit(_evaluate(curves, row[weak], near, 1))
-            direction[weak] = unit(np.einsum("k,nkd->nd", TO_ZERO, directions))
-        slack = TANGENT_ROUNDING * size / (span * length(derivative))
-        slack = np.clip(slack, TANGENT_TOLERANCE, SAME_LIMIT)
-        tangents.append((direction, np.where(weak, SAME_LIMIT, slack)))
+        if at_rest.any():
+            near_end = t[at_rest, None] + sign * span[at_rest, None] * NEAR_END
+            directions = unit(_evaluate(curves, row[at_rest], near_end, 1))
+            direction[at_rest] = unit(np.einsum("k,nkd->nd", TO_ZERO, directions))
+        uncertainty = TANGENT_ROUNDING * size / (span * length(derivative))
+        uncertainty = np.clip(uncertainty, TANGENT_TOLERANCE, SAME_LIMIT)
+        tangents.append((direction, np.where(at_rest, SAME_LIMIT, uncertainty)))
     return tangents
 
 
 def _evaluate(curves: Curves, row: IntArray, parameters: FloatArray, order: int) -> FloatArray:
-    """Return points or derivatives at k parameters of each interval, (n, k, dimension)."""
-    every = np.repeat(row, parameters.shape[1])
-    return np.asarray(curves(every, parameters.ravel(), order)).reshape(*parameters.shape, -1)
+    """Return points or derivatives at k parameters of each interval, (n, k, dimension).
+
+    - `row`: curve of each interval, (n,).
+    - `parameters`: parameters on the curves, (n, k).
+    """
+    rows = np.repeat(row, parameters.shape[1])
+    return np.asarray(curves(rows, parameters.ravel(), order)).reshape(*parameters.shape, -1)
 
 
 def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
@@ -307,9 +323,9 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
         along = np.concatenate([todo.p0[:, None], points, todo.p1[:, None]], axis=1)
         extent = length(along - todo.p0[:, None]).max(axis=1)
         steps = length(np.diff(along, axis=1))
-        distances[steps.max(axis=1) > LARGEST_STEP * steps.sum(axis=1)] = np.inf
+        distances[steps.max(axis=1) > LARGEST_SAMPLE_STEP * steps.sum(axis=1)] = np.inf
         corner = (extent <= REPEATED_POINT) | (
-            (extent <= CORNER * tolerance) & (distances > TOLERANCE_SHARE * tolerance)
+            (extent <= CORNER_EXTENT * tolerance) & (distances > TOLERANCE_SHARE * tolerance)
         )
         line = (_is_straight(todo, points) & np.isfinite(distances) & lines) | corner
         ready = line | (distances <= TOLERANCE_SHARE * tolerance)
@@ -358,9 +374,9 @@ def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
     x = dot(v, along[:, None])
     across = length(v - x[..., None] * along[:, None]).max(axis=1)
     scale = np.abs(intervals.p0).max(axis=1)
-    allowed = ON_CHORD * size + np.minimum(ROUNDING * scale, TANGENT_TOLERANCE * size / 16)
-    onward = np.diff(np.column_stack([np.zeros(len(x)), x, size]), axis=1) >= 0
-    return np.asarray((across <= allowed) & onward.all(axis=1))
+    allowed = ON_CHORD * size + np.minimum(POINT_ROUNDING * scale, TANGENT_TOLERANCE * size / 16)
+    runs_forwards = np.diff(np.column_stack([np.zeros(len(x)), x, size]), axis=1) >= 0
+    return np.asarray((across <= allowed) & runs_forwards.all(axis=1))
 
 
 def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Intervals:
@@ -411,9 +427,9 @@ def _drop_points(intervals: _Intervals) -> _Intervals:
     mask = np.ones(len(short), dtype=bool)
     for row in np.unique(x.row[short]).tolist():
         a, b = np.searchsorted(x.row, [row, row + 1]).tolist()
-        one = slice(a, b)
-        p0[one], mask[one] = close_gaps(x.p0[one], x.p1[one], ~x.line[one], REPEATED_POINT)
-        remaining = a + np.flatnonzero(mask[one])
+        part = slice(a, b)
+        p0[part], mask[part] = close_gaps(x.p0[part], x.p1[part], ~x.line[part], REPEATED_POINT)
+        remaining = a + np.flatnonzero(mask[part])
         if len(remaining) == 0:
             raise InvalidInput(f"A curve has no length at {tuple(x.p0[a].tolist())} m.")
         if length(x.p1[b - 1] - x.p0[a]) <= REPEATED_POINT:
@@ -442,9 +458,12 @@ def _make_segments(intervals: _Intervals) -> tuple[Segments, IntArray]:
 def _merge_neighbours(
     arcs: Segments, vertices: IntArray, starts: IntArray
 ) -> tuple[Segments, IntArray]:
-    """Merge neighbours on one line or circle; returns the segments and the first row of each.
+    """Merge neighbours on one line or circle.
 
-    `starts` are the first rows of the curves that are merged separately, (n,).
+    Returns the segments, and for each of them the index of its first segment in `arcs`.
+
+    - `vertices`: rows before which segments are never merged, (k,).
+    - `starts`: first rows of the curves that are merged separately, (n,).
     """
     first, run = _find_runs(_split_circles(arcs, _find_mergeable(arcs, vertices)))
     lengths = np.add.reduceat(arcs.lengths, first)
@@ -453,14 +472,14 @@ def _merge_neighbours(
     run_ends = np.concatenate([arcs.starts[first[1:]], arcs[-1:].ends])
     run_ends[np.searchsorted(first, starts[1:]) - 1] = arcs[starts[1:] - 1].ends
     # A run is not merged if the end of its arc would move.
-    moved = length(merged.ends - run_ends) > SAME_POINT
-    rows = np.union1d(first, np.flatnonzero(moved[run]))
+    end_moves = length(merged.ends - run_ends) > SAME_POINT
+    rows = np.union1d(first, np.flatnonzero(end_moves[run]))
     if len(rows) == len(arcs):
         return arcs, rows
     # A curve without merged arcs keeps their values.
     curve = np.searchsorted(starts, rows, side="right") - 1
     has_merged = np.diff(starts, append=len(arcs)) > np.bincount(curve)
-    replaced = ~moved[run[rows]] & has_merged[curve]
+    replaced = ~end_moves[run[rows]] & has_merged[curve]
     new_curvatures = arcs.curvatures[rows]
     new_lengths = arcs.lengths[rows]
     new_curvatures[replaced] = curvatures[run[rows[replaced]]]
@@ -482,17 +501,25 @@ def _find_mergeable(arcs: Segments, vertices: IntArray) -> BoolArray:
 
 
 def _find_runs(mergeable: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return the first row of each run of mergeable rows, (runs,), and each row's run, (n,)."""
+    """Return the first row of each run, (runs,), and the index of each row's run, (n,).
+
+    A run consists of rows that are merged. A row that is merged with no other is a run of one.
+
+    - `mergeable`: true for a row that is merged with the next row, (n - 1,).
+    """
     ends = ~mergeable
     return np.append(0, np.flatnonzero(ends) + 1), np.cumsum(np.append(False, ends))
 
 
 def _split_circles(arcs: Segments, mergeable: BoolArray) -> BoolArray:
-    """Split runs longer than a full circle; returns the mask of mergeable rows, (n - 1,)."""
-    # They are split at three quarters of a circle, because each arc is at most a quarter circle.
+    """Return the mask `mergeable` in which runs longer than a full circle are split, (n - 1,).
+
+    They are split after three quarters of a circle, because each arc is at most a quarter circle.
+    """
     turn = arcs.curvatures * arcs.lengths
     first, run = _find_runs(mergeable)
-    whole = np.add.reduceat(turn, first)[run]
-    before = np.cumsum(turn) - turn
-    part = np.floor((before - before[first][run] + turn - SAME_CIRCLE) / (1.5 * np.pi))
-    return mergeable & ((np.diff(part) <= 0) | (whole[1:] <= 2 * np.pi + SAME_CIRCLE))
+    run_turn = np.add.reduceat(turn, first)[run]
+    turn_before = np.cumsum(turn) - turn
+    turn_in_run = turn_before - turn_before[first][run] + turn
+    part = np.floor((turn_in_run - SAME_CIRCLE) / (1.5 * np.pi))
+    return mergeable & ((np.diff(part) <= 0) | (run_turn[1:] <= 2 * np.pi + SAME_CIRCLE))

@@ -20,7 +20,7 @@ STRAIGHT = 1e-12
 UNEVEN = 1e-6
 # Largest distance between a transition and the arcs that replace it [m]; no arm resolves a
 # nanometre.
-DRAWN = 1e-9
+ARC_DEVIATION = 1e-9
 # Along a curve of length w whose curvature changes evenly by d, the distance of the biarc from the
 # curve is BIARC_ERROR d w². BIARC_SAFETY: safety factor for this distance.
 BIARC_ERROR = 1 / 324
@@ -42,7 +42,9 @@ def make_biarcs(
 
     A biarc is a pair of tangent arcs (Bolton, "Biarc curves", Computer-Aided Design 7, 1975). The
     tangent length d of the second arc solves |p1 - p0 - d (w t0 + t1)| = (1 + w) d, where w is
-    `share`.
+    `share`. With the chord v = p1 - p0, this is a d² + 2 b d = c with a = 2 w (1 - t0.t1), b =
+    v.(w t0 + t1) and c = v.v.
+
     The values are not finite where no biarc exists, such as for equal ends with equal tangents.
 
     `share` is the tangent length of the first arc divided by that of the second, (n,) or a number.
@@ -69,7 +71,10 @@ def join_pairs(first: Segments, second: Segments) -> Segments:
 def _arc(
     start: FloatArray, tangent: FloatArray, end_tangent: FloatArray, tangent_length: FloatArray
 ) -> Segments:
-    """Return arcs from start points and tangents to end tangents, with given tangent lengths."""
+    """Return arcs from start points and tangents to end tangents, with given tangent lengths [m].
+
+    The first three arguments have the shape (n, dimension), the last one (n,).
+    """
     # Arcs are computed from tangents and not from end points. Therefore the tangents are equal
     # where two arcs meet, even if the arcs are very short.
     half = np.arctan2(length(end_tangent - tangent), length(end_tangent + tangent))
@@ -96,11 +101,14 @@ def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> Flo
     after = dot(points - second.starts[:, None], second.tangents[:, None]) > 0
     distances = np.where(after, _from_circle(points, second), _from_circle(points, first))
     worst = np.asarray(distances.max(axis=1))
-    return np.where(np.isfinite(worst) & _finite(first) & _finite(second), worst, np.inf)
+    return np.where(np.isfinite(worst) & _are_finite(first) & _are_finite(second), worst, np.inf)
 
 
 def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
-    """Return the distances of points, (n, k, dimension), from circles or lines [m], (n, k)."""
+    """Return the distances of points from the full circles or lines of arcs [m], (n, k).
+
+    - `points`: k points per arc [m], (n, k, dimension).
+    """
     v = points - arcs.starts[:, None]
     x = dot(v, arcs.tangents[:, None])
     y = dot(v, arcs.normals[:, None])
@@ -113,12 +121,12 @@ def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
     return np.asarray(np.hypot(line, np.sqrt(np.maximum(out_of_plane, 0.0))))
 
 
-def _finite(arcs: Segments) -> BoolArray:
+def _are_finite(arcs: Segments) -> BoolArray:
     """Return the mask of the arcs whose values are all finite, (n,)."""
     vectors = (arcs.starts, arcs.tangents, arcs.normals)
-    rows = [np.isfinite(x).all(axis=1) for x in vectors]
-    rows += [np.isfinite(x) for x in (arcs.curvatures, arcs.lengths)]
-    return np.asarray(np.logical_and.reduce(rows))
+    masks = [np.isfinite(x).all(axis=1) for x in vectors]
+    masks += [np.isfinite(x) for x in (arcs.curvatures, arcs.lengths)]
+    return np.asarray(np.logical_and.reduce(masks))
 
 
 def unit(v: FloatArray) -> FloatArray:
@@ -170,7 +178,7 @@ def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segme
 
 
 def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
-    """Replace transitions by arcs within `DRAWN`; also returns arc lengths on the original path.
+    """Replace transitions by arcs within `ARC_DEVIATION`.
 
     Returns a table of lines and arcs, which is `segments` if there are no transitions, and for each
     line and arc the arc length on the original path at which it starts [m], (n,). An arc is never
@@ -181,10 +189,11 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
         return segments, segments.breaks[:-1]
     quintics = segments.quintics[bent]
     lengths = segments.lengths[bent]
-    need = lengths * np.cbrt(
-        BIARC_SAFETY * BIARC_ERROR * bound_third_derivatives(quintics, lengths) / DRAWN
-    )
-    count = np.maximum(np.ceil(need), 1).astype(np.intp)
+    # If the curvature changes by c per length, the biarc of a part of length h deviates by
+    # BIARC_ERROR c h³.
+    changes = bound_third_derivatives(quintics, lengths)
+    parts = lengths * np.cbrt(BIARC_SAFETY * BIARC_ERROR * changes / ARC_DEVIATION)
+    count = np.maximum(np.ceil(parts), 1).astype(np.intp)
     row, number = number_parts(count)
     step = (lengths / count)[row]
     # Points and unit tangents at the start and at the end of each part.

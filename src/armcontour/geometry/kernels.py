@@ -78,7 +78,7 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
 
 @compiled(inner=True, fastmath=FUSED)
 def distance2(foot: Foot, k: float, away: float) -> float:
-    """Return the squared distance [m²] from a point to the segment point `away` from its foot.
+    """Return the squared distance from p to the point of the segment at `away` from its foot [m²].
 
     For a line this is off² + away², and for a circle, by the law of cosines,
 
@@ -98,10 +98,11 @@ def distance2(foot: Foot, k: float, away: float) -> float:
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, limit: float
 ) -> tuple[float, float]:
-    """Return the squared distance [m²] to a part of `g`, and the nearest distance along `g` [m].
+    """Return the squared distance from p to a part of `g` [m²], and where its nearest point is.
 
-    The nearest point is the foot if it lies in the part. Else it is the nearer end, because the
-    distance along a line or an arc of at most a full turn has no other local minimum.
+    The second result is the distance of this point along `g` [m]. The nearest point is the foot if
+    it lies in the part. Else it is the nearer end, because the distance along a line or an arc of
+    at most a full turn has no other local minimum.
 
     `low`, `high`: ends of the part along the segment [m]. A squared distance that is at least
     `limit` [m²] is only a lower bound.
@@ -232,9 +233,12 @@ class TubePieces(NamedTuple):
 
 @compiled(inner=True)
 def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tuple[float, float]:
-    """Return distance minus tolerance for a part of piece j, and the nearest distance along j.
+    """Return the distance of p from a part of piece j minus the tolerance [m].
 
-    The distance is infinite if the part is empty or the point belongs to a neighbouring piece.
+    The second result is the distance of the nearest point along the piece [m]. The first result
+    is infinite if the part is empty or the point belongs to a neighbouring piece.
+
+    - `low`, `high`: ends of the part along the piece [m].
     """
     if low > high:
         return math.inf, 0.0
@@ -251,8 +255,9 @@ def find_excess(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the smallest distance minus tolerance in each point's range, and its arc length.
 
-    It compares all pieces of the range; a range has few.
+    All pieces of a range are compared, because a range has few.
 
+    - `points`: points in space [m], (n, 3).
     - `ranges`: arc lengths at which each point's range starts and ends [m], (n, 2).
     - `windows`: indices of the first and last piece of each range, (n, 2).
     """

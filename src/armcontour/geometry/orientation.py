@@ -27,7 +27,7 @@ SAME_ORIENTATION = 1e-9
 SAME_RATE = 1e-9
 RATE_FLOOR = 1e-9
 # Relative rounding error of an arc length.
-ROUNDING = 1e-15
+RELATIVE_LENGTH_ROUNDING = 1e-15
 # Coefficients of f(u) = u.
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
 # Fields of `Orientation` with rotations: one matrix or one rotation vector per piece.
@@ -255,7 +255,9 @@ class Orientation(Checked):
         size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
         # At a tight corner the rate changes strongly within the rounding error of an arc length.
         slope = np.linalg.norm(slope_before, axis=1) + np.linalg.norm(slope_after, axis=1)
-        rounding = SAME_RATE * size + RATE_FLOOR + ROUNDING * self.breaks[1:-1] * slope
+        rounding = (
+            SAME_RATE * size + RATE_FLOOR + RELATIVE_LENGTH_ROUNDING * self.breaks[1:-1] * slope
+        )
         return np.asarray(np.where(kink > rounding, kink, 0.0))
 
     @property
@@ -371,7 +373,10 @@ def shift_polynomials(c: FloatArray, by: FloatArray) -> FloatArray:
 
 
 def turns_between(first: FloatArray, second: FloatArray, *, axis_only: bool) -> FloatArray:
-    """Return angles between rotations [rad], (n,); between their third axes if `axis_only`."""
+    """Return angles between rotations [rad], (n,); between their third axes if `axis_only`.
+
+    - `first`, `second`: rotation matrices, (n, 3, 3) each.
+    """
     if axis_only:
         return angle_between(first[:, :, 2], second[:, :, 2])
     return np.asarray(np.linalg.norm(log(first @ np.swapaxes(second, 1, 2)), axis=1))
@@ -380,18 +385,18 @@ def turns_between(first: FloatArray, second: FloatArray, *, axis_only: bool) -> 
 def fit_cubics(
     width: FloatArray, begin: tuple[FloatArray, FloatArray], end: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Return cubics with given values and slopes at the ends of intervals, (n, 4).
+    """Return the coefficients of cubics with given values and slopes at both ends, (n, 4).
 
     - `width`: lengths of the intervals, (n,).
     - `begin`: value and slope at the start of each interval, (n,) each.
     - `end`: value and slope at its end, (n,) each.
     """
-    a, into = begin
-    b, out = end
-    mean = (b - a) / width
-    second = (3 * mean - 2 * into - out) / width
-    third = (into + out - 2 * mean) / width**2
-    return np.stack([a, into, second, third], axis=1)
+    start_value, start_slope = begin
+    end_value, end_slope = end
+    mean_slope = (end_value - start_value) / width
+    c2 = (3 * mean_slope - 2 * start_slope - end_slope) / width
+    c3 = (start_slope + end_slope - 2 * mean_slope) / width**2
+    return np.stack([start_value, start_slope, c2, c3], axis=1)
 
 
 def raise_degree(c: FloatArray, degree: int) -> FloatArray:
@@ -400,9 +405,12 @@ def raise_degree(c: FloatArray, degree: int) -> FloatArray:
 
 
 def evaluate_polynomials(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
-    """Evaluate polynomials, or their derivatives of an order, at u.
+    """Return polynomials, or their derivatives of an order, at u, by Horner's rule.
+
+    The shape is that of `c[..., 0]` and `u` broadcast together.
 
     - `c`: coefficients of 1, u, u², ..., (..., degree + 1).
+    - `u`: values of the variable.
     """
     values = np.zeros(np.broadcast_shapes(c.shape[:-1], np.shape(u)))
     for k in range(c.shape[-1] - 1, order - 1, -1):

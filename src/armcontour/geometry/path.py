@@ -577,11 +577,11 @@ class Path(Checked):
         targets = np.where(orientation.breaks - low < high - orientation.breaks, low, high)
         distances = np.abs(targets - orientation.breaks)
         # If two breaks are near one vertex, only the nearer break is moved.
-        first = np.append(np.inf, distances[:-1])
-        again = np.append(distances[1:], np.inf)
-        first[1:][targets[1:] != targets[:-1]] = np.inf
-        again[:-1][targets[1:] != targets[:-1]] = np.inf
-        nearer = (distances < first) & (distances <= again)
+        previous = np.append(np.inf, distances[:-1])
+        following = np.append(distances[1:], np.inf)
+        previous[1:][targets[1:] != targets[:-1]] = np.inf
+        following[:-1][targets[1:] != targets[:-1]] = np.inf
+        nearer = (distances < previous) & (distances <= following)
         snapped = np.where((distances <= slack) & nearer, targets, orientation.breaks)
         snapped[-1] = self.length
         return replace(orientation, breaks=snapped)
@@ -603,7 +603,7 @@ def _check_waypoints(waypoints: npt.ArrayLike, n: int) -> IntArray:
 
 
 def _find_missing(count: int, remaining: IntArray) -> tuple[int, ...]:
-    """Return indices below `count` that are not in `remaining`."""
+    """Return the indices below `count` that are not in `remaining`."""
     if len(remaining) == count:
         return ()
     return tuple(np.setdiff1d(np.arange(count), remaining).tolist())
@@ -672,14 +672,15 @@ def drop_z(path: Path) -> Path:
             "transition that is not parallel to this plane.",
             index=i,
         )
-    run = np.linalg.norm(path.tangents[:, :2], axis=1)
-    mask = run * path.lengths > REPEATED_POINT
+    # Ratio of each segment's length in the plane to its length in space.
+    ratio = np.linalg.norm(path.tangents[:, :2], axis=1)
+    mask = ratio * path.lengths > REPEATED_POINT
     if not mask.any():
         raise InvalidInput(
             "The path is vertical, so its projection onto the x-y plane has no length."
         )
     rows = path.segments[mask]
-    shortening = run[mask]
+    shortening = ratio[mask]
     return Path(
         segments=rows.replace(
             starts=rows.starts[:, :2],
@@ -693,13 +694,13 @@ def drop_z(path: Path) -> Path:
 
 def has_length_without_z(path: Path) -> bool:
     """Return whether the projection of a path onto the x-y plane has any length."""
-    run = np.linalg.norm(path.tangents[:, :2], axis=1) * path.lengths
-    return bool(((run > REPEATED_POINT) | (path.curvatures > 0)).any())
+    lengths = np.linalg.norm(path.tangents[:, :2], axis=1) * path.lengths
+    return bool(((lengths > REPEATED_POINT) | (path.curvatures > 0)).any())
 
 
 def arc_lengths_without_z(path: Path, s: FloatArray) -> FloatArray:
     """Return arc lengths on the projected path for arc lengths `s` on a path in space [m]."""
-    run = np.linalg.norm(path.tangents[:, :2], axis=1)
-    run = np.where(path.curvatures > 0, 1.0, run) * path.lengths
-    ends = np.cumsum(np.where(run > REPEATED_POINT, run, 0.0))
+    ratio = np.linalg.norm(path.tangents[:, :2], axis=1)
+    lengths = np.where(path.curvatures > 0, 1.0, ratio) * path.lengths
+    ends = np.cumsum(np.where(lengths > REPEATED_POINT, lengths, 0.0))
     return np.asarray(np.interp(s, path.breaks, np.append(0.0, ends)))

@@ -223,19 +223,19 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
         tilt = np.cross(axis, tangents[0])
         t0, t1 = (unit(x) for x in tangents)
         turn = np.arctan2(dot(t1, tilt), dot(t1, t0))[:, None]
-        out = -np.arcsin(dot(t1, axis).clip(-1, 1))[:, None]
+        tilt_angle = -np.arcsin(dot(t1, axis).clip(-1, 1))[:, None]
         change = _shared_changes(segments)
         tilted = np.cos(turn) * tilt - np.sin(turn) * t0
         tilts = (tilt, tilted)
         rate = along_tilt_and_axis(rates, tilts, axis)
         rate_change = along_tilt_and_axis((change[bent], change[bent + 1]), tilts, axis)
-        angles = np.hstack([out, turn])
-        none = np.zeros_like(angles)
-        turned = quintic(
-            ends[1], (none, rate[0], rate_change[0]), (angles, rate[1], rate_change[1])
+        angles = np.hstack([tilt_angle, turn])
+        zeros = np.zeros_like(angles)
+        quintics = quintic(
+            ends[1], (zeros, rate[0], rate_change[0]), (angles, rate[1], rate_change[1])
         )
         f, g = (np.pad(x, ((0, 0), (0, 2))) for x in (f, g))
-        f[bent], g[bent] = np.moveaxis(turned, 2, 0) / ends[1][:, None] ** np.arange(6)
+        f[bent], g[bent] = np.moveaxis(quintics, 2, 0) / ends[1][:, None] ** np.arange(6)
         first[bent] = tilt
         second[bent] = axis
     return {"first": first, "second": second, "f": f, "g": g}
@@ -250,12 +250,12 @@ def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
     # The first and last tangents of an S-shaped transition can be parallel, see `NO_AXIS`.
     for share in (0.0, 0.5, 1.0):
         u = share * lengths
-        other = (
+        curvature_axes = (
             np.cross(segments.evaluate(bent, u, 1), segments.evaluate(bent, u, 2))
             * lengths[:, None]
         )
-        size = [np.linalg.norm(x, axis=1, keepdims=True) for x in (axes, other)]
-        axes = np.where(size[0] < NO_AXIS * size[1], other, axes)
+        size = [np.linalg.norm(x, axis=1, keepdims=True) for x in (axes, curvature_axes)]
+        axes = np.where(size[0] < NO_AXIS * size[1], curvature_axes, axes)
     across = axes - dot(axes, into)[:, None] * into / dot(into, into)[:, None]
     size = np.linalg.norm(across, axis=1, keepdims=True)
     return np.asarray(np.divide(across, size, out=np.zeros_like(axes), where=size > 0))
@@ -281,7 +281,7 @@ def _shared_changes(segments: Segments) -> FloatArray:
 
 
 def _constant(segments: Segments, rotation: FloatArray, axis_only: bool) -> Orientation:
-    """Make an orientation with the same rotation along the whole path."""
+    """Make an orientation with the same rotation matrix along the whole path."""
     n = len(segments)
     starts = np.tile(rotation, (n, 1, 1))
     return Orientation.even(segments.lengths, starts, np.zeros((n, 3)), axis_only=axis_only)
@@ -290,7 +290,12 @@ def _constant(segments: Segments, rotation: FloatArray, axis_only: bool) -> Orie
 def _turn_evenly(
     segments: Segments, waypoints: IntArray, starts: FloatArray, turn: FloatArray, axis_only: bool
 ) -> Orientation:
-    """Make an orientation with a constant angular rate from waypoint to waypoint."""
+    """Make an orientation with a constant angular rate from waypoint to waypoint.
+
+    - `waypoints`: indices of the vertices at the waypoints, (n + 1,).
+    - `starts`: rotation matrices at the waypoints except the last one, (n, 3, 3).
+    - `turn`: rotation vectors from waypoint to waypoint [rad], (n, 3).
+    """
     first = waypoints[:-1]
     breaks = segments.breaks
     section = np.repeat(np.arange(len(turn)), np.diff(waypoints))
@@ -303,7 +308,12 @@ def _turn_evenly(
 def _per_waypoint(
     name: str, values: FloatArray, waypoints: IntArray, merged: tuple[int, ...]
 ) -> tuple[FloatArray, IntArray]:
-    """Return one value per waypoint, and the index of each waypoint among the input points."""
+    """Return one value per waypoint, and the index of each waypoint among the input points.
+
+    - `name`: name of the values, for messages.
+    - `values`: one value per waypoint, or one per input point.
+    - `merged`: indices of the input points that repeat the point before them.
+    """
     count = len(waypoints)
     points = count + len(merged)
     if len(values) not in (points, count):
@@ -325,7 +335,13 @@ def _per_waypoint(
 
 
 def _check_turns(turn: FloatArray, names: IntArray) -> FloatArray:
-    """Replace rotation vectors below rounding errors by zero; raise InvalidInput for half turns."""
+    """Return rotation vectors, with zero for rounding errors [rad], (n, 3).
+
+    Raises InvalidInput for half turns.
+
+    - `turn`: rotation vectors from waypoint to waypoint [rad], (n, 3).
+    - `names`: index of each waypoint among the input points, (n + 1,).
+    """
     angle = np.linalg.norm(turn, axis=1)
     if (angle > HALF_TURN).any():
         i = int(np.argmax(angle > HALF_TURN))

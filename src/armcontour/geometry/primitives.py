@@ -15,6 +15,11 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import NO_KEY, Distance, Speed
 from armcontour.geometry.segments import LimitColumns, Segments
 
+# Smallest sine of the angle between two chords of an arc through three points, and largest sine of
+# the angle by which an arc's normal may deviate from the perpendicular to its radius.
+SMALLEST_SINE = 1e-9
+# Fraction of a full circle by which rounding errors may exceed it.
+FULL_CIRCLE_ROUNDING = 1e-12
 # Start, tangent, normal, curvature and length of a segment.
 Row = tuple[FloatArray, FloatArray, FloatArray, float, float]
 
@@ -181,7 +186,7 @@ def _circle_through(
     # its digits to cancellation if the parallelogram is flat.
     across = np.cross(u, v) if len(a) == 3 else np.array([u[0] * v[1] - u[1] * v[0]])
     area = across @ across
-    if not area > (1e-9**2) * max(uu, vv) ** 2:
+    if not area > (SMALLEST_SINE**2) * max(uu, vv) ** 2:
         raise InvalidInput(
             f"The points {tuple(a.tolist())}, {tuple(b.tolist())} and {tuple(c.tolist())} m "
             "lie on one line, so they do not determine an arc. For a full circle in space, specify "
@@ -253,7 +258,7 @@ def _arc(arc: Arc, index: int) -> Row:
     _check_dimensions(index, start, center)
     angle = check_number(f"angle of segment {index + 1}", arc.angle, "rad")
     radius = float(np.linalg.norm(center - start))
-    if radius == 0 or angle == 0 or abs(angle) > 2 * np.pi * (1 + 1e-12):
+    if radius == 0 or angle == 0 or abs(angle) > 2 * np.pi * (1 + FULL_CIRCLE_ROUNDING):
         raise InvalidInput(
             f"Segment {index + 1} must be an arc with a radius above zero and an angle that is not "
             f"zero and at most ±2 pi rad, but has radius {radius:g} m and angle {angle:g} rad.",
@@ -269,7 +274,9 @@ def _counter_clockwise(
 ) -> FloatArray:
     """Return the unit tangent of counter-clockwise motion around a centre.
 
-    `inward` is the unit vector towards the centre.
+    - `to_center`: unit vector towards the centre.
+    - `normal`: axis of the circle, in space only.
+    - `index`: index of the segment, for messages.
     """
     if len(to_center) == 2:
         if normal is not None:
@@ -283,7 +290,7 @@ def _counter_clockwise(
         )
     axis = check_numbers(f"normal of segment {index + 1}", normal)
     size = float(np.linalg.norm(axis))
-    if axis.shape != (3,) or size == 0 or abs(axis @ to_center) > 1e-9 * size:
+    if axis.shape != (3,) or size == 0 or abs(axis @ to_center) > SMALLEST_SINE * size:
         raise InvalidInput(
             f"The normal of segment {index + 1} must be a vector perpendicular to its radius.",
             index=index,

@@ -31,8 +31,8 @@ LEAF_SIZE = 8
 # order, (2 m - 1, 6) for m leaves.
 Tree = tuple[FloatArray, IntArray, FloatArray]
 _trees: WeakKeyDictionary[Segments, Tree] = WeakKeyDictionary()
-# Largest number of distances in a table. A table of this size takes 10 ms, and the import of
-# SciPy's tree takes 300 ms.
+# Largest number of distances that are computed as a table. Such a table takes 10 ms, and the import
+# of SciPy's tree takes 300 ms.
 MAX_TABLE = 250_000
 
 
@@ -128,7 +128,11 @@ def _build_tree(segments: Segments) -> Tree:
 
 
 def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Divide segments into pieces of up to a quarter circle; returns segment indices and boxes."""
+    """Divide segments into pieces of up to a quarter circle.
+
+    Returns the segment of each piece, (n,), and the lower and upper corners of their boxes [m],
+    (n, 3) each.
+    """
     n = len(segments)
     lengths = segments.lengths
     curvatures = segments.curvatures
@@ -232,13 +236,13 @@ def group_points(points: FloatArray, near: float) -> IntArray:
         return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
     a, b = pairs_within(points, points, near)
     # The label of every point becomes the smallest label of its neighbours, until no label changes.
-    first = np.arange(len(points))
-    before = np.empty(0, dtype=np.intp)
-    while not np.array_equal(first, before):
-        before = first.copy()
-        np.minimum.at(first, a, before[b])
-        first = first[first]
-    return np.unique(first, return_inverse=True)[1]
+    label = np.arange(len(points))
+    previous = np.empty(0, dtype=np.intp)
+    while not np.array_equal(label, previous):
+        previous = label.copy()
+        np.minimum.at(label, a, previous[b])
+        label = label[label]
+    return np.unique(label, return_inverse=True)[1]
 
 
 def _squares(queries: FloatArray, points: FloatArray) -> FloatArray:

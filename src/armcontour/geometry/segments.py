@@ -125,8 +125,8 @@ class Segments:
         """Return the table with quintic coefficients, which are NaN if the table had none."""
         if self.quintics.shape[1]:
             return self
-        room = np.full((len(self), 6, self.dimension), np.nan)
-        return self.replace(quintics=room, checked=self.checked)
+        quintics = np.full((len(self), 6, self.dimension), np.nan)
+        return self.replace(quintics=quintics, checked=self.checked)
 
     def replace(self, *, checked: bool = False, **columns: npt.NDArray[Any]) -> Segments:
         """Replace some columns; the new arrays become read-only, without a copy."""
@@ -145,10 +145,9 @@ class Segments:
     def __getitem__(self, rows: Any) -> Segments:
         """Select rows; a contiguous slice of a checked table counts as checked."""
         columns = {name: getattr(self, name)[rows] for name in COLUMNS}
-        together = (
-            isinstance(rows, slice) and rows.step in (None, 1) and len(columns["lengths"]) > 0
-        )
-        return self.replace(checked=self.checked and together, **columns)
+        is_contiguous = isinstance(rows, slice) and rows.step in (None, 1)
+        is_path = is_contiguous and len(columns["lengths"]) > 0
+        return self.replace(checked=self.checked and is_path, **columns)
 
     def split(self, bounds: IntArray) -> list[Segments]:
         """Split the table into tables of consecutive rows; each must be a continuous path.
@@ -215,11 +214,11 @@ class Segments:
             across = self.normals[bent, axis]
             for turn in (0.0, np.pi):
                 angle = (np.arctan2(-along, across) + turn) % (2 * np.pi)
-                on = angle < sweeps
-                i = bent[on]
-                points.append(self.evaluate(i, angle[on] / self.curvatures[i]))
-        everything = np.concatenate(points)
-        return np.stack([everything.min(axis=0), everything.max(axis=0)])
+                on_arc = angle < sweeps
+                i = bent[on_arc]
+                points.append(self.evaluate(i, angle[on_arc] / self.curvatures[i]))
+        all_points = np.concatenate(points)
+        return np.stack([all_points.min(axis=0), all_points.max(axis=0)])
 
     def _extreme_points(self) -> list[FloatArray]:
         """Return transition points at which a coordinate is extreme [m], one array per axis."""
@@ -249,8 +248,8 @@ class Segments:
         if bent.any():
             rows = np.broadcast_to(np.arange(len(self))[i], bent.shape)[bent]
             distances = np.broadcast_to(u, bent.shape)[bent]
-            on = evaluate(self.quintics[rows], self.lengths[rows], distances, order)
-            values[bent] = on + self.starts[rows] if order == 0 else on
+            on_quintics = evaluate(self.quintics[rows], self.lengths[rows], distances, order)
+            values[bent] = on_quintics + self.starts[rows] if order == 0 else on_quintics
         return values
 
     def _on_arcs(self, i: IntArray | slice, u: FloatArray, order: int) -> FloatArray:
@@ -359,10 +358,10 @@ class Segments:
     def lift(self) -> Segments:
         """Return segments in the plane as segments in space, at z = 0."""
         zero = np.zeros((len(self), 1))
-        deeper = {x: np.concatenate([getattr(self, x), zero], axis=1) for x in VECTORS}
+        columns = {x: np.concatenate([getattr(self, x), zero], axis=1) for x in VECTORS}
         if self.quintics.size:
-            deeper["quintics"] = np.pad(self.quintics, ((0, 0), (0, 0), (0, 1)))
-        return self.replace(checked=self.checked, **deeper)
+            columns["quintics"] = np.pad(self.quintics, ((0, 0), (0, 0), (0, 1)))
+        return self.replace(checked=self.checked, **columns)
 
     def check(self) -> Segments:
         """Check that the segments form a continuous path, and mark the table as checked."""
@@ -469,9 +468,9 @@ def close_gaps(
     if mask.all():
         return starts, mask
     starts = starts.copy()
-    tip = starts[0].copy()
+    last_end = starts[0].copy()
     for i in range(len(mask)):
-        starts[i] = tip
-        mask[i] = stay[i] or np.linalg.norm(ends[i] - tip) > nearest
-        tip = ends[i] if mask[i] else tip
+        starts[i] = last_end
+        mask[i] = stay[i] or np.linalg.norm(ends[i] - last_end) > nearest
+        last_end = ends[i] if mask[i] else last_end
     return starts, mask

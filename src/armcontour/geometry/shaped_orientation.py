@@ -29,7 +29,11 @@ from armcontour.geometry.orientation import (
     turns_between,
 )
 from armcontour.geometry.path import Path
-from armcontour.geometry.rounding.rounded_orientation import SLIVER, find_kinks, largest_cuts
+from armcontour.geometry.rounding.rounded_orientation import (
+    SLIVER,
+    find_kinks,
+    largest_half_lengths,
+)
 from armcontour.geometry.rounding.rounded_path import check_angular_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import check_correspondence
@@ -38,11 +42,11 @@ if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
 # Fraction of the angular tolerance that the smooth arc lengths may use.
-PLACES = 0.5
-# Fraction of the angular tolerance that the blends may use. It may exceed 1 - PLACES, because the
-# errors do not add up: the smooth arc lengths are exact at the vertices, where blends have their
-# largest error.
-BLENDS = 0.95
+PLACES_SHARE = 0.5
+# Fraction of the angular tolerance that the blends may use. It may exceed 1 - PLACES_SHARE, because
+# the errors do not add up: the smooth arc lengths are exact at the vertices, where blends have
+# their largest error.
+BLENDS_SHARE = 0.95
 # Smallest permitted angular error of the smooth arc lengths [rad].
 LEAST_ANGLE = 1e-5
 # Largest permitted angular error of the smooth arc lengths [rad].
@@ -52,9 +56,9 @@ SMALL_ANGLE = 1e-3
 # Factor by which a blend outside the tolerance is shortened in each trial.
 SHORTENING = 0.8
 # Largest number of trials in which blends outside the tolerance are shortened.
-TRIES = 8
+MAX_TRIALS = 8
 # The interval between two knots of the smooth arc lengths is halved at most this number of times.
-HALVINGS = 12
+MAX_HALVINGS = 12
 # Parts of each interval between two known arc lengths at whose ends angles are compared.
 REFINEMENT = 4
 
@@ -146,16 +150,20 @@ def _orient_smoothly(
 ) -> tuple[Orientation, float]:
     """Make the objective's orientation at smooth arc lengths, with blends.
 
+    - `pairs`: corresponding arc lengths on the objective and on the path [m], (n, 2).
+    - `allowed`: largest angular error [rad].
+
     Returns the orientation and its largest error [rad].
     """
     source = objective.orientation
     assert source is not None
     runs = _Runs.from_path(path, objective, pairs)
-    near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MAX_ANGLE))
-    near = near if np.isfinite(allowed) else SMALL_ANGLE
-    mapping = _smooth_arc_lengths(runs, pairs, near)
-    cut = _blend_lengths(path, objective, runs, pairs, BLENDS * allowed)
-    for _ in range(TRIES):
+    largest_error = SMALL_ANGLE
+    if np.isfinite(allowed):
+        largest_error = float(np.clip(PLACES_SHARE * allowed, LEAST_ANGLE, MAX_ANGLE))
+    mapping = _smooth_arc_lengths(runs, pairs, largest_error)
+    cut = _blend_lengths(path, objective, runs, pairs, BLENDS_SHARE * allowed)
+    for _ in range(MAX_TRIALS):
         orientation = _insert_blends(runs, mapping, cut, axis_only=source.axis_only)
         s = subdivide(
             np.unique(np.concatenate([orientation.breaks, pairs[:, 1], runs.s])), REFINEMENT
@@ -164,30 +172,30 @@ def _orient_smoothly(
         angles = turns_between(orientation(s), targets, axis_only=source.axis_only)
         # Where the ratio of the arc lengths changes, a blend can exceed the tolerance; then it is
         # shortened.
-        bad = s[angles > allowed]
-        vertex, away = _nearest(bad, runs.s[1:-1])
-        long = np.unique(vertex[away < cut[vertex]])
-        if not len(long):
+        vertex, distance = _nearest(s[angles > allowed], runs.s[1:-1])
+        too_long = np.unique(vertex[distance < cut[vertex]])
+        if not len(too_long):
             break
-        cut[long] *= SHORTENING
+        cut[too_long] *= SHORTENING
     return orientation, float(angles.max())
 
 
-def _smooth_arc_lengths(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
-    """Smooth function from arc length on the path to arc length on the objective.
+def _smooth_arc_lengths(runs: _Runs, pairs: FloatArray, largest_error: float) -> PchipInterpolator:
+    """Return a smooth function from arc length on the path to arc length on the objective.
 
-    `near` is the largest angular error [rad] compared with the corresponding points.
+    - `pairs`: corresponding arc lengths on the objective and on the path [m], (n, 2).
+    - `largest_error`: largest angular error compared with the corresponding points [rad].
     """
     from scipy.interpolate import PchipInterpolator
 
     knots = runs.s
     values = runs.objective_s
-    for _ in range(HALVINGS):
+    for _ in range(MAX_HALVINGS):
         smooth = PchipInterpolator(knots, values)
         s = subdivide(np.union1d(knots, pairs[:, 1]), REFINEMENT)
         run = np.clip(np.searchsorted(runs.s, s, side="right") - 1, 0, len(runs.speeds) - 1)
         deviations = np.abs(smooth(s) - np.interp(s, pairs[:, 1], pairs[:, 0])) * runs.speeds[run]
-        coarse = np.unique(np.searchsorted(knots, s[deviations > near], side="right") - 1)
+        coarse = np.unique(np.searchsorted(knots, s[deviations > largest_error], side="right") - 1)
         if not len(coarse):
             break
         middle = (knots[coarse] + knots[coarse + 1]) / 2
@@ -206,7 +214,7 @@ def _blend_lengths(
     orientation = objective.orientation
     assert orientation is not None
     vertex = runs.segment[1:] - 1
-    requested = largest_cuts(orientation, allowed)[vertex]
+    requested = largest_half_lengths(orientation, allowed)[vertex]
     if not np.isfinite(allowed):
         gap = np.linalg.norm(path(runs.s[1:-1]) - objective.starts[vertex + 1], axis=1)
         half = objective.turns[vertex] / 2
@@ -221,15 +229,19 @@ def _blend_lengths(
     cut = np.minimum(cut, np.minimum(np.diff(runs.s)[:-1], np.diff(runs.s)[1:]) / 2)
     cut[orientation.jumps[vertex] > SAME_ORIENTATION] = 0.0
     # At a corner of the path the tool stops, so no blend is needed.
-    sharp, away = _nearest(path.breaks[1:-1][path.turns > TANGENT_TOLERANCE], s)
-    cut[sharp[away <= REPEATED_POINT]] = 0.0
+    nearest, distance = _nearest(path.breaks[1:-1][path.turns > TANGENT_TOLERANCE], s)
+    cut[nearest[distance <= REPEATED_POINT]] = 0.0
     return cut
 
 
 def _insert_blends(
     runs: _Runs, mapping: PchipInterpolator, cut: FloatArray, *, axis_only: bool
 ) -> Orientation:
-    """Make an orientation at the arc lengths `mapping`, with blends of half length `cut`."""
+    """Make the orientation along a shaped path, with blends between runs.
+
+    - `mapping`: function from arc length on the path to arc length on the objective [m].
+    - `cut`: half length of the blend at each vertex between runs [m], (k - 1,).
+    """
     blended = np.flatnonzero(cut > 0)
     low = runs.s[1:-1][blended] - cut[blended]
     high = runs.s[1:-1][blended] + cut[blended]
@@ -245,8 +257,8 @@ def _insert_blends(
     end = breaks[1:]
     middle = (begin + end) / 2
     run = np.clip(np.searchsorted(runs.s, middle, side="right") - 1, 0, len(runs.rates) - 1)
-    j = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
-    f = shift_polynomials(mapping.c[::-1, j].T, begin - knots[j])
+    knot = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
+    f = shift_polynomials(mapping.c[::-1, knot].T, begin - knots[knot])
     g = np.zeros((len(begin), 4))
     f[:, 0] -= runs.objective_s[run]
     first = runs.rates[run]
@@ -254,12 +266,12 @@ def _insert_blends(
     starts = runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
     vertex_s = runs.objective_s[1:-1][blended]
-    none = np.zeros(len(i))
+    zeros = np.zeros(len(i))
     width = end[i] - begin[i]
-    # Along a blend, the rate before the vertex decreases to zero, and the rate after the vertex
-    # rises from zero.
-    f[i] = fit_cubics(width, (mapping(begin[i]) - vertex_s, mapping(begin[i], 1)), (none, none))
-    g[i] = fit_cubics(width, (none, none), (mapping(end[i]) - vertex_s, mapping(end[i], 1)))
+    # Along the blends, which have the rows `i`, the rate before the vertex decreases to zero, and
+    # the rate after the vertex rises from zero.
+    f[i] = fit_cubics(width, (mapping(begin[i]) - vertex_s, mapping(begin[i], 1)), (zeros, zeros))
+    g[i] = fit_cubics(width, (zeros, zeros), (mapping(end[i]) - vertex_s, mapping(end[i], 1)))
     first[i] = runs.rates[blended]
     second[i] = runs.rates[blended + 1]
     starts[i] = runs.starts[blended + 1]

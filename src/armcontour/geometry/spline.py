@@ -104,7 +104,12 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
 
 
 def _test_transitions(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray]:
-    """Return the arc lengths of cubics [m], and the mask of those that one transition fits."""
+    """Return the arc lengths of cubics [m], and the mask of those that one transition fits.
+
+    - `cubics`: coefficients from 1 to x³ [m], (n, 4, dimension).
+    - `tolerance`: largest distance between transition and cubic [m].
+    """
+    # Arc lengths at the samples.
     x = (SAMPLES[:-1, None] + np.diff(SAMPLES)[:, None] * (NODES + 1) / 2).ravel()
     speed = length(_evaluate(cubics, x, 1)).reshape(len(cubics), -1, len(NODES))
     steps = speed @ WEIGHTS / 2 * np.diff(SAMPLES)
@@ -113,13 +118,13 @@ def _test_transitions(cubics: FloatArray, tolerance: float) -> tuple[FloatArray,
     start, end = _contact(cubics, 0.0), _contact(cubics, 1.0)
     rise = cubics[:, 1:].sum(axis=1)
     quintics = join_by_quintics((0 * rise, *start), (rise, *end), lengths).quintics
-    y = (s / lengths[:, None])[..., None] ** np.arange(6)
-    deviations = length(y @ quintics - (_evaluate(cubics, SAMPLES, 0) - cubics[:, :1]))
-    rate = (y[..., :-1] @ (quintics[:, 1:] * np.arange(1, 6)[:, None])) / lengths[:, None, None]
-    uneven = np.abs(length(rate) - 1)
-    return lengths, np.maximum(deviations / tolerance, uneven / UNEVEN).max(
-        axis=1
-    ) <= TOLERANCE_SHARE
+    powers = (s / lengths[:, None])[..., None] ** np.arange(6)
+    points = _evaluate(cubics, SAMPLES, 0) - cubics[:, :1]
+    deviations = length(powers @ quintics - points)
+    derivatives = powers[..., :-1] @ (quintics[:, 1:] * np.arange(1, 6)[:, None])
+    unevenness = np.abs(length(derivatives / lengths[:, None, None]) - 1)
+    ratios = np.maximum(deviations / tolerance, unevenness / UNEVEN).max(axis=1)
+    return lengths, ratios <= TOLERANCE_SHARE
 
 
 def _contact(cubics: FloatArray, x: float) -> tuple[FloatArray, FloatArray]:

@@ -23,7 +23,7 @@ from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 # Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
 # Largest angle by which the tool turns between two knots along a spline [rad].
-LARGEST_STEP = 0.2
+LARGEST_TURN_STEP = 0.2
 
 
 def smooth_waypoints(segments: Segments, waypoints: IntArray) -> BoolArray:
@@ -110,12 +110,12 @@ def _splines_between_corners(smooth: BoolArray) -> list[slice]:
 
 
 def _subdivide(s: FloatArray, angles: FloatArray) -> FloatArray:
-    """Return arc lengths [m] between which the tool turns by about `LARGEST_STEP` at most.
+    """Return arc lengths [m] between which the tool turns by about `LARGEST_TURN_STEP` at most.
 
     - `s`: arc lengths of waypoints [m], (n,).
     - `angles`: angles by which the tool turns between them [rad], (n - 1,).
     """
-    parts = np.maximum(np.ceil(angles / LARGEST_STEP), 1).astype(np.intp)
+    parts = np.maximum(np.ceil(angles / LARGEST_TURN_STEP), 1).astype(np.intp)
     inner = [np.linspace(s[i], s[i + 1], n, endpoint=False) for i, n in enumerate(parts)]
     return np.concatenate([*inner, s[-1:]])
 
@@ -134,8 +134,8 @@ def _spline_of_rotations(s: FloatArray, matrices: FloatArray) -> _Motion:
     """Interpolate rotations by a spline, with knots between which the tool turns little.
 
     With a cubic spline p(s) through the unit quaternions at the points `s` and q = p / |p|, the
-    angular rate is the vector part of 2 q' q* = 2 p' p* / |p|², where * conjugates. Its derivative
-    is that of this expression. Between two points only, the rate is constant.
+    angular rate is the vector part of 2 q' q* = 2 p' p* / |p|², where * is the conjugate. Its
+    derivative is that of this expression. Between two points only, the rate is constant.
     """
     from scipy.interpolate import CubicSpline
     from scipy.spatial.transform import Rotation
@@ -153,14 +153,14 @@ def _spline_of_rotations(s: FloatArray, matrices: FloatArray) -> _Motion:
     curve = CubicSpline(s, points)
     value, first, second = (curve(knots, order) for order in range(3))
     norm2 = np.sum(value * value, axis=1, keepdims=True)
-    rate = 2 * _quotient(first, value) / norm2
-    change = (2 * _quotient(second, value) - 2 * dot(first, value)[:, None] * rate) / norm2
+    rate = 2 * _vector_of_product(first, value) / norm2
+    change = (2 * _vector_of_product(second, value) - 2 * dot(first, value)[:, None] * rate) / norm2
     rotation = Rotation.from_quat(value).as_matrix()
     return _Motion(s=knots, poses=rotation, rates=rate, changes=change)
 
 
-def _quotient(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the vector part of the quaternion product a b*, where * conjugates, (n, 3).
+def _vector_of_product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the vector part of the quaternion product a b*, where * is the conjugate, (n, 3).
 
     - `a`, `b`: quaternions x, y, z, w, (n, 4).
     """
@@ -182,8 +182,7 @@ def _three_turns(motion: _Motion) -> dict[str, FloatArray]:
     turn = log(motion.poses[1:] @ np.swapaxes(motion.poses[:-1], 1, 2))
     angle = np.linalg.norm(turn, axis=1)
     # Without a turn, any axes serve.
-    third = np.where(angle[:, None] > NO_TURN, turn, [0.0, 0.0, 1.0])
-    third = unit(third)
+    third = unit(np.where(angle[:, None] > NO_TURN, turn, [0.0, 0.0, 1.0]))
     first = unit(perpendicular(third))
     second = np.cross(third, first)
     axes = np.stack([first, second, third], axis=1)
@@ -195,9 +194,9 @@ def _three_turns(motion: _Motion) -> dict[str, FloatArray]:
         products = np.stack([w[:, 1] * w[:, 2], -w[:, 2] * w[:, 0], w[:, 0] * w[:, 1]], axis=1)
         rates.append(w)
         changes.append(rotate(frame, motion.changes[knots]) + products)
-    none = np.zeros_like(third)
-    angles = np.where([False, False, True], angle[:, None], none)
-    turns = quintic(lengths, (none, rates[0], changes[0]), (angles, rates[1], changes[1]))
+    zeros = np.zeros_like(third)
+    angles = np.where([False, False, True], angle[:, None], zeros)
+    turns = quintic(lengths, (zeros, rates[0], changes[0]), (angles, rates[1], changes[1]))
     f, g, h = np.moveaxis(turns, 2, 0) / lengths[:, None] ** np.arange(6)
     axes_by_name = {"first": first, "second": second, "third": third}
     return {"starts": motion.poses[:-1], **axes_by_name, "f": f, "g": g, "h": h}
@@ -207,8 +206,8 @@ def _spline_of_axes(s: FloatArray, axes: FloatArray) -> _Motion:
     """Interpolate unit vectors by a spline, with knots between which the axis turns little.
 
     The knots are the points `s`, (k,), with the unit vectors `axes`, (k, 3), and points between
-    them, so that the axis turns by LARGEST_STEP at most. Between two points only, the axis turns in
-    their plane at a constant rate.
+    them, so that the axis turns by LARGEST_TURN_STEP at most. Between two points only, the axis
+    turns in their plane at a constant rate.
     """
     from scipy.interpolate import CubicSpline
 
@@ -257,22 +256,27 @@ def _two_turns(motion: _Motion) -> dict[str, FloatArray]:
     across = np.cross(start, np.eye(3)[np.abs(start).argmin(axis=1)])
     axis = unit(np.where(size > NO_TURN, axis, across))
     tilt = np.cross(axis, start)
-    turn = np.arctan2(dot(last, tilt), dot(last, start))[:, None]
-    out = -np.arcsin(dot(last, axis).clip(-1, 1))[:, None]
-    tilts = tilt, np.cos(turn) * tilt - np.sin(turn) * start
+    turn_angle = np.arctan2(dot(last, tilt), dot(last, start))[:, None]
+    tilt_angle = -np.arcsin(dot(last, axis).clip(-1, 1))[:, None]
+    tilts = tilt, np.cos(turn_angle) * tilt - np.sin(turn_angle) * start
     rate = along_tilt_and_axis((motion.rates[:-1], motion.rates[1:]), tilts, axis)
     change = along_tilt_and_axis((motion.changes[:-1], motion.changes[1:]), tilts, axis)
-    angles = np.hstack([out, turn])
-    none = np.zeros_like(angles)
-    turned = quintic(lengths, (none, rate[0], change[0]), (angles, rate[1], change[1]))
-    f, g = np.moveaxis(turned, 2, 0) / lengths[:, None] ** np.arange(6)
+    angles = np.hstack([tilt_angle, turn_angle])
+    zeros = np.zeros_like(angles)
+    quintics = quintic(lengths, (zeros, rate[0], change[0]), (angles, rate[1], change[1]))
+    f, g = np.moveaxis(quintics, 2, 0) / lengths[:, None] ** np.arange(6)
     return {"first": tilt, "second": axis, "f": f, "g": g}
 
 
 def along_tilt_and_axis(
     vectors: Sequence[FloatArray], tilts: Sequence[FloatArray], axis: FloatArray
 ) -> list[FloatArray]:
-    """Return the components of vectors at both ends along the tilt and the axis, (k, 2)."""
+    """Return the components of vectors along the tilt and the axis, (k, 2) for each end.
+
+    - `vectors`: vectors at the starts and at the ends of pieces, (k, 3) each.
+    - `tilts`: unit vectors of the tilt at the starts and at the ends, (k, 3) each.
+    - `axis`: unit vectors of the axes, (k, 3).
+    """
     return [
         np.stack([dot(x, tilt), dot(x, axis)], axis=1)
         for x, tilt in zip(vectors, tilts, strict=True)

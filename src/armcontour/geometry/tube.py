@@ -113,11 +113,12 @@ class Tube(Frozen):
         corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
         inner = objective.breaks[1:-1]
         middles = (inner[1:] + inner[:-1]) / 2
-        inside = middles if np.ndim(tolerance) else inner[:0]
-        inside = inside[(inside > 0) & (inside < objective.length)]
-        neighbours = objective.breaks[objective.locate(inside) + np.array([[0], [1]])]
-        inside = inside[np.abs(neighbours - inside).min(axis=0) > REPEATED_POINT]
-        breaks = np.unique(np.concatenate([objective.breaks, inside]))
+        # The tolerance changes at these arc lengths, which are not vertices.
+        changes = middles if np.ndim(tolerance) else inner[:0]
+        changes = changes[(changes > 0) & (changes < objective.length)]
+        neighbours = objective.breaks[objective.locate(changes) + np.array([[0], [1]])]
+        changes = changes[np.abs(neighbours - changes).min(axis=0) > REPEATED_POINT]
+        breaks = np.unique(np.concatenate([objective.breaks, changes]))
         source = objective.locate((breaks[:-1] + breaks[1:]) / 2)
         begin = np.maximum(breaks[:-1] - objective.breaks[source], 0.0)
         segments = objective.segments.cut(source, begin, breaks[1:] - objective.breaks[source])
@@ -197,9 +198,12 @@ class Tube(Frozen):
         # still belongs to the piece.
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
         segment, parts = self._divide(path, pairs, reaches)
-        centre = parts[:, 1::3]
-        around = parts[:, 2::3]
-        windows = self.windows_between((centre - around).min(axis=1), (centre + around).max(axis=1))
+        # Arc length on the objective and reach at both ends of each part.
+        centres = parts[:, 1::3]
+        part_reaches = parts[:, 2::3]
+        low = (centres - part_reaches).min(axis=1)
+        high = (centres + part_reaches).max(axis=1)
+        windows = self.windows_between(low, high)
         bounds = bound_excess(
             pack_segments(path.segments), segment, parts, windows, TubePieces(*self._pieces), slack
         )
@@ -209,7 +213,10 @@ class Tube(Frozen):
         return Proof(segments=segments, vertices=distance - self.vertex_tolerance, slack=slack)
 
     def windows_between(self, low: FloatArray, high: FloatArray) -> IntArray:
-        """Return the first and the last piece of arc length ranges [m], (n, 2)."""
+        """Return the indices of the first and the last piece of arc length ranges, (n, 2).
+
+        - `low`, `high`: arc lengths on the objective at which the ranges start and end [m], (n,).
+        """
         last = len(self) - 1
         first = np.searchsorted(self.breaks[1:], low, side="left")
         end = np.searchsorted(self.breaks[:-1], high, side="right") - 1
@@ -224,18 +231,19 @@ class Tube(Frozen):
         segment, the arc length on the objective, and the reach [m], (m, 6).
         """
         objective_s = pairs[:, 0]
-        along = pairs[:, 1]
-        crossed = np.interp(self.breaks, objective_s, along)
-        cuts = np.unique(np.clip(np.concatenate([path.breaks, along, crossed]), 0, path.length))
+        path_s = pairs[:, 1]
+        piece_ends = np.interp(self.breaks, objective_s, path_s)
+        cuts = np.concatenate([path.breaks, path_s, piece_ends])
+        cuts = np.unique(np.clip(cuts, 0, path.length))
         low = cuts[:-1]
         high = cuts[1:]
         middle = (low + high) / 2
         segment = path.locate(middle)
-        # Where the arc length on the objective jumps, each part has the value of its own side.
-        k = np.clip(np.searchsorted(along, middle, side="right") - 1, 0, len(along) - 2)
+        # Where the arc length on the objective jumps, the one-sided value is used.
+        k = np.clip(np.searchsorted(path_s, middle, side="right") - 1, 0, len(path_s) - 2)
         ends = []
         for s in (low, high):
-            share = np.clip((s - along[k]) / (along[k + 1] - along[k]), 0.0, 1.0)
+            share = np.clip((s - path_s[k]) / (path_s[k + 1] - path_s[k]), 0.0, 1.0)
             u = np.clip(s - path.breaks[segment], 0.0, path.lengths[segment])
             centre = np.clip(
                 objective_s[k] + share * (objective_s[k + 1] - objective_s[k]), 0.0, self.breaks[-1]
@@ -246,12 +254,16 @@ class Tube(Frozen):
     def nearest_to_corners(
         self, path: Path, places: FloatArray, reach: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return each corner's distance from its part of a path, and the nearest arc length [m]."""
+        """Return each corner's distance from its part of a path, and the nearest arc length [m].
+
+        - `places`: corresponding arc lengths on the objective and on the path [m], (n, 2).
+        - `reach`: half length of the part at each row of `places` [m], (n,).
+        """
         corner_s = self.objective.breaks[self.vertex]
         objective_s = places[:, 0]
-        along = places[:, 1]
-        around = np.interp(corner_s, objective_s, reach)
-        ends = [np.interp(x, objective_s, along) for x in (corner_s - around, corner_s + around)]
+        path_s = places[:, 1]
+        half = np.interp(corner_s, objective_s, reach)
+        ends = [np.interp(x, objective_s, path_s) for x in (corner_s - half, corner_s + half)]
         windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)
         points = self.objective.vertices[self.vertex]
         return _nearest_in_range(
@@ -262,7 +274,13 @@ class Tube(Frozen):
 def _nearest_in_range(
     points: FloatArray, ranges: FloatArray, windows: IntArray, rows: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return distance and arc length of the nearest point in each point's range [m]."""
+    """Return the distance and arc length of the nearest point in each point's range [m], (n,) each.
+
+    - `points`: the points [m], (n, dimension).
+    - `ranges`: arc lengths at which each point's range starts and ends [m], (n, 2).
+    - `windows`: indices of the first and last segment of each range, (n, 2).
+    - `rows`: segments from `pack_segments`.
+    """
     from armcontour.geometry.kernels import TubePieces, find_excess
 
     pieces = TubePieces(rows, np.zeros(len(rows)), np.zeros((len(rows), 2), np.bool_))

@@ -32,10 +32,10 @@ PARALLEL = 1e-6
 TEST_FRACTIONS = np.array([0.25, 0.5, 0.75])
 # A vertex with a larger turn than this [rad] is a corner of the seam. A vertex that is not a corner
 # is a waypoint of a smooth seam.
-CORNER = np.radians(30.0)
+CORNER_TURN = np.radians(30.0)
 # A vertex with a larger turn than this [rad] is a corner of the seam if its turn also exceeds
 # CORNER_RATIO times the turns of its neighbours.
-SMALL_CORNER = np.radians(5.0)
+SMALL_CORNER_TURN = np.radians(5.0)
 # Ratio to the turns of its neighbours above which the turn of a vertex stands out as a corner.
 CORNER_RATIO = 3.0
 # Waypoints closer than this multiple of the pitch are removed, if the smooth seam passes close
@@ -46,7 +46,9 @@ SEAM_DEVIATION = 0.005
 # Largest turn of an arc between two waypoints [rad].
 MAX_TURN = np.radians(10.0)
 # Relative rounding error of lengths.
-ROUNDING = 1e-12
+LENGTH_ROUNDING = 1e-12
+# If at least this fraction of a seam is too short for the weave, nothing is woven.
+NOTHING_WOVEN = 0.999
 # Largest fraction of the pitch for both dwells of a wave.
 MAX_DWELL = 0.8
 
@@ -103,26 +105,31 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
     orientation is woven perpendicular to z.
     """
     if weave.speed is not None:
-        same = path.segments.replace(speeds=np.full(len(path), weave.speed))
-        path = replace(path, segments=same)
-    pitch, edge = _pitch_and_dwell_length(path, weave)
+        segments = path.segments.replace(speeds=np.full(len(path), weave.speed))
+        path = replace(path, segments=segments)
+    pitch, dwell_length = _pitch_and_dwell_length(path, weave)
     if path.length / pitch * SAMPLES > MAX_POINTS:
         raise InvalidInput(
             f"A weave with a pitch of {pitch * 1e3:.4g} mm has {path.length / pitch:.3g} waves on "
             f"a seam of {path.length:.4g} m, but at most {MAX_POINTS // SAMPLES} are supported. "
             "Specify a longer pitch."
         )
-    ends = [0.0, *path.breaks[1:-1][_corners(path)].tolist(), path.length]
+    ends = [0.0, *path.breaks[1:-1][_find_corners(path)].tolist(), path.length]
     parts = []
     seams = []
     crests = []
     left_out = 0.0
-    done = 0.0
+    seam_length = 0.0
     for begin, end in zip(ends[:-1], ends[1:], strict=True):
         part = path if len(ends) == 2 else cut_path(path, begin, end)
         seam, matched_s = _smooth_seam(part, pitch, weave.width)
         wave = _Wave(
-            part=part, seam=seam, places=matched_s, width=weave.width, pitch=pitch, edge=edge
+            part=part,
+            seam=seam,
+            places=matched_s,
+            width=weave.width,
+            pitch=pitch,
+            edge=dwell_length,
         )
         seams.append(seam)
         if part.length < pitch / 2:
@@ -130,10 +137,10 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
             parts.append(part)
         else:
             _check_radius(seam, weave.width)
-            crests.append(done + wave.full_crests())
+            crests.append(seam_length + wave.full_crests())
             parts.append(_weave_part(wave, weave.tolerance))
-        done += seam.length
-    if left_out >= 0.999 * path.length:
+        seam_length += seam.length
+    if left_out >= NOTHING_WOVEN * path.length:
         raise InvalidInput(
             f"The seam of {path.length * 1e3:.4g} mm has no part between corners that is as long "
             f"as half of the weave's pitch of {pitch * 1e3:.4g} mm, so nothing is woven. Specify a "
@@ -154,7 +161,11 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
 
 
 def _pitch_and_dwell_length(path: Path, weave: Weave) -> tuple[float, float]:
-    """Return the seam lengths per wave and per dwell at an edge [m]."""
+    """Return the seam length per wave, and per dwell at an edge [m].
+
+    Raises InvalidInput if the assigned velocity changes along a seam whose weave is defined over
+    time, or if the dwells take too much of the pitch.
+    """
     pitch = weave.pitch
     frequency = weave.frequency
     dwell = weave.dwell
@@ -168,34 +179,37 @@ def _pitch_and_dwell_length(path: Path, weave: Weave) -> tuple[float, float]:
     if frequency is not None:
         pitch = speed / frequency
     assert pitch is not None
-    edge = speed * dwell if dwell else 0.0
-    if 2 * edge > MAX_DWELL * pitch:
+    dwell_length = speed * dwell if dwell else 0.0
+    if 2 * dwell_length > MAX_DWELL * pitch:
         raise InvalidInput(
-            f"Two dwells of {dwell:.4g} s take {2e3 * edge:.4g} mm of the weave's pitch of "
+            f"Two dwells of {dwell:.4g} s take {2e3 * dwell_length:.4g} mm of the weave's pitch of "
             f"{pitch * 1e3:.4g} mm at {speed * 1e3:.4g} mm/s, but at most {MAX_DWELL:.0%} of the "
             f"pitch is allowed. The dwell must be at most {MAX_DWELL * pitch / speed / 2:.4g} s.",
             needed=dwell,
             allowed=MAX_DWELL * pitch / speed / 2,
         )
-    return pitch, edge
+    return pitch, dwell_length
 
 
-def _corners(path: Path) -> npt.NDArray[np.bool_]:
+def _find_corners(path: Path) -> npt.NDArray[np.bool_]:
     """Return the mask of inner vertices that are seam corners, (segments - 1,)."""
     turns = np.concatenate([[0.0], path.turns, [0.0]])
     neighbours = np.maximum(turns[:-2], turns[2:])
-    sharp = (turns[1:-1] > SMALL_CORNER) & (turns[1:-1] > CORNER_RATIO * neighbours)
-    return np.asarray((turns[1:-1] > CORNER) | sharp)
+    sharp = (turns[1:-1] > SMALL_CORNER_TURN) & (turns[1:-1] > CORNER_RATIO * neighbours)
+    return np.asarray((turns[1:-1] > CORNER_TURN) | sharp)
 
 
 def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
-    """Return the smooth seam, and corresponding arc lengths on seam and path [m], (n, 2)."""
+    """Return the smooth seam, and corresponding arc lengths on seam and path [m], (n, 2).
+
+    - `path`: a part of the seam without corners.
+    - `pitch`, `width`: pitch and width of the weave [m].
+    """
     from armcontour.geometry.spline import fit_spline
 
-    bare = replace(path, orientation=None)
-    ends = np.repeat([[0.0], [path.length]], 2, axis=1)
     if not (path.turns > TANGENT_TOLERANCE).any():
-        return bare, ends
+        ends = np.repeat([[0.0], [path.length]], 2, axis=1)
+        return replace(path, orientation=None), ends
     parts = np.maximum(1, np.ceil(path.curvatures * path.lengths / MAX_TURN)).astype(int)
     steps = np.repeat(path.lengths / parts, parts)
     s = np.append(np.concatenate([[0.0], np.cumsum(steps)])[:-1], path.length)
@@ -221,7 +235,13 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
 
 
 def _select_waypoints(s: FloatArray, distance: float) -> npt.NDArray[np.bool_]:
-    """Return the mask of the first arc length in each cell, and of the last one, (n,)."""
+    """Return the mask of the arc lengths at which a smooth seam has waypoints, (n,).
+
+    They are the first arc length in each cell, and the last arc length.
+
+    - `s`: increasing arc lengths [m], (n,).
+    - `distance`: length of a cell [m].
+    """
     chosen = np.append(np.diff(np.floor(s / distance), prepend=-1) > 0, True)[: len(s)]
     chosen[-1] = True
     # The last but one is not chosen if the spline would be short, and therefore curved, after it.
@@ -271,10 +291,10 @@ class _Wave:
     def turning_points(self) -> FloatArray:
         """Return the arc lengths at both ends of each edge that fits on the seam [m], (k, 2)."""
         count = int(np.ceil(self.seam.length / self.pitch))
-        middle = (2 * np.arange(2 * count) + 1) / 4 * self.pitch
-        edges = middle[:, None] + np.array([-0.5, 0.5]) * self.edge
-        room = self.seam.length * (1 + ROUNDING) - (self.pitch / 2 - self.edge) / 2
-        return np.asarray(edges[edges[:, 1] <= room])
+        middles = (2 * np.arange(2 * count) + 1) / 4 * self.pitch
+        edges = middles[:, None] + np.array([-0.5, 0.5]) * self.edge
+        last_end = self.seam.length * (1 + LENGTH_ROUNDING) - (self.pitch / 2 - self.edge) / 2
+        return np.asarray(edges[edges[:, 1] <= last_end])
 
     def full_crests(self) -> FloatArray:
         """Return the arc lengths of the edges' middles with full amplitude [m], (crests,)."""
@@ -284,11 +304,14 @@ class _Wave:
 
     def sine(self, s: FloatArray) -> FloatArray:
         """Return points of the sine, (n, dimension); it rises and decays over half a pitch."""
-        share = self.edge / self.pitch / 2
-        knots = [0.0, 0.25 - share, 0.25 + share, 0.75 - share, 0.75 + share, 1.0]
+        # The phase is constant along an edge, half of which is this fraction of the pitch.
+        half_edge = self.edge / self.pitch / 2
+        knots = [0.0, 0.25 - half_edge, 0.25 + half_edge, 0.75 - half_edge, 0.75 + half_edge, 1.0]
         phase = np.interp(s / self.pitch % 1, knots, [0.0, 0.25, 0.25, 0.75, 0.75, 1.0])
-        grown = np.clip(2 * np.minimum(s, self.seam.length - s) / self.pitch, 0.0, 1.0)
-        offset = self.width / 2 * grown**2 * (3 - 2 * grown) * np.sin(2 * np.pi * phase)
+        # The amplitude rises smoothly from 0 to 1 within half a pitch of both ends.
+        x = np.clip(2 * np.minimum(s, self.seam.length - s) / self.pitch, 0.0, 1.0)
+        amplitude = x**2 * (3 - 2 * x)
+        offset = self.width / 2 * amplitude * np.sin(2 * np.pi * phase)
         return self.offset_points(s, offset)
 
 
@@ -298,8 +321,7 @@ def _weave_part(wave: _Wave, tolerance: float) -> Path:
 
     part = wave.part
     seam = wave.seam
-    turning = wave.turning_points()
-    pieces = np.unique([0.0, *turning.ravel(), seam.length])
+    pieces = np.unique([0.0, *wave.turning_points().ravel(), seam.length])
     segments, vertices = _fit_sine(wave, pieces, tolerance)
     ratio = np.repeat(np.diff(segments.breaks[vertices]) / np.diff(pieces), np.diff(vertices))
     seam_s = np.interp(segments.breaks, segments.breaks[vertices], pieces)
@@ -330,7 +352,11 @@ def _weave_part(wave: _Wave, tolerance: float) -> Path:
 def _fit_sine(
     wave: _Wave, pieces: FloatArray, tolerance: float
 ) -> tuple[Segments, npt.NDArray[np.intp]]:
-    """Fit tangent arcs to a part's sine; also return the vertex index at each of `pieces`."""
+    """Fit tangent arcs to a part's sine; also return the vertex index at each of `pieces`.
+
+    - `pieces`: arc lengths on the seam at which the arcs have a vertex [m], (k,).
+    - `tolerance`: largest distance of the arcs from the sine [m].
+    """
     # Where the curvature of the seam jumps, the sine has a slight kink. A cubic spline through its
     # points removes the kink.
     from scipy.interpolate import CubicSpline
@@ -338,13 +364,13 @@ def _fit_sine(
     from armcontour.geometry.arc_fit import fit_through
 
     length = wave.seam.length
-    ends = wave.seam([0.0, length], 1, side="left")
+    end_tangents = wave.seam([0.0, length], 1, side="left")
     for doubling in range(MAX_DOUBLINGS + 1):
         count = int(np.ceil(SAMPLES * 2**doubling * length / wave.pitch))
         if count > MAX_POINTS:
             break
         s = np.linspace(0.0, length, count + 1)
-        spline = CubicSpline(s, wave.sine(s), bc_type=((1, ends[0]), (1, ends[1])))
+        spline = CubicSpline(s, wave.sine(s), bc_type=((1, end_tangents[0]), (1, end_tangents[1])))
         midpoints = (s[:-1, None] + TEST_FRACTIONS * (length / count)).ravel()
         deviations = np.linalg.norm(spline(midpoints) - wave.sine(midpoints), axis=1)
         if deviations.max() <= tolerance / 2:

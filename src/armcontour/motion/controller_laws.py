@@ -155,7 +155,7 @@ class _Points(NamedTuple):
         return float(self.t[1])
 
 
-def _jtc(points: _Points) -> Interpolation:
+def _interpolate_jtc(points: _Points) -> Interpolation:
     """Interpolate by quintics with accelerations, cubics with velocities, otherwise lines."""
     q = points.q
     dq = points.dq
@@ -174,22 +174,25 @@ def _jtc(points: _Points) -> Interpolation:
     return _polynomials("quintics", points.t, quintic(np.diff(points.t), begin, end))
 
 
-def _jtc_spline(points: _Points) -> Interpolation:
-    """Interpolate positions by a clamped cubic spline; points with velocities as `_jtc`."""
+def _interpolate_jtc_spline(points: _Points) -> Interpolation:
+    """Interpolate positions by a clamped cubic spline.
+
+    Points with velocities are interpolated as by `_interpolate_jtc`.
+    """
     if points.dq is not None:
-        return _jtc(points)
-    v = _spline_velocities(points.t, points.q)
-    return _polynomials("clamped spline", points.t, _cubics(points.t, points.q, v))
+        return _interpolate_jtc(points)
+    dq = _spline_velocities(points.t, points.q)
+    return _polynomials("clamped spline", points.t, _cubics(points.t, points.q, dq))
 
 
-def _jtc_none(points: _Points) -> Interpolation:
+def _interpolate_jtc_none(points: _Points) -> Interpolation:
     """Hold the next point in every interval, after one interval at the first point."""
     t = np.append(0.0, points.t + points.interval)
     held = _polynomials("next point", t, _powers(points.q))
     return held._replace(origin=points.interval)
 
 
-def _linuxcnc(points: _Points) -> Interpolation:
+def _interpolate_linuxcnc(points: _Points) -> Interpolation:
     """Interpolate by the uniform cubic B-spline whose control points are the points.
 
     The controller has a queue of four points, which is filled with the first point at the start,
@@ -206,15 +209,18 @@ def _linuxcnc(points: _Points) -> Interpolation:
             f"{intervals.min():g} s to {intervals.max():g} s. Sample the trajectory at a fixed "
             "cycle."
         )
-    x = np.concatenate([points.q[:1], points.q[:1], points.q, points.q[-1:], points.q[-1:]])
-    way = (x[:-2] + 4 * x[1:-1] + x[2:]) / 6
-    step = (x[2:] - x[:-2]) / (2 * points.interval)
-    t = np.arange(len(way), dtype=np.float64) * points.interval
-    spline = _polynomials("uniform B-spline", t, _cubics(t, way, step))
+    first = points.q[:1]
+    last = points.q[-1:]
+    control_points = np.concatenate([first, first, points.q, last, last])
+    # Positions and velocities of the B-spline at its knots.
+    q = (control_points[:-2] + 4 * control_points[1:-1] + control_points[2:]) / 6
+    dq = (control_points[2:] - control_points[:-2]) / (2 * points.interval)
+    t = np.arange(len(q), dtype=np.float64) * points.interval
+    spline = _polynomials("uniform B-spline", t, _cubics(t, q, dq))
     return spline._replace(origin=points.interval, lag=2 * points.interval)
 
 
-def _hold(points: _Points) -> Interpolation:
+def _interpolate_hold(points: _Points) -> Interpolation:
     """Hold the newest point in every interval."""
     t = np.append(points.t, 2 * points.t[-1] - points.t[-2])
     return _polynomials("held", t, _powers(points.q))
@@ -222,17 +228,21 @@ def _hold(points: _Points) -> Interpolation:
 
 CONTROLLERS: Mapping[str, ControllerLaw] = MappingProxyType(
     {
-        "jtc": ControllerLaw("joint_trajectory_controller of ROS 2", _jtc, ahead=1),
+        "jtc": ControllerLaw("joint_trajectory_controller of ROS 2", _interpolate_jtc, ahead=1),
         "jtc_spline": ControllerLaw(
-            "joint_trajectory_controller of ROS 2 with positions_upsampling", _jtc_spline, ahead=1
+            "joint_trajectory_controller of ROS 2 with positions_upsampling",
+            _interpolate_jtc_spline,
+            ahead=1,
         ),
         "jtc_none": ControllerLaw(
             "joint_trajectory_controller of ROS 2 with interpolation_method: none",
-            _jtc_none,
+            _interpolate_jtc_none,
             ahead=1,
         ),
-        "linuxcnc": ControllerLaw("LinuxCNC's cubic interpolation (cubic.c)", _linuxcnc),
-        "hold": ControllerLaw("a controller that holds the newest point", _hold),
+        "linuxcnc": ControllerLaw(
+            "LinuxCNC's cubic interpolation (cubic.c)", _interpolate_linuxcnc
+        ),
+        "hold": ControllerLaw("a controller that holds the newest point", _interpolate_hold),
     }
 )
 NAMES = tuple(CONTROLLERS)
@@ -267,17 +277,17 @@ def interpolate_points(points: Any, controller: Annotated[str, Choice(NAMES)]) -
         raise InvalidInput("Points of a controller must have times t and joint positions q.")
     if len(t) < 2 or not (np.diff(t) > 0).all():
         raise InvalidInput("A controller needs at least two points at increasing times.")
-    derivatives = {x: _column(points, x, q.shape) for x in ("dq", "ddq")}
-    given = _Points(t=np.round(t - t[0], 9), q=q, **derivatives)
-    chosen = CONTROLLERS[controller]
-    way = chosen.interpolate(given)
+    derivatives = {name: _column(points, name, q.shape) for name in ("dq", "ddq")}
+    checked_points = _Points(t=np.round(t - t[0], 9), q=q, **derivatives)
+    controller_law = CONTROLLERS[controller]
+    interpolation = controller_law.interpolate(checked_points)
     return CommandCurve(
         controller=controller,
-        law=way.law,
-        curve=way.curve,
-        origin=way.origin,
-        lag=way.lag,
-        ahead=chosen.ahead,
+        law=interpolation.law,
+        curve=interpolation.curve,
+        origin=interpolation.origin,
+        lag=interpolation.lag,
+        ahead=controller_law.ahead,
     )
 
 
@@ -290,7 +300,12 @@ def _column(points: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray
 
 
 def _polynomials(law: str, t: FloatArray, coefficients: FloatArray) -> Interpolation:
-    """Interpolate by polynomials between breaks `t`, with coefficients (n, 6, dof)."""
+    """Return the interpolation by polynomials.
+
+    - `law`: name of the interpolation.
+    - `t`: times of the breaks [s], (n + 1,).
+    - `coefficients`: coefficients as in `InterpolatedLaw`, (n, 6, dof).
+    """
     polynomials = InterpolatedLaw(breaks=t, coefficients=coefficients)
     return Interpolation(law, Trajectory(laws=(polynomials,), method=law))
 
@@ -313,13 +328,18 @@ def _cubics(t: FloatArray, q: FloatArray, dq: FloatArray) -> FloatArray:
 
 
 def _spline_velocities(t: FloatArray, q: FloatArray) -> FloatArray:
-    """Return the velocities, (n, dof), at the points of the spline that rests at both ends."""
+    """Return the velocities at the points of the cubic spline that rests at both ends, (n, dof).
+
+    A continuous acceleration gives one linear equation per inner point, with the intervals h:
+    v[i-1] / h[i-1] + 2 (1 / h[i-1] + 1 / h[i]) v[i] + v[i+1] / h[i]
+    = 3 (q[i] - q[i-1]) / h[i-1]² + 3 (q[i+1] - q[i]) / h[i]².
+    """
     v = np.zeros_like(q)
     inverse = 1 / np.diff(t)
     if len(t) > 2:
         slopes = 3 * np.diff(q, axis=0) * inverse[:, None] ** 2
-        right = np.ascontiguousarray(slopes[:-1] + slopes[1:])
+        right_side = np.ascontiguousarray(slopes[:-1] + slopes[1:])
         bands = np.stack([2 * (inverse[:-1] + inverse[1:]), inverse[1:]], axis=1)
-        solve_banded(bands, right)
-        v[1:-1] = right
+        solve_banded(bands, right_side)
+        v[1:-1] = right_side
     return v

@@ -37,28 +37,30 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
     Args:
         motion: A planned or executed motion, or a joint path, for which arc length replaces time.
     """
-    parts: Iterable[FloatArray]
+    # Bounds of the joint velocities in the intervals of each part of the motion [rad/s].
+    velocity_bounds: Iterable[FloatArray]
     if isinstance(motion, Execution):
         t = motion.t
         dof = motion.q.shape[1]
-        rate = np.abs(motion.dq)
-        gained = largest_accelerations(motion) * (np.diff(t)[:, None] / 2)
-        parts = [np.maximum(rate[:-1], rate[1:]) + gained]
+        speeds = np.abs(motion.dq)
+        speed_gain = largest_accelerations(motion) * (np.diff(t)[:, None] / 2)
+        velocity_bounds = [np.maximum(speeds[:-1], speeds[1:]) + speed_gain]
     elif isinstance(motion, JointPath):
         t = motion.breaks
         dof = motion.dof
-        parts = [_bound_along(motion, t, np.ones(len(t) - 1))]
+        velocity_bounds = [_bound_along(motion, t, np.ones(len(t) - 1))]
     else:
-        inner = [a + x.breaks[:-1] for a, x in zip(motion.starts, motion.laws, strict=False)]
-        t = np.append(np.concatenate(inner), motion.starts[-1])
+        laws = zip(motion.starts, motion.laws, strict=False)
+        law_breaks = [start + law.breaks[:-1] for start, law in laws]
+        t = np.append(np.concatenate(law_breaks), motion.starts[-1])
         dof = motion.dof
-        parts = map(bound_joint_velocities, motion.laws)
+        velocity_bounds = map(bound_joint_velocities, motion.laws)
     # A single array saves memory, because a long motion has millions of intervals.
     travel = np.zeros((len(t), dof))
-    done = 1
-    for fastest in parts:
-        travel[done : done + len(fastest)] = fastest
-        done += len(fastest)
+    row = 1
+    for bounds in velocity_bounds:
+        travel[row : row + len(bounds)] = bounds
+        row += len(bounds)
     travel[1:] *= np.diff(t)[:, None] * (1 + BOUND_ROUNDING)
     np.cumsum(travel, axis=0, out=travel)
     return t, travel
@@ -67,8 +69,8 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
 def largest_accelerations(motion: Execution) -> FloatArray:
     """Bound the joint accelerations of an executed motion [rad/s²], (dof,)."""
     demanded = np.abs(motion.demand_range).max(axis=0)
-    had = np.abs(motion.ddq).max(axis=0)
-    return np.asarray(np.maximum(demanded, had))
+    sampled = np.abs(motion.ddq).max(axis=0)
+    return np.asarray(np.maximum(demanded, sampled))
 
 
 @singledispatch
@@ -136,35 +138,38 @@ def largest_shares(
     largest = np.zeros(6)
     for _ in range(MAX_BOUND_HALVINGS):
         middle = (begin + end) / 2
-        shares = _ratios(law, i, (begin, middle, end), limits, speeds)
-        values = shares[:, :6]
-        bound = shares[:, 6:]
-        largest = np.maximum(largest, values.max(axis=0))
-        unknown = ((bound > allowed) & (values <= allowed)).any(axis=1)
-        if not unknown.any():
+        ratios = _ratios_and_bounds(law, i, (begin, middle, end), limits, speeds)
+        at_middle = ratios[:, :6]
+        bounds = ratios[:, 6:]
+        largest = np.maximum(largest, at_middle.max(axis=0))
+        unproven = ((bounds > allowed) & (at_middle <= allowed)).any(axis=1)
+        if not unproven.any():
             break
-        highest = np.maximum(largest, bound[unknown].max(axis=0))
-        i = np.tile(i[unknown], 2)
-        begin = np.concatenate([begin[unknown], middle[unknown]])
-        end = np.concatenate([middle[unknown], end[unknown]])
+        largest_bound = np.maximum(largest, bounds[unproven].max(axis=0))
+        i = np.tile(i[unproven], 2)
+        begin = np.concatenate([begin[unproven], middle[unproven]])
+        end = np.concatenate([middle[unproven], end[unproven]])
     else:
-        return np.asarray(highest)
+        return np.asarray(largest_bound)
     return np.asarray(largest)
 
 
-def _ratios(
+def _ratios_and_bounds(
     law: PathLaw,
     i: IntArray,
     t: tuple[FloatArray, FloatArray, FloatArray],
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Return the ratios at the middle of n interval parts, then their bounds there, (n, 12).
+    """Return the ratios of `largest_shares` on n interval parts, (n, 12).
 
-    Joint velocity, joint acceleration and path speed are bounded by quadratics about the middle,
-    plus the third-order terms.
+    The first six columns are the ratios at the middle of each part, the others are bounds of these
+    ratios on the part. Joint velocity, joint acceleration and path speed are bounded by quadratics
+    about the middle, plus the third-order terms. In this function, `v` contains s and its
+    derivatives over time, and `q` the joint positions and their derivatives over s.
 
-    `t` are the start, middle and end of each part [s].
+    - `i`: interval of each part, (n,).
+    - `t`: start, middle and end of each part [s], (n,) each.
     """
     path = law.joint_path
     begin, middle, end = t
@@ -174,15 +179,7 @@ def _ratios(
     # The intervals of `law` must not contain breaks of the joint path, as in optimal plans.
     first = path.locate(law.s[i], side="right")
     piece = np.clip(path.locate(v[0]), first, path.locate(law.s[i + 1], side="left"))
-    width = np.diff(path.breaks)[piece]
-    x = (v[0] - path.breaks[piece]) / width
-    coefficients = path.coefficients[piece]
-    # Arrays of shape (dof, n) for all joints, because long rows are fast.
-    c = np.ascontiguousarray(np.moveaxis(coefficients, 0, -1))
-    q = []
-    for _ in range(6):
-        q.append(polyval(x, c, tensor=False))
-        c = np.arange(1, len(c))[:, None, None] * c[1:] / width
+    q = _derivatives_along(path, piece, v[0])
     joint_bounds = _bound_derivatives(q, half * path_bounds[1])
     cube = half**3 / 6
     ds = q[1] * v[1]
@@ -207,6 +204,25 @@ def _ratios(
     along = _bound_quadratics(v[1:4], half) + path_bounds[4] * cube
     highest = speeds[piece].T
     return np.concatenate([at_middle, v[1] / highest, bounds, along / highest]).T
+
+
+def _derivatives_along(path: JointPath, piece: IntArray, s: FloatArray) -> Derivatives:
+    """Return the joint positions and their five derivatives by arc length, (dof, n) each.
+
+    - `piece`: interval of the joint path for each arc length, (n,).
+    - `s`: arc lengths [m], (n,).
+    """
+    width = np.diff(path.breaks)[piece]
+    x = (s - path.breaks[piece]) / width
+    # Arrays of shape (dof, n) for all joints, because long rows are fast.
+    coefficients = np.ascontiguousarray(np.moveaxis(path.coefficients[piece], 0, -1))
+    derivatives: Derivatives = []
+    for _ in range(6):
+        values = polyval(x, coefficients, tensor=False)
+        derivatives.append(np.asarray(values, dtype=np.float64))
+        degrees = np.arange(1, len(coefficients))[:, None, None]
+        coefficients = degrees * coefficients[1:] / width
+    return derivatives
 
 
 def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:

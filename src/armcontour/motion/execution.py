@@ -34,6 +34,8 @@ INTERVALS = (1e-6, 1.0)
 PLANNED_STEP = 1e-3
 # Largest number of samples in an execution made from a plan.
 MAX_PLANNED_SAMPLES = 20_000
+# A demand above the achieved value by more than this fraction means that a joint is saturated.
+SATURATION_DIFFERENCE = 1e-9
 # Longest cycle of a controller [s]; industrial controllers have cycles of 1 to 40 ms.
 LONGEST_CLOCK = 0.1
 
@@ -174,7 +176,7 @@ class Execution(Checked):
         if self.torque is not None and self.torque_demand is not None:
             demanded = self.torque_demand
             achieved = self.torque
-        return np.asarray(np.abs(demanded - achieved) > 1e-9 * np.abs(demanded))
+        return np.asarray(np.abs(demanded - achieved) > SATURATION_DIFFERENCE * np.abs(demanded))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -211,11 +213,12 @@ class FineMotion:
         width = widths[i, None]
         x = (t[:, None] - nodes[:-1][i, None]) / width
         rise = (self.q[1:] - self.q[:-1])[i]
-        first = width * self.after[:-1][i]
-        last = width * self.before[1:][i]
-        second = first + last - 2 * rise
-        remainder = x * (rise - first - second + x * second)
-        return np.asarray(self.q[:-1][i] + x * (first + remainder))
+        # Cubic c0 + c1 x + c2 x² + c3 x³ with positions and velocities at both ends.
+        c1 = width * self.after[:-1][i]
+        end_slope = width * self.before[1:][i]
+        c3 = c1 + end_slope - 2 * rise
+        remainder = x * (rise - c1 - c3 + x * c3)
+        return np.asarray(self.q[:-1][i] + x * (c1 + remainder))
 
     @classmethod
     def through(
@@ -231,14 +234,15 @@ class FineMotion:
             indices: Increasing indices of the samples, (m,).
         """
         i = (indices[:, None] + np.arange(2)).ravel()
-        rate = dq[i]
-        acceleration = None if ddq is None else ddq[i]
-        return cls(t=t[i], q=q[i], before=rate, after=rate, ddq=acceleration)
+        velocities = dq[i]
+        accelerations = None if ddq is None else ddq[i]
+        return cls(t=t[i], q=q[i], before=velocities, after=velocities, ddq=accelerations)
 
 
 def check_cycle(cycle: float) -> float:
     """Return the cycle [s] if it is within INTERVALS; otherwise raise InvalidInput."""
     interval = checks.check_number("cycle", cycle, "s")
+    # Such a number may be in milliseconds.
     if INTERVALS[1] < interval <= 1e3 * INTERVALS[1]:
         raise InvalidInput(
             f"cycle is {interval:g} s, but must be at most {INTERVALS[1]:g} s. A number without a "
@@ -355,11 +359,11 @@ class SetPoints(Checked):
             count: Number of times.
             step: Time between two times [s].
         """
-        number = np.arange(count, dtype=np.float64)
-        before = self.start_time / step
-        if abs(before - round(before)) < WHOLE_CYCLES:
-            return np.asarray((number + round(before)) * step)
-        return self.start_time + number * step
+        indices = np.arange(count, dtype=np.float64)
+        first_index = self.start_time / step
+        if abs(first_index - round(first_index)) < WHOLE_CYCLES:
+            return np.asarray((indices + round(first_index)) * step)
+        return self.start_time + indices * step
 
 
 def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> None:
@@ -383,20 +387,20 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
         return
     joint = found.joint + 1
     t = float(set_points.t[found.row])
-    more = found.needed - found.allowed
+    excess = found.needed - found.allowed
     unit = unit_of(set_points.trajectory.arm, "rad/s" if found.order else "rad", found.joint)
     if found.order:
         sentence = (
             f"The set-points of joint {joint} move at {found.needed:.6g} {unit} from t = {t:.6g} s "
             f"on, above its joint_velocity of {found.allowed:.6g} {unit}. Plan with a "
-            f"joint_velocity lower by {more:.2g} {unit}, with smoother accelerations, or with "
+            f"joint_velocity lower by {excess:.2g} {unit}, with smoother accelerations, or with "
             "slower poles."
         )
     else:
         sentence = (
             f"The set-point of joint {joint} at t = {t:.6g} s is {found.needed:.6g} {unit}, beyond "
             f"its {found.name} of {found.allowed:.6g} {unit}. Plan a motion that stays "
-            f"{abs(more):.2g} {unit} away from this limit, or is slower there."
+            f"{abs(excess):.2g} {unit} away from this limit, or is slower there."
         )
     raise CompensationError(
         sentence,

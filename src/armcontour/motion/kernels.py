@@ -1,4 +1,4 @@
-"""Compiled functions: motions of laws, and extremes of polynomials along joint paths."""
+"""Compiled functions that evaluate time laws, and make, evaluate and bound joint paths."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernel_cache import compiled
 
-# Below this product of slope and squared time a series is exact.
+# Below this product of slope and squared duration, the series of a duration is exact.
 SERIES_BELOW = 1e-4
 # Below this angle, hyperbolic and circular functions are computed by their series.
 SERIES_ANGLE = 1e-2
@@ -18,13 +18,16 @@ SERIES_ANGLE = 1e-2
 
 @compiled(inner=True)
 def interval_time(width: float, begin: float, end: float, slope: float) -> float:
-    """Return the duration of one interval [s], see `interval_times`."""
-    simple = 2 * width / (begin + end)
-    z = slope * simple * simple / 4
+    """Return the duration of one interval [s], see `interval_times`.
+
+    With the duration t0 at constant acceleration and z = k² t0² / 4, it is t0 atanh(√z) / √z.
+    """
+    uniform = 2 * width / (begin + end)
+    z = slope * uniform * uniform / 4
     if abs(z) < SERIES_BELOW:
-        return simple * (1 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z / 9))))
-    size = math.sqrt(abs(z))
-    return simple * (math.atanh(size) if z > 0 else math.atan(size)) / size
+        return uniform * (1 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z / 9))))
+    root = math.sqrt(abs(z))
+    return uniform * (math.atanh(root) if z > 0 else math.atan(root)) / root
 
 
 @compiled()
@@ -57,19 +60,19 @@ def write_law(
     dds: FloatArray,  # Output: path accelerations at the starts [m/s²], (n,)
 ) -> int:
     """Write the time law from squared path speeds; return the first interval at rest, or -1."""
-    stuck = -1
+    resting = -1
     begin = math.sqrt(x[0])
     breaks[0] = 0.0
     for i in range(len(slope)):
         width = s[i + 1] - s[i]
         end = math.sqrt(x[i + 1])
-        if begin + end == 0.0 and stuck < 0:
-            stuck = i
+        if begin + end == 0.0 and resting < 0:
+            resting = i
         ds[i] = begin
         dds[i] = (x[i + 1] - x[i]) / (2 * width) - slope[i] * width / 2
         breaks[i + 1] = breaks[i] + interval_time(width, begin, end, slope[i])
         begin = end
-    return stuck
+    return resting
 
 
 @compiled()
@@ -142,13 +145,13 @@ def spline_pieces(
     for i in range(first, last + 1):
         before = knots[i] - knots[i - 1] if i > 0 else 0.0
         after = knots[i + 1] - knots[i] if i < n else 0.0
-        share = before / diagonal[i - 1] if i > first else 0.0
-        diagonal[i] = 2 * (before + after) - share * before
+        factor = before / diagonal[i - 1] if i > first else 0.0
+        diagonal[i] = 2 * (before + after) - factor * before
         for j in range(dof):
             # Beyond a clamped end the spline has zero slope.
             slope = (points[i, j] - points[i - 1, j]) / before if i > 0 else 0.0
-            next_ = (points[i + 1, j] - points[i, j]) / after if i < n else 0.0
-            second[i, j] = 6 * (next_ - slope) - share * second[i - 1, j]
+            next_slope = (points[i + 1, j] - points[i, j]) / after if i < n else 0.0
+            second[i, j] = 6 * (next_slope - slope) - factor * second[i - 1, j]
     for i in range(last, first - 1, -1):
         after = knots[i + 1] - knots[i] if i < last else 0.0
         for j in range(dof):
@@ -201,9 +204,9 @@ def path_motions(
     for k in range(len(t)):
         j = i[k]
         u = t[k] - breaks[j]
-        # `dds = dds_j + slope (s - s_j)` is solved by cosh(w u), sinh(w u) / w and
-        # (cosh(w u) - 1) / w² with `w² = slope`. If the slope is negative, these are circular
-        # functions.
+        # At the time u in the interval, `dds = dds_j + slope (s - s_j)` is solved by
+        # c = cosh(w u), h = sinh(w u) / w and p = (cosh(w u) - 1) / w² with `w² = slope`. If the
+        # slope is negative, these are circular functions. h and p are first divided by u and u².
         z = slope[j] * u * u
         size = math.sqrt(abs(z))
         if size < SERIES_ANGLE:
@@ -234,7 +237,7 @@ def path_motions(
 def value_and_slopes(
     a0: float, a1: float, a2: float, a3: float, a4: float, a5: float, x: float
 ) -> tuple[float, float, float]:
-    """Evaluate the polynomial `a0 + a1 x + ... + a5 x⁵` and its first two derivatives at x."""
+    """Return the polynomial `a0 + a1 x + ... + a5 x⁵` and its first two derivatives at x."""
     # Horner's rule computes all three together.
     slope = a5
     value = a5 * x + a4
@@ -327,8 +330,9 @@ def bound_joint_velocities(
     On each piece dq_ds is a polynomial of degree 4, which lies between its smallest and its largest
     Bernstein coefficient over an interval.
 
-    `breaks` and `coefficients` are those of a `JointPath`; `speeds` bound the path speed in each
-    interval [m/s], (n,).
+    - `breaks`, `coefficients`: as in `JointPath`.
+    - `s`: increasing arc lengths at the interval ends [m], (n + 1,).
+    - `speeds`: bound of the path speed in each interval [m/s], (n,).
     """
     c = coefficients
     last = len(breaks) - 2
@@ -351,29 +355,32 @@ def bound_joint_velocities(
             x = (begin - breaks[k]) / width
             h = (until - begin) / width
             for j in range(dof):
-                a = c[k, 1, j]
-                b = 2 * c[k, 2, j]
-                d = 3 * c[k, 3, j]
-                e = 4 * c[k, 4, j]
-                f = 5 * c[k, 5, j]
+                # Coefficients of dq_ds on the piece, multiplied by its width.
+                a0 = c[k, 1, j]
+                a1 = 2 * c[k, 2, j]
+                a2 = 3 * c[k, 3, j]
+                a3 = 4 * c[k, 4, j]
+                a4 = 5 * c[k, 5, j]
                 # Coefficients about the start of the interval, by repeated division by z - x.
-                e += x * f
-                d += x * e
-                b += x * d
-                a += x * b
-                e += x * f
-                d += x * e
-                b += x * d
-                e += x * f
-                d += x * e
-                e += x * f
+                a3 += x * a4
+                a2 += x * a3
+                a1 += x * a2
+                a0 += x * a1
+                a3 += x * a4
+                a2 += x * a3
+                a1 += x * a2
+                a3 += x * a4
+                a2 += x * a3
+                a3 += x * a4
                 # Coefficients for a parameter from 0 to 1 over the interval.
-                b = h * b
-                d = h * h * d
-                e = h * h * h * e
-                f = h * h * h * h * f
-                largest = max(abs(a), abs(a + b / 4), abs(a + b / 2 + d / 6))
-                largest = max(largest, abs(a + 3 * b / 4 + d / 2 + e / 4), abs(a + b + d + e + f))
+                a1 = h * a1
+                a2 = h * h * a2
+                a3 = h * h * h * a3
+                a4 = h * h * h * h * a4
+                # Bernstein coefficients.
+                largest = max(abs(a0), abs(a0 + a1 / 4), abs(a0 + a1 / 2 + a2 / 6))
+                largest = max(largest, abs(a0 + 3 * a1 / 4 + a2 / 2 + a3 / 4))
+                largest = max(largest, abs(a0 + a1 + a2 + a3 + a4))
                 bounds[i, j] = max(bounds[i, j], largest / width)
             if until >= end:
                 break

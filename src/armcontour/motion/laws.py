@@ -76,8 +76,8 @@ class StretchedLaw(Law):
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Return the joint positions or a derivative of `law`, by the chain rule, (n, dof)."""
-        own = np.clip(t * self.speed_factor, self.law.breaks[i], self.law.breaks[i + 1])
-        return np.asarray(self.speed_factor**order * self.law.on_interval(i, own, order))
+        law_t = np.clip(t * self.speed_factor, self.law.breaks[i], self.law.breaks[i + 1])
+        return np.asarray(self.speed_factor**order * self.law.on_interval(i, law_t, order))
 
 
 class LawAlongPath(Law):
@@ -301,8 +301,8 @@ class PathLaw(LawAlongPath):
     def path_motion(self, i: IntArray, t: FloatArray) -> FloatArray:
         """Return s, ds, dds and ddds at times `t` by interval `i`'s formula, (4, n)."""
         shape = np.shape(t)
-        flat = flatten(i, shape, np.intp), flatten(t, shape)
-        motion = path_motions(*flat, self.breaks, self.s, *self.rates)
+        intervals = flatten(i, shape, np.intp)
+        motion = path_motions(intervals, flatten(t, shape), self.breaks, self.s, *self.rates)
         return np.asarray(motion.reshape(4, *shape))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
@@ -336,9 +336,9 @@ class PathLaw(LawAlongPath):
             times = self.breaks[i] + interval_times(width, ds, end, slope)
             # With uniform jerk, an interval starts or ends at rest, and s changes with the third
             # power of the time since or until this rest.
-            since = dds / jerk
-            rests = self.breaks[i] + np.cbrt(since**3 + 6 * width / jerk) - since
-        return np.asarray(np.where(jerk != 0, rests, times))
+            since_rest = dds / jerk
+            jerk_times = self.breaks[i] + np.cbrt(since_rest**3 + 6 * width / jerk) - since_rest
+        return np.asarray(np.where(jerk != 0, jerk_times, times))
 
 
 def chain_rule_motion(
@@ -360,10 +360,18 @@ def chain_rule_motion(
     dof = joint_path.dof
     count = along[0].size
     motion = JointDerivatives(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
-    only = np.zeros(count, dtype=np.intp)
+    # `joint_motions` evaluates several joint paths. Here, all points belong to path 0.
+    path_indices = np.zeros(count, dtype=np.intp)
     rows = np.array([0, len(joint_path.breaks)])
-    tables = rows, joint_path.breaks, joint_path.coefficients
-    joint_motions(along.reshape(4, count), flatten(end, shape), only, *tables, motion)
+    joint_motions(
+        along.reshape(4, count),
+        flatten(end, shape),
+        path_indices,
+        rows,
+        joint_path.breaks,
+        joint_path.coefficients,
+        motion,
+    )
     # Where possible, the results own their data, so that `frozen_array` does not copy them.
     return tuple(motion[k] if len(shape) == 1 else motion[k].reshape((*shape, dof)) for k in orders)
 

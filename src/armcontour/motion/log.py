@@ -45,6 +45,8 @@ LEAST_JITTER = 0.02
 # The other times describe a motion better if it deviates from a smooth motion by less than this
 # fraction.
 SMOOTHER = 0.8
+# Replaces a divisor of zero.
+SMALLEST_DIVISOR = 1e-300
 # Number of samples over which the drift of a clock is averaged.
 DRIFT_SAMPLES = 101
 
@@ -155,23 +157,32 @@ class Log(Checked):
         return checks.frozen_array(np.ascontiguousarray(values))
 
     def _name_value(self, name: str, i: int, j: int) -> str:
-        """Name of a time or a position for messages."""
+        """Return the name of a time or a position for messages.
+
+        - `name`: "t", or a name in POSITIONS.
+        - `i`, `j`: row and column of the value.
+        """
         if name == "t":
             return f"{self.source}: the time of sample {i + 1}"
-        moment = f"at t = {clock(self.t[i])} s"
-        return f"{self.source}: the {name} position of {self.joint_names[j]} {moment}"
+        position = f"the {name} position of {self.joint_names[j]}"
+        return f"{self.source}: {position} at t = {clock(self.t[i])} s"
 
 
 def with_units_of(log: Log, arm: Arm) -> Log:
-    """Return the log with the units of an arm's joints, if the file's columns have none."""
-    slides = arm.chain.prismatic or log.prismatic
-    for name, linear, expected in zip(log.joint_names, log.prismatic, slides, strict=True):
-        if linear and not expected:
+    """Return the log with the units of an arm's joints.
+
+    Raises:
+        ArmMismatch: A column of the file has a unit of length, but the joint is revolute.
+    """
+    prismatic = arm.chain.prismatic or log.prismatic
+    joints = zip(log.joint_names, log.prismatic, prismatic, strict=True)
+    for name, has_length_unit, is_prismatic in joints:
+        if has_length_unit and not is_prismatic:
             raise ArmMismatch(
                 f"{log.source}: {name} has a unit of length, but this joint of {arm.name} is "
                 "revolute. Correct the unit in the column title."
             )
-    return log if log.prismatic == slides else replace(log, prismatic=slides)
+    return log if log.prismatic == prismatic else replace(log, prismatic=prismatic)
 
 
 def cut_log(
@@ -220,8 +231,8 @@ def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArra
     return np.asarray(used)
 
 
-def renew_positions(log: Log) -> tuple[Log, tuple[str, ...]]:
-    """Replace measured positions that repeat previous ones, and describe them.
+def replace_repeated_positions(log: Log) -> tuple[Log, tuple[str, ...]]:
+    """Replace measured positions that repeat the previous position by interpolated ones.
 
     Args:
         log: A log.
@@ -238,21 +249,28 @@ def renew_positions(log: Log) -> tuple[Log, tuple[str, ...]]:
     from scipy.interpolate import CubicSpline
 
     rows = np.concatenate([log.command, q], axis=1)
-    same = np.append(False, (np.diff(rows, axis=0) == 0).all(axis=1))
-    kept = ~(same & repeated.any(axis=1))
-    filled = q.copy()
+    repeats_row = np.append(False, (np.diff(rows, axis=0) == 0).all(axis=1))
+    remaining = ~(repeats_row & repeated.any(axis=1))
+    interpolated = q.copy()
     for j in joints:
         new = ~repeated[:, j]
-        filled[:, j] = CubicSpline(log.t[new], q[new, j])(log.t)
+        interpolated[:, j] = CubicSpline(log.t[new], q[new, j])(log.t)
     names = ", ".join(log.joint_names[j] for j in joints)
-    return replace(log, t=log.t[kept], command=log.command[kept], measured=filled[kept]), (
+    note = (
         f"{log.source} repeats {repeated[:, joints].mean():.0%} of the measured positions of "
-        f"{names}. Interpolation between the new positions replaces them.",
+        f"{names}. Interpolation between the new positions replaces them."
     )
+    renewed = replace(
+        log,
+        t=log.t[remaining],
+        command=log.command[remaining],
+        measured=interpolated[remaining],
+    )
+    return renewed, (note,)
 
 
 def regularize_times(log: Log) -> tuple[Log, tuple[str, ...]]:
-    """Replace times that jitter although the samples are regular, and describe this.
+    """Replace times that jitter by regular times, if the samples are regular.
 
     Times of a computer that receives or writes samples jitter, which moves samples on a curve by
     speed times jitter. The samples are regular if the positions are smoother at regular times than
@@ -267,14 +285,15 @@ def regularize_times(log: Log) -> tuple[Log, tuple[str, ...]]:
     steps = np.diff(log.t)
     interval = log.interval
     counts = np.maximum(np.rint(steps / interval), 1.0)
-    every = counts <= GAP
-    interval = float(steps[every].sum() / counts[every].sum())
-    jitter = float(np.std((steps - counts * interval)[every]))
+    without_gap = counts <= GAP
+    interval = float(steps[without_gap].sum() / counts[without_gap].sum())
+    jitter = float(np.std((steps - counts * interval)[without_gap]))
     if jitter <= LEAST_JITTER * interval:
         return log, ()
-    # If times jitter by half an interval, samples seem lost that are not.
-    trials = [_smooth_times(log.t, x) for x in (counts, np.ones_like(counts))]
-    regular = min(trials, key=lambda x: float(np.std(log.t - x)))
+    # If times jitter by half an interval, samples seem to be lost that are not. Therefore times
+    # without lost samples are also tried.
+    candidates = [_smooth_times(log.t, x) for x in (counts, np.ones_like(counts))]
+    regular = min(candidates, key=lambda times: float(np.std(log.t - times)))
     measured = _compare_roughness(log.measured, log.t, regular)
     commanded = _compare_roughness(log.command, log.t, regular)
     ratio = commanded if SMOOTHER < measured < 1 / SMOOTHER else measured
@@ -295,14 +314,18 @@ def _smooth_times(t: FloatArray, counts: FloatArray) -> FloatArray:
     """
     from scipy.ndimage import uniform_filter1d
 
-    number = np.concatenate([[0.0], np.cumsum(counts)])
-    regular = np.polyval(np.polyfit(number, t, 1), number)
+    numbers = np.concatenate([[0.0], np.cumsum(counts)])
+    regular = np.polyval(np.polyfit(numbers, t, 1), numbers)
     return np.asarray(regular + uniform_filter1d(t - regular, DRIFT_SAMPLES, mode="nearest"))
 
 
 def _compare_roughness(positions: FloatArray, t: FloatArray, regular: FloatArray) -> float:
-    """Return the positions' roughness at regular times divided by that at times t."""
-    return _roughness(positions, regular) / max(_roughness(positions, t), 1e-300)
+    """Return the positions' roughness at regular times divided by that at their own times.
+
+    - `positions`: joint positions [rad], (n, dof).
+    - `t`, `regular`: the positions' own times and regular times [s], (n,) each.
+    """
+    return _roughness(positions, regular) / max(_roughness(positions, t), SMALLEST_DIVISOR)
 
 
 def _roughness(positions: FloatArray, t: FloatArray) -> float:
@@ -318,9 +341,14 @@ def _roughness(positions: FloatArray, t: FloatArray) -> float:
 
 
 def _find_repeats(q: FloatArray) -> BoolArray:
-    """Return a mask, (n,): positions of a moving joint that repeat the previous position."""
+    """Return the mask of a moving joint's positions that repeat the previous position, (n,).
+
+    - `q`: measured positions of one joint [rad], (n,).
+    """
     repeated = np.full(len(q), False)
     steps = np.abs(np.diff(q))
+    # Sequences of equal positions between two changes: their numbers of samples, and the change
+    # after each of them.
     changes = np.flatnonzero(steps > LOG_ROUNDING * np.ptp(q))
     lengths = np.diff(changes)
     jumps = steps[changes[1:]]
@@ -329,9 +357,10 @@ def _find_repeats(q: FloatArray) -> BoolArray:
     single = lengths == 1
     if held.sum() <= LEAST_REPEATED * moving.sum():
         return repeated
-    jump = float(np.median(jumps[held]))
-    ordinary = float(np.median(jumps[single])) if single.any() else 0.0
-    if jump < RESOLUTIONS * jumps.min() or jump < SLOW_SHARE * ordinary:
+    held_jump = float(np.median(jumps[held]))
+    single_jump = float(np.median(jumps[single])) if single.any() else 0.0
+    if held_jump < RESOLUTIONS * jumps.min() or held_jump < SLOW_SHARE * single_jump:
+        # The joint is slow.
         return repeated
     starts = changes[:-1][held] + 1
     ends = changes[1:][held] + 1
@@ -436,14 +465,15 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
     """
     names = log.joint_names
     source = log.source
-    numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
     order = match_joints(names, joint_names, source)
-    if order is None or (numbered and len(names) != len(joint_names)):
-        if not numbered or len(names) != len(joint_names):
-            raise_other_joints(source, names, joint_names, notes=log.notes)
+    is_numbered = all(re.fullmatch(r"joint \d+", name) for name in names)
+    has_all_numbers = is_numbered and len(names) == len(joint_names)
+    if order is None and has_all_numbers:
         return log
+    if order is None or (is_numbered and not has_all_numbers):
+        raise_other_joints(source, names, joint_names, notes=log.notes)
     notes = []
-    if spare := [x for i, x in enumerate(names) if i not in order]:
+    if spare := [name for i, name in enumerate(names) if i not in order]:
         ignored = list_some(spare, MAX_LISTED_NAMES)
         notes.append(f"Joints of {source} that the arm does not have are ignored: {ignored}.")
     return replace(

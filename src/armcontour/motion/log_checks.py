@@ -22,6 +22,8 @@ from armcontour.robot import Arm
 # nine decimals, so a shorter step means damaged data. Divisions by the square of a very short step
 # can overflow.
 SHORTEST_LOG_STEP = 1e-9
+# The difference of two times that are printed a nanosecond apart may be this fraction of it.
+ROUNDED_STEP = 0.999
 # Smallest distinguishable difference of two times, in units in the last place.
 STEP_ULPS = 4
 # Largest time [s]: 300 years. It admits seconds since 1970, and rejects milliseconds since 1970.
@@ -29,7 +31,8 @@ LATEST = 1e10
 # Largest joint positions [rad], velocities [rad/s] and accelerations [rad/s²]. 10,000 rad are 1,600
 # turns. The other bounds only keep sums and squares finite; the limits are checked elsewhere.
 LARGEST = {"q": 1e4, "dq": 1e9, "ddq": 1e12}
-Place = Callable[[str, int, int], str]
+# Function that names a value for messages, from the name of its array, its row and its column.
+NameOfValue = Callable[[str, int, int], str]
 JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 # A step longer than this multiple of the usual step is a gap, in which the command is unknown.
 GAP = 3.0
@@ -62,7 +65,9 @@ NOISE_SHARE = 0.05
 MIN_INTERVALS = 5
 
 
-def check_time_range(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
+def check_time_range(
+    t: FloatArray, describe: NameOfValue, rename: Callable[[str], str] = str
+) -> None:
     """Check that times `t` are small enough to be seconds.
 
     Args:
@@ -82,7 +87,7 @@ def check_time_range(t: FloatArray, describe: Place, rename: Callable[[str], str
         )
 
 
-def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Place) -> None:
+def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: NameOfValue) -> None:
     """Check that times and joint values are possible for a robot.
 
     Args:
@@ -91,10 +96,10 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Pla
         describe: Function that names a value by its array, row and column.
     """
     check_time_range(t, describe)
-    # The bound depends on the later time; a step back is below any bound.
-    # The difference of two times that are printed a nanosecond apart may be a little less.
+    # Rounding depends on the later time. A step back is below any bound.
     rounding = STEP_ULPS * np.finfo(np.float64).eps * np.abs(t[1:])
-    short = np.flatnonzero(~(np.diff(t) >= np.maximum(0.999 * SHORTEST_LOG_STEP, rounding)))
+    shortest = np.maximum(ROUNDED_STEP * SHORTEST_LOG_STEP, rounding)
+    short = np.flatnonzero(~(np.diff(t) >= shortest))
     if len(short):
         i = int(short[0]) + 1
         before, after = (f"{float(x)!r} s" for x in t[i - 1 : i + 1])
@@ -122,7 +127,7 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Pla
 
 
 def describe_bursts(t: FloatArray, source: str) -> str:
-    """Return a warning that times `t` in `source` come in bursts, as arrival times do, or ""."""
+    """Return a warning if times `t` come in bursts, as arrival times do; otherwise ""."""
     steps = np.diff(t)
     if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MAX_GAPS:
         return ""
@@ -208,7 +213,10 @@ def check_gaps(source: str, t: FloatArray) -> None:
 
 
 def find_wrap(values: FloatArray) -> int | None:
-    """Return the index in `values` before a wrapped angle (a jump by a whole turn), or None."""
+    """Return the index before a jump of an angle by a whole turn; None without one.
+
+    - `values`: angles of one joint [rad], (n,).
+    """
     steps = np.diff(values)
     i = int(np.argmax(np.abs(steps)))
     # A joint that really moves by a turn between two samples has a range above one turn.
@@ -217,7 +225,13 @@ def find_wrap(values: FloatArray) -> int | None:
 
 
 def refuse_wrapped(position: str, t: FloatArray, values: FloatArray, joint: int) -> None:
-    """Raise InvalidInput if the `values` of `joint` at times `t` jump by a whole turn."""
+    """Raise InvalidInput if the angle of a joint jumps by a whole turn.
+
+    - `position`: name of the position, for the message.
+    - `t`: times [s], (n,).
+    - `values`: angles of the joint [rad], (n,).
+    - `joint`: index of the joint.
+    """
     i = find_wrap(values)
     if i is not None:
         raise InvalidInput(
@@ -254,15 +268,15 @@ def check_range_of_log(
     for name, values in positions.items():
         beyond = np.maximum(low - values, values - high)
         i, j = map(int, np.unravel_index(np.argmax(beyond), beyond.shape))
-        turned = np.where(arm.chain.slides, values, np.radians(values))
-        degrees = bool(
-            (turned >= low - RANGE_MARGIN).all() and (turned <= high + RANGE_MARGIN).all()
+        converted = np.where(arm.chain.slides, values, np.radians(values))
+        fits_as_degrees = bool(
+            (converted >= low - RANGE_MARGIN).all() and (converted <= high + RANGE_MARGIN).all()
         )
-        if beyond[i, j] <= margin or (degrees_only and not degrees):
+        if beyond[i, j] <= margin or (degrees_only and not fits_as_degrees):
             continue
         hint = "Correct the number, or specify the arm of the file"
         unit = arm.chain.unit("rad", j)
-        if degrees:
+        if fits_as_degrees:
             hint = (
                 "All joints are within their ranges if the positions are in degrees. If they are, "
                 "specify this unit for all positions and rates, such as q1 [deg] and dq1 [deg/s]"
@@ -292,10 +306,10 @@ def check_speeds(
     """
     noise = white_noise(q)
     interval = float(np.median(np.diff(t)))
-    for j, y in enumerate(q.T):
+    for j, positions in enumerate(q.T):
         window = math.ceil(2 * float(noise[j]) / (NOISE_SHARE * FASTEST_JOINT * interval))
-        k = min(max(window, MIN_INTERVALS), len(y) - 1)
-        speeds = np.abs(y[k:] - y[:-k]) / (t[k:] - t[:-k])
+        k = min(max(window, MIN_INTERVALS), len(positions) - 1)
+        speeds = np.abs(positions[k:] - positions[:-k]) / (t[k:] - t[:-k])
         i = int(np.argmax(speeds))
         if speeds[i] > FASTEST_JOINT:
             unit = joint_units("rad/s", prismatic)[j]

@@ -93,43 +93,54 @@ def find_excess(
     - `bounds`: as from `command_bounds`, or its first orders.
     - `share`: allowed excess of derivatives, as a fraction of their bounds.
     """
-    worst = COMMAND_SLACK
-    excess = None
+    largest = COMMAND_SLACK
+    found = None
     for order, (low, high) in enumerate(bounds):
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
             continue
         values = differences(q, order) / cycle**order if order else q
-        beyond = _excess_of(values, low, high, relative=order > 0)
+        excesses = _excess_over_bounds(values, low, high, relative=order > 0)
         if order > 0:
-            beyond = beyond - share
-        row, joint = (int(i) for i in np.unravel_index(int(np.argmax(beyond)), beyond.shape))
-        if beyond[row, joint] > worst:
-            worst = float(beyond[row, joint])
+            excesses = excesses - share
+        row, joint = (int(i) for i in np.unravel_index(int(np.argmax(excesses)), excesses.shape))
+        if excesses[row, joint] > largest:
+            largest = float(excesses[row, joint])
             value = float(values[row, joint])
-            end = int(value > high[joint])
+            bound = int(value > high[joint])
+            # The absolute value of a derivative is reported.
             sign = -1.0 if order and value < 0 else 1.0
-            excess = Excess(
-                name=BY_ORDER[order] or JOINT_RANGE[end],
+            found = Excess(
+                name=BY_ORDER[order] or JOINT_RANGE[bound],
                 order=order,
                 row=min(row, len(q) - 1),
                 joint=joint,
                 needed=sign * value,
-                allowed=sign * float(bounds[order, end, joint]),
+                allowed=sign * float(bounds[order, bound, joint]),
             )
-    return excess
+    return found
 
 
-def _excess_of(
+def _excess_over_bounds(
     values: FloatArray, low: FloatArray, high: FloatArray, *, relative: bool
 ) -> FloatArray:
-    """Return how far values, (n, dof), exceed their bounds, or as fractions of finite bounds."""
+    """Return how far values exceed the nearer of both bounds, negative within them, (n, dof).
+
+    - `values`: set-points, or one of their derivatives, (n, dof).
+    - `low`, `high`: lower and upper bound of each joint, (dof,) each.
+    - `relative`: true to return the excess as a fraction of the bound's magnitude, false to return
+      it in the unit of the values.
+    """
     low_unit = np.where(np.isfinite(low) & relative, np.abs(low), 1.0)
     high_unit = np.where(np.isfinite(high) & relative, np.abs(high), 1.0)
     return np.asarray(np.maximum((values - high) / high_unit, (low - values) / low_unit))
 
 
 def find_range_or_speed_excess(q: FloatArray, cycle: float, limits: Limits) -> Excess | None:
-    """Find the largest excess over the joint ranges, or else over the joint velocities."""
+    """Find the largest excess of set-points over the joint ranges, or else over the velocities.
+
+    - `q`: set-points [rad], (n, dof).
+    - `cycle`: cycle [s].
+    """
     bounds = command_bounds(limits, q.shape[1])[:2]
     return find_excess(q, cycle, bounds[:1]) or find_excess(q, cycle, bounds)
 
@@ -153,11 +164,10 @@ def nearest_commands(
     commands = q.copy()
     for j in range(q.shape[1]):
         joint_bounds = bounds[:, :, j]
-        one = q[:, j : j + 1]
-        if find_excess(one, cycle, joint_bounds[:, :, None]) is None:
+        if find_excess(q[:, j : j + 1], cycle, joint_bounds[:, :, None]) is None:
             continue
-        inside = _bounds_before_rounding(joint_bounds, cycle)
-        nearest = nearest_within(one[:, 0], [(float(x), float(y)) for x, y in inside])
+        narrower = _bounds_before_rounding(joint_bounds, cycle).tolist()
+        nearest = nearest_values(q[:, j], [(low, high) for low, high in narrower])
         if nearest is None:
             if otherwise is None:
                 return commands, j
@@ -168,13 +178,13 @@ def nearest_commands(
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
+def nearest_values(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
     """Return the least-squares nearest values within bounds on values and differences.
 
     The first and the last value do not change; before and after them the values are assumed
     constant. The result is None if no values satisfy the bounds.
 
-    - `values`: (n,).
+    - `values`: set-points of one joint, (n,).
     - `bounds`: lower and upper bounds of the values, then of their differences of orders 1, 2, ...
     """
     orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]
@@ -198,10 +208,10 @@ def _bounds_before_rounding(bounds: FloatArray, cycle: float) -> FloatArray:
     of order k by at most `2^k` half digits.
     """
     orders = np.arange(len(bounds))[:, None]
-    differences_allowed = bounds * cycle**orders
+    difference_bounds = bounds * cycle**orders
     digit = 10.0**-DECIMALS
-    margin = digit * 2.0**orders + COMMAND_SLACK * np.abs(differences_allowed)
-    return differences_allowed + np.where(np.isfinite(bounds), margin, 0.0) * (1.0, -1.0)
+    margin = digit * 2.0**orders + COMMAND_SLACK * np.abs(difference_bounds)
+    return difference_bounds + np.where(np.isfinite(bounds), margin, 0.0) * (1.0, -1.0)
 
 
 class _ScaledBounds(NamedTuple):
@@ -307,6 +317,7 @@ class _Step(NamedTuple):
 
 
 def _first_iterate(scaled: _ScaledBounds) -> _Iterate:
+    """Return the iterate x = 0, with positive slacks and multipliers of equal products."""
     excess = scaled.excess
     slacks = np.maximum(scaled.room, max(excess, 1.0))
     multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
@@ -314,6 +325,7 @@ def _first_iterate(scaled: _ScaledBounds) -> _Iterate:
 
 
 def _conditions_at(scaled: _ScaledBounds, iterate: _Iterate) -> _Conditions:
+    """Return the residuals of the conditions of `_smallest_change` at an iterate."""
     change, slacks, multipliers = iterate
     products = slacks * multipliers
     return _Conditions(
@@ -330,7 +342,7 @@ def _factorize(scaled: _ScaledBounds, iterate: _Iterate) -> FloatArray | None:
     from scipy.linalg import LinAlgError, cholesky_banded
 
     weights = (iterate.multipliers / iterate.slacks).sum(axis=0)
-    matrix = _bands(scaled, np.split(weights, scaled.cuts))
+    matrix = _matrix_bands(scaled, np.split(weights, scaled.cuts))
     try:
         return np.asarray(cholesky_banded(matrix, lower=True, check_finite=False))
     except LinAlgError:
@@ -346,19 +358,21 @@ def _take_step(
     gap = conditions.gap
     # Predictor: the step to products of zero, and the gap that remains after it
     predicted = _newton_step(scaled, iterate, conditions, factor, -products)
-    primal = _step_fraction(slacks, predicted.slacks)
-    dual = _step_fraction(multipliers, predicted.multipliers)
-    slacks_after = slacks + primal * predicted.slacks
-    after = float(np.sum(slacks_after * (multipliers + dual * predicted.multipliers)))
+    primal_fraction = _step_fraction(slacks, predicted.slacks)
+    dual_fraction = _step_fraction(multipliers, predicted.multipliers)
+    predicted_slacks = slacks + primal_fraction * predicted.slacks
+    predicted_multipliers = multipliers + dual_fraction * predicted.multipliers
+    predicted_gap = float(np.sum(predicted_slacks * predicted_multipliers))
     # Corrector: the step to the mean product that the predictor can reach, with its second order
-    mean = (after / gap) ** 3 * gap / slacks.size
+    mean_product = (predicted_gap / gap) ** 3 * gap / slacks.size
     second_order = predicted.slacks * predicted.multipliers
-    step = _newton_step(scaled, iterate, conditions, factor, mean - products - second_order)
-    primal = STEP_SHARE * _step_fraction(slacks, step.slacks)
-    dual = STEP_SHARE * _step_fraction(multipliers, step.multipliers)
-    change += primal * step.change
-    slacks += primal * step.slacks
-    multipliers += dual * step.multipliers
+    target = mean_product - products - second_order
+    step = _newton_step(scaled, iterate, conditions, factor, target)
+    primal_fraction = STEP_SHARE * _step_fraction(slacks, step.slacks)
+    dual_fraction = STEP_SHARE * _step_fraction(multipliers, step.multipliers)
+    change += primal_fraction * step.change
+    slacks += primal_fraction * step.slacks
+    multipliers += dual_fraction * step.multipliers
 
 
 def _newton_step(
@@ -368,19 +382,32 @@ def _newton_step(
     factor: FloatArray,
     target: FloatArray,
 ) -> _Step:
-    """Return Newton's step that removes the residuals and changes s y by `target`, (2, rows)."""
+    """Return Newton's step that removes the residuals and changes the products s y.
+
+    With `v = (target + y outside) / s`, its change of x solves
+    `(I + D' W D) dx = -gradient - D' (v[0] - v[1])`.
+
+    - `factor`: Cholesky factor of the matrix, as from `_factorize`.
+    - `target`: required changes of the products, (2, rows).
+    """
     from scipy.linalg import cho_solve_banded
 
     _, slacks, multipliers = iterate
-    pushed = (target + multipliers * conditions.outside) / slacks
-    right = -conditions.gradient - scaled.differences_transposed(pushed)
-    change = cho_solve_banded((factor, True), right, check_finite=False)
-    wider = -conditions.outside - BOUND_SIGNS * scaled.differences(change)
-    return _Step(change, wider, (target - multipliers * wider) / slacks)
+    v = (target + multipliers * conditions.outside) / slacks
+    right_side = -conditions.gradient - scaled.differences_transposed(v)
+    change = cho_solve_banded((factor, True), right_side, check_finite=False)
+    slack_change = -conditions.outside - BOUND_SIGNS * scaled.differences(change)
+    return _Step(change, slack_change, (target - multipliers * slack_change) / slacks)
 
 
-def _bands(scaled: _ScaledBounds, weights: Sequence[FloatArray]) -> FloatArray:
-    """Return the lower bands of `I + D' W D`, diagonal first; `weights` by order of differences."""
+def _matrix_bands(scaled: _ScaledBounds, weights: Sequence[FloatArray]) -> FloatArray:
+    """Return the diagonal and the lower bands of the matrix `I + D' W D`, (bands, n).
+
+    The rows of D are the scaled differences of all bounded orders, see `_ScaledBounds`. W is the
+    diagonal matrix of their weights.
+
+    - `weights`: weights of the rows of D, one array per bounded order.
+    """
     count = scaled.size
     bands = np.zeros((max(scaled.orders) + 1, count))
     bands[0] = 1.0
@@ -394,5 +421,5 @@ def _bands(scaled: _ScaledBounds, weights: Sequence[FloatArray]) -> FloatArray:
 
 
 def _step_fraction(values: FloatArray, step: FloatArray) -> float:
-    """Largest fraction of a step, at most 1, that keeps all values nonnegative."""
+    """Return the largest fraction of a step, at most 1, that keeps all values nonnegative."""
     return float(1 / max(1.0, -(step / values).min()))

@@ -31,6 +31,8 @@ TIMES_AT_ONCE = 50_000
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
 # rounding errors.
 COMMAND_SLACK = 1e-9
+# A sample that is nearer to the end of the motion than this fraction of a cycle is left out.
+SAME_SAMPLE = 1e-9
 # Along one path, the end of a law and the start of the next differ by less than this [m].
 SAME_ARC_LENGTH = 1e-9
 
@@ -429,11 +431,11 @@ class Trajectory(Checked):
     ) -> tuple[FloatArray, ...]:
         """Evaluate the laws at times, `t.shape + (dof,)` for each order."""
         outputs: tuple[FloatArray, ...] = ()
-        for k, indices, i, local in self.locate(t.ravel(), side):
+        for k, indices, i, law_t in self.locate(t.ravel(), side):
             if len(orders) == 1:
-                values: tuple[FloatArray, ...] = (self.laws[k].on_interval(i, local, orders[0]),)
+                values: tuple[FloatArray, ...] = (self.laws[k].on_interval(i, law_t, orders[0]),)
             else:
-                values = self.laws[k].motion(i, local, orders[-1])
+                values = self.laws[k].motion(i, law_t, orders[-1])
             if len(indices) == t.size:
                 # One group has all times, in order. A user's law may return arrays of another type.
                 outputs = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
@@ -496,11 +498,11 @@ class Trajectory(Checked):
         times = self._clip_times(t, checks.derivative(order, 2))
         self._check_arc_length()
         lengths = np.empty(times.size)
-        for k, indices, i, local in self.locate(times.ravel(), side):
+        for k, indices, i, law_t in self.locate(times.ravel(), side):
             part = self._law_ranges[k]
             lengths[indices] = part.offset if order == 0 else 0.0
             if part.law is not None:
-                lengths[indices] += part.law.path_position(i, local, order)
+                lengths[indices] += part.law.path_position(i, law_t, order)
         return lengths.reshape(times.shape)
 
     def time_at(self, s: npt.ArrayLike, *, side: str = "left") -> FloatArray:
@@ -519,8 +521,8 @@ class Trajectory(Checked):
         """
         arc_lengths = self._clip_arc_lengths(s)
         times = np.empty(arc_lengths.size)
-        for k, indices, _, local in self._by_length(arc_lengths.ravel(), side):
-            times[indices] = np.minimum(self.starts[k] + local, self.starts[k + 1])
+        for k, indices, _, law_t in self._by_length(arc_lengths.ravel(), side):
+            times[indices] = np.minimum(self.starts[k] + law_t, self.starts[k + 1])
         return times.reshape(arc_lengths.shape)
 
     def speed_at(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
@@ -538,10 +540,10 @@ class Trajectory(Checked):
         """
         arc_lengths = self._clip_arc_lengths(s)
         speeds = np.zeros(arc_lengths.size)
-        for k, indices, i, local in self._by_length(arc_lengths.ravel(), side):
+        for k, indices, i, law_t in self._by_length(arc_lengths.ravel(), side):
             law = self._law_ranges[k].law
             if law is not None:
-                speeds[indices] = law.path_position(i, local, 1)
+                speeds[indices] = law.path_position(i, law_t, 1)
         return speeds.reshape(arc_lengths.shape)
 
     @checked
@@ -554,7 +556,8 @@ class Trajectory(Checked):
         Args:
             cycle: Time between two samples [s]; the last interval may be shorter.
         """
-        t = np.append(np.arange(0, self.duration - 1e-9 * cycle, cycle), self.duration)
+        end = self.duration - SAME_SAMPLE * cycle
+        t = np.append(np.arange(0, end, cycle), self.duration)
         orders = self.motion(t)
         for values in orders:
             # The arrays become read-only without a copy, because a long motion has gigabytes of
@@ -577,8 +580,8 @@ class Trajectory(Checked):
             # compared with `start + breaks`, the sums that the property `breaks` also returns.
             i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
             i = np.clip(i, 0, len(breaks) - 2)
-            local = np.clip(t[indices] - start, breaks[i], breaks[i + 1])
-            yield TimesOfLaw(k, indices, i, local)
+            law_t = np.clip(t[indices] - start, breaks[i], breaks[i + 1])
+            yield TimesOfLaw(k, indices, i, law_t)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         """Clip times to the trajectory [s]; raise InvalidInput for times outside."""
@@ -603,12 +606,12 @@ class Trajectory(Checked):
         for k, indices in _group_by_law(np.clip(law_index, 0, len(ends) - 1)):
             part = self._law_ranges[k]
             if part.law is None:
-                still = 0.0 if side == "left" else self.laws[k].breaks[-1]
-                first = np.zeros(len(indices), dtype=np.intp)
-                yield TimesOfLaw(k, indices, first, np.full(len(indices), still))
+                # The arc length is constant: it is reached at the start and left at the end.
+                law_t = np.full(len(indices), 0.0 if side == "left" else self.laws[k].breaks[-1])
+                yield TimesOfLaw(k, indices, np.zeros(len(indices), dtype=np.intp), law_t)
             else:
-                i, local = part.law.reach(s[indices] - part.offset, side)
-                yield TimesOfLaw(k, indices, i, local)
+                i, law_t = part.law.reach(s[indices] - part.offset, side)
+                yield TimesOfLaw(k, indices, i, law_t)
 
     def _check_arc_length(self) -> None:
         """Raise InvalidInput unless the laws follow each other along one path."""
@@ -649,7 +652,7 @@ class _LawRange:
 
 
 def _law_ranges(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_LawRange, ...]:
-    """Return every law's range of arc lengths."""
+    """Return every law's range of arc lengths; InvalidInput unless the spans have all laws."""
     if not spans:
         return tuple(_law_range(law, 0.0) for law in laws)
     parts: list[_LawRange] = []
@@ -662,9 +665,11 @@ def _law_ranges(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_LawRan
             raise InvalidInput(
                 "The spans of a trajectory must have the laws of the trajectory in the same order."
             )
-        counts = span.kind == "contour"
-        still = _LawRange(None, span.s, span.s[0])
-        parts += [_law_range(law, span.s[0]) if counts else still for law in span_laws]
+        if span.kind == "contour":
+            parts += [_law_range(law, span.s[0]) for law in span_laws]
+        else:
+            # The arc length is constant in rapids and dwells.
+            parts += [_LawRange(None, span.s, span.s[0])] * len(span_laws)
     if len(parts) < len(laws):
         raise InvalidInput("The spans of a trajectory must have all laws of the trajectory.")
     return tuple(parts)
@@ -672,12 +677,12 @@ def _law_ranges(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_LawRan
 
 def _stretch_spans(spans: tuple[Span, ...], speed_factor: float) -> tuple[Span, ...]:
     """Return the spans at a fraction of their speed; dwells keep their durations."""
-    slow = list[Span]()
+    slow_spans = list[Span]()
     t = 0.0
     for span in spans:
         if span.trajectory is None:
             end = t + span.t[1] - span.t[0]
-            slow.append(replace(span, t=(t, end)))
+            slow_spans.append(replace(span, t=(t, end)))
         else:
             trajectory = span.trajectory.stretched(speed_factor)
             end = t + trajectory.duration
@@ -685,20 +690,20 @@ def _stretch_spans(spans: tuple[Span, ...], speed_factor: float) -> tuple[Span, 
             if span.work is not None:
                 begin_work, end_work = ((x - span.t[0]) / speed_factor for x in span.work)
                 work = (t + begin_work, t + end_work)
-            slow.append(replace(span, t=(t, end), work=work, trajectory=trajectory))
+            slow_spans.append(replace(span, t=(t, end), work=work, trajectory=trajectory))
         t = end
-    return tuple(slow)
+    return tuple(slow_spans)
 
 
 def _laws_of_spans(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> list[Law]:
-    """Return the spans' laws; the laws of dwells are taken from `laws`."""
-    chosen = list[Law]()
+    """Return the spans' laws in order; the laws of dwells are taken from `laws`."""
+    span_laws = list[Law]()
     for span in spans:
         if span.trajectory is None:
-            chosen.append(laws[len(chosen)])
+            span_laws.append(laws[len(span_laws)])
         else:
-            chosen += span.trajectory.laws
-    return chosen
+            span_laws += span.trajectory.laws
+    return span_laws
 
 
 def _law_range(law: Law, offset: float) -> _LawRange:

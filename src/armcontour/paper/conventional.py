@@ -40,10 +40,11 @@ class Conventional(PlanOptions):
 
 
 def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
-    """Plan uniform tool speed from start to end, without regard to the joint limits."""
-    # Velocities jump at corners and at both ends. Joint velocity and acceleration are not checked,
-    # as in Sec. IV of the paper. Limits of torque and of angular motion are checked between the
-    # jumps.
+    """Plan uniform tool speed from start to end, without regard to the joint limits.
+
+    Velocities jump at corners and at both ends. Joint velocity and acceleration are not checked, as
+    in Sec. IV of the paper. Limits of torque and of angular motion are checked between the jumps.
+    """
     path = tool_path_of(joint_path, "conventional")
     speeds = np.fmin(path.speeds, require_speed(limits, "conventional"))
     law = path_law(joint_path, path.breaks, speeds, speeds)

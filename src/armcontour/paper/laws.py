@@ -16,8 +16,9 @@ from armcontour.motion import JointPath, LapLaw, Law, LawAlongPath, PathLaw, Rat
 from armcontour.planning.law_checks import law_states
 from armcontour.robot import Arm, Limits
 
-# Bisection steps for the time in an interval at an arc length; exact to the last digit.
-HALVINGS = 50
+# Number of bisections in the search for the time at which a law reaches an arc length, enough
+# for rounding precision.
+BISECTIONS = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,7 +50,10 @@ class LineLaw(LapLaw, LawAlongPath):
         object.__setattr__(self, "s", checks.frozen_array(s))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
-        """Return the arc length or a derivative, from the tool's motion along the line, (n,)."""
+        """Return the arc length at `t` [s] of interval `i`, or the derivative `order`, (n,).
+
+        It is the component of the tool's motion along the line.
+        """
         q = self.on_interval(i, t, 0)
         if order == 0:
             return np.clip(self._along(q), self.s[i], self.s[i + 1])
@@ -60,48 +64,61 @@ class LineLaw(LapLaw, LawAlongPath):
         return np.asarray(self.arm.tool_acceleration(q, dq, ddq) @ self.direction)
 
     def _reach_within(self, i: IntArray, s: FloatArray) -> FloatArray:
-        """Bisect for the times at which intervals `i` reach arc lengths inside them [s], (n,)."""
+        """Return the times at which intervals `i` reach arc lengths inside them [s], (n,).
+
+        The arc length increases within an interval, so the times are found by bisection.
+        """
         low = self.breaks[i]
         high = self.breaks[i + 1]
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS):
             middle = (low + high) / 2
-            short = self._along(self.on_interval(i, middle, 0)) < s
-            low = np.where(short, middle, low)
-            high = np.where(short, high, middle)
+            too_early = self._along(self.on_interval(i, middle, 0)) < s
+            low = np.where(too_early, middle, low)
+            high = np.where(too_early, high, middle)
         return high
 
     def _along(self, q: FloatArray) -> FloatArray:
-        """Project the tool onto the line and return the arc lengths there [m], (n,)."""
+        """Return the arc lengths of the tool positions projected onto the line [m], (n,).
+
+        - `q`: joint positions [rad], (n, dof).
+        """
         return np.asarray(self.ends[0] + (self.arm.tool_position(q) - self.point) @ self.direction)
 
 
 def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: FloatArray) -> PathLaw:
-    """Time law with constant path acceleration on each interval.
+    """Make the time law with constant path acceleration on each interval.
+
+    With the speeds v0 and v1 at its ends, an interval of length l takes 2 l / (v0 + v1).
 
     - `s`: arc lengths of the interval ends [m], (n + 1,).
     - `start`: tool speed at the start of each interval [m/s], (n,).
     - `end`: tool speed at the end of each interval [m/s], (n,).
     """
     lengths = np.diff(s)
-    times = 2 * lengths / (start + end)
-    none = np.zeros_like(lengths)
-    rates = Rates(ds=start, dds=(end - start) / times, slope=none, jerk=none)
-    return PathLaw(
-        joint_path=joint_path, breaks=np.concatenate([[0.0], np.cumsum(times)]), s=s, rates=rates
-    )
+    durations = 2 * lengths / (start + end)
+    zeros = np.zeros_like(lengths)
+    rates = Rates(ds=start, dds=(end - start) / durations, slope=zeros, jerk=zeros)
+    breaks = np.concatenate([[0.0], np.cumsum(durations)])
+    return PathLaw(joint_path=joint_path, breaks=breaks, s=s, rates=rates)
 
 
 def law_peaks(laws: Sequence[Law], arm: Arm) -> dict[str, Any]:
-    """Peak joint accelerations, (dof,), and peak tool speed of laws, as fields of `LawPhase`."""
-    states = [law_states(x, arm) for x in laws]
-    return {
-        "demand": np.max([np.abs(x.ddq).max(axis=0) for x in states], axis=0),
-        "speed": max(float(x.measure("speed")[0].max()) for x in states),
-    }
+    """Return the peak values of consecutive laws, by the names of the fields of `LawPhase`.
+
+    `demand` contains the largest acceleration of each joint [rad/s²], (dof,), and `speed` the
+    largest tool speed [m/s].
+    """
+    states_by_law = [law_states(law, arm) for law in laws]
+    accelerations = [np.abs(states.ddq).max(axis=0) for states in states_by_law]
+    speeds = [float(states.measure("speed")[0].max()) for states in states_by_law]
+    return {"demand": np.max(accelerations, axis=0), "speed": max(speeds)}
 
 
 def tool_path_of(joint_path: JointPath, method: str) -> Path:
-    """Return the tool path of a joint path, which the method requires."""
+    """Return the tool path of a joint path; raise InvalidInput if it has none.
+
+    - `method`: name of the planning method, for the message.
+    """
     if joint_path.tool_path is None:
         raise InvalidInput(
             f"The method {method} plans along a tool path, but this joint path has none. Pass "
@@ -111,7 +128,10 @@ def tool_path_of(joint_path: JointPath, method: str) -> Path:
 
 
 def require_speed(limits: Limits, method: str) -> float:
-    """Return the assigned velocity [m/s], which the method requires."""
+    """Return the assigned velocity [m/s]; raise InvalidInput if the limits have none.
+
+    - `method`: name of the planning method, for the message.
+    """
     if limits.speed is None:
         raise InvalidInput(
             f"The method {method} needs an assigned velocity, but no limit speed is specified. "

@@ -39,7 +39,9 @@ LARGEST_STEP = 0.25
 TERMS = 22
 # The series ends at a term below this fraction of the state.
 NEGLIGIBLE = 1e-20
-# Poles in a file.
+# Imaginary parts below this fraction of the largest pole are rounding errors of real values.
+IMAGINARY_ROUNDING = 1e-9
+# Form of the poles in a file: three numbers, or three per joint.
 POLES = Key(
     hint=Annotated[list[Pole], Items(3, 3)] | list[Annotated[list[Pole], Items(3, 3)]] | None
 )
@@ -88,9 +90,10 @@ def run_filter(
     fastest: FloatArray,
     start: FloatArray,
 ) -> FloatArray:
-    """States of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at the ends of all intervals.
+    """Return the states of `x''' / p³ + d2 x'' / p² + d1 x' / p + x = q` at all interval ends.
 
-    Returns x, x' / p and x'' / p² at the n + 1 ends of the intervals, (n + 1, dof, 3).
+    The states are x, x' / p and x'' / p², (n + 1, dof, 3). In each step, the Taylor series of the
+    state is summed up to a negligible term.
 
     - `width`: durations of the intervals [s], (n,).
     - `coefficients`: polynomials of q over the intervals, (n, 6, dof).
@@ -103,42 +106,48 @@ def run_filter(
     dof = len(rate)
     states = np.empty((n + 1, dof, 3))
     series = np.empty((TERMS + 1, 3))
-    now = np.empty(3)
-    local = np.empty(6)
+    state = np.empty(3)
+    input_terms = np.empty(6)
     for j in range(dof):
         p = rate[j]
         d1 = damping[j, 0]
         d2 = damping[j, 1]
-        now[0] = start[j]
-        now[1] = 0.0
-        now[2] = 0.0
+        state[0] = start[j]
+        state[1] = 0.0
+        state[2] = 0.0
         for c in range(3):
-            states[0, j, c] = now[c]
+            states[0, j, c] = state[c]
         for i in range(n):
             steps = max(int(np.ceil(width[i] * fastest[j] / LARGEST_STEP)), 1)
             h = width[i] / steps
             for step in range(steps):
-                # local: polynomial of the input over this step; its variable is 1 at the end.
-                x0 = step / steps
-                share = 1.0 / steps
+                # Coefficients of the input q over this step, in a variable from 0 to 1.
+                step_start = step / steps
+                step_width = 1.0 / steps
                 for k in range(6):
-                    local[k] = 0.0
+                    input_terms[k] = 0.0
                 for k in range(5, -1, -1):
                     for m in range(5, 0, -1):
-                        local[m] = local[m] * x0 + local[m - 1] * share
-                    local[0] = local[0] * x0 + coefficients[i, k, j]
-                x1 = now[0]
-                x2 = now[1]
-                x3 = now[2]
-                negligible = NEGLIGIBLE * (abs(x1) + abs(x2) + abs(x3) + abs(local[0]))
+                        input_terms[m] = (
+                            input_terms[m] * step_start + input_terms[m - 1] * step_width
+                        )
+                    input_terms[0] = input_terms[0] * step_start + coefficients[i, k, j]
+                x1 = state[0]
+                x2 = state[1]
+                x3 = state[2]
+                negligible = NEGLIGIBLE * (abs(x1) + abs(x2) + abs(x3) + abs(input_terms[0]))
                 terms = TERMS
                 for k in range(TERMS):
                     series[k, 0] = x1
                     series[k, 1] = x2
                     series[k, 2] = x3
-                    source = local[k] if k < 6 else 0.0
+                    input_term = input_terms[k] if k < 6 else 0.0
                     scale = p * h / (k + 1)
-                    x1, x2, x3 = (scale * x2, scale * x3, scale * (source - x1 - d1 * x2 - d2 * x3))
+                    x1, x2, x3 = (
+                        scale * x2,
+                        scale * x3,
+                        scale * (input_term - x1 - d1 * x2 - d2 * x3),
+                    )
                     if k > 5 and abs(x1) + abs(x2) + abs(x3) <= negligible:
                         terms = k + 1
                         break
@@ -150,16 +159,19 @@ def run_filter(
                     x1 += series[k, 0]
                     x2 += series[k, 1]
                     x3 += series[k, 2]
-                now[0] = x1
-                now[1] = x2
-                now[2] = x3
+                state[0] = x1
+                state[1] = x2
+                state[2] = x3
             for c in range(3):
-                states[i + 1, j, c] = now[c]
+                states[i + 1, j, c] = state[c]
     return states
 
 
 def default_poles(servo: ServoModel) -> ComplexArray:
-    """Poles with the same F G for all joints and no negative impulse response [1/s], (dof, 3)."""
+    """Return the poles with which F G is equal for all joints [1/s], (dof, 3).
+
+    The impulse response of F G is then nowhere negative.
+    """
     # The observer pole at -K_v cancels the zero. Therefore F G = p² / (s + p)² does not depend on
     # the joint's K_v. An equal lag of all joints causes no contour error. The demand is a weighted
     # mean of the plan's acceleration, so it does not exceed the plan's largest acceleration. p is
@@ -173,7 +185,7 @@ def default_poles(servo: ServoModel) -> ComplexArray:
 def place_poles(
     trajectory: Trajectory, servo: ServoModel, cycle: float, poles: npt.ArrayLike | None = None
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], and set-points by pole placement (26) [rad], (n, dof).
+    """Return the time of the first set-point [s], and set-points by (26) [rad], (n, dof).
 
     `poles` are m1, m2 (real, or complex conjugates) and g [1/s], (3,) or (dof, 3).
     """
@@ -200,31 +212,38 @@ def _set_points(
     placed: ComplexArray,
     times: SetPointTimes,
 ) -> FloatArray:
-    """Set-points at the times, and after them until the transient has decayed [rad], (n, dof)."""
+    """Return the set-points at the times, and until the transient has decayed [rad], (n, dof).
+
+    - `placed`: m1, m2 and g of each joint [1/s], (dof, 3).
+    """
     assert servo.kv is not None
     knots = np.union1d(trajectory.breaks, times.inside)
-    tail = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / cycle))
-    # Interval from the end of the motion to the next set-point, then between set-points.
-    after = np.append(times.after_end, np.full(tail, cycle))
-    q, dq, ddq = trajectory.motion(knots[:-1])
-    end, dend, ddend = trajectory.motion(knots[1:], side="left")
-    moving = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
-    dwell = np.zeros((len(after), *moving.shape[1:]))
-    dwell[:, 0] = end[-1]
-    motion = np.concatenate([moving, dwell])
-    width = np.concatenate([np.diff(knots), after])
-    rate, damping, lead = _filter_parameters(servo.kv, placed)
+    settling_cycles = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / cycle))
+    # Durations from the end of the motion to the next set-point, then between set-points.
+    rest_durations = np.append(times.after_end, np.full(settling_cycles, cycle))
+    # The planned motion, and then the rest, as quintics between knots.
+    begin = trajectory.motion(knots[:-1])
+    end = trajectory.motion(knots[1:], side="left")
+    moving = quintic(np.diff(knots), begin, end)
+    resting = np.zeros((len(rest_durations), *moving.shape[1:]))
+    resting[:, 0] = end[0][-1]
+    motion = np.concatenate([moving, resting])
+    durations = np.concatenate([np.diff(knots), rest_durations])
+    # States of the filter at the set-points.
+    rate, damping, numerator = _filter_parameters(servo.kv, placed)
     fastest = np.abs(placed).max(axis=1)
-    states = run_filter(width, motion, damping, rate, fastest, motion[0, 0])
-    indices = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
+    states = run_filter(durations, motion, damping, rate, fastest, motion[0, 0])
+    resting_indices = len(knots) + np.arange(settling_cycles + 1)
+    indices = np.append(np.searchsorted(knots, times.inside), resting_indices)
     x1, x2, x3 = np.moveaxis(states[indices], 2, 0)
     # Each polynomial begins at its knot. The end of the last polynomial uses the same value,
     # because the joints rest there.
-    source = motion[np.minimum(indices, len(motion) - 1), 0]
-    x4 = source - x1 - damping[:, 0] * x2 - damping[:, 1] * x3
-    y = x1 + lead * x2
-    dy = rate * (x2 + lead * x3)
-    ddy = rate**2 * (x3 + lead * x4)
+    q = motion[np.minimum(indices, len(motion) - 1), 0]
+    x4 = q - x1 - damping[:, 0] * x2 - damping[:, 1] * x3
+    # y = H q and its derivatives, to which the inverse of the servo is applied.
+    y = x1 + numerator * x2
+    dy = rate * (x2 + numerator * x3)
+    ddy = rate**2 * (x3 + numerator * x4)
     set_points = servo.command(y, dy, ddy)
     set_points[-1] = motion[-1, 0]
     return set_points
@@ -233,11 +252,15 @@ def _set_points(
 def _filter_parameters(
     kv: FloatArray, placed: ComplexArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Parameters of F G with given poles: p [1/s], (dof,); d1 and d2, (dof, 2); numerator, (dof,).
+    """Return the parameters of F G: p [1/s], (dof,), d1 and d2, (dof, 2), and numerator, (dof,).
 
     With z = s / p, F G is `(1 + numerator z) / (1 + d1 z + d2 z² + z³)`.
+
+    - `kv`: K_v of each joint [1/s], (dof,).
+    - `placed`: m1, m2 and g of each joint [1/s], (dof, 3).
     """
     m1, m2, g = placed.T
+    # Characteristic polynomial s³ + c2 s² + c1 s + c0, and X.
     c0 = (-m1 * m2 * g).real
     c1 = (m1 * m2 + (m1 + m2) * g).real
     c2 = -(m1 + m2 + g).real
@@ -247,7 +270,7 @@ def _filter_parameters(
 
 
 def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
-    """Check poles; returns m1, m2 and g of each joint [1/s], (dof, 3)."""
+    """Return m1, m2 and g of each joint [1/s], (dof, 3); raise an error for invalid poles."""
     try:
         placed = np.array(poles, dtype=np.complex128)
     except (TypeError, ValueError, OverflowError) as error:
@@ -262,18 +285,20 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
             f"or {dof} rows of three numbers."
         )
     m1, m2, g = placed.T
-    size = float(np.abs(placed).max())
-    pairs = ((m1 + m2, size), (g, size), (m1 * m2, size * size))
+    largest = float(np.abs(placed).max())
+    # Values that must be real, with their order of magnitude.
+    real_values = ((m1 + m2, largest), (g, largest), (m1 * m2, largest * largest))
     checks.raise_if(
-        any((np.abs(x.imag) > 1e-9 * y).any() for x, y in pairs),
+        any((np.abs(x.imag) > IMAGINARY_ROUNDING * size).any() for x, size in real_values),
         "The regulator poles must be real or complex conjugates, and the observer pole real.",
     )
-    if (placed.real >= 0).any():
-        j = int(np.flatnonzero((placed.real >= 0).any(axis=1))[0])
-        shown = placed[j] if placed[j].imag.any() else placed[j].real
+    unstable = (placed.real >= 0).any(axis=1)
+    if unstable.any():
+        j = int(np.argmax(unstable))
+        joint_poles = placed[j] if placed[j].imag.any() else placed[j].real
         raise CompensationError(
             f"The poles of joint {j + 1} must have negative real parts, because otherwise the "
-            f"set-points grow without bound, but are {shown.tolist()} 1/s.",
+            f"set-points grow without bound, but are {joint_poles.tolist()} 1/s.",
             joint=j,
         )
     low, high = GAINS

@@ -46,6 +46,14 @@ MIN_JOINT_SPEED = 0.01
 PARTS_AT_REST = 10
 # Limits that the method guarantees; all others are checked on every part.
 GUARANTEED = ("speed", "centripetal_acceleration")
+# Rounding error of the difference of two joint positions, as a fraction of the position's magnitude
+# plus SMALL_POSITION [rad].
+POSITION_ROUNDING = 8e-16
+SMALL_POSITION = 1e-3
+# Fraction of an acceleration limit by which rounding errors may exceed it.
+LIMIT_ROUNDING = 1e-9
+# Fraction of a speed by which rounding errors may exceed it.
+SPEED_ROUNDING = 1e-12
 # Smallest number of intervals per line of the paper's method. With fewer, a short line from rest to
 # rest has none left for its motion.
 FEWEST_LAPS = 8
@@ -99,7 +107,8 @@ def run_laps(
     `dq + ddq h`, a velocity error of a joint that does not determine h would alternate from
     interval to interval, and the acceleration that it causes would grow as 1 / h. Therefore only
     the joint that determines h continues with its velocity. The other joints get their velocities
-    from the path by (28); the step in these velocities is of second order in h.
+    from the path by (28); the step in these velocities is of second order in h. In (18), d is the
+    magnitude of a joint's step and w its velocity towards the next knot.
 
     Returns durations h of the intervals [s], (n,); tool speeds at the knots [m/s], (n + 1,), NaN
     beyond the last valid interval; joint velocities at the start of the intervals and joint
@@ -125,36 +134,40 @@ def run_laps(
             step = q[k + 1, j] - q[k, j]
             w = dq_ds[k, j] * speeds[k]
             velocity[k, j] = w
+            # (18): shortest time in which the joint makes its step.
             if step == 0.0:
                 time = 2.0 * abs(w) / limit[j]
             else:
                 if step < 0.0:
                     w = -w
                 root = math.sqrt(w * w + 2.0 * limit[j] * abs(step))
-                # (18), or for w > 0 its equivalent 2 d / (w + root), which has no cancellation.
+                # For w > 0, 2 d / (w + root) is equal to (18) and has no cancellation.
                 time = 2.0 * abs(step) / (w + root) if w > 0.0 else (root - w) / limit[j]
+            # (19): the slowest joint determines the duration.
             if time > longest:
                 longest = time
                 slowest = j
         h[k] = longest
         fastest = 0.0
+        # (20): acceleration with which each joint makes its step in this duration.
         for j in range(dof):
             step = q[k + 1, j] - q[k, j]
             needed = 2.0 * (step - velocity[k, j] * longest) / (longest * longest)
-            rounding = 8e-16 * (abs(q[k, j]) + 1e-3) / (longest * longest)
-            if j != slowest and abs(needed) > limit[j] * (1 + 1e-9) + rounding:
+            rounding = POSITION_ROUNDING * (abs(q[k, j]) + SMALL_POSITION) / (longest * longest)
+            if j != slowest and abs(needed) > limit[j] * (1 + LIMIT_ROUNDING) + rounding:
                 return h, speeds, velocity, acceleration, k, j, abs(needed)
             if abs(needed) > limit[j]:
                 needed = math.copysign(limit[j], needed)
             acceleration[k, j] = needed
             fastest = max(fastest, abs(dq_ds[k + 1, j]))
-        lead = slowest
-        if abs(dq_ds[k + 1, lead]) < MIN_JOINT_SPEED * fastest:
+        # Tool speed at the next knot, from the velocity of the joint that continues with it.
+        continuing = slowest
+        if abs(dq_ds[k + 1, continuing]) < MIN_JOINT_SPEED * fastest:
             for j in range(dof):
                 if abs(dq_ds[k + 1, j]) == fastest:
-                    lead = j
-        handed = velocity[k, lead] + acceleration[k, lead] * longest
-        speeds[k + 1] = max(handed / dq_ds[k + 1, lead], 0.0)
+                    continuing = j
+        end_velocity = velocity[k, continuing] + acceleration[k, continuing] * longest
+        speeds[k + 1] = max(end_velocity / dq_ds[k + 1, continuing], 0.0)
     return h, speeds, velocity, acceleration, n, -1, 0.0
 
 
@@ -162,35 +175,36 @@ def run_laps(
 class Pass:
     """Motion along a line from one end with maximum joint acceleration; knots in order of time."""
 
-    h: FloatArray  # Durations of the intervals [s], (n,)
+    durations: FloatArray  # Durations of the intervals [s], (n,)
     speed: FloatArray  # Tool speed at the knots [m/s], (n + 1,); NaN after the last valid interval
     dq: FloatArray  # Joint velocities at the start of the intervals [rad/s], (n, dof)
     ddq: FloatArray  # Joint accelerations in the intervals [rad/s²], (n, dof)
-    done: int  # Number of intervals that satisfy the limit
+    valid_count: int  # Number of intervals that satisfy the limit
     joint: int  # Joint that would exceed the limit in the next interval, from 0; -1 for no joint
     needed: float  # Acceleration that this joint would need [rad/s²]
 
     def last_within(self, speed: float) -> int:
-        """Index of the last knot before the tool speed first exceeds `speed` [m/s]."""
-        faster = np.flatnonzero(self.speed[: self.done + 1] > speed * (1 + 1e-12))
-        return max(int(faster[0]) - 1, 0) if len(faster) else self.done
+        """Return the index of the last knot before the tool speed first exceeds `speed` [m/s]."""
+        valid_speeds = self.speed[: self.valid_count + 1]
+        faster = np.flatnonzero(valid_speeds > speed * (1 + SPEED_ROUNDING))
+        return max(int(faster[0]) - 1, 0) if len(faster) else self.valid_count
 
 
 @dataclass(frozen=True, slots=True)
 class LinePhase:
-    """Time law on a part of a line, and the rule of the paper that made it."""
+    """Time law on a part of a line, and the rule of the paper that determines it."""
 
     law: LawAlongPath
     kind: str  # Rule: "MAC", "AVC" or "MDC"; "meeting" for the interval between MAC and MDC
     s: tuple[float, float]  # Arc lengths of start and end on the path [m]
     # For a meeting interval, time [s] and arc length [m] from its start to the point where both
     # passes have the same speed
-    switch: tuple[float, float] = (0.0, 0.0)
+    meeting_point: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class RulePart:
-    """Part of a line, or a corner, that one rule of the paper made."""
+    """A part of a line, or a corner, that is planned by one rule of the paper."""
 
     name: str  # Name of the line or corner, such as "line 1"
     kind: str  # Rule: "MAC", "AVC", "MDC" or "corner"
@@ -199,18 +213,24 @@ class RulePart:
     laws: list[LawAlongPath]  # The complete laws that contain the part
 
 
-def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[RulePart]:
-    """Group the pieces of a line by rule; a meeting interval is MAC until its switch, then MDC."""
+def parts_by_rule(name: str, phases: list[LinePhase]) -> list[RulePart]:
+    """Return the parts of a line by rule, in order; neighbouring phases of one rule are joined.
+
+    A meeting interval is MAC up to the point where both passes have the same speed, then MDC.
+
+    - `name`: name of the line, such as "line 1".
+    """
     parts = []
-    for piece in pieces:
-        time = float(piece.law.breaks[-1])
-        if piece.kind != "meeting":
-            parts.append(RulePart(name, piece.kind, time, piece.s, [piece.law]))
+    for phase in phases:
+        duration = float(phase.law.breaks[-1])
+        if phase.kind != "meeting":
+            parts.append(RulePart(name, phase.kind, duration, phase.s, [phase.law]))
             continue
-        before, length = piece.switch
-        middle = piece.s[0] + length
-        parts.append(RulePart(name, "MAC", before, (piece.s[0], middle), [piece.law]))
-        parts.append(RulePart(name, "MDC", time - before, (middle, piece.s[1]), [piece.law]))
+        mac_duration, mac_length = phase.meeting_point
+        middle = phase.s[0] + mac_length
+        mdc_duration = duration - mac_duration
+        parts.append(RulePart(name, "MAC", mac_duration, (phase.s[0], middle), [phase.law]))
+        parts.append(RulePart(name, "MDC", mdc_duration, (middle, phase.s[1]), [phase.law]))
     joined: list[RulePart] = []
     for part in parts:
         if joined and joined[-1].kind == part.kind:
@@ -255,69 +275,83 @@ class PaperLine:
         self.dq_ds = np.concatenate([after, before])
 
     def forward(self, speed: float) -> Pass:
-        """Run the pass from the start of the line at `speed` [m/s]."""
+        """Return the pass from the start of the line, where the tool speed is `speed` [m/s]."""
         return Pass(*run_laps(self.q, self.dq_ds, speed, self.limit))
 
     def reverse(self, speed: float) -> Pass:
-        """Run the pass backwards in time from the end of the line at `speed` [m/s]."""
+        """Return the pass backwards in time from the end of the line at `speed` [m/s]."""
         return Pass(*run_laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
 
-    def final_speed(self, run: Pass) -> float:
-        """Tool speed at the end of a pass [m/s]; infinite if a limit ends the pass earlier."""
-        is_whole = run.joint < 0 and run.last_within(self.assigned) == len(self.s) - 1
-        return float(run.speed[-1]) if is_whole else np.inf
+    def final_speed(self, line_pass: Pass) -> float:
+        """Return the tool speed at the end of a pass [m/s]; infinite if a limit ends it earlier."""
+        last = line_pass.last_within(self.assigned)
+        is_whole = line_pass.joint < 0 and last == len(self.s) - 1
+        return float(line_pass.speed[-1]) if is_whole else np.inf
 
     def plan(self, start: float, end: float) -> list[LinePhase]:
         """Plan the line from the tool speed `start` to the tool speed `end` [m/s]."""
         forward = self.forward(start)
         reverse = self.reverse(end)
         n = len(self.s) - 1
-        backward = reverse.speed[::-1]  # Speed of the reverse pass in the order of the path
-        last = forward.last_within(self.assigned)
-        first = n - reverse.last_within(self.assigned)
-        if first <= last:
-            # The passes overlap: the forward pass is used up to the last knot at which it is
-            # slower.
-            both = np.arange(first, last + 1)
-            slower = both[forward.speed[both] <= backward[both]]
-            last = int(slower[-1]) if len(slower) else first - 1
-            if first == 0 and forward.speed[0] >= backward[0]:
-                # The start speed is the largest from which the line can brake: MDC throughout.
-                last = -1
-            first = last + 1
-            meeting = 0 <= last and first <= n
-            if meeting:
-                last, first = self._find_meeting(last, first, forward.speed, backward)
+        backward_speeds = reverse.speed[::-1]  # Speeds of the reverse pass in the order of the path
+        # MAC ends at the knot `mac_end`, and MDC begins at the knot `mdc_start`.
+        mac_end = forward.last_within(self.assigned)
+        mdc_start = n - reverse.last_within(self.assigned)
+        meeting = False
+        if mdc_start <= mac_end:
+            mac_end = _last_slower_knot(forward.speed, backward_speeds, mdc_start, mac_end)
+            mdc_start = mac_end + 1
+            if 0 <= mac_end and mdc_start <= n:
+                meeting = True
+                mac_end, mdc_start = self._find_meeting(
+                    mac_end, mdc_start, forward.speed, backward_speeds
+                )
         else:
-            self._refuse_incomplete_pass(forward, last, reverse, n - first)
-            meeting = False
-        pieces = []
-        if last > 0:
-            run = forward.h[:last], forward.dq[:last], forward.ddq[:last]
-            pieces.append(self._make_phase("MAC", 0, last, *run))
-        low = max(last, 0)
-        high = first
-        if low < high <= n:
-            pieces.append(self._make_middle(low, high, forward.speed, backward, meeting))
-        if first < n:
-            pieces.append(self._make_mdc(reverse, first))
-        return pieces
+            self._refuse_incomplete_pass(forward, mac_end, reverse, n - mdc_start)
+        phases = []
+        if mac_end > 0:
+            phases.append(self._make_mac(forward, mac_end))
+        low = max(mac_end, 0)
+        if low < mdc_start <= n:
+            middle = self._make_middle(low, mdc_start, forward.speed, backward_speeds, meeting)
+            phases.append(middle)
+        if mdc_start < n:
+            phases.append(self._make_mdc(reverse, mdc_start))
+        return phases
 
-    def _make_mdc(self, run: Pass, first: int) -> LinePhase:
-        """Phase of the reverse pass from the knot `first` to the end, in the order of time."""
+    def _make_mac(self, forward: Pass, last: int) -> LinePhase:
+        """Return the phase of the forward pass from the first knot to the knot `last`."""
+        return self._make_phase(
+            "MAC", 0, last, forward.durations[:last], forward.dq[:last], forward.ddq[:last]
+        )
+
+    def _make_mdc(self, reverse: Pass, first: int) -> LinePhase:
+        """Return the phase of the reverse pass from the knot `first` to the end, in path order."""
         count = len(self.s) - 1 - first
-        ends = run.dq[:count] + run.ddq[:count] * run.h[:count, None]
-        h = run.h[:count][::-1]
-        dq = -ends[::-1]
-        ddq = run.ddq[:count][::-1]
-        return self._make_phase("MDC", first, len(self.s) - 1, h, dq, ddq)
+        durations = reverse.durations[:count]
+        end_velocities = reverse.dq[:count] + reverse.ddq[:count] * durations[:, None]
+        return self._make_phase(
+            "MDC",
+            first,
+            len(self.s) - 1,
+            durations[::-1],
+            -end_velocities[::-1],
+            reverse.ddq[:count][::-1],
+        )
 
     def _make_phase(
-        self, kind: str, first: int, last: int, h: FloatArray, dq: FloatArray, ddq: FloatArray
+        self,
+        kind: str,  # Rule of the paper, such as "MAC"
+        first: int,  # Index of the first knot
+        last: int,  # Index of the last knot
+        durations: FloatArray,  # Durations of the n intervals between these knots [s], (n,)
+        dq: FloatArray,  # Joint velocities at the starts of the intervals [rad/s], (n, dof)
+        ddq: FloatArray,  # Joint accelerations in the intervals [rad/s²], (n, dof)
     ) -> LinePhase:
+        """Return a phase with uniform joint accelerations between knots, (21)."""
         ends = (float(self.s[first]), float(self.s[last]))
         law = LineLaw(
-            breaks=np.concatenate([[0.0], np.cumsum(h)]),
+            breaks=np.concatenate([[0.0], np.cumsum(durations)]),
             q=self.q[first : last + 1],
             dq=dq,
             ddq=ddq,
@@ -331,7 +365,11 @@ class PaperLine:
     def _find_meeting(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
     ) -> tuple[int, int]:
-        """Indices of the knots at which the passes are joined, so that the limit is satisfied."""
+        """Return the two knots between which the passes are joined within the limit.
+
+        - `low`, `high`: the neighbouring knots between which the passes meet.
+        - `forward`, `backward`: speeds of both passes at the knots [m/s], (n + 1,).
+        """
         # Usually one interval joins the passes. If they meet close to its end, uniform acceleration
         # of the tool would need slightly more joint acceleration than the limit, so two intervals
         # join them.
@@ -346,46 +384,76 @@ class PaperLine:
     def _make_middle(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray, meeting: bool
     ) -> LinePhase:
-        """Phase with uniform tool acceleration between both passes, see `_find_meeting`."""
+        """Return the phase with uniform tool acceleration between both passes, (24)-(25).
+
+        In a meeting interval, the squared speeds of both passes are nearly linear over arc length.
+        The point where they are equal divides the interval in the ratio of their differences at its
+        ends.
+
+        - `low`, `high`: knots at which the forward pass ends and the reverse pass begins.
+        - `forward`, `backward`: speeds of both passes at the knots [m/s], (n + 1,).
+        - `meeting`: true if the passes meet below the assigned velocity.
+        """
         s = self.s[[low, high]]
-        start = forward[low]
-        end = backward[high]
-        law = path_law(self.joint_path, s, np.array([start]), np.array([end]))
+        start_speed = forward[low]
+        end_speed = backward[high]
+        law = path_law(self.joint_path, s, np.array([start_speed]), np.array([end_speed]))
         ends = (float(s[0]), float(s[1]))
         if not meeting or np.isnan([forward[high], backward[low]]).any():
             return LinePhase(law, "AVC", ends)
-        ahead = backward[low] ** 2 - start**2
-        after = forward[high] ** 2 - end**2
-        length = float(s[1] - s[0]) * (ahead / (ahead + after) if ahead + after > 0 else 0.5)
+        start_gap = backward[low] ** 2 - start_speed**2
+        end_gap = forward[high] ** 2 - end_speed**2
+        both = start_gap + end_gap
+        length = float(s[1] - s[0]) * (start_gap / both if both > 0 else 0.5)
         acceleration = law.rates.dds[0]
-        time = 2 * length / (start + np.sqrt(max(start**2 + 2 * acceleration * length, 0.0)))
+        meeting_speed = np.sqrt(max(start_speed**2 + 2 * acceleration * length, 0.0))
+        time = 2 * length / (start_speed + meeting_speed)
         return LinePhase(law, "meeting", ends, (float(time), length))
 
     def _refuse_incomplete_pass(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
-        """Raise NotRealizable if a pass ended at a joint limit before the assigned velocity."""
-        if forward.joint >= 0 and forward.done == last:
-            run = forward
-            knot = forward.done
-        elif reverse.joint >= 0 and reverse.done == count:
-            run = reverse
-            knot = len(self.s) - 1 - reverse.done
+        """Raise NotRealizable if a joint limit ended a pass before the assigned velocity.
+
+        - `last`: last knot of the forward pass that is used.
+        - `count`: number of intervals of the reverse pass that are used.
+        """
+        if forward.joint >= 0 and forward.valid_count == last:
+            ended = forward
+            knot = forward.valid_count
+        elif reverse.joint >= 0 and reverse.valid_count == count:
+            ended = reverse
+            knot = len(self.s) - 1 - reverse.valid_count
         else:
             return
         s = float(self.s[knot])
         point = self.arm.tool_position(self.q[knot]).tolist()
-        allowed = float(self.limit[run.joint])
+        allowed = float(self.limit[ended.joint])
         raise NotRealizable(
-            f"On {self.name} at {s:.4g} m along the path, joint {run.joint + 1} would need "
-            f"{run.needed:.4g} rad/s² within one interval, but its limit is {allowed:g} rad/s². "
+            f"On {self.name} at {s:.4g} m along the path, joint {ended.joint + 1} would need "
+            f"{ended.needed:.4g} rad/s² within one interval, but its limit is {allowed:g} rad/s². "
             "The joint cannot reverse in time, because the method does not look ahead. Reduce the "
             "assigned velocity, or plan by the method optimal.",
             point=point,
             s=s,
-            joint=run.joint,
+            joint=ended.joint,
             limit="joint_acceleration",
-            needed=run.needed,
+            needed=ended.needed,
             allowed=allowed,
         )
+
+
+def _last_slower_knot(forward: FloatArray, backward: FloatArray, first: int, last: int) -> int:
+    """Return the last knot from `first` to `last` at which the forward pass is slower.
+
+    Without such a knot it is the knot before `first`; -1 means that the whole line is MDC.
+
+    - `forward`, `backward`: speeds of both passes at the knots [m/s], (n + 1,).
+    """
+    if first == 0 and forward[0] >= backward[0]:
+        # The start speed is the largest from which the line can brake.
+        return -1
+    knots = np.arange(first, last + 1)
+    slower = knots[forward[knots] <= backward[knots]]
+    return int(slower[-1]) if len(slower) else first - 1
 
 
 @dataclass(slots=True)
@@ -415,6 +483,7 @@ def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) 
 
 
 def _find_lines(path: Path) -> list[int]:
+    """Return the segment indices of the lines of a path."""
     return list(np.flatnonzero(path.curvatures == 0).tolist())
 
 
@@ -426,6 +495,11 @@ def _make_lines(
     junctions: list[Junction],
     options: Paper,
 ) -> list[PaperLine]:
+    """Return the lines of a path with their knots.
+
+    - `assigned`: assigned velocity of each segment [m/s], (segments,).
+    - `junctions`: the junctions before the first line and after each line, (lines + 1,).
+    """
     path = tool_path_of(joint_path, "paper")
     lines = []
     for number, i in enumerate(_find_lines(path)):
@@ -447,6 +521,7 @@ def _make_lines(
 
 
 def _refuse_limits(limits: Limits) -> None:
+    """Raise InvalidInput unless each joint has one acceleration limit for both directions."""
     if limits.joint_acceleration is None:
         raise InvalidInput(
             "The method paper needs limits of joint acceleration, but none are specified. Specify "
@@ -460,7 +535,12 @@ def _refuse_limits(limits: Limits) -> None:
 
 
 def _default_laps(length: float, speed: float, cycle: float, number: int) -> int:
-    """Number of intervals of a line; at the assigned velocity, each takes at most one cycle."""
+    """Return a line's number of intervals, each at most one cycle long at the assigned velocity.
+
+    - `length`: length of the line [m].
+    - `speed`: assigned velocity [m/s].
+    - `number`: index of the line, for the message.
+    """
     count = length / (speed * cycle)
     if not count <= MAX_LAPS:
         raise InvalidInput(
@@ -473,14 +553,15 @@ def _default_laps(length: float, speed: float, cycle: float, number: int) -> int
 def _join(
     lines: list[PaperLine], junctions: list[Junction], arm: Arm, limits: Limits
 ) -> Trajectory:
+    """Plan all lines between the speeds of their junctions, and join lines and corners."""
     joint_path = lines[0].joint_path
     laws: list[LawAlongPath] = []
     stretches: list[LawPhase] = []
     corner = 0
     for number, line in enumerate(lines):
-        pieces = line.plan(junctions[number].speed, junctions[number + 1].speed)
-        laws += [x.law for x in pieces]
-        parts = parts_by_rule(line.name, pieces)
+        phases = line.plan(junctions[number].speed, junctions[number + 1].speed)
+        laws += [phase.law for phase in phases]
+        parts = parts_by_rule(line.name, phases)
         for i in junctions[number + 1].arcs:
             corner += 1
             parts.append(_arc_part(f"corner {corner}", joint_path, i, junctions[number + 1].speed))
@@ -496,7 +577,7 @@ def _join(
 def _find_junctions(
     path: Path, lines: list[int], assigned: FloatArray, limits: Limits
 ) -> list[Junction]:
-    """Junctions of a path with their largest speeds: before the first line and after each line.
+    """Return the junctions before the first line and after each line, with their largest speeds.
 
     `lines` are the indices of straight segments, `assigned` the velocity of each segment [m/s].
     """
@@ -527,8 +608,12 @@ def _find_junctions(
 
 
 def _place_knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> FloatArray:
-    """Arc lengths [m] of the knots of a line from `start` to `end` with `count` equal intervals."""
-    # An interval next to a rest is divided into parts of equal duration at constant acceleration.
+    """Return the arc lengths of a line's knots [m], `count` equal intervals from start to end.
+
+    An interval next to a rest is divided into parts of equal duration at constant acceleration.
+
+    - `at_rest`: whether the tool is at rest at the start, and at the end, of the line.
+    """
     shares = np.arange(count + 1) / count
     parts = (np.arange(1, PARTS_AT_REST) / PARTS_AT_REST) ** 2 / count
     if at_rest[0]:
@@ -551,7 +636,10 @@ def _match_speeds(lines: list[PaperLine], junctions: list[Junction]) -> None:
 
 
 def _arc_part(name: str, joint_path: JointPath, segment: int, speed: float) -> RulePart:
-    """Motion at constant speed along the arc of a rounded corner."""
+    """Return the motion at constant speed [m/s] along the arc of a rounded corner, (17).
+
+    - `segment`: index of the arc.
+    """
     path = tool_path_of(joint_path, "paper")
     law = path_law(
         joint_path, path.breaks[segment : segment + 2], np.array([speed]), np.array([speed])
@@ -561,7 +649,10 @@ def _arc_part(name: str, joint_path: JointPath, segment: int, speed: float) -> R
 
 
 def _check_part(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase:
-    """Check the limits of a part that starts at the time `start` [s]; returns it with its peaks."""
+    """Return a part with its peak values; raise NotRealizable if it exceeds a limit.
+
+    - `start`: time at which the part starts [s].
+    """
     # The rules of the method do not include these limits: joint acceleration on the middle part and
     # on corners, joint velocities, torques, and the angular motion of the tool.
     check_limits(

@@ -20,14 +20,14 @@ from armcontour.program.moves import Contour, Event, Program, Value, contour_cal
 from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
 
 # A function that makes the contour of an option, and its first and last point [m], (2, dimension).
-Option = tuple[Callable[[], Contour], FloatArray]
+ContourOption = tuple[Callable[[], Contour], FloatArray]
 
 # Number of start points that are tried per closed contour, unless the program has many contours.
-PLACES = 24
+MAX_STARTS = 24
 # Smallest number to which the possible start points of a closed contour are reduced.
-FEWEST_PLACES = 4
-# If all contours together would have more start points than this, each has fewer than PLACES.
-MAX_PLACES = 20_000
+MIN_STARTS = 4
+# If all contours together would have more start points than this, each has fewer than MAX_STARTS.
+MAX_TOTAL_STARTS = 20_000
 # The search for a short tour tries several first contours. This limits their number times the
 # square of the contour count, and with it the time to about 0.5 s.
 MAX_WORK = 20_000
@@ -35,7 +35,7 @@ MAX_WORK = 20_000
 NO_GAIN = 1e-12
 # Orientations at both ends of a contour that differ by less than this angle [rad] count as equal,
 # because summed turns have rounding errors.
-SAME_ORIENTATION = 1e-6
+SAME_END_ORIENTATION = 1e-6
 # Largest number of segments in a contour with its overlap, which repeats the contour's segments.
 MAX_SEGMENTS = 1_000_000
 
@@ -51,25 +51,27 @@ def direct_contours(program: Program, process: Process) -> Program:
 
     areas = find_nesting(contours, process.up).areas
     sides = waste_sides(contours, process)
-    turned: dict[Contour, Contour] = {}
+    reversed_contours: dict[Contour, Contour] = {}
     for i, (contour, direction) in enumerate(zip(contours, directions, strict=True)):
         if direction in TOOL_SIDES:
-            back = sides[i] != TOOL_SIDES[direction]
+            must_reverse = sides[i] != TOOL_SIDES[direction]
         else:
-            back = direction != DRAWN and (areas[i] > 0) != (direction == "counterclockwise")
-        if not back:
+            is_counterclockwise = direction == "counterclockwise"
+            must_reverse = direction != DRAWN and (areas[i] > 0) != is_counterclockwise
+        if not must_reverse:
             continue
-        inner = [
-            y for y in contour.events if REPEATED_POINT < y.s < contour.path.length - REPEATED_POINT
-        ]
-        if inner:
+        end = contour.path.length - REPEATED_POINT
+        inner_events = [event for event in contour.events if REPEATED_POINT < event.s < end]
+        if inner_events:
             raise InvalidInput(
                 f"{contour_called(contour, i)} cannot run backwards for the direction {direction}, "
-                f"because its event {inner[0].name} is not at an end. Specify direction: drawn, "
-                "also for its layer."
+                f"because its event {inner_events[0].name} is not at an end. Specify direction: "
+                "drawn, also for its layer."
             )
-        turned[contour] = _reverse_contour(contour)
-    moves = tuple(turned.get(x, x) if isinstance(x, Contour) else x for x in program.moves)
+        reversed_contours[contour] = _reverse_contour(contour)
+    moves = tuple(
+        reversed_contours.get(x, x) if isinstance(x, Contour) else x for x in program.moves
+    )
     return replace(program, moves=moves)
 
 
@@ -110,7 +112,7 @@ def order_contours(program: Program, process: Process) -> Program:
         return replace(program, moves=tuple(moves))
     choices = _Choices.from_contours(contours, process, free=order == "shortest")
     tour, option = (choices.nearest if order == "nearest" else choices.shortest)(parents)
-    return replace(program, moves=tuple(choices.made[option[i]]() for i in tour))
+    return replace(program, moves=tuple(choices.makers[option[i]]() for i in tour))
 
 
 def _add_order_note(program: Program, process: Process) -> Program:
@@ -157,7 +159,7 @@ def _order_inside_first(parents: IntArray) -> list[int]:
 class _Choices:
     """The m options of n contours: start points of closed contours, directions of open ones."""
 
-    made: list[Callable[[], Contour]]  # Functions that make the contour of each option
+    makers: list[Callable[[], Contour]]  # Functions that make the contour of each option
     ends: FloatArray  # First and last points of the options [m], (m, 2, 3)
     first: IntArray  # Index of the first option of every contour, followed by m, (n + 1,)
     swapped: IntArray  # Index of the option with swapped ends, or of the same option, (m,)
@@ -167,31 +169,35 @@ class _Choices:
         cls, contours: tuple[Contour, ...], process: Process, *, free: bool
     ) -> _Choices:
         """Make the options of contours; with `free`, a closed contour has several start points."""
-        count = int(np.clip(MAX_PLACES // len(contours), FEWEST_PLACES, PLACES))
-        made: list[Callable[[], Contour]] = []
+        start_count = int(np.clip(MAX_TOTAL_STARTS // len(contours), MIN_STARTS, MAX_STARTS))
+        makers: list[Callable[[], Contour]] = []
         ends: list[FloatArray] = []
         first = [0]
         swapped = list[int]()
         for contour in contours:
-            options = _options(contour, process, count if free else 1)
-            made += [option[0] for option in options]
+            options = _options(contour, process, start_count if free else 1)
+            makers += [option[0] for option in options]
             ends += [option[1] for option in options]
-            indices = range(first[-1], len(made))
+            indices = range(first[-1], len(makers))
             swapped += indices if contour.closed else indices[::-1]
-            first.append(len(made))
+            first.append(len(makers))
         table = np.zeros((len(ends), 2, 3))
         table[:, :, : contours[0].path.dimension] = ends
         return cls(
-            made=made,
+            makers=makers,
             ends=table,
             first=np.array(first),
             swapped=np.array(swapped),
         )
 
     def nearest(self, parents: IntArray, start: int = 0) -> tuple[IntArray, IntArray]:
-        """Order and options of a tour: a permitted contour, then always the nearest one.
+        """Return the order of a tour through the nearest contours, and its options, (n,) each.
 
-        The tour starts with the first permitted contour from the index `start` on.
+        The tour starts with the first permitted contour from the index `start` on, and continues
+        with the nearest permitted one. A contour is permitted after all contours inside it. The
+        second result is the option of each contour, by the index of the contour.
+
+        - `parents`: index of the smallest contour around each contour, -1 for outer ones, (n,).
         """
         from scipy.spatial.distance import cdist
 
@@ -199,28 +205,36 @@ class _Choices:
         first = self.first
         entries, exits = self.ends.swapaxes(0, 1)
         owners = np.repeat(np.arange(n), np.diff(first))
-        waits = np.bincount(parents[parents >= 0], minlength=n)
+        # Number of contours inside each contour that are not yet in the tour.
+        open_children = np.bincount(parents[parents >= 0], minlength=n)
         # Entries of the contours that may be next; infinite for other contours.
-        near = np.where((waits == 0)[owners, None], entries, np.inf)
+        permitted_entries = np.where((open_children == 0)[owners, None], entries, np.inf)
         tour = np.empty(n, dtype=np.intp)
         option = first[:-1].copy()
         for k in range(n):
             if k:
                 last = option[tour[k - 1]]
-                nearest = int(np.argmin(cdist(exits[last : last + 1], near, "sqeuclidean")))
-                option[owners[nearest]] = nearest
-            c = tour[k] = owners[nearest] if k else (np.argmin(np.roll(waits, -start)) + start) % n
-            near[first[c] : first[c + 1]] = np.inf
-            parent = parents[c]
+                distances = cdist(exits[last : last + 1], permitted_entries, "sqeuclidean")
+                nearest = int(np.argmin(distances))
+                contour = owners[nearest]
+                option[contour] = nearest
+            else:
+                contour = (np.argmin(np.roll(open_children, -start)) + start) % n
+            tour[k] = contour
+            permitted_entries[first[contour] : first[contour + 1]] = np.inf
+            parent = parents[contour]
             if parent >= 0:
-                waits[parent] -= 1
-                if not waits[parent]:
+                open_children[parent] -= 1
+                if not open_children[parent]:
                     rows = slice(first[parent], first[parent + 1])
-                    near[rows] = entries[rows]
+                    permitted_entries[rows] = entries[rows]
         return tour, option
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
-        """Order and options of a short tour: the nearest contours, improved by 2-opt."""
+        """Return the order and the options of a short tour, (n,) each; see `nearest`.
+
+        Tours through the nearest contours from several first contours are improved by 2-opt.
+        """
         best = (np.array([]), np.array([]))
         shortest = np.inf
         n = len(self.first) - 1
@@ -237,11 +251,15 @@ class _Choices:
         return best
 
     def _reverse_parts(self, tour: IntArray, option: IntArray, parents: IntArray) -> None:
-        """Reverse parts of a tour in place until it is no shorter (2-opt)."""
+        """Reverse parts of a tour in place until no reversal makes it shorter (2-opt).
+
+        - `option`: option of each contour, changed in place, (n,).
+        - `parents`: as in `nearest`.
+        """
         n = len(tour)
         i = 0
         failures = 0
-        place = np.empty(n, np.intp)
+        position = np.empty(n, np.intp)
         while failures < n:
             if not failures:
                 # Ends of the contours in the tour and, in reversed parts, with swapped ends. A part
@@ -252,9 +270,10 @@ class _Choices:
                 ahead = np.append(0.0, np.cumsum(gaps[:-1]))
                 back = np.linalg.norm(start_back[:-1] - end_back[1:], axis=1)
                 back = np.append(0.0, np.cumsum(back))
-                place[tour] = np.arange(n)
-                outer = np.where(parents[tour] >= 0, place[parents[tour]], n)
+                position[tour] = np.arange(n)
+                outer = np.where(parents[tour] >= 0, position[parents[tour]], n)
                 last = np.minimum.accumulate(outer[::-1])[::-1]
+            # Reduction of the tour's length for each part that starts at i.
             part = slice(i, last[i])
             gain = ahead[part] - ahead[i] - back[part] + back[i] + gaps[part]
             after = np.linalg.norm(start[i + 1 : last[i] + 1] - end_back[i], axis=1)
@@ -283,20 +302,21 @@ class _Choices:
         entries, exits = self.ends.swapaxes(0, 1)
         slices = [slice(first[c], first[c + 1]) for c in tour]
         length = np.zeros(slices[0].stop - slices[0].start)
-        before = []
-        for last, now in itertools.pairwise(slices):
-            lengths = length[:, None] + cdist(exits[last], entries[now])
-            before.append(np.argmin(lengths, axis=0))
+        # Best option of the previous contour for each option of the next one.
+        best_previous = []
+        for previous, current in itertools.pairwise(slices):
+            lengths = length[:, None] + cdist(exits[previous], entries[current])
+            best_previous.append(np.argmin(lengths, axis=0))
             length = lengths.min(axis=0)
         chosen = [int(np.argmin(length))]
-        for k in reversed(before):
-            chosen.append(int(k[chosen[-1]]))
+        for previous_option in reversed(best_previous):
+            chosen.append(int(previous_option[chosen[-1]]))
         option = np.empty(len(tour), np.intp)
         option[tour] = first[tour] + chosen[::-1]
         return option
 
 
-def _options(contour: Contour, process: Process, count: int) -> list[Option]:
+def _options(contour: Contour, process: Process, count: int) -> list[ContourOption]:
     """List the options of a contour; a closed contour has at most `count`."""
     path = contour.path
 
@@ -407,15 +427,18 @@ def find_start(contour: Contour, process: Process, *, led: bool) -> float:
     if isinstance(begin, float):
         return begin % path.length
     last = slice(len(path) - 1, None)
-    end = path.segments.evaluate(last, path.lengths[last], 1)
-    if np.linalg.norm(path.tangents[0] - end[0]) <= TANGENT_TOLERANCE:
+    end_tangent = path.segments.evaluate(last, path.lengths[last], 1)[0]
+    if np.linalg.norm(path.tangents[0] - end_tangent) <= TANGENT_TOLERANCE:
         return 0.0
     longest = int(np.argmax(path.lengths))
     return float(path.breaks[longest] + path.lengths[longest] / 2)
 
 
 def move_start(contour: Contour, start: float, outputs: Mapping[str, Value]) -> Contour:
-    """Move the start point of a closed contour to an arc length of the drawn contour [m]."""
+    """Move the start point of a closed contour to an arc length of the drawn contour [m].
+
+    - `outputs`: values of the outputs before the contour.
+    """
     path = contour.path
     if start <= REPEATED_POINT or path.length - start <= REPEATED_POINT:
         return contour
@@ -449,11 +472,11 @@ def _has_equal_end_orientations(path: Path) -> bool:
     start = orientation(0.0)
     if orientation.follows:
         # At a corner the tool turns with the tangent.
-        corner = shortest(path(path.length, 1, side="left"), path(0.0, 1))
-        end = exp(corner) @ end
+        turn = shortest(path(path.length, 1, side="left"), path(0.0, 1))
+        end = exp(turn) @ end
     if orientation.axis_only:
-        return bool(angle_between(end[:, 2], start[:, 2]) <= SAME_ORIENTATION)
-    return bool(np.linalg.norm(log(start @ end.T)) <= SAME_ORIENTATION)
+        return bool(angle_between(end[:, 2], start[:, 2]) <= SAME_END_ORIENTATION)
+    return bool(np.linalg.norm(log(start @ end.T)) <= SAME_END_ORIENTATION)
 
 
 def _add_overlap(path: Path, overlap: float) -> Path:

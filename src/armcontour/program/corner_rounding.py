@@ -88,6 +88,7 @@ def round_corners(
     acceleration = texts_to_si(acceleration, Quantity("m/s^2", "1 m/s^2"), "acceleration")
 
     def rounded(path: Path) -> RoundedPath:
+        """Round the corners of one path."""
         return round_path(
             path,
             tolerance=tolerance(path) if callable(tolerance) else tolerance,
@@ -164,5 +165,9 @@ def draw_with_arcs(contour: Contour) -> Contour:
 
 
 def _interpolate(pairs: FloatArray, s: FloatArray) -> FloatArray:
-    """Return arc lengths on the second path [m], interpolated between `pairs`, (n, 2)."""
+    """Return arc lengths on the second path that correspond to those on the first path [m], (m,).
+
+    - `pairs`: corresponding arc lengths on both paths [m], (n, 2).
+    - `s`: arc lengths on the first path [m], (m,).
+    """
     return np.interp(s, pairs[:, 0], pairs[:, 1])

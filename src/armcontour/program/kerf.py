@@ -55,22 +55,23 @@ KERF_BISECTIONS = 14
 
 
 def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, float, float]]:
-    """List the tool path's separating parts: path, first and last arc length, kerf [m].
+    """List the parts of contours along which the tool separates material.
 
+    Each part is the path of its contour, the first and the last arc length [m], and the kerf [m].
     `process` is the process for which the program was prepared.
     """
     parts = []
     for contour in program.contours:
-        layer = process.of_contour(contour)
+        contour_process = process.of_contour(contour)
         begin, end = contour.at_work
-        if not layer.kerf:
+        if not contour_process.kerf:
             continue
-        if layer.begins_on:
+        if contour_process.begins_on:
             # The line down from the height of the pierce does not separate material.
-            begin = 0.0 if layer.pierce is None else layer.pierce.height
-        parts.append(
-            (contour.path, begin, contour.path.length if layer.ends_on else end, layer.kerf)
-        )
+            begin = 0.0 if contour_process.pierce is None else contour_process.pierce.height
+        if contour_process.ends_on:
+            end = contour.path.length
+        parts.append((contour.path, begin, end, contour_process.kerf))
     return parts
 
 
@@ -83,15 +84,17 @@ def idle_parts(program: Program, process: Process) -> list[tuple[int, float, flo
         return []
     parts = []
     for k, contour in enumerate(program.contours):
-        own = process.of_contour(contour)
-        begin, end = contour.at_work
+        contour_process = process.of_contour(contour)
+        work_start, work_end = contour.at_work
         length = contour.path.length
-        switch = own.switch and own.switch.name
-        leads = (0.0 if own.begins_on else begin, True), (length if own.ends_on else end, False)
-        changes = [(x.s, bool(x.value)) for x in contour.events if x.name == switch] or leads
-        for (a, is_on), (b, _) in pairwise(((0.0, False), *changes, (length, True))):
-            if not is_on and b - a > REPEATED_POINT:
-                parts.append((k, a, b))
+        switch_name = contour_process.switch and contour_process.switch.name
+        on = 0.0 if contour_process.begins_on else work_start
+        off = length if contour_process.ends_on else work_end
+        changes = [(x.s, bool(x.value)) for x in contour.events if x.name == switch_name]
+        changes = changes or [(on, True), (off, False)]
+        for (start, is_on), (end, _) in pairwise(((0.0, False), *changes, (length, True))):
+            if not is_on and end - start > REPEATED_POINT:
+                parts.append((k, start, end))
     return parts
 
 
@@ -176,9 +179,9 @@ def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Pr
 
 
 def _notes_on_open(names: Sequence[str]) -> list[str]:
-    """Return a note on open contours that are not offset, if there are any.
+    """Return a note on open contours that are not offset; empty without such contours.
 
-    - `names`: their names.
+    - `names`: names of these contours.
     """
     if not names:
         return []
@@ -191,7 +194,13 @@ def _notes_on_open(names: Sequence[str]) -> list[str]:
 
 
 def _flatten(contour: Contour, number: int, process: Process) -> Segments:
-    """Project a contour along `up`; raise InvalidInput if the kerf has no side."""
+    """Return a contour's segments in the plane, seen from above.
+
+    Raises InvalidInput if the contour has leads or is not perpendicular to `up`, because its kerf
+    then has no side.
+
+    - `number`: index of the contour, for messages.
+    """
     called = contour_called(contour, number)
     up = process.up
     rows = contour.path.segments
@@ -217,23 +226,30 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
 def _offset(
     rows: Segments, contour: Contour, number: int, kerf: float, side: str
 ) -> list[OffsetPart]:
-    """Offset a contour by half the kerf; raise InvalidInput if it does not fit."""
+    """Return the parts of a contour's offset by half the kerf; InvalidInput if it does not fit.
+
+    - `rows`: segments of the contour in the plane.
+    - `number`: index of the contour, for messages.
+    - `kerf`: width of the cut [m].
+    - `side`: side of the kerf, "left" or "right".
+    """
     called = contour_called(contour, number)
     sign = 1 if side == "left" else -1
 
-    def parts_of(width: float) -> list[OffsetPart]:
+    def offset_parts_with(width: float) -> list[OffsetPart]:
+        """Return the parts of the offset for a kerf of this width [m]."""
         parts = offset_segments(rows, sign * width / 2, closed=contour.closed)
         # A closed part of an open contour's offset lies where the contour curls around an area, and
         # is discarded.
         return parts if contour.closed else [x for x in parts if not x.closed]
 
-    offset_parts = parts_of(kerf)
+    offset_parts = offset_parts_with(kerf)
     if not offset_parts:
         fits = 0.0
         too_wide = kerf
         for _ in range(KERF_BISECTIONS):
             middle = (fits + too_wide) / 2
-            fits, too_wide = (middle, too_wide) if parts_of(middle) else (fits, middle)
+            fits, too_wide = (middle, too_wide) if offset_parts_with(middle) else (fits, middle)
         result = "removes the whole contour" if contour.closed else "does not fit next to it"
         raise InvalidInput(
             f"{called}: a kerf of {1e3 * kerf:.6g} mm {result}. The largest kerf that fits is "
@@ -256,7 +272,12 @@ def _check_distances(
     parts: Sequence[Sequence[OffsetPart]],
     kerfs: Sequence[float],
 ) -> None:
-    """Raise InvalidInput if the cut along one contour cuts into another contour."""
+    """Raise InvalidInput if the cut along one contour cuts into another contour.
+
+    - `flat`: segments of each contour in the plane; None for contours without offset.
+    - `parts`: parts of each contour's offset.
+    - `kerfs`: kerf of each contour [m].
+    """
     indices = [i for i, x in enumerate(flat) if x is not None]
     if len(indices) < 2:
         return
@@ -264,17 +285,19 @@ def _check_distances(
     paths = [Segments.join([x.segments for x in parts[i]]) for i in indices]
     pair = find_crossing_paths(sources) or find_crossing_paths(paths)
     if pair is None:
+        # Compare the distance of each offset segment's middle from all contours with half its kerf.
         owner = np.repeat(np.arange(len(indices)), [len(x) for x in paths])
         path = Segments.join(paths)
         source = Segments.join(sources)
         nearest = find_nearest(source, path.evaluate(slice(None), path.lengths / 2))
-        room = nearest.distance - np.array([kerfs[i] for i in indices])[owner] / 2
-        k = int(np.argmin(room))
-        if room[k] >= -SLACK:
+        half_kerfs = np.array([kerfs[i] for i in indices])[owner] / 2
+        margins = nearest.distance - half_kerfs
+        k = int(np.argmin(margins))
+        if margins[k] >= -SLACK:
             return
         row = int(np.searchsorted(source.breaks, nearest.s[k], side="right")) - 1
-        ends = np.cumsum([len(x) for x in sources])
-        pair = int(owner[k]), int(np.searchsorted(ends, row, side="right"))
+        row_ends = np.cumsum([len(x) for x in sources])
+        pair = int(owner[k]), int(np.searchsorted(row_ends, row, side="right"))
     first, second = (indices[k] for k in pair)
     kerf = max(kerfs[first], kerfs[second])
     raise InvalidInput(
@@ -350,32 +373,39 @@ def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
 
 
 def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) -> Orientation:
-    """Orient the tool along an offset, constantly or at the same angle to the tangent."""
+    """Orient the tool along an offset, constantly or at the same angle to the tangent.
+
+    - `path`: the offset.
+    - `source`: path of the contour, with the orientation `orientation`.
+    """
     rows = path.segments
     start = orientation(0.0)
-    same = orientation.fixed and all(
+    is_constant = orientation.fixed and all(
         np.abs(x - start).max() <= REPEATED_POINT for x in orientation.starts
     )
     rates = np.zeros((len(rows), 3))
-    turned = np.repeat(start[None], len(rows), axis=0)
+    starts = np.repeat(start[None], len(rows), axis=0)
     if orientation.follows:
-        a = project_along_up(source.tangents[:1], up)
-        b = project_along_up(rows.tangents, up)
-        turned = exp(turns_between(a, b)[:, None] * up) @ start
+        source_tangent = project_along_up(source.tangents[:1], up)
+        tangents = project_along_up(rows.tangents, up)
+        starts = exp(turns_between(source_tangent, tangents)[:, None] * up) @ start
         rates = tangent_rates(rows)
-    elif not same:
+    elif not is_constant:
         raise InvalidInput(
             "A kerf needs a tool orientation that is constant or follows the tangent. Change the "
             "orientation, or remove the kerf."
         )
     return Orientation.even(
-        rows.lengths, turned, rates, axis_only=orientation.axis_only, follows=orientation.follows
+        rows.lengths, starts, rates, axis_only=orientation.axis_only, follows=orientation.follows
     )
 
 
 def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[Move]:
-    """Replace the contours among moves; rapids away from a contour start at its new end."""
-    away = find_departing_rapids(moves)
+    """Replace the contours among moves; rapids away from a contour start at its new end.
+
+    - `made`: contours that replace each contour, in the order of the contours among `moves`.
+    """
+    departing_rapids = find_departing_rapids(moves)
     number = 0
     result: list[Move] = []
     left_out = False
@@ -386,7 +416,7 @@ def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) 
             number += 1
             continue
         # Rapids still pass the point at which a contour that is left out starts and ends.
-        reroutes = isinstance(move, Rapid) and move in away and not left_out
+        reroutes = isinstance(move, Rapid) and move in departing_rapids and not left_out
         result.append(reroute(move, start=last_end(result)) if reroutes else move)
     return result
 
@@ -422,7 +452,10 @@ def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
 
 
 def _find_holes(nesting: Nesting, edges: BoolArray) -> BoolArray:
-    """Return the mask of contours inside an odd number of other `edges`, (n,)."""
+    """Return the mask of contours inside an odd number of edges, (n,).
+
+    - `edges`: mask of the contours that count as edges, (n,).
+    """
     return np.asarray(nesting.contains[edges].sum(axis=0) % 2 == 1)
 
 
@@ -432,19 +465,19 @@ def _notes_on_nesting(program: Program, sides: Sequence[str], process: Process) 
     `sides` has a side for each of the program's contours; "" for contours without offset.
     """
     contours = (*program.contours, *program.left_out)
-    runs = np.arange(len(contours)) < len(program.contours)
+    is_run = np.arange(len(contours)) < len(program.contours)
     with_kerf = np.array([process.of_contour(x).kerf is not None for x in contours])
-    if process.kerf_side != WASTE or (with_kerf & runs).all():
+    if process.kerf_side != WASTE or (with_kerf & is_run).all():
         return []
     nesting = find_nesting(contours, process.up)
-    cut = runs & cut_contours(contours, process)
+    cut = is_run & cut_contours(contours, process)
     holes = _find_holes(nesting, cut)
     offset = np.array([x != "" for x in sides] + [False] * len(program.left_out))
     notes = []
     for others, text in (
         (cut & ~with_kerf, "has no kerf, but counts as cut. If it is a mark, set its kerf to null"),
-        (runs & ~cut, "is a mark (kerf: null) and does not count. If it is cut, set kerf: 0 mm"),
-        (~runs, "is not run and does not count. If it should, run it with kerf: 0 mm"),
+        (is_run & ~cut, "is a mark (kerf: null) and does not count. If it is cut, set kerf: 0 mm"),
+        (~is_run, "is not run and does not count. If it should, run it with kerf: 0 mm"),
     ):
         changed = np.flatnonzero(offset & (_find_holes(nesting, cut ^ others) != holes))
         if not len(changed):

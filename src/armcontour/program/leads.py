@@ -35,21 +35,26 @@ MAX_INWARD_TURN = 0.005
 
 
 class LeadPlacement:
-    """Lays the leads of a program's contours in the waste, so that they cross no cut contour."""
+    """Lays the leads of a program's contours in the waste, so that they cross no cut contour.
+
+    - `contours`: the contours before they get overlaps and leads.
+    - `process`: the process with leads.
+    - `left_out`: further contours, which are not run, but decide which contours are holes.
+    """
 
     def __init__(
         self, contours: Sequence[Contour], process: Process, left_out: Sequence[Contour] = ()
     ) -> None:
-        # `contours`: the contours before they get overlaps and leads.
-        # `left_out`: further contours, which are not run, but decide which contours are holes.
+        # All contours, also those that are not run.
         self._contours = (*contours, *left_out)
         self._process = process
-        needed = any(x.side == WASTE for x in process.leads)
+        # Waste side of each contour.
         self._sides = ["left"] * len(contours)
-        if needed:
+        if any(x.side == WASTE for x in process.leads):
             self._sides = waste_sides(self._contours, process)
         self._cut = cut_contours(self._contours, process)
-        self._around: tuple[FloatArray, FloatArray] | None = None
+        # Pieces of all cut contours and the contours' boxes; computed when they are needed first.
+        self._pieces_and_boxes: tuple[FloatArray, FloatArray] | None = None
         # Leads that are shorter than requested: fraction of the requested length, and description.
         self._shortened: list[tuple[float, str]] = []
 
@@ -58,6 +63,7 @@ class LeadPlacement:
     ) -> Path:
         """Return the lead-in or the lead-out of contour `number`.
 
+        - `path`: the contour with its overlap.
         - `length`: requested length [m]; a lead of automatic length is shortened until it fits.
         - `after`: true for the lead-out.
         """
@@ -65,23 +71,23 @@ class LeadPlacement:
         side = self._sides[number] if lead.side == WASTE else lead.side
         beyond = self._tangent_beyond(contour, path, after)
 
-        def lead_of(length: float) -> Path:
+        def lead_with(length: float) -> Path:
             return lead_path(
                 path, length, lead.shape, side, self._process.up, after=after, beyond=beyond
             )
 
-        full_lead = lead_of(length)
-        in_waste = lead.shape == "arc" and lead.side == WASTE and self._cut[number]
+        full_lead = lead_with(length)
+        is_waste_arc = lead.shape == "arc" and lead.side == WASTE and self._cut[number]
         weaves = self._process.of_contour(contour).weave is not None
-        must_fit = in_waste and not weaves and self._has_area(contour)
+        must_fit = is_waste_arc and not weaves and self._has_area(contour)
         if not must_fit or self._fits_in_waste(full_lead, after):
             return full_lead
         fits = 0.0
         too_long = length
         for _ in range(LEAD_BISECTIONS):
             middle = (fits + too_long) / 2
-            in_scrap = self._fits_in_waste(lead_of(middle), after)
-            fits, too_long = (middle, too_long) if in_scrap else (fits, middle)
+            in_waste = self._fits_in_waste(lead_with(middle), after)
+            fits, too_long = (middle, too_long) if in_waste else (fits, middle)
         called = contour_called(contour, number)
         kind = "lead-out" if after else "lead-in"
         location = f"{called} (layer {contour.layer})" if contour.layer else called
@@ -102,7 +108,7 @@ class LeadPlacement:
             )
         description = f"the {kind} of {location}: {1e3 * fits:.4g} instead of {1e3 * length:.4g} mm"
         self._shortened.append((fits / length, description))
-        return lead_of(fits)
+        return lead_with(fits)
 
     def _has_area(self, contour: Contour) -> bool:
         """Return whether a contour encloses an area, on one side of which the waste is."""
@@ -137,14 +143,20 @@ class LeadPlacement:
         return outline(s or outline.length, 1, side="left")
 
     def _fits_in_waste(self, lead: Path, after: bool) -> bool:
-        """Return whether a lead crosses no cut contour and its free end lies in the waste."""
+        """Return whether a lead crosses no cut contour and its free end lies in the waste.
+
+        - `after`: true for a lead-out.
+        """
         lead = lead.reversed() if after else lead
         up = self._process.up
-        cut = [x for x, kept in zip(self._contours, self._cut, strict=True) if kept]
-        if self._around is None:
+        cut = [x for x, is_cut in zip(self._contours, self._cut, strict=True) if is_cut]
+        if self._pieces_and_boxes is None:
             tables = [_tabulate_pieces(x.path, up) for x in cut]
-            self._around = np.concatenate(tables), np.array([_bounding_box(x) for x in tables])
-        pieces, boxes = self._around
+            self._pieces_and_boxes = (
+                np.concatenate(tables),
+                np.array([_bounding_box(x) for x in tables]),
+            )
+        pieces, boxes = self._pieces_and_boxes
         lead_pieces = _tabulate_pieces(lead, up)
         tip = lead_pieces[0, :2]
         # Only pieces within reach of the lead are tested: if a piece and the lead meet, their
@@ -152,12 +164,13 @@ class LeadPlacement:
         apart = np.linalg.norm(pieces[:, :2] - tip, axis=1)
         near = pieces[apart <= pieces[:, LENGTH] + lead.length + REPEATED_POINT]
         pairs, distances = find_crossings(np.concatenate([lead_pieces, near]))
-        first = np.argmin(pairs, axis=1)[:, None]
-        meets = (pairs.min(axis=1) < len(lead_pieces)) & (pairs.max(axis=1) >= len(lead_pieces))
+        # A contact is a crossing of a piece of the lead, which come first, and another piece.
+        lead_column = np.argmin(pairs, axis=1)[:, None]
+        lead_piece = pairs.min(axis=1)
+        is_contact = (lead_piece < len(lead_pieces)) & (pairs.max(axis=1) >= len(lead_pieces))
+        lead_distances = np.take_along_axis(distances, lead_column, 1)[:, 0]
         begins = np.cumsum(lead_pieces[:, LENGTH]) - lead_pieces[:, LENGTH]
-        contacts = (
-            np.take_along_axis(distances, first, 1)[meets, 0] + begins[pairs.min(axis=1)[meets]]
-        )
+        contacts = lead_distances[is_contact] + begins[lead_piece[is_contact]]
         if (contacts < (1 - IGNORED_CONTACT) * lead.length).any():
             return False
         enclosing = np.nonzero(((boxes[:, 0] <= tip) & (tip <= boxes[:, 1])).all(axis=1))[0]
@@ -175,16 +188,22 @@ def _bounding_box(pieces: FloatArray) -> FloatArray:
 def _tabulate_pieces(path: Path, up: FloatArray) -> FloatArray:
     """Return a path seen from above as pieces (offset_curves.py), (n, 6)."""
     chords = find_chords(path, up)
-    a = chords[:, :2]
-    chord = chords[:, 2:4] - chords[:, :2]
-    bent = chords[:, 7] != 0
-    curvatures = np.where(bent, chords[:, 7] / np.where(bent, chords[:, 6], 1.0), 0.0)
-    out = (a - chords[:, 4:6]) * curvatures[:, None]
-    lengths = np.linalg.norm(chord, axis=1)
-    tangents = np.column_stack([-out[:, 1], out[:, 0]])
-    tangents = np.where(bent[:, None], tangents, chord / lengths[:, None])
-    half = np.arcsin(np.minimum(lengths * np.abs(curvatures) / 2, 1.0))
-    return np.column_stack([a, tangents, curvatures, lengths / np.sinc(half / np.pi)])
+    starts = chords[:, :2]
+    ends = chords[:, 2:4]
+    centers = chords[:, 4:6]
+    radii = chords[:, 6]
+    turns = chords[:, 7]
+    bent = turns != 0
+    curvatures = np.where(bent, turns / np.where(bent, radii, 1.0), 0.0)
+    # The tangent of an arc is perpendicular to its radius.
+    outward = (starts - centers) * curvatures[:, None]
+    arc_tangents = np.column_stack([-outward[:, 1], outward[:, 0]])
+    chord_lengths = np.linalg.norm(ends - starts, axis=1)
+    chord_directions = (ends - starts) / chord_lengths[:, None]
+    tangents = np.where(bent[:, None], arc_tangents, chord_directions)
+    half_turns = np.arcsin(np.minimum(chord_lengths * np.abs(curvatures) / 2, 1.0))
+    lengths = chord_lengths / np.sinc(half_turns / np.pi)
+    return np.column_stack([starts, tangents, curvatures, lengths])
 
 
 def lead_path(
@@ -245,6 +264,7 @@ def lead_path(
     )
     if path.orientation is None:
         return lead
+    # The lead has the orientation of the path where it touches the path.
     rotation = path.orientation(s, side=direction)
     return replace(lead, orientation=_lead_orientation(path.orientation, rotation, lead, after))
 
@@ -270,7 +290,12 @@ def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
 def _lead_orientation(
     orientation: Orientation, rotation: FloatArray, lead: Path, after: bool
 ) -> Orientation:
-    """Orient the tool along a lead: along the tangent, or constantly as on the path."""
+    """Orient the tool along a lead: along the tangent, or constantly as on the path.
+
+    - `orientation`: orientation of the path.
+    - `rotation`: rotation matrix of the tool where the lead touches the path, (3, 3).
+    - `after`: true for a lead-out.
+    """
     rate = np.zeros(3)
     if orientation.follows and lead.curvatures[0] > 0:
         rate = tangent_rates(lead.segments)[0]

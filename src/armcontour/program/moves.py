@@ -157,13 +157,17 @@ class Contour(Checked):
 def put_on_path(
     contour: Contour, path: Path, map_s: Callable[[FloatArray], FloatArray], **changes: Any
 ) -> Contour:
-    """Move a contour to another path; `map_s` maps the arc lengths of events and work."""
+    """Move a contour with its events and work to another path.
+
+    - `map_s`: function from arc lengths on the old path to those on the new path [m].
+    - `changes`: other fields to change.
+    """
     work = () if contour.work is None else contour.work
-    old = np.array([*(x.s for x in contour.events), *work])
-    s = np.minimum(map_s(old), path.length).tolist()
-    events = tuple(replace(x, s=at) for x, at in zip(contour.events, s, strict=False))
-    new = (s[-2], s[-1]) if work else None
-    return replace(contour, path=path, events=events, work=new, **changes)
+    old_s = np.array([*(x.s for x in contour.events), *work])
+    new_s = np.minimum(map_s(old_s), path.length).tolist()
+    events = tuple(replace(x, s=s) for x, s in zip(contour.events, new_s, strict=False))
+    new_work = (new_s[-2], new_s[-1]) if work else None
+    return replace(contour, path=path, events=events, work=new_work, **changes)
 
 
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
@@ -178,7 +182,10 @@ def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
 
 
 def contour_called(contour: Contour, number: int) -> str:
-    """Name a contour in messages: its number, by default `number` + 1, and its name if any."""
+    """Return the name of a contour for messages: its number, and its name if it has one.
+
+    - `number`: index of the contour, whose successor replaces a missing number.
+    """
     if contour.name.startswith("contour "):
         return contour.name
     name = f" ({contour.name})" if contour.name else ""
@@ -186,7 +193,10 @@ def contour_called(contour: Contour, number: int) -> str:
 
 
 def name_copy(name: str, row: int, column: int) -> str:
-    """Name a contour's copy by its row and column, counted from 0."""
+    """Return the name of a contour's copy, which ends with its row and column.
+
+    - `row`, `column`: row and column of the copy, from 0.
+    """
     suffix = f"[{row + 1},{column + 1}]"
     return f"{shorten(name, checks.LONGEST_NAME - 1 - len(suffix))} {suffix}" if name else suffix
 
@@ -361,6 +371,7 @@ class Program(Checked):
         """
 
         def map_contour(contour: Contour) -> Contour:
+            """Return the contour on the changed path."""
             path = change(contour.path)
             checks.check_type("result of change", path, Path)
             scale = partial(np.multiply, path.length / contour.path.length)
@@ -568,9 +579,9 @@ def has_intended_start(moves: Sequence[Move], i: int) -> bool:
 
 
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
-    """Find the first rapid in an order; None if it has no path or a contour comes first.
+    """Return the index of the first rapid; None if it has no path or a contour comes before it.
 
-    `order` are the indices of moves to search, in order.
+    - `order`: indices of the moves to search, in order.
     """
     for k in order:
         move = moves[k]
@@ -615,8 +626,9 @@ def reroute(
 ) -> Rapid:
     """Move the end points of a rapid, because leads and overlaps move the ends of contours.
 
-    A rapid whose points all coincide becomes a joint motion without a path. `start`, `end`: new
-    start and end points [m]; None to keep a point.
+    A rapid whose points all coincide becomes a joint motion without a path.
+
+    - `start`, `end`: new start and end points [m]; None to keep a point.
     """
     assert isinstance(rapid, Rapid)
     if rapid.path is None:

@@ -24,7 +24,7 @@ CHORDS = 32
 MAX_SLOPE = 1e-6
 NO_CHORDS = np.empty((0, 8))
 # About this number of point-chord pairs are tested together, to limit the memory.
-PAIRS = 200_000
+PAIRS_AT_ONCE = 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,7 +51,7 @@ def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
     """
     chords = [_close_chords(find_chords(x.path, up)) if x.closed else NO_CHORDS for x in contours]
     starts = np.array([project_along_up(x.path(0.0), up) for x in contours])
-    contains = np.array([_inside(x, starts) for x in chords])
+    contains = np.array([_contains_points(x, starts) for x in chords])
     np.fill_diagonal(contains, False)
     areas = np.array([_area(x) for x in chords])
     # If two contours seem to be inside each other because of rounding, the smaller one is inside.
@@ -72,9 +72,9 @@ def project_along_up(points: FloatArray, up: FloatArray) -> FloatArray:
 
 def perpendicular_axes(up: FloatArray) -> FloatArray:
     """Return two unit vectors as columns that form a right-handed frame with `up`, (3, 2)."""
-    first = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(up, first)], axis=1)
+    x_axis = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
+    x_axis /= np.linalg.norm(x_axis)
+    return np.stack([x_axis, np.cross(up, x_axis)], axis=1)
 
 
 def find_chords(path: Path, up: FloatArray) -> FloatArray:
@@ -105,10 +105,10 @@ def _split_arcs(rows: Segments, up: FloatArray) -> Segments:
         pieces[tilted] = CHORDS * np.ceil(sweeps[tilted] / (np.pi / 2)).astype(int)
     if (pieces == 1).all():
         return rows
-    i, k = number_parts(pieces)
-    step = (rows.lengths / pieces)[i]
-    cut = rows.cut(i, k * step, (k + 1) * step)
-    straight = tilted[i]
+    row, number = number_parts(pieces)
+    step = (rows.lengths / pieces)[row]
+    cut = rows.cut(row, number * step, (number + 1) * step)
+    straight = tilted[row]
     curvatures = np.where(straight, 0.0, cut.curvatures)
     ends = np.concatenate([cut.starts[1:], rows.ends[-1:]])
     chords = ends - cut.starts
@@ -119,15 +119,19 @@ def _split_arcs(rows: Segments, up: FloatArray) -> Segments:
 
 def _close_chords(chords: FloatArray) -> FloatArray:
     """Add a chord across the gap between end and start, which leads or an overlap can cause."""
-    line = np.concatenate([chords[-1, 2:4], chords[0, :2], np.zeros(4)])
-    ring = np.vstack([chords, line])
+    closing_chord = np.concatenate([chords[-1, 2:4], chords[0, :2], np.zeros(4)])
+    closed_chords = np.vstack([chords, closing_chord])
     # A ray through even a tiny gap would miss the contour.
-    ring[:, 2:4] = np.roll(ring[:, :2], -1, axis=0)
-    return ring
+    closed_chords[:, 2:4] = np.roll(closed_chords[:, :2], -1, axis=0)
+    return closed_chords
 
 
-def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
-    """Return the mask of the points inside a closed contour, (n,); all false without chords."""
+def _contains_points(chords: FloatArray, points: FloatArray) -> BoolArray:
+    """Return the mask of the points inside a closed contour, (n,); all false without chords.
+
+    - `chords`: chords of the contour from `find_chords`, closed, (m, 8).
+    - `points`: the points [m], (n, 2).
+    """
     if not len(chords):
         return np.zeros(len(points), np.bool_)
     # A box around all chords and all circles of arcs contains the contour.
@@ -143,8 +147,16 @@ def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
 
 
 def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
-    """Return the winding numbers of closed contours around points, (n,)."""
-    if len(points) * len(chords) > PAIRS and len(points) > 1:
+    """Return the winding numbers of closed contours around points, (n,).
+
+    A chord from a to b that crosses the horizontal ray to the right of a point counts +1 if it runs
+    upwards, and -1 if it runs downwards. For a point between a chord and its arc, the direction of
+    the arc is added.
+
+    - `chords`: chords of the contours from `find_chords`, closed, (m, 8).
+    - `points`: the points [m], (n, 2).
+    """
+    if len(points) * len(chords) > PAIRS_AT_ONCE and len(points) > 1:
         return np.concatenate([_windings(chords, x) for x in np.array_split(points, 2)])
     x, y = points[:, :1], points[:, 1:]
     ax, ay, bx, by, cx, cy, radius, turn = chords.T
@@ -154,8 +166,8 @@ def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
     on_left = (side > 0) | ((side == 0) & ((by < ay) | ((by == ay) & (bx > ax))))
     upward = (ay <= y) & (y < by) & on_left
     downward = (by <= y) & (y < ay) & ~on_left
-    beyond = (on_left == (turn < 0)) & (np.hypot(x - cx, y - cy) < radius)
-    windings = upward.astype(int) - downward + np.where(beyond, turn, 0).astype(int)
+    under_arc = (on_left == (turn < 0)) & (np.hypot(x - cx, y - cy) < radius)
+    windings = upward.astype(int) - downward + np.where(under_arc, turn, 0).astype(int)
     return np.asarray(windings.sum(axis=1))
 
 
@@ -165,9 +177,10 @@ def _area(chords: FloatArray) -> float:
         return 0.0
     a = chords[:, :2] - chords[0, :2]
     b = chords[:, 2:4] - chords[0, :2]
-    polygon = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])) / 2
+    polygon_area = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])) / 2
+    # Circular segments between the chords and their arcs.
     radius = chords[:, 6]
     turn = chords[:, 7]
-    half = np.linalg.norm(b - a, axis=1) / 2
-    angle = 2 * np.arcsin(np.minimum(half / np.where(radius > 0, radius, np.inf), 1.0))
-    return polygon + float(np.sum(turn * radius**2 * (angle - np.sin(angle)))) / 2
+    half_chord = np.linalg.norm(b - a, axis=1) / 2
+    angle = 2 * np.arcsin(np.minimum(half_chord / np.where(radius > 0, radius, np.inf), 1.0))
+    return polygon_area + float(np.sum(turn * radius**2 * (angle - np.sin(angle)))) / 2

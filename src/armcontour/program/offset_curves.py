@@ -24,7 +24,7 @@ from armcontour.geometry.segments import Segments
 # Points closer than this distance [m] count as equal.
 SAME_POINT = 1e-9
 # About this number of piece pairs are intersected together, to limit the memory.
-PAIRS = 200_000
+PAIRS_AT_ONCE = 200_000
 
 # Columns of a piece table: start x, y, unit tangent x, y, curvature (positive to the left) and
 # length.
@@ -41,7 +41,11 @@ THIN = 1e-8
 
 
 def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
-    """Return points of pieces, or their tangents, at distances u from their starts, (n, 2)."""
+    """Return points of pieces, or their tangents, at distances u along them, (n, 2).
+
+    - `u`: distances from the starts of the pieces [m], (n,).
+    - `order`: 0 for the points [m], 1 for the unit tangents.
+    """
     angle = pieces[:, CURVATURE] * u
     tangents = pieces[:, TX : TY + 1]
     normals = rotate_left(tangents)
@@ -57,12 +61,13 @@ def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
 
     The offset of an arc has the same centre.
     """
-    moved = pieces.copy()
-    grown = 1 - pieces[:, CURVATURE] * d
-    moved[:, :2] += d * rotate_left(pieces[:, TX : TY + 1])
-    moved[:, CURVATURE] /= np.where(grown > 0, grown, 1.0)
-    moved[:, LENGTH] *= grown
-    return moved
+    offset = pieces.copy()
+    # Ratio of the new radius, and of the new length, to the old one.
+    ratio = 1 - pieces[:, CURVATURE] * d
+    offset[:, :2] += d * rotate_left(pieces[:, TX : TY + 1])
+    offset[:, CURVATURE] /= np.where(ratio > 0, ratio, 1.0)
+    offset[:, LENGTH] *= ratio
+    return offset
 
 
 def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
@@ -86,7 +91,7 @@ def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     order = np.argsort(start)
     last = np.searchsorted(start[order], end[order] + SAME_POINT, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
-    parts = np.cumsum(count) // PAIRS
+    parts = np.cumsum(count) // PAIRS_AT_ONCE
     meetings = [np.empty((0, 2), np.intp)]
     distances = [np.empty((0, 2))]
     for part in np.unique(parts):
@@ -114,7 +119,7 @@ def rotate_left(vectors: FloatArray) -> FloatArray:
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return cross products of vectors, (...,)."""
+    """Return the cross products of plane vectors (..., 2), which are scalars, (...,)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
@@ -157,8 +162,8 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     r. This method uses neither centres nor radii, so nearly straight arcs lose no digits. Where
     pieces coincide, the result is their ends. The piece with more curvature is `a`.
     """
-    turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
-    a, b = np.where(turned, b, a), np.where(turned, a, b)
+    swapped = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
+    a, b = np.where(swapped, b, a), np.where(swapped, a, b)
     ka = a[:, CURVATURE]
     kb = b[:, CURVATURE]
     na = rotate_left(a[:, TX : TY + 1])
@@ -174,25 +179,26 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     constant = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
     # The common points are foot + s along with ka s² / 2 - slope s + constant = 0. Rounding errors
     # can make the discriminant slightly negative where pieces touch.
-    inside = slope**2 - 2 * ka * constant
-    inside[inside < -2 * np.abs(ka) * SAME_POINT / size] = np.nan
+    discriminant = slope**2 - 2 * ka * constant
+    discriminant[discriminant < -2 * np.abs(ka) * SAME_POINT / size] = np.nan
     # Lines that depart from each other by less than SAME_POINT count as parallel.
     parallel = (ka == 0) & (np.abs(slope) * a[:, LENGTH] < SAME_POINT)
     slope = np.where(parallel, np.nan, slope)
-    larger = slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope)
+    # The solution of larger magnitude, and from it the other one, without cancellation.
+    larger = slope + np.copysign(np.sqrt(np.maximum(discriminant, 0.0)), slope)
     second = np.where(ka == 0, np.nan, larger / ka)
-    first = np.where(inside > 0, 2 * constant / larger, second)
+    first = np.where(discriminant > 0, 2 * constant / larger, second)
     points = np.full((len(a), 4, 2), np.nan)
     for i, s in enumerate((first, second)):
         points[:, i] = a[:, :2] + foot + s[:, None] * along
     one_circle = (size <= np.abs(kb) * SAME_POINT) & (
         np.abs(1 / ka) - np.abs(1 / kb) >= -SAME_POINT
     )
-    together = np.where(ka == 0, parallel & (np.abs(constant) <= SAME_POINT), one_circle)
+    coincide = np.where(ka == 0, parallel & (np.abs(constant) <= SAME_POINT), one_circle)
     ends: list[FloatArray] = []
-    for pieces in (a[together], b[together]):
+    for pieces in (a[coincide], b[coincide]):
         ends += [pieces[:, :2], points_at(pieces, pieces[:, LENGTH])]
-    points[together] = np.stack(ends, axis=1)
+    points[coincide] = np.stack(ends, axis=1)
     return points
 
 
@@ -251,30 +257,35 @@ def find_self_crossing(source: Segments, *, closed: bool) -> FloatArray | None:
     lengths = table[pairs, LENGTH]
     at_start = distances <= 2 * SAME_POINT
     at_end = distances >= lengths - 2 * SAME_POINT
-    meant = (ahead & at_end[:, 0] & at_start[:, 1]) | (behind & at_start[:, 0] & at_end[:, 1])
+    # Neighbours meet where one ends and the next one starts.
+    is_joint = (ahead & at_end[:, 0] & at_start[:, 1]) | (behind & at_start[:, 0] & at_end[:, 1])
     if not closed:
-        meant &= ~(pairs.min(axis=1) == 0) | ~(pairs.max(axis=1) == n - 1) | (n == 2)
-    if meant.all():
+        # The first and the last piece of an open path are no neighbours.
+        is_joint &= ~(pairs.min(axis=1) == 0) | ~(pairs.max(axis=1) == n - 1) | (n == 2)
+    if is_joint.all():
         return None
-    k = int(np.argmin(meant))
+    k = int(np.argmin(is_joint))
     return np.asarray(points_at(table[pairs[k, :1]], distances[k, :1])[0])
 
 
 def has_no_area(source: Segments) -> bool:
     """Return whether the area of a closed path in the plane is zero, except for rounding errors."""
-    return _has_no_area(to_pieces(source))
+    return _encloses_no_area(to_pieces(source))
 
 
-def _has_no_area(p: FloatArray) -> bool:
-    """Return whether a closed chain encloses no area, except for rounding errors."""
-    a = p[:, :2] - p[0, :2]
-    b = points_at(p, p[:, LENGTH]) - p[0, :2]
-    angle = p[:, CURVATURE] * p[:, LENGTH]
-    bent = p[:, CURVATURE] != 0
-    radius = 1 / np.where(bent, p[:, CURVATURE], 1.0)
-    caps = np.where(bent, radius**2 * (angle - np.sin(angle)), 0.0)
-    area = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + caps)) / 2
-    return abs(area) <= THIN * float(p[:, LENGTH].sum())
+def _encloses_no_area(pieces: FloatArray) -> bool:
+    """Return whether a closed chain of pieces encloses no area, except for rounding errors."""
+    starts = pieces[:, :2] - pieces[0, :2]
+    ends = points_at(pieces, pieces[:, LENGTH]) - pieces[0, :2]
+    # Twice the area of the polygon of the chords, and of the segments between chords and arcs.
+    polygon = starts[:, 0] * ends[:, 1] - starts[:, 1] * ends[:, 0]
+    curvatures = pieces[:, CURVATURE]
+    angle = curvatures * pieces[:, LENGTH]
+    bent = curvatures != 0
+    radius = 1 / np.where(bent, curvatures, 1.0)
+    circular_segments = np.where(bent, radius**2 * (angle - np.sin(angle)), 0.0)
+    area = float(np.sum(polygon + circular_segments)) / 2
+    return abs(area) <= THIN * float(pieces[:, LENGTH].sum())
 
 
 def find_crossing_paths(paths: Sequence[Segments]) -> tuple[int, int] | None:
@@ -287,7 +298,10 @@ def find_crossing_paths(paths: Sequence[Segments]) -> tuple[int, int] | None:
 
 
 def to_pieces(source: Segments, mirror: FloatArray | float = 1.0) -> FloatArray:
-    """Return a path as pieces, with its coordinates multiplied by `mirror`."""
+    """Return a plane path as a table of pieces, (n, 6).
+
+    - `mirror`: factors of the coordinates, 1 or -1, (2,).
+    """
     starts = source.starts * mirror
     tangents = source.tangents * mirror
     normals = source.normals * mirror
@@ -296,24 +310,31 @@ def to_pieces(source: Segments, mirror: FloatArray | float = 1.0) -> FloatArray:
 
 
 def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, IntArray]:
-    """Offset segments to the left by d [m], with circles around vertices, and source rows."""
+    """Return the offsets of pieces to the left, and arcs around their vertices, before cuts.
+
+    The second result is the index of the source piece of each of them, (m,); see
+    `OffsetPart.rows`.
+
+    - `table`: pieces of the contour, (n, 6).
+    - `d`: the offset [m].
+    """
     n = len(table)
-    moved = offset_pieces(table, d)
+    offset = offset_pieces(table, d)
     # An arc to the left with a radius below d has no offset, because its points are nearer than d
     # to the arc.
-    segment_mask = moved[:, LENGTH] > SAME_POINT
+    segment_mask = offset[:, LENGTH] > SAME_POINT
     ends = points_at(table, table[:, LENGTH])
     leaving = points_at(table, table[:, LENGTH], 1)
     turn = turns_between(leaving, np.roll(table, -1, axis=0)[:, TX : TY + 1])
     # Where the contour turns back by 180°, the vertex counts as an outside corner on both sides.
     turn = np.where(turn > np.pi - SAME_POINT, -np.pi, turn)
-    around = np.column_stack(
+    vertex_arcs = np.column_stack(
         [ends + d * rotate_left(leaving), leaving, np.full(n, -1 / d), -turn * d]
     )
-    arc_mask = around[:, LENGTH] > SAME_POINT
+    arc_mask = vertex_arcs[:, LENGTH] > SAME_POINT
     if not closed:
         arc_mask[-1] = False
-    both = np.stack([moved, around], axis=1).reshape(-1, 6)
+    both = np.stack([offset, vertex_arcs], axis=1).reshape(-1, 6)
     mask = np.stack([segment_mask, arc_mask], axis=1).reshape(-1)
     return both[mask], np.repeat(np.arange(n), 2)[mask]
 
@@ -358,7 +379,7 @@ class _Parts(NamedTuple):
         # Open chains, which start at nodes without an arriving part, come first.
         order = np.argsort([x in arriving for x in self.nodes[:, 0].tolist()], kind="stable")
         used = np.zeros(len(self.pieces), dtype=bool)
-        tips = points_at(self.pieces, self.pieces[:, LENGTH], 1)
+        end_tangents = points_at(self.pieces, self.pieces[:, LENGTH], 1)
         chains = []
         for start in order.tolist():
             chain: list[int] = []
@@ -366,8 +387,11 @@ class _Parts(NamedTuple):
             while part is not None and not used[part]:
                 used[part] = True
                 chain.append(part)
-                ways = [k for k in leaving.get(int(self.nodes[part, 1]), ()) if not used[k]]
-                part = min(ways, key=partial(self._right_turn, tips[part]), default=None)
+                next_parts = [k for k in leaving.get(int(self.nodes[part, 1]), ()) if not used[k]]
+                # Where several parts continue, the chain turns to the left as much as possible.
+                part = min(
+                    next_parts, key=partial(self._right_turn, end_tangents[part]), default=None
+                )
             if chain:
                 closes = self.nodes[chain[-1], 1] == self.nodes[chain[0], 0]
                 chains.append((self.select(np.array(chain)), bool(closes)))
@@ -383,7 +407,7 @@ class _Parts(NamedTuple):
 
     def _is_thin(self) -> bool:
         """Return whether the area of a closed chain is zero, except for rounding errors."""
-        return _has_no_area(self.pieces)
+        return _encloses_no_area(self.pieces)
 
     def _merge_pieces(self, ring: bool) -> _Parts:
         """Merge consecutive parts of a chain that belong to one piece."""
@@ -403,7 +427,11 @@ class _Parts(NamedTuple):
 
 
 def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
-    """Return half circles with radius d [m] around the ends of an open contour."""
+    """Return half circles around both ends of an open contour, as two pieces each, (4, 6).
+
+    - `pieces`: offset pieces of the contour.
+    - `d`: radius of the half circles [m].
+    """
     ends = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
     leaving = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1], 1)
     across = 2 * d * np.column_stack([leaving[:, 1], -leaving[:, 0]])
@@ -413,18 +441,23 @@ def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
 
 
 def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
-    """Cut pieces where they meet each other or `knives`; ends at one point have the same node."""
+    """Return the parts into which pieces are cut where they meet; ends at one point share a node.
+
+    - `rows`: index of the source segment of each piece, (n,).
+    - `knives`: further pieces, which also cut the pieces, (k, 6).
+    """
     n = len(pieces)
     pairs, pair_distances = find_crossings(np.concatenate([pieces, knives]))
     owners = np.concatenate([np.arange(n), np.arange(n), pairs.reshape(-1)])
     distances = np.concatenate([np.zeros(n), pieces[:, LENGTH], pair_distances.reshape(-1)])
+    # Sort the cuts of each piece along it. A part lies between two neighbouring cuts.
     order = np.lexsort((distances, owners))
     order = order[owners[order] < n]
     owners = owners[order]
     distances = distances[order]
-    long = (owners[1:] == owners[:-1]) & (np.diff(distances) > SAME_POINT / 2)
-    first = np.nonzero(long)[0]
-    last = np.nonzero(long)[0] + 1
+    is_part = (owners[1:] == owners[:-1]) & (np.diff(distances) > SAME_POINT / 2)
+    first = np.nonzero(is_part)[0]
+    last = first + 1
     source = owners[first]
     parts = pieces[source].copy()
     parts[:, :2] = points_at(pieces[source], distances[first])
@@ -438,24 +471,31 @@ def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Part
 
 def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray | float = 1.0) -> OffsetPart:
     """Convert a chain of parts to an `OffsetPart`."""
-    p = chain.pieces
-    starts = _close_gaps(p[:, :2], points_at(p, p[:, LENGTH]), ring)
-    tangents = p[:, [TX, TY]]
-    normals = np.sign(p[:, CURVATURE])[:, None] * np.column_stack([-p[:, TY], p[:, TX]])
+    pieces = chain.pieces
+    starts = _close_gaps(pieces[:, :2], points_at(pieces, pieces[:, LENGTH]), ring)
+    tangents = pieces[:, [TX, TY]]
+    normals = np.sign(pieces[:, CURVATURE])[:, None] * np.column_stack(
+        [-pieces[:, TY], pieces[:, TX]]
+    )
     segments = Segments(
         starts=starts * mirror,
         tangents=tangents * mirror,
         normals=normals * mirror,
-        curvatures=np.abs(p[:, CURVATURE]),
-        lengths=p[:, LENGTH],
+        curvatures=np.abs(pieces[:, CURVATURE]),
+        lengths=pieces[:, LENGTH],
     )
     return OffsetPart(segments=segments, rows=chain.rows, closed=ring)
 
 
 def _close_gaps(starts: FloatArray, ends: FloatArray, ring: bool) -> FloatArray:
-    """Translate segments where gaps are too wide for a path; returns their starts [m]."""
-    # Gaps of the source and at its vertices add up. Whole segments are translated, because tangents
-    # must not change.
+    """Return the starts of segments, translated where gaps are too wide for a path [m], (n, 2).
+
+    Gaps of the source and at its vertices add up. Whole segments are translated, because tangents
+    must not change.
+
+    - `starts`, `ends`: starts and ends of the segments [m], (n, 2) each.
+    - `ring`: true if the last segment ends where the first one starts.
+    """
     n = len(starts)
     starts = starts.copy()
     ends = ends.copy()

@@ -67,7 +67,7 @@ def prepare(
     """
     program = Program.from_path(program)
     check_process(program, process)
-    known = len(program.left_out)
+    left_out_before = len(program.left_out)
     program = arrange_contours(program, process)
     departing_rapids = find_departing_rapids(program.moves)
     started = _start_contours(program, process)
@@ -75,7 +75,7 @@ def prepare(
     if process.leads:
         from armcontour.program.leads import LeadPlacement
 
-        placement = LeadPlacement(started.drawn, process, program.left_out[known:])
+        placement = LeadPlacement(started.drawn, process, program.left_out[left_out_before:])
     program = replace(program, moves=started.moves)
     program, run_in = resume_program(program, process)
     _check_lengths(program, process, lengths)
@@ -125,7 +125,7 @@ def _start_contours(program: Program, process: Process) -> _StartedProgram:
             drawn += passes
             led = has_intended_start(program.moves, i)
             contour = _start_contour(move, contour_process, led, called, output_states)
-            moves += [replace(contour, name=one.name) for one in passes]
+            moves += [replace(contour, name=drawn_pass.name) for drawn_pass in passes]
         elif isinstance(move, Event) and move.changes_tool:
             moves.append(move)
             tool_changes += bool(drawn)
@@ -153,7 +153,7 @@ def _add_all_leads(
     placement: LeadPlacement | None,
     drawn: int,
 ) -> list[Contour]:
-    """Add leads to all contours of a program.
+    """Return the contours of a program with their leads.
 
     - `lengths`: lengths of automatic leads, one item per contour.
     - `run_in`: part of the first contour before the point at which the program resumes.
@@ -228,10 +228,11 @@ def arrange_contours(program: Program, process: Process) -> Program:
 
 
 def _repeat_open_contour(contour: Contour, passes: int) -> list[Contour]:
-    """Return a contour per pass of an open contour; of a closed one, whose passes are laps, one.
+    """Return one contour per pass of an open contour, with the number of the pass in its name.
 
-    `passes` is checked first, because `closed` takes longer.
+    A closed contour is returned alone, because its passes are laps.
     """
+    # `passes` is checked first, because `closed` takes longer.
     if passes == 1 or contour.closed:
         return [contour]
     suffixes = [f" ({k})" for k in range(2, passes + 1)] if contour.name else [""] * (passes - 1)
@@ -245,7 +246,13 @@ def _link_moves(
     process: Process,
     departing_rapids: set[Rapid],
 ) -> list[Move]:
-    """Replace contours, reroute rapids to their new ends, add approaches, retracts and dwells."""
+    """Return the moves with prepared contours, and with their approaches, retracts and dwells.
+
+    The end points of rapids move to the new ends of the contours.
+
+    - `contours`: the prepared contours, in the order of the contours among `moves`.
+    - `departing_rapids`: rapids that start at the end of the contour before them.
+    """
     result: list[Move] = []
     # Where each move of the program begins in `result`.
     positions: list[int] = []
@@ -258,19 +265,20 @@ def _link_moves(
             result.append(move)
             continue
         contour = contours[number]
-        before = next_rapid(moves, range(i - 1, -1, -1))
-        if before is not None:
-            k = positions[before]
+        previous_rapid = next_rapid(moves, range(i - 1, -1, -1))
+        if previous_rapid is not None:
+            k = positions[previous_rapid]
             result[k] = reroute(result[k], end=contour.path(0.0))
         followed = next_rapid(moves, range(i + 1, len(moves))) is not None
-        added = _add_heights(contour, process, linked=before is not None, followed=followed)
+        linked = previous_rapid is not None
+        contour_moves = _add_heights(contour, process, linked=linked, followed=followed)
         contour_process = process.of_contour(contour)
         dwell = contour_process.dwell
         if contour_process.pierce is not None and not process.off:
             dwell += contour_process.pierce.time
         if dwell:
-            added.insert(added.index(contour), Dwell(duration=dwell))
-        result += added
+            contour_moves.insert(contour_moves.index(contour), Dwell(duration=dwell))
+        result += contour_moves
         number += 1
     return result
 
@@ -303,7 +311,10 @@ def _lead_length(lead: Lead | None, automatic: float) -> float:
 
 
 def set_limits(path: Path, segment_limits: SegmentLimits, *, override: bool = False) -> Path:
-    """Set speed and tolerance where a path's segments have none, or of all segments."""
+    """Set the speed and tolerance of a path's segments that have none.
+
+    - `override`: true to set those of all segments.
+    """
     speeds = _fill_in(path.speeds, segment_limits.speed, override)
     tolerances = _fill_in(path.tolerances, segment_limits.tolerance, override)
     # `SegmentLimits` has checked the values, so the segments count as checked.
@@ -312,7 +323,11 @@ def set_limits(path: Path, segment_limits: SegmentLimits, *, override: bool = Fa
 
 
 def _fill_in(values: FloatArray, limit: float | None, override: bool) -> FloatArray:
-    """Replace missing values, or all values, by a limit; None keeps the values."""
+    """Return values in which a limit replaces missing values, or with `override` all values.
+
+    - `values`: one value per segment, NaN if missing, (n,).
+    - `limit`: the limit; None to keep the values.
+    """
     if limit is None:
         return values
     return np.where(np.isnan(values) | override, limit, values)
@@ -321,7 +336,11 @@ def _fill_in(values: FloatArray, limit: float | None, override: bool) -> FloatAr
 def _start_contour(
     contour: Contour, process: Process, led: bool, called: str, output_states: OutputStates
 ) -> Contour:
-    """Apply start point, overlap, layer limits, events, tabs and weave to a contour."""
+    """Apply start point, overlap, layer limits, events, tabs and weave to a contour.
+
+    - `led`: true if a rapid, dwell or event leads to the start of the contour.
+    - `called`: name of the contour, for messages.
+    """
     segment_limits = process.layers.get(contour.layer)
     if segment_limits is not None:
         path = set_limits(contour.path, segment_limits)
@@ -329,7 +348,7 @@ def _start_contour(
     closed = contour.closed
     lap = contour.path.length
     if closed:
-        contour = close_contour(contour, process, led=led, outputs=output_states.values)
+        contour = close_contour(contour, process, led=led, outputs=output_states.current_values)
     path = contour.path
     for event in process.events:
         if event.s > path.length + REPEATED_POINT:
@@ -396,21 +415,29 @@ def _add_leads(
 
 
 def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end: float) -> Event:
-    """Move an event to a contour with leads; switch events move to the ends of active leads."""
+    """Move an event to a contour with leads; switch events move to the ends of active leads.
+
+    - `work`: arc lengths at which the lead-in ends and the lead-out begins [m].
+    - `end`: length of the contour with leads [m].
+    """
     moved = replace(event, s=event.s + work[0])
     if process.switch is None or event.name != process.switch.name:
         return moved
     if event.value and event.s <= REPEATED_POINT:
-        wait = 0.0 if process.pierce is None else process.pierce.time
+        pierce_time = 0.0 if process.pierce is None else process.pierce.time
         s = 0.0 if process.begins_on else moved.s
-        return replace(event, s=s, lead_time=event.lead_time + wait)
+        return replace(event, s=s, lead_time=event.lead_time + pierce_time)
     if process.ends_on and not event.value and moved.s >= work[1] - REPEATED_POINT:
         return replace(moved, s=end)
     return moved
 
 
 def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
-    """Return a contour with its approach and retract, as moves in order."""
+    """Return a contour with its approach and retract, as moves in order.
+
+    - `linked`: true if a rapid with a path leads to the contour, so it needs no approach.
+    - `followed`: true if a rapid with a path follows the contour, so it needs no retract.
+    """
     path = contour.path
     pierce = process.of_contour(contour).pierce
     result: list[Move] = [contour]
@@ -428,7 +455,11 @@ def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: 
 def _axial_line(
     path: Path, s: float, height: float, up: FloatArray, segment_limits: SegmentLimits
 ) -> Path:
-    """Make a line down to the point at s, along the tool axis, or along `up` without one."""
+    """Make a line down to a point of a path, along the tool axis, or along `up` without one.
+
+    - `s`: arc length of the point [m].
+    - `height`: length of the line [m].
+    """
     end = path(s)
     orientation = path.orientation
     if orientation is None:
@@ -471,50 +502,51 @@ def resume_program(program: Program, process: Process) -> tuple[Program, Contour
 
 
 def _cut_after(contour: Contour, s: float, process: Process) -> Contour:
-    """Cut a contour after arc length s, and restore the outputs at its start."""
+    """Return the part of a contour after arc length s [m], with its outputs set at its start."""
     if s <= REPEATED_POINT:
         return contour
-    last: dict[str, Event] = {}
-    switch = process.switch and process.switch.name
+    last_events: dict[str, Event] = {}
+    switch_name = process.switch and process.switch.name
     for event in contour.events:
         if event.s <= s + REPEATED_POINT:
-            # The outputs in `last` are in the order of their last events.
-            last.pop(event.name, None)
-            keeps_lead = process.lead_in is not None or (event.name == switch and event.value)
-            lead = event.lead_time if keeps_lead else 0.0
-            last[event.name] = replace(event, s=0.0, lead_time=lead)
+            # The outputs in `last_events` are in the order of their last events.
+            last_events.pop(event.name, None)
+            switches_on = event.name == switch_name and event.value
+            keeps_lead_time = process.lead_in is not None or switches_on
+            lead_time = event.lead_time if keeps_lead_time else 0.0
+            last_events[event.name] = replace(event, s=0.0, lead_time=lead_time)
     later = [replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
     return replace(
         contour,
         path=cut_path(contour.path, s, contour.path.length),
-        events=(*last.values(), *later),
+        events=(*last_events.values(), *later),
     )
 
 
 class OutputStates:
-    """States of the outputs in `switch` and `off_between`, updated from contour to contour."""
+    """Values of the outputs of `switch` and `off_between`, updated from contour to contour.
+
+    - `moves`: the moves of the program.
+    - `process`: the process that switches these outputs.
+    """
 
     def __init__(self, moves: Sequence[Move], process: Process) -> None:
         switches = (x.switch.name for x in process.variants if x.switch is not None)
+        # Names of the outputs that are off between contours.
         self.names = tuple(dict.fromkeys([*switches, *process.off_between]))
         self.process = process
-        # Contours of a drawing can be reordered, so outputs have no state from contour to contour.
+        # Contours of a drawing can be reordered, so outputs keep no value from contour to contour.
         self.in_order = any(not isinstance(x, Contour) for x in moves)
-        # Current values of all outputs that the program switches.
-        self.values: dict[str, Value] = {}
-        first: dict[str, Event] = {}
-        if self.in_order:
-            kept = (x for x in moves if not (isinstance(x, Event) and x.changes_tool))
-            for event in events_of(kept):
-                first.setdefault(event.name, event)
-        # An output is off before the first event that switches it on.
-        self.states = {k: replace(x, value=False) for k, x in first.items() if x.value}
+        # Current value of each output that the program has switched.
+        self.current_values: dict[str, Value] = {}
+        # Last event of each output in `names`, whose value applies from the next contour's start.
+        self.last_events = _initial_off_events(moves) if self.in_order else {}
 
     def record_event(self, event: Event) -> bool:
         """Record an event between contours; true if it applies from the next contour's start on."""
-        self.values[event.name] = event.value
+        self.current_values[event.name] = event.value
         if event.name in self.names:
-            self.states[event.name] = event
+            self.last_events[event.name] = event
         return event.name in self.names
 
     def add_switching(self, contour: Contour, events: Sequence[Event]) -> Contour:
@@ -523,44 +555,69 @@ class OutputStates:
         - `contour`: the contour from its start point, with laps and overlap.
         - `events`: events of the process for the contour.
         """
-        merged = sorted((*contour.events, *events), key=lambda x: x.s)
-        self.values |= {x.name: x.value for x in merged}
-        layer = self.process.of_contour(contour).switch
+        all_events = sorted((*contour.events, *events), key=lambda x: x.s)
+        self.current_values |= {x.name: x.value for x in all_events}
+        contour_switch = self.process.of_contour(contour).switch
         confined: list[Event] = []
         for name in self.names:
-            switch = layer if layer is not None and layer.name == name else None
-            state = self.states.get(name) if self.in_order else None
-            if state is None and switch is not None:
-                drawn = next((x.value for x in contour.events if x.name == name), False)
-                state = Event(name=name, value=not drawn)
-            output_events = [x for x in merged if x.name == name]
-            last = output_events[-1] if output_events else state
-            if last is not None:
-                self.states[name] = last
-            confined += _confine_output(output_events, state, switch, name, contour.path.length)
-        others = [x for x in merged if x.name not in self.names]
-        return replace(contour, events=(*others, *confined))
+            switch = contour_switch
+            if switch is not None and switch.name != name:
+                switch = None
+            initial_event = self.last_events.get(name) if self.in_order else None
+            if initial_event is None and switch is not None:
+                first_value = next((x.value for x in contour.events if x.name == name), False)
+                initial_event = Event(name=name, value=not first_value)
+            output_events = [x for x in all_events if x.name == name]
+            last_event = output_events[-1] if output_events else initial_event
+            if last_event is not None:
+                self.last_events[name] = last_event
+            confined += _confine_output(
+                output_events, initial_event, switch, name, contour.path.length
+            )
+        other_events = [x for x in all_events if x.name not in self.names]
+        return replace(contour, events=(*other_events, *confined))
+
+
+def _initial_off_events(moves: Sequence[Move]) -> dict[str, Event]:
+    """Return an event with the value off for each output that is first switched on, by name.
+
+    Such an output is off before this first event. Tool changes are no outputs.
+    """
+    moves = [x for x in moves if not (isinstance(x, Event) and x.changes_tool)]
+    first_events: dict[str, Event] = {}
+    for event in events_of(moves):
+        first_events.setdefault(event.name, event)
+    return {name: replace(x, value=False) for name, x in first_events.items() if x.value}
 
 
 def _confine_output(
-    events: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
+    events: Sequence[Event],
+    initial_event: Event | None,
+    switch: Switch | None,
+    name: str,
+    end: float,
 ) -> list[Event]:
     """Return an output's events along a contour, outside which it is off.
 
-    `state` is the event with the value at the start if no event at the start sets it, or None.
+    - `events`: events of the output along the contour, in order.
+    - `initial_event`: event with the value at the start if no event at the start sets it, or None.
+    - `switch`: switch of the process if it has this output, or None.
+    - `name`: name of the output.
+    - `end`: length of the contour [m].
     """
     changes: list[Event] = []
-    if state is not None and not (events and events[0].s <= REPEATED_POINT):
-        events = [replace(state, s=0.0), *events]
+    if initial_event is not None and not (events and events[0].s <= REPEATED_POINT):
+        events = [replace(initial_event, s=0.0), *events]
     events = [x for x in events if x.s < end - REPEATED_POINT]
-    before: object = False
+    value_before: object = False
     for event in (*events, Event(name=name, value=False, s=end)):
         if switch is not None:
             event = replace(event, value=switch.value) if event.value is True else event
             if not event.lead_time:
                 lead = switch.on_lead if event.value else switch.off_lead
                 event = replace(event, lead_time=lead)
-        if (type(event.value), event.value) != (type(before), before):
+        # True and 1 are different values.
+        if (type(event.value), event.value) != (type(value_before), value_before):
             changes.append(event)
-            before = event.value
+            value_before = event.value
     return changes

@@ -389,21 +389,21 @@ class Process(Checked, LayerProcess):
         self, remedy: Mapping[Keys, Any], values: Mapping[str, Any]
     ) -> dict[Keys, Any]:
         """Return the remedy with a part's values; empty if it would change all contours."""
-        fixed: dict[Keys, Any] = {}
+        part_remedy: dict[Keys, Any] = {}
         for keys, x in remedy.items():
             if keys[0] in values or not getattr(self, str(keys[0]), None):
-                # All contours have the same switch.
+                # The switch has the same name in all parts, so the remedy reuses it.
                 parts = *self.by_layer.values(), *self.by_contour.values()
                 names = (part["switch"].name for part in parts if part.get("switch"))
-                fixed[keys] = next(names, x) if keys in SWITCH else x
+                part_remedy[keys] = next(names, x) if keys in SWITCH else x
             elif self.lead_in is not None and keys == ("lead_in", "active"):
                 length, shape, side, _ = astuple(self.lead_in)
                 text = "auto" if length is None else f"{1e3 * length:.12g} mm"
                 lead = {"active": x, "length": text, "shape": shape, "side": side}
-                fixed |= {("lead_in", name): x for name, x in lead.items()}
+                part_remedy |= {("lead_in", name): x for name, x in lead.items()}
             else:
                 return {}
-        return fixed
+        return part_remedy
 
     @checked
     def of_contour(self, contour: Contour) -> Process:
@@ -468,7 +468,10 @@ class Leads(Checked):
 
 
 def _checked_begin(begin: str | float | Sequence[float]) -> str | float | tuple[float, ...]:
-    """Check the start of closed contours: a name, an arc length [m], or a point [m]."""
+    """Return the start of closed contours: a name, an arc length [m], or a point [m].
+
+    Raises InvalidInput for other values.
+    """
     if isinstance(begin, str):
         checks.check_choice("begin", begin, (AUTO, DRAWN))
         return begin

@@ -14,13 +14,13 @@ from armcontour.program.process import MAX_TABS, Process, Tabs
 # Smallest distance from a tab to a corner, the start point or another tab [widths of a tab].
 TAB_CLEARANCE = 1.0
 # Smallest turn of a corner [rad]. Smaller turns occur in curves that are drawn as polylines.
-CORNER = np.radians(20)
+CORNER_TURN = np.radians(20)
 
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
-    """Switch the process off at a closed contour's tabs, at the same place in every lap.
+    """Return a closed contour on whose tabs the process is off, at the same place in every lap.
 
-    Returns the contour unchanged if the process has no tabs.
+    The contour is unchanged if the process has no tabs.
 
     - `contour`: the contour from its start point, with laps and overlap.
     - `process`: the process with tabs and switch.
@@ -34,18 +34,18 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
     end = contour.path.length
     events = list(contour.events)
     switch_events = [x for x in events if x.name == switch.name]
-    first = find_tabs(contour, process.tabs, lap)
-    laps = np.arange(int(np.ceil(end / lap))) * lap
-    for s in (laps[:, None] + first).ravel().tolist():
-        off_s = s - width / 2
-        on = min(s + width / 2, end)
-        events = [x for x in events if x.name != switch.name or not off_s <= x.s < on]
-        for position, lead in ((off_s, switch.off_lead), (on, switch.on_lead)):
+    first_lap_tabs = find_tabs(contour, process.tabs, lap)
+    lap_starts = np.arange(int(np.ceil(end / lap))) * lap
+    for middle in (lap_starts[:, None] + first_lap_tabs).ravel().tolist():
+        off_s = middle - width / 2
+        on_s = min(middle + width / 2, end)
+        events = [x for x in events if x.name != switch.name or not off_s <= x.s < on_s]
+        for s, lead_time in ((off_s, switch.off_lead), (on_s, switch.on_lead)):
             # If the output is already off at this position, it stays off.
-            value = next((x.value for x in reversed(switch_events) if x.s <= position), False)
-            if value and position < end:
-                value = value if position == on else False
-                events.append(Event(name=switch.name, value=value, s=position, lead_time=lead))
+            value = next((x.value for x in reversed(switch_events) if x.s <= s), False)
+            if value and s < end:
+                value = value if s == on_s else False
+                events.append(Event(name=switch.name, value=value, s=s, lead_time=lead_time))
     return replace(contour, events=tuple(events))
 
 
@@ -56,18 +56,18 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     """
     width = tabs.width
     count = tabs.count or _count_tabs(contour, tabs.spacing or lap, lap)
-    even = (np.arange(count) + 0.5) * lap / count
-    inner = contour.path.breaks[1:-1][contour.path.turns > CORNER]
+    even_positions = (np.arange(count) + 0.5) * lap / count
+    inner = contour.path.breaks[1:-1][contour.path.turns > CORNER_TURN]
     corners = np.concatenate([[0.0], inner[inner < lap], [lap]])
     margin = (0.5 + TAB_CLEARANCE) * width
     low = corners[:-1] + margin
     high = corners[1:] - margin
     free = low <= high
-    moved = np.clip(even[:, None], low[free], high[free])
+    nearest_free = np.clip(even_positions[:, None], low[free], high[free])
     positions = np.empty(0)
     if free.any():
-        nearest = np.argmin(np.abs(moved - even[:, None]), axis=1)
-        positions = np.sort(moved[np.arange(count), nearest])
+        nearest = np.argmin(np.abs(nearest_free - even_positions[:, None]), axis=1)
+        positions = np.sort(nearest_free[np.arange(count), nearest])
     if not free.any() or (np.diff(positions) < (1 + TAB_CLEARANCE) * width).any():
         raise InvalidInput(
             f"{_name_contour(contour)} of {lap * 1e3:.4g} mm "
@@ -81,7 +81,7 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
 
 
 def _count_tabs(contour: Contour, spacing: float, lap: float) -> int:
-    """Number of tabs per lap for a spacing [m]."""
+    """Return the number of tabs per lap for a spacing [m]; raise InvalidInput for too many."""
     count = max(1, round(lap / spacing))
     if count > MAX_TABS:
         raise InvalidInput(
@@ -95,5 +95,5 @@ def _count_tabs(contour: Contour, spacing: float, lap: float) -> int:
 
 
 def _name_contour(contour: Contour) -> str:
-    """Name a contour in messages."""
+    """Return the name of a contour for messages."""
     return contour_called(contour, 0) if contour.name else "A contour"

@@ -24,7 +24,7 @@ from armcontour.motion.log import (
     Log,
     arrange_joints,
     regularize_times,
-    renew_positions,
+    replace_repeated_positions,
     with_units_of,
 )
 from armcontour.motion.log_checks import check_interval, check_range_of_log, check_speeds
@@ -159,7 +159,7 @@ def _prepare(originals: Sequence[Log], arm: Arm | None) -> _Prepared:
     if arm is not None:
         originals = [_with_joints_of(x, arm) for x in originals]
     timed = [regularize_times(x) for x in originals]
-    renewed = [renew_positions(log) for log, _ in timed]
+    renewed = [replace_repeated_positions(log) for log, _ in timed]
     remarks = [sentences for _, sentences in (*timed, *renewed)]
     return _Prepared(
         logs=tuple(log for log, _ in renewed), remarks=tuple(chain.from_iterable(remarks))

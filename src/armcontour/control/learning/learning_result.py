@@ -20,7 +20,7 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.log import regularize_times, renew_positions
+from armcontour.motion.log import regularize_times, replace_repeated_positions
 from armcontour.motion.log_checks import check_gaps
 from armcontour.robot.servo import ServoModel
 
@@ -97,7 +97,7 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
         )
     elif isinstance(executed, Log):
         timed, jitter = regularize_times(executed)
-        log, repeats = renew_positions(timed)
+        log, repeats = replace_repeated_positions(timed)
         recording = Recording(
             t=log.t, q=log.measured, command=log.command, source=log.source,
             notes=(*jitter, *repeats, *_describe_saturation(log)),

@@ -26,12 +26,12 @@ from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, combin
 SEARCH_ERROR = 1e-9
 SEARCH_STEPS = 120
 # Smallest tangent length [m]. Shorter blends approach the distance of repeated points.
-SHORTEST = 2 * REPEATED_POINT
+SHORTEST_TANGENT = 2 * REPEATED_POINT
 # Largest turn of an arc in a blend, and of an arc that a blend replaces [rad]. With this limit no
 # arc turns back, so the distance between blend and path is largest at the corner.
-WIDEST = np.pi / 2
+LARGEST_ARC_TURN = np.pi / 2
 # Rounding error of a turn [rad].
-ROUNDING = 1e-9
+TURN_ROUNDING = 1e-9
 # A blend counts as not shrunk if it reaches a bound within this relative tolerance, which includes
 # the error of the search.
 BOUND_REACHED = 1e-6
@@ -60,27 +60,34 @@ class _Blend(CornerKind):
         """
 
     def shortest(self, half: FloatArray) -> FloatArray:
+        """Return the resolution of a point for every corner [m], (n,)."""
         return np.full(len(half), REPEATED_POINT)
 
     def fit(self, bounds: CornerBounds) -> FloatArray:
+        """Return the largest tangent lengths within bounds [m], (n,); 0 where no blend fits.
+
+        The bounds are checked at the largest and at the smallest possible lengths first. Only the
+        corners that satisfy them at the smallest length alone need a search.
+        """
         before, after = bounds.before, bounds.after
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            bent = WIDEST / np.maximum(before.curvatures, after.curvatures)
-            high = np.minimum(bent, np.minimum(before.lengths, after.lengths))
+            widest_arc = LARGEST_ARC_TURN / np.maximum(before.curvatures, after.curvatures)
+            high = np.minimum(widest_arc, np.minimum(before.lengths, after.lengths))
             high = np.minimum(high, bounds.tangent)
-            over = self._excess(bounds, high)[0]
-            if (over <= 0).all():
+            excess_at_high = self._excess(bounds, high)[0]
+            if (excess_at_high <= 0).all():
                 return high
-            low = np.minimum(SHORTEST, high)
-            under, smallest_excess = self._excess(bounds, low)
+            low = np.minimum(SHORTEST_TANGENT, high)
+            excess_at_low, excess_without_radius = self._excess(bounds, low)
             # The bound of the radius does not apply to the shortest blend, because at a tiny turn
             # this blend is permitted at any speed.
-            tangents = np.where(smallest_excess <= 0, low, 0.0)
-            tangents[over <= 0] = high[over <= 0]
-            remaining = np.flatnonzero((under <= 0) & (over > 0))
+            tangents = np.where(excess_without_radius <= 0, low, 0.0)
+            tangents[excess_at_high <= 0] = high[excess_at_high <= 0]
+            remaining = np.flatnonzero((excess_at_low <= 0) & (excess_at_high > 0))
             if len(remaining):
                 ends = np.log(np.stack([low, high])[:, remaining])
-                state = np.concatenate([ends, np.stack([under, over])[:, remaining]])
+                excesses = np.stack([excess_at_low, excess_at_high])[:, remaining]
+                state = np.concatenate([ends, excesses])
                 tangents[remaining] = self._search(bounds[remaining], state)
         return tangents
 
@@ -94,9 +101,10 @@ class _Blend(CornerKind):
         active = np.arange(len(bounds.half))
         for step in range(SEARCH_STEPS):
             low, high, under, over = state[:, active]
-            near = low + (high - low) * (-SEARCH_ERROR / 2 - under) / (over - under)
-            halve = ~((near > low) & (near < high)) | (step % 3 == 2)
-            middle = np.where(halve, (low + high) / 2, near)
+            false_position = low + (high - low) * (-SEARCH_ERROR / 2 - under) / (over - under)
+            is_inside = (false_position > low) & (false_position < high)
+            bisects = ~is_inside | (step % 3 == 2)
+            middle = np.where(bisects, (low + high) / 2, false_position)
             excess, _ = self._excess(bounds[active], np.exp(middle))
             fits = excess <= 0
             state[0::2, active[fits]] = middle[fits], excess[fits]
@@ -108,12 +116,22 @@ class _Blend(CornerKind):
         return np.asarray(np.exp(state[0]))
 
     def _excess(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return logarithms of the largest ratio to a bound, with and without the radius bound."""
-        any_radius, curvature = self.bound_ratios(bounds, t)
-        need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
-        wide = np.where(np.isfinite(bounds.radius), need, 0.0)
-        both = np.log(np.maximum(any_radius, wide)), np.log(any_radius)
-        return tuple(np.where(np.isnan(x), np.inf, x) for x in both)  # type: ignore[return-value]
+        """Return logarithms of the largest ratio to a bound, (n,) each.
+
+        They are positive if a bound is exceeded. The first one includes the bound of the radius,
+        the second one does not.
+
+        - `t`: tangent lengths [m], (n,).
+        """
+        ratio, curvature = self.bound_ratios(bounds, t)
+        radius_ratio = 1 / (bounds.radius * np.maximum(curvature, 0.0))
+        radius_ratio = np.where(np.isfinite(bounds.radius), radius_ratio, 0.0)
+        with_radius = np.log(np.maximum(ratio, radius_ratio))
+        without_radius = np.log(ratio)
+        return (
+            np.where(np.isnan(with_radius), np.inf, with_radius),
+            np.where(np.isnan(without_radius), np.inf, without_radius),
+        )
 
 
 class _Pair(_Blend):
@@ -122,15 +140,21 @@ class _Pair(_Blend):
     smooth = False
 
     def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the largest ratio to a bound, and the inward curvature [1/m], (n,) each.
+
+        The bounds are the largest turn of an arc, the corner error and the angular tolerance.
+        """
         pairs = _make_pairs(bounds.before, bounds.after, t)
         turns = [
-            x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (pairs.first, pairs.second)
+            x.curvatures * x.lengths / (LARGEST_ARC_TURN + TURN_ROUNDING)
+            for x in (pairs.first, pairs.second)
         ]
         turn = t / 2 - middle_fraction(False) * (pairs.first.lengths + pairs.second.lengths)
-        shares = [*turns, pairs.error / bounds.error, turn / bounds.turn]
-        return np.max(shares, axis=0), pairs.bend
+        ratios = [*turns, pairs.error / bounds.error, turn / bounds.turn]
+        return np.max(ratios, axis=0), pairs.bend
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
+        """Draw pairs of tangent arcs with given tangent lengths [m], (n,)."""
         pairs = _make_pairs(bounds.before, bounds.after, tangent)
         return _make_curves(
             bounds,
@@ -148,11 +172,23 @@ class _Connection(_Blend):
     smooth = True
 
     def bound_ratios(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the largest ratio to a bound, and the largest curvature [1/m], (n,) each.
+
+        The bounds are the corner error and the angular tolerance. The ratio is infinite if the
+        connection has a loop or a cusp.
+        """
         connections = connect(bounds.before, bounds.after, t)
         back, ahead = around_vertices(bounds.before, bounds.after)
-        x = connections.nearest
+        middle = connections.nearest
+        zeros = np.zeros_like(t)
+        # Each connection half from `begin` to `end`, and the distance from the vertex at which the
+        # part of the old segment starts.
+        halves = (
+            (zeros, middle, back, t),
+            (middle, np.ones_like(t), ahead, zeros),
+        )
         peaks = []
-        for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
+        for begin, end, old, old_begin in halves:
             # Deviation of one connection half from the path part that it replaces. Points at the
             # same fractions of both are compared.
             deviations = [
@@ -163,11 +199,12 @@ class _Connection(_Blend):
             ]
             peaks.append(_bound_peaks(length(np.stack(deviations))))
         turn = t / 2 - middle_fraction(True) * connections.lengths_to(EVERY, np.ones(len(t)))
-        shares = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
-        largest = np.where(connections.valid, np.max(shares, axis=0), np.inf)
+        ratios = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
+        largest = np.where(connections.valid, np.max(ratios, axis=0), np.inf)
         return largest, connections.largest_curvature
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
+        """Draw connections with given tangent lengths [m], (n,)."""
         connections = connect(bounds.before, bounds.after, tangent)
         nearest = connections.nearest
         curvature = connections.largest_curvature
@@ -191,10 +228,17 @@ def _make_curves(
     error: FloatArray,
     curvature: FloatArray,
 ) -> CornerCurves:
-    """Make `CornerCurves` from segments, largest curvatures, corner errors, inward curvatures."""
-    full = (error >= bounds.error * (1 - BOUND_REACHED)) | (
-        curvature <= (1 + BOUND_REACHED) / bounds.radius
-    )
+    """Make `CornerCurves` of n corners.
+
+    - `rows`: segments of all curves.
+    - `corner`: index of the corner of each segment.
+    - `tightest`: largest curvature of each curve [1/m], (n,).
+    - `error`: corner errors [m], (n,).
+    - `curvature`: largest curvature of each curve towards the inside of its corner [1/m], (n,).
+    """
+    reaches_error = error >= bounds.error * (1 - BOUND_REACHED)
+    reaches_radius = curvature <= (1 + BOUND_REACHED) / bounds.radius
+    full = reaches_error | reaches_radius
     with np.errstate(divide="ignore"):
         return CornerCurves(
             rows=rows, corner=corner, radius=1 / tightest, error=error, shrunk=~full
@@ -240,7 +284,10 @@ def _bound_peaks(values: FloatArray) -> FloatArray:
 
 
 def _corner_distances(first: Segments, second: Segments) -> FloatArray:
-    """Return each blend's distance from its corner, which is the origin [m], (n,)."""
+    """Return each blend's distance from its corner, which is the origin [m], (n,).
+
+    - `first`, `second`: both arcs of each blend.
+    """
     # Coordinates are relative to the point where the arcs meet. This point is near the corner, so
     # no significant digits are lost.
     v = -second.starts
@@ -257,7 +304,10 @@ def _corner_distances(first: Segments, second: Segments) -> FloatArray:
 
 
 def _tangent_length(rows: Segments, t: FloatArray) -> FloatArray:
-    """Return tangent lengths [m] for arcs or lines with the arc lengths t [m], (n,)."""
+    """Return tangent lengths for arcs or lines with the arc lengths t [m], (n,).
+
+    For a radius R and half the turn h = t / (2 R), the tangent length is R tan(h).
+    """
     half = rows.curvatures * t / 2
     return np.asarray(t / 2 * np.sinc(half / np.pi) / np.cos(half))
 

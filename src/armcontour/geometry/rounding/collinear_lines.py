@@ -22,10 +22,10 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segm
 
 # A vertex with a larger turn [rad] is a corner, whose turn may increase. Rounding errors of short
 # moves can explain smaller turns.
-SHARP = 0.5
+SMALLEST_CORNER_TURN = 0.5
 # Share of the largest turn inside a run by which the turns at its ends may increase. On a circle,
 # runs of three lines would increase them by this turn; near an inflection, by a third of it.
-NOISE = 0.25
+TURN_INCREASE = 0.25
 # Number of times that runs are split at their farthest vertices. Then they are split at every
 # vertex. A million lines need 20 times if runs are split in halves.
 MAX_SPLITS = 40
@@ -83,8 +83,8 @@ class _Runs:
           effect, so its distance counts as 0.
         - `everywhere`: choose all vertices instead of the farthest.
         """
-        bent = self.distances * np.append(False, turns > TANGENT_TOLERANCE)
-        farthest = bent >= np.maximum.reduceat(bent, self.first)[self.run]
+        distances = self.distances * np.append(False, turns > TANGENT_TOLERANCE)
+        farthest = distances >= np.maximum.reduceat(distances, self.first)[self.run]
         return np.asarray(farthest | everywhere)
 
     def any_in_run(self, mask: BoolArray) -> BoolArray:
@@ -112,12 +112,12 @@ def merge_lines(path: Path, allowed: FloatArray) -> MergedLines:
             unchanged = np.arange(len(split))
             return MergedLines(path=path, vertex=unchanged, deviation=np.zeros(len(path)))
         runs = _Runs.between(points, split)
-        wrong = _find_wrong(segments, turns, runs, split, corner, allowed)
-        far = runs.is_farthest(turns, everywhere=k > MAX_SPLITS)
-        far = (far & runs.any_in_run(wrong))[1:] & ~split
-        if not far.any():
+        unacceptable = _find_unacceptable(segments, turns, runs, split, corner, allowed)
+        farthest = runs.is_farthest(turns, everywhere=k > MAX_SPLITS)
+        new_splits = (farthest & runs.any_in_run(unacceptable))[1:] & ~split
+        if not new_splits.any():
             break
-        split = split | far
+        split = split | new_splits
     return MergedLines(
         path=_draw_lines(path, runs, carried=carried),
         vertex=runs.first[1:] - 1,
@@ -138,7 +138,11 @@ def _find_corners(segments: Segments, turns: FloatArray, allowed: FloatArray) ->
 def _carries_frame(path: Path, turns: FloatArray) -> bool:
     """Return whether the orientation follows the tangent and never turns about it."""
     orientation = path.orientation
-    if orientation is None or not orientation.follows or not turns.max() < np.pi - SHARP:
+    if (
+        orientation is None
+        or not orientation.follows
+        or not turns.max() < np.pi - SMALLEST_CORNER_TURN
+    ):
         return False
     # Joined paths can have an orientation that turns about the tangent where they meet.
     frames = carry_frame(path.segments, orientation.starts[0]).starts
@@ -148,7 +152,7 @@ def _carries_frame(path: Path, turns: FloatArray) -> bool:
 def _find_changes(path: Path, *, carried: bool) -> BoolArray:
     """Return the mask of inner vertices where a run must end, (n - 1,).
 
-    There is a curve next to them, or limits, tag or angular rate change.
+    A run ends next to a curve, and where limits, tag or angular rate change.
 
     - `carried`: true if the orientation follows the tangent, so that its rate is not compared.
     """
@@ -163,7 +167,7 @@ def _find_changes(path: Path, *, carried: bool) -> BoolArray:
     return np.asarray(changes)
 
 
-def _find_wrong(
+def _find_unacceptable(
     segments: Segments,
     turns: FloatArray,
     runs: _Runs,
@@ -177,14 +181,16 @@ def _find_wrong(
       and largest distances from the lines [m] at the inner vertices, (n - 1,) each.
     """
     sharper = _find_sharper_turns(segments, turns, runs, split) & ~corner
-    wrong = (runs.distances > np.append(0.0, allowed)) | (dot(segments.tangents, runs.lines) <= 0)
+    unacceptable = (runs.distances > np.append(0.0, allowed)) | (
+        dot(segments.tangents, runs.lines) <= 0
+    )
     # A single vertex with a turn is a corner, and not a sign of a divided line.
-    wrong |= (runs.number == 2) & (runs.distances > SLIVER)
+    unacceptable |= (runs.number == 2) & (runs.distances > SLIVER)
     # The run that deviates more is the cause of a sharper turn.
     deviations = runs.deviations
-    wrong[:-1] |= sharper & (deviations[:-1] >= deviations[1:])
-    wrong[1:] |= sharper & (deviations[:-1] < deviations[1:])
-    return wrong
+    unacceptable[:-1] |= sharper & (deviations[:-1] >= deviations[1:])
+    unacceptable[1:] |= sharper & (deviations[:-1] < deviations[1:])
+    return unacceptable
 
 
 def _find_sharper_turns(
@@ -192,16 +198,23 @@ def _find_sharper_turns(
 ) -> BoolArray:
     """Return the mask of run ends at which the lines turn too much, (n - 1,).
 
-    It may exceed the turn of the given path by a share of the largest turn inside the runs.
+    The turn between the lines may exceed the turn of the given path by a share of the largest turn
+    inside the runs.
+
+    - `turns`, `split`: turns of the given path [rad] and ends of runs, at the inner vertices.
     """
     several = runs.number[:, None] > 1
     before = np.where(several, runs.lines, segments.end_tangents)[:-1]
     after = np.where(several, runs.lines, segments.tangents)[1:]
     inner_turns = np.append(np.where(split, 0.0, turns), 0.0)
-    inner = np.maximum.reduceat(inner_turns, runs.first)[runs.run]
-    largest = np.maximum(inner[:-1], inner[1:])
-    largest = np.maximum(turns + NOISE * largest, largest) + TANGENT_TOLERANCE
-    return np.asarray((angle_between(before, after) > largest) & split & (turns < SHARP))
+    largest_inner_turn = np.maximum.reduceat(inner_turns, runs.first)[runs.run]
+    of_both_runs = np.maximum(largest_inner_turn[:-1], largest_inner_turn[1:])
+    allowed_turns = (
+        np.maximum(turns + TURN_INCREASE * of_both_runs, of_both_runs) + TANGENT_TOLERANCE
+    )
+    return np.asarray(
+        (angle_between(before, after) > allowed_turns) & split & (turns < SMALLEST_CORNER_TURN)
+    )
 
 
 def _draw_lines(path: Path, runs: _Runs, *, carried: bool) -> Path:
@@ -211,24 +224,24 @@ def _draw_lines(path: Path, runs: _Runs, *, carried: bool) -> Path:
     """
     segments = path.segments
     several = runs.number > 1
-    table = segments.replace(
+    lines = segments.replace(
         tangents=np.where(several[:, None], runs.lines, segments.tangents),
         lengths=np.where(several, runs.lengths, segments.lengths),
     )[runs.first]
     orientation = path.orientation
     if orientation is not None and carried:
         # The frame turns with the first tangent.
-        turn = exp(shortest(segments.tangents[0], table.tangents[0]))
+        turn = exp(shortest(segments.tangents[0], lines.tangents[0]))
         orientation = carry_frame(
-            table, turn @ orientation.starts[0], axis_only=orientation.axis_only
+            lines, turn @ orientation.starts[0], axis_only=orientation.axis_only
         )
     elif orientation is not None:
         columns = copy_pieces(orientation, runs.first)
-        replaced = np.add.reduceat(segments.lengths, runs.first)
-        columns["first"] *= (replaced / table.lengths)[:, None]
-        orientation = replace(orientation, breaks=table.breaks, **columns)
+        old_lengths = np.add.reduceat(segments.lengths, runs.first)
+        columns["first"] *= (old_lengths / lines.lengths)[:, None]
+        orientation = replace(orientation, breaks=lines.breaks, **columns)
     return Path(
-        segments=table,
+        segments=lines,
         merged=path.merged,
         orientation=orientation,
         smoothing=path.smoothing,

@@ -40,19 +40,21 @@ SCALE_ITERATIONS = 3
 # Number of Newton steps in the search for a parameter of a connection; sufficient for an error at
 # rounding level.
 NEWTON_STEPS = 8
+# Smallest slope in the search for the point nearest to a vertex, divided by the squared speed.
+SMALLEST_SLOPE = 0.1
 # Largest number of quintics in each connection half, and the fractions of each quintic at which its
 # speed is checked.
 MAX_PARTS = 64
 SPEED_SAMPLES = np.linspace(0.1, 0.9, 5)
 # Parameters at which the shape of a connection is checked.
 SAMPLES = np.linspace(0.0, 1.0, 33)
-# Smallest speed of a connection without loops and cusps, divided by its mean speed.
+# A connection has no loops or cusps if the following four conditions are satisfied. Its speed stays
+# above SLOWEST times and below FASTEST times its mean speed.
 SLOWEST = 0.5
-# Largest speed of a connection without loops and cusps, divided by its mean speed.
 FASTEST = 1.6
-# Smallest cosine of the angle between a connection without loops and cusps and its mean direction.
+# Its direction stays within 72 deg of its mean direction: the cosine of that angle.
 SMALLEST_COSINE = np.cos(np.radians(72))
-# Largest curvature of a connection without loops and cusps, multiplied by its mean speed.
+# Its curvature times its mean speed is at most this.
 LARGEST_CURVATURE = 10.0
 
 
@@ -70,7 +72,13 @@ class Connections:
         return len(self.begin)
 
     def evaluate(self, i: IntArray | slice, x: FloatArray, order: int = 0) -> FloatArray:
-        """Return positions at x relative to the start, or derivatives by x, of connections `i`."""
+        """Return positions relative to the start, or derivatives by x, of connections `i`.
+
+        - `i`: indices of connections, (n,), or a slice.
+        - `x`: parameters from 0 to 1, (..., n).
+
+        The shape is `x.shape + (dimension,)` [m].
+        """
         return evaluate_polynomials(np.swapaxes(self.coefficients[i], -1, -2), x[..., None], order)
 
     def lengths_to(self, i: IntArray | slice, x: FloatArray) -> FloatArray:
@@ -86,10 +94,12 @@ class Connections:
         x = SAMPLES[1 + length(self.begin + self.evaluate(EVERY, parameters)).argmin(axis=0)]
         for _ in range(NEWTON_STEPS):
             offset = self.begin + self.evaluate(EVERY, x)
-            first = self.evaluate(EVERY, x, 1)
-            second = self.evaluate(EVERY, x, 2)
-            slope = np.maximum(dot(first, first) + dot(offset, second), 0.1 * dot(first, first))
-            x = np.clip(x - dot(offset, first) / slope, SAMPLES[1], SAMPLES[-2])
+            velocity = self.evaluate(EVERY, x, 1)
+            speed2 = dot(velocity, velocity)
+            slope = speed2 + dot(offset, self.evaluate(EVERY, x, 2))
+            # The lower bound keeps Newton's step towards the minimum.
+            slope = np.maximum(slope, SMALLEST_SLOPE * speed2)
+            x = np.clip(x - dot(offset, velocity) / slope, SAMPLES[1], SAMPLES[-2])
         return np.asarray(x)
 
     @property
@@ -105,13 +115,13 @@ class Connections:
     @property
     def valid(self) -> BoolArray:
         """Mask of the connections without loops, cusps and strong variation of speed, (n,)."""
-        first = self.evaluate(EVERY, self._sample_parameters, 1)
-        speeds = length(first)
-        along = dot(first, unit(first[0] + first[-1])) / speeds
+        velocities = self.evaluate(EVERY, self._sample_parameters, 1)
+        speeds = length(velocities)
+        cosines = dot(velocities, unit(velocities[0] + velocities[-1])) / speeds
         mean = speeds.mean(axis=0)
         even = (speeds.min(axis=0) > SLOWEST * mean) & (speeds.max(axis=0) < FASTEST * mean)
         tight = self.largest_curvature * mean > LARGEST_CURVATURE
-        return np.asarray(even & ~tight & (along.min(axis=0) > SMALLEST_COSINE))
+        return np.asarray(even & ~tight & (cosines.min(axis=0) > SMALLEST_COSINE))
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
         """Return relative positions, unit tangents and curvature vectors at parameters x.
@@ -171,28 +181,33 @@ def draw_connections(
     - `middle`: parameters x at which both halves of each connection meet, from 0 to 1, (n,).
     """
     parts = np.full(len(connections), 1)
-    drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
+    drawn, owners, before_middle = _draw_halves(connections, vertices, middle, parts)
     while True:
         speeds = [
             length(drawn.evaluate(EVERY, share * drawn.lengths, 1)) for share in SPEED_SAMPLES
         ]
-        uneven = np.abs(np.stack(speeds) - 1).max(axis=0)
-        rough = np.unique(owners[uneven > UNEVEN / 2])
-        rough = rough[parts[rough] < MAX_PARTS]
-        if not len(rough):
-            return drawn, owners, first
-        worst = np.zeros(len(connections))
-        np.maximum.at(worst, owners, uneven)
+        unevenness = np.abs(np.stack(speeds) - 1).max(axis=0)
+        uneven = np.unique(owners[unevenness > UNEVEN / 2])
+        uneven = uneven[parts[uneven] < MAX_PARTS]
+        if not len(uneven):
+            return drawn, owners, before_middle
+        largest = np.zeros(len(connections))
+        np.maximum.at(largest, owners, unevenness)
         # The unevenness decreases approximately with the fifth power of the lengths.
-        count = np.ceil(parts[rough] * (worst[rough] / (UNEVEN / 2)) ** 0.2)
-        parts[rough] = np.minimum(np.maximum(count, parts[rough] + 1), MAX_PARTS)
-        drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
+        count = np.ceil(parts[uneven] * (largest[uneven] / (UNEVEN / 2)) ** 0.2)
+        parts[uneven] = np.minimum(np.maximum(count, parts[uneven] + 1), MAX_PARTS)
+        drawn, owners, before_middle = _draw_halves(connections, vertices, middle, parts)
 
 
 def _draw_halves(
     connections: Connections, vertices: FloatArray, middle: FloatArray, parts: IntArray
 ) -> tuple[Segments, IntArray, BoolArray]:
-    """Draw connections as transitions, with `parts` quintics in each half, (n,)."""
+    """Draw connections as transitions, with `parts` quintics in each half.
+
+    Arguments and results are those of `draw_connections`.
+
+    - `parts`: number of quintics in each half of each connection, (n,).
+    """
     every = np.arange(len(connections))
     half = connections.lengths_to(EVERY, middle)
     whole = connections.lengths_to(EVERY, np.ones(len(connections)))
@@ -208,9 +223,9 @@ def _draw_halves(
     inner = node > 0
     i = owners[inner]
     parameter = x[inner]
-    goal = s[inner]
+    # Newton's method for the parameters at which the quintics have equal lengths.
     for _ in range(NEWTON_STEPS):
-        error = connections.lengths_to(i, parameter) - goal
+        error = connections.lengths_to(i, parameter) - s[inner]
         parameter = np.clip(
             parameter - error / length(connections.evaluate(i, parameter, 1)), 0.0, 1.0
         )

@@ -94,6 +94,7 @@ def choose_curves(bounds: CornerBounds, curve: LineCorner, free: BoolArray) -> C
 def _list_kinds(curve: LineCorner, next_to_arcs: bool) -> list[_KindOption]:
     """Return the kinds of curves in the order in which they are tried.
 
+    - `curve`: the kind of curve between two lines.
     - `next_to_arcs`: true if a corner next to an arc may be replaced.
     """
     options = [_KindOption(curve, next_to_arc=False, shortest=0.0)]
@@ -146,16 +147,18 @@ def draw_curves(bounds: CornerBounds, choice: CurveChoice, tangent: FloatArray) 
     rows = [bounds.before[:0]]
     corner = [NO_VERTICES]
     for k, kind in enumerate(choice.kinds):
-        part = np.flatnonzero((choice.kind == k) & (tangent > 0))
-        if not len(part):
+        rows_of_kind = np.flatnonzero((choice.kind == k) & (tangent > 0))
+        if not len(rows_of_kind):
             continue
-        drawn = kind.draw(bounds[part], tangent[part])
-        radius[part] = drawn.radius
-        error[part] = drawn.error
-        shrunk[part] = drawn.shrunk
-        length[part] = np.bincount(drawn.corner, drawn.rows.lengths, minlength=len(part))
+        drawn = kind.draw(bounds[rows_of_kind], tangent[rows_of_kind])
+        radius[rows_of_kind] = drawn.radius
+        error[rows_of_kind] = drawn.error
+        shrunk[rows_of_kind] = drawn.shrunk
+        length[rows_of_kind] = np.bincount(
+            drawn.corner, drawn.rows.lengths, minlength=len(rows_of_kind)
+        )
         rows.append(drawn.rows)
-        corner.append(part[drawn.corner])
+        corner.append(rows_of_kind[drawn.corner])
     return DrawnCurves(
         rows=Segments.join(rows),
         corner=np.concatenate(corner),

@@ -41,10 +41,10 @@ BEND_FLOOR = 1e-9
 # and by the jump of the curvature.
 DEVIATION = 0.0077
 # Largest turn of either connection half [rad].
-WIDEST = 1.2
+LARGEST_HALF_TURN = 1.2
 # Smallest length of a connection on either side [m]. A shorter connection saves hardly any time
 # compared with a full stop.
-SHORTEST = 1e-6
+SHORTEST_CONNECTION = 1e-6
 # Largest number of iterations that shorten a connection outside the tolerance.
 MAX_ITERATIONS = 20
 # Largest factor by which one iteration multiplies the length of such a connection.
@@ -71,13 +71,12 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
     `tolerance` is the largest distance of either path from the other [m]; tolerances of the path's
     own segments cap it. The field `smoothing` of the new path is increased by the proven distance.
     """
-    allowed = tolerance
     if isinstance(path, ShapedPath):
         raise InvalidInput(
             "The curvature of a shaped path was optimized together with its timing and cannot be "
             "changed. Smooth the curvature of a path that is not shaped."
         )
-    vertex, limits, w = _find_jumps(path, allowed)
+    vertex, limits, w = _find_jumps(path, tolerance)
     parts = [
         _draw_within_tolerance(path, vertex[x : x + BATCH], w[x : x + BATCH], limits[x : x + BATCH])
         for x in range(0, len(vertex), BATCH)
@@ -97,9 +96,11 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
     """
     rows = path.segments
     orientation = path.orientation
-    vectors = [rows.evaluate(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
-    jump = length(vectors[0][:-1] - vectors[1][1:])
-    size = length(vectors[0][:-1]) + length(vectors[1][1:])
+    # Curvature vectors before and after each vertex.
+    before = rows.evaluate(EVERY, rows.lengths, 2)[:-1]
+    after = rows.evaluate(EVERY, 0 * rows.lengths, 2)[1:]
+    jump = length(before - after)
+    size = length(before) + length(after)
     sharp = path.turns > TANGENT_TOLERANCE
     mask = (jump > SAME_BEND * size + BEND_FLOOR) & ~sharp
     if orientation is not None and not (orientation.fixed or orientation.follows):
@@ -107,11 +108,12 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
         mask &= orientation.jumps <= SAME_ORIENTATION
     vertex = np.flatnonzero(mask)
     limits = np.minimum(tolerance, path.vertex_tolerances[vertex])
-    tight = np.maximum(path.curvatures[vertex], path.curvatures[vertex + 1])
+    largest_curvature = np.maximum(path.curvatures[vertex], path.curvatures[vertex + 1])
     # Half of each segment next to a corner is reserved, because the corner can be rounded later.
-    every = np.where(sharp, np.inf, 0.0)
-    every[vertex] = np.minimum(np.sqrt(limits / (DEVIATION * jump[vertex])), WIDEST / tight)
-    w = fit_lengths(every, np.arange(len(every)), path.lengths)[vertex]
+    requested = np.where(sharp, np.inf, 0.0)
+    by_tolerance = np.sqrt(limits / (DEVIATION * jump[vertex]))
+    requested[vertex] = np.minimum(by_tolerance, LARGEST_HALF_TURN / largest_curvature)
+    w = fit_lengths(requested, np.arange(len(requested)), path.lengths)[vertex]
     return vertex, limits, w
 
 
@@ -159,8 +161,8 @@ def _draw_within_tolerance(
     """
     # Connections outside the tolerance are shortened and drawn again; length 0 means that a vertex
     # has no connection.
-    w = np.where(w < SHORTEST, 0.0, w)
-    done = [np.zeros(0, dtype=np.intp)]
+    w = np.where(w < SHORTEST_CONNECTION, 0.0, w)
+    drawn_vertex = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
     before = [np.zeros(0, dtype=bool)]
     largest = 0.0
@@ -169,22 +171,22 @@ def _draw_within_tolerance(
         if not len(remaining):
             break
         trial = _draw_transitions(path, vertex[remaining], w[remaining], allowed[remaining])
-        good = trial.deviations <= allowed[remaining]
-        keep = good[trial.owner]
-        drawn.append(trial.rows[keep])
-        done.append(vertex[remaining[trial.owner[keep]]])
-        before.append(trial.before[keep])
-        largest = max(largest, float(trial.deviations[good].max(initial=0.0)))
-        remaining = remaining[~good]
-        deviations = trial.deviations[~good]
+        within = trial.deviations <= allowed[remaining]
+        accepted = within[trial.owner]
+        drawn.append(trial.rows[accepted])
+        drawn_vertex.append(vertex[remaining[trial.owner[accepted]]])
+        before.append(trial.before[accepted])
+        largest = max(largest, float(trial.deviations[within].max(initial=0.0)))
+        remaining = remaining[~within]
+        deviations = trial.deviations[~within]
         shorter = np.minimum(LARGEST_FACTOR, SAFETY * np.sqrt(allowed[remaining] / deviations))
         w[remaining] *= np.where(np.isfinite(deviations), shorter, LOOP_FACTOR)
-        w[remaining[w[remaining] < SHORTEST]] = 0.0
+        w[remaining[w[remaining] < SHORTEST_CONNECTION]] = 0.0
         remaining = remaining[w[remaining] > 0]
     w[remaining] = 0.0
     return _Transitions(
         rows=Segments.join(drawn),
-        vertex=np.concatenate(done),
+        vertex=np.concatenate(drawn_vertex),
         before=np.concatenate(before),
         sizes=w,
         deviation=largest,
@@ -199,8 +201,8 @@ def _draw_transitions(path: Path, vertex: IntArray, w: FloatArray, allowed: Floa
     """
     rows = path.segments
     connections = connect(rows[vertex], rows[vertex + 1], w)
-    sound = connections.valid
-    middle = np.where(sound, connections.nearest, 0.5)
+    valid = connections.valid
+    middle = np.where(valid, connections.nearest, 0.5)
     drawn, owners, before = draw_connections(connections, rows.starts[vertex + 1], middle)
     # `ends`: ends of the path part that each transition replaces. All transitions of a half replace
     # the same length.
@@ -222,7 +224,7 @@ def _draw_transitions(path: Path, vertex: IntArray, w: FloatArray, allowed: Floa
         rows=drawn,
         owner=owners,
         before=before,
-        deviations=np.where(sound, deviations, np.inf),
+        deviations=np.where(valid, deviations, np.inf),
     )
 
 
@@ -272,6 +274,7 @@ def _insert_transitions(
         "orientation": orientation,
     }
     if isinstance(path, RoundedPath):
-        moved = {x: np.interp(getattr(path.corners, x), *matched_s.T) for x in ("start", "end")}
-        changed["corners"] = replace(path.corners, **moved)
+        start = np.interp(path.corners.start, *matched_s.T)
+        end = np.interp(path.corners.end, *matched_s.T)
+        changed["corners"] = replace(path.corners, start=start, end=end)
     return replace(path, **changed), matched_s

@@ -41,6 +41,8 @@ from armcontour.geometry.segments import REPEATED_POINT, Segments, combine_limit
 # then changes by a factor of at most 1.7 from arc to arc, 1.34 at a turn of 90°, and the distance
 # of the arcs from the parabola is below 3e-4 of the corner error.
 STEP = 0.25
+# Relative rounding error of a tangent length.
+LENGTH_ROUNDING = 1e-12
 # Largest curvature of SMOOTH divided by its mean curvature.
 PEAK_RATIO = 15 / 8
 # Number of quintics in each SMOOTH half, divided by (half the turn)**0.45. With this number the
@@ -105,12 +107,12 @@ class CornerKind(ABC):
 class LineCorner(CornerKind):
     """A curve between two lines, described by ratios to its smallest radius."""
 
-    # Functions of half the turn [rad]: corner error, tangent length and length of the drawn curve,
-    # each divided by the smallest radius; and `shortest` divided by `REPEATED_POINT`
-    gap: Callable[[FloatArray], FloatArray]
-    stretch: Callable[[FloatArray], FloatArray]
-    length: Callable[[FloatArray], FloatArray]
-    least: Callable[[FloatArray], FloatArray]
+    # Functions of half the turn [rad], each divided by the smallest radius of the curve
+    error_ratio: Callable[[FloatArray], FloatArray]  # Corner error
+    tangent_ratio: Callable[[FloatArray], FloatArray]  # Tangent length
+    length_ratio: Callable[[FloatArray], FloatArray]  # Length of the drawn curve
+    # Function of half the turn [rad]: `shortest` divided by `REPEATED_POINT`
+    shortest_ratio: Callable[[FloatArray], FloatArray]
     # Function that draws curves with given bounds and smallest radii [m]; it returns the segments,
     # and each segment's corner index
     draw_with_radius: Callable[[CornerBounds, FloatArray], tuple[Segments, IntArray]]
@@ -118,22 +120,27 @@ class LineCorner(CornerKind):
 
     def shortest(self, half: FloatArray) -> FloatArray:
         """Return tangent lengths at which curves are as small as a point's resolution [m], (n,)."""
-        return REPEATED_POINT * self.least(half)
+        return REPEATED_POINT * self.shortest_ratio(half)
 
     def fit(self, bounds: CornerBounds) -> FloatArray:
-        """Return the largest tangent lengths within bounds [m], (n,)."""
-        half = bounds.half
-        stretch = self.stretch(bounds.half)
-        turn = bounds.turn / (0.5 - self.length(half) / stretch * middle_fraction(self.smooth))
-        wide = self._radius(bounds) * stretch
-        return np.asarray(np.minimum(np.minimum(wide, turn), bounds.tangent))
+        """Return the largest tangent lengths within bounds [m], (n,).
+
+        With the smallest radius r of the curve, the tangent length is t = r `tangent_ratio` and the
+        length is l = r `length_ratio`. The tool orientation allows `t / 2 - c l <= k`, with c from
+        `middle_fraction` and k from `largest_blend`.
+        """
+        tangent_ratio = self.tangent_ratio(bounds.half)
+        length_per_tangent = self.length_ratio(bounds.half) / tangent_ratio
+        by_turn = bounds.turn / (0.5 - length_per_tangent * middle_fraction(self.smooth))
+        by_radius = self._radius(bounds) * tangent_ratio
+        return np.asarray(np.minimum(np.minimum(by_radius, by_turn), bounds.tangent))
 
     def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         """Draw curves with given tangent lengths [m], (n,)."""
-        stretch = self.stretch(bounds.half)
+        tangent_ratio = self.tangent_ratio(bounds.half)
         radius = self._radius(bounds)
-        shrunk = tangent < radius * stretch * (1 - 1e-12)
-        radius = np.where(shrunk, tangent / stretch, radius)
+        shrunk = tangent < radius * tangent_ratio * (1 - LENGTH_ROUNDING)
+        radius = np.where(shrunk, tangent / tangent_ratio, radius)
         rows, corner = self.draw_with_radius(bounds, radius)
         limits = combine_limits(bounds.before, bounds.after)
         rows = rows.replace(
@@ -141,12 +148,16 @@ class LineCorner(CornerKind):
             tolerances=limits["tolerances"][corner],
             tags=limits["tags"][corner],
         )
-        error = radius * self.gap(bounds.half)
+        error = radius * self.error_ratio(bounds.half)
         return CornerCurves(rows=rows, corner=corner, radius=radius, error=error, shrunk=shrunk)
 
     def _radius(self, bounds: CornerBounds) -> FloatArray:
-        """Return the smallest radii of the curves by case I or case II [m], (n,)."""
-        return np.asarray(np.minimum(bounds.error / self.gap(bounds.half), bounds.radius))
+        """Return the smallest radii of the curves by case I or case II [m], (n,).
+
+        Case II: the radius is the corner error divided by `error_ratio`, as in (15). Case I: it is
+        the radius that the corner speed requires, (13).
+        """
+        return np.asarray(np.minimum(bounds.error / self.error_ratio(bounds.half), bounds.radius))
 
 
 def _draw_arcs(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
@@ -167,7 +178,7 @@ def _draw_corner_parabolas(bounds: CornerBounds, radius: FloatArray) -> tuple[Se
     """Draw one parabola per corner as four or more tangent arcs."""
     arcs, corner = _draw_parabolas(bounds.half)
     along, across = _axes(bounds)
-    apex = bounds.after.starts + (radius * PARABOLA.gap(bounds.half))[:, None] * across
+    apex = bounds.after.starts + (radius * PARABOLA.error_ratio(bounds.half))[:, None] * across
     along = along[corner]
     across = across[corner]
     scale = radius[corner]
@@ -191,31 +202,35 @@ def _draw_smooth_curves(bounds: CornerBounds, radius: FloatArray) -> tuple[Segme
     parts = _count_quintics(half)
     corner, number = number_parts(2 * parts)
     along, across = (x[corner] for x in _axes(bounds))
-    h = half[corner]
-    size = (half * PEAK_RATIO * radius)[corner]
+    half_turn = half[corner]
+    half_length = (half * PEAK_RATIO * radius)[corner]
+    # Parameter from -1 to 1 at the start and at the end of each quintic.
     x = [(number + end) / parts[corner] - 1 for end in (0, 1)]
 
     def turned(cos: FloatArray, sin: FloatArray) -> FloatArray:
         return np.asarray(cos[:, None] * along + sin[:, None] * across)
 
-    angles = [h * _relative_angle(end) for end in x]
+    angles = [half_turn * _relative_angle(end) for end in x]
     tangents = [turned(np.cos(angle), np.sin(angle)) for angle in angles]
-    bends = [
+    curvature_vectors = [
         turned(-np.sin(angle), np.cos(angle))
-        * (h * PEAK_RATIO * (1 - end * end) ** 2 / size)[:, None]
+        * (half_turn * PEAK_RATIO * (1 - end * end) ** 2 / half_length)[:, None]
         for angle, end in zip(angles, x, strict=True)
     ]
+    # Steps from the start to the end of each quintic, by integration of the tangent.
     parameters = x[0] + (x[1] - x[0]) * (QUINTIC_NODES[0][:, None] + 1) / 2
-    angle = h * _relative_angle(parameters)
-    step = size / parts[corner]
+    angle = half_turn * _relative_angle(parameters)
+    step = half_length / parts[corner]
     steps = turned(
         *(step / 2 * (QUINTIC_NODES[1] @ function(angle)) for function in (np.cos, np.sin))
     )
-    back = (radius * _smooth_tangent_ratio(half))[:, None] * bounds.before.tangents
-    sums = np.cumsum(steps, axis=0) - steps
-    starts = (bounds.after.starts - back)[corner] + sums - sums[number == 0][corner]
+    to_start = (radius * _smooth_tangent_ratio(half))[:, None] * bounds.before.tangents
+    offsets = np.cumsum(steps, axis=0) - steps
+    starts = (bounds.after.starts - to_start)[corner] + offsets - offsets[number == 0][corner]
     return join_by_quintics(
-        (starts, tangents[0], bends[0]), (steps, tangents[1], bends[1]), step
+        (starts, tangents[0], curvature_vectors[0]),
+        (steps, tangents[1], curvature_vectors[1]),
+        step,
     ), corner
 
 
@@ -229,18 +244,28 @@ def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
 
 
 def _axes(bounds: CornerBounds) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors along the mean tangents of corners, and towards their insides."""
+    """Return unit vectors along the mean tangents of corners, and towards their insides.
+
+    The shape of both is (n, dimension).
+    """
     along = unit(bounds.before.tangents + bounds.after.tangents)
     return along, unit_across(bounds.after.tangents, along)
 
 
 def _relative_angle(x: FloatArray) -> FloatArray:
-    """Return the tangent's angle on SMOOTH at x from -1 to 1, divided by half the turn."""
+    """Return the tangent's angle on SMOOTH at x from -1 to 1, divided by half the turn.
+
+    It is the integral of the curvature (1 - x²)², scaled to run from -1 to 1.
+    """
     return np.asarray(x * (15 - 10 * x**2 + 3 * x**4) / 8)
 
 
 def _mean_over_half(half: FloatArray, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Return a function's mean over half of SMOOTH, (n,); it depends on the tangent's angle."""
+    """Return the mean of a function of the tangent's angle over half of SMOOTH, (n,).
+
+    - `half`: halves of the turns [rad], (n,).
+    - `function`: function of the angle from the middle tangent [rad].
+    """
     angles = half * _relative_angle((HALF_NODES[0][:, None] + 1) / 2)
     return np.asarray(HALF_NODES[1] @ function(angles) / 2)
 
@@ -275,34 +300,39 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
 
 
 def _length_of_parabolas(half: FloatArray) -> FloatArray:
-    """Return lengths of the arcs along parabolas divided by their smallest radii, (n,)."""
+    """Return lengths of the arcs along parabolas divided by their smallest radii, (n,).
+
+    - `half`: halves of the turns [rad], (n,).
+    """
     arcs, corner = _draw_parabolas(half)
     return np.asarray(np.bincount(corner, arcs.lengths, minlength=len(half)), dtype=float)
 
 
 ARC = LineCorner(
     # `corner_error` has no cancellation at small turns.
-    gap=lambda h: corner_error(np.ones(1), h),
-    stretch=np.tan,
-    length=lambda h: 2 * h,
-    least=np.ones_like,
+    error_ratio=lambda h: corner_error(np.ones(1), h),
+    tangent_ratio=np.tan,
+    length_ratio=lambda h: 2 * h,
+    shortest_ratio=np.ones_like,
     draw_with_radius=_draw_arcs,
 )
 PARABOLA = LineCorner(
-    gap=lambda h: np.tan(h) ** 2 / 2,
-    stretch=lambda h: np.sin(h) / np.cos(h) ** 2,
-    length=_length_of_parabolas,
+    error_ratio=lambda h: np.tan(h) ** 2 / 2,
+    tangent_ratio=lambda h: np.sin(h) / np.cos(h) ** 2,
+    length_ratio=_length_of_parabolas,
     # The smallest radius must not be below the resolution of a point either.
-    least=lambda h: np.maximum(np.sin(h) / np.cos(h) ** 2, 1.0),
+    shortest_ratio=lambda h: np.maximum(np.sin(h) / np.cos(h) ** 2, 1.0),
     draw_with_radius=_draw_corner_parabolas,
 )
 SMOOTH = LineCorner(
     # This form is in the frame of the apex and has no cancellation at small turns.
-    gap=lambda h: h * PEAK_RATIO * _mean_over_half(h, lambda angle: np.sin(h - angle)) / np.cos(h),
-    stretch=_smooth_tangent_ratio,
-    length=lambda h: 2 * h * PEAK_RATIO,
+    error_ratio=lambda h: (
+        h * PEAK_RATIO * _mean_over_half(h, lambda angle: np.sin(h - angle)) / np.cos(h)
+    ),
+    tangent_ratio=_smooth_tangent_ratio,
+    length_ratio=lambda h: 2 * h * PEAK_RATIO,
     # Each quintic, and the smallest radius, must be longer than the resolution of a point.
-    least=lambda h: np.maximum(2 * _count_quintics(h), _smooth_tangent_ratio(h)),
+    shortest_ratio=lambda h: np.maximum(2 * _count_quintics(h), _smooth_tangent_ratio(h)),
     draw_with_radius=_draw_smooth_curves,
     smooth=True,
 )
@@ -348,11 +378,12 @@ def replace_vertices(
     starts = rows.starts + cut[:-1, None] * rows.tangents
     lengths = rows.lengths - cut[:-1] - cut[1:]
     shorter = rows.replace(starts=starts, lengths=lengths)
-    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.is_transition & (cut[1:] > 0))
-    if later.any():
-        ends = (rows.lengths - cut[1:])[later]
+    # On a curve, the tangent at the new start is different. A transition has other coefficients.
+    changed = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.is_transition & (cut[1:] > 0))
+    if changed.any():
+        ends = (rows.lengths - cut[1:])[changed]
         shorter = shorter.replace_rows(
-            later, rows.cut(np.flatnonzero(later), cut[:-1][later], ends)
+            changed, rows.cut(np.flatnonzero(changed), cut[:-1][changed], ends)
         )
     table = Segments.join([shorter, drawn])
     source = np.concatenate([np.arange(n), after])

@@ -65,6 +65,15 @@ def middle_fraction(smooth: bool) -> float:
     return SMOOTH_MIDDLE if smooth else MIDDLE
 
 
+def middle_of_half_length(smooth: bool) -> float:
+    """Return k divided by the half length t of a blend that replaces no corner.
+
+    The path does not change along such a blend, so its length is l = 2 t, and
+    `k = t / 2 - c l = (1 / 2 - 2 c) t` with c from `middle_fraction`.
+    """
+    return 0.5 - 2 * middle_fraction(smooth)
+
+
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
     """Return the largest k within the angular tolerance at each corner's middle [m], (n,).
 
@@ -104,13 +113,13 @@ def round_orientation(
     lengths = objective.lengths
     n = len(objective)
     if not orientation.first.any() and not (orientation.jumps > SAME_ORIENTATION).any():
-        one = Orientation.even(
+        constant = Orientation.even(
             np.array([whole]),
             orientation.starts[:1],
             np.zeros((1, 3)),
             axis_only=orientation.axis_only,
         )
-        return one, np.zeros(len(vertex))
+        return constant, np.zeros(len(vertex))
     cut = np.zeros(n - 1)
     blend = np.zeros(n - 1)
     cut[vertex] = tangent
@@ -130,6 +139,7 @@ def follow_rounded(
 ) -> Orientation:
     """Round an orientation that follows the tangent, along a rounded path.
 
+    - `objective`: the path before rounding.
     - `segment`: for each segment of the rounded path, index of the objective segment that contains
       it, or that is before its corner, (n,).
     - `allowed`: largest angle between the orientation and an orientation that follows the tangent
@@ -147,10 +157,11 @@ def follow_rounded(
     sharp = follow_tangents(
         rounded, orientation.starts[0], None, start_frames, axis_only=orientation.axis_only
     )
-    return blend_kinks(sharp, largest_cuts(sharp, allowed, smooth=smooth), smooth=smooth)[0]
+    half_lengths = largest_half_lengths(sharp, allowed, smooth=smooth)
+    return blend_kinks(sharp, half_lengths, smooth=smooth)[0]
 
 
-def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) -> FloatArray:
+def largest_half_lengths(sharp: Orientation, allowed: float, *, smooth: bool = False) -> FloatArray:
     """Return the blends' largest half lengths within an angular tolerance [m], (n - 1,).
 
     The path, and with it the length of each piece, does not change. The half length is 0 where the
@@ -161,8 +172,8 @@ def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) ->
     - `smooth`: true if the derivative of the angular rate must not jump.
     """
     vertex = np.arange(len(sharp) - 1)
-    shorter = 0.5 - 2 * middle_fraction(smooth)
-    return np.where(sharp.kinks > 0, _largest_blend(sharp, vertex, allowed) / shorter, 0.0)
+    half_lengths = _largest_blend(sharp, vertex, allowed) / middle_of_half_length(smooth)
+    return np.where(sharp.kinks > 0, half_lengths, 0.0)
 
 
 def blend_kinks(
@@ -186,11 +197,8 @@ def blend_kinks(
     cut = np.minimum(requested, np.minimum(lengths[:-1], lengths[1:]) / 2)
     uneven = np.any((sharp.second != 0) | (sharp.third != 0), axis=1)
     cut[(sharp.jumps > SAME_ORIENTATION) | uneven[:-1] | uneven[1:]] = 0.0
-    middle = cut * (0.5 - 2 * middle_fraction(smooth))
-    return (
-        _insert_blends(lengths, sharp, cut, 2 * cut, smooth=smooth),
-        _middle_angles(sharp, vertex, middle),
-    )
+    blended = _insert_blends(lengths, sharp, cut, 2 * cut, smooth=smooth)
+    return blended, _middle_angles(sharp, vertex, cut * middle_of_half_length(smooth))
 
 
 def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> FloatArray:
@@ -239,8 +247,15 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
 def _insert_blends(
     lengths: FloatArray, sharp: Orientation, cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> Orientation:
-    """Shorten the pieces of an orientation by `cut`, and insert blends of length `blend` [m]."""
+    """Shorten the pieces of an orientation, and insert a blend between each two of them.
+
+    - `lengths`: lengths of the n pieces [m], (n,).
+    - `sharp`: the orientation of n pieces.
+    - `cut`: length by which both pieces at each break are shortened [m], (n - 1,).
+    - `blend`: length of the blend at each break [m], (n - 1,).
+    """
     n = len(lengths)
+    # Pieces have even rows, and blends have odd rows.
     size = 2 * n - 1
     degree = 5 if smooth else sharp.f.shape[1] - 1
     before = np.append(0.0, cut)
@@ -282,19 +297,26 @@ def _insert_blends(
 def _fade_polynomials(
     cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Return f, which fades out the rate before a vertex, and g for the rate after it."""
-    none = np.zeros_like(cut)
-    one = np.ones_like(cut)
+    """Return f, which fades out the rate before a vertex, and g for the rate after it.
+
+    - `cut`, `blend`: as in `_insert_blends`, (k,).
+
+    Both results are coefficients of 1, u, u², ..., (k, degree + 1).
+    """
+    zeros = np.zeros_like(cut)
+    ones = np.ones_like(cut)
     if not smooth:
-        return fit_cubics(blend, (-cut, one), (none, none)), fit_cubics(
-            blend, (none, none), (cut, one)
+        return fit_cubics(blend, (-cut, ones), (zeros, zeros)), fit_cubics(
+            blend, (zeros, zeros), (cut, ones)
         )
     # Values and slopes of f and g at the ends of the blends; the second derivatives are zero.
     ends = [
         np.stack(x, axis=1)
-        for x in ((none, none), (-cut, none), (one, none), (none, cut), (none, one))
+        for x in ((zeros, zeros), (-cut, zeros), (ones, zeros), (zeros, cut), (zeros, ones))
     ]
-    zero, *begin, value, slope = ends
-    coefficients = quintic(blend, (begin[0], begin[1], zero), (value, slope, zero))
+    no_curvature, begin_values, begin_slopes, end_values, end_slopes = ends
+    coefficients = quintic(
+        blend, (begin_values, begin_slopes, no_curvature), (end_values, end_slopes, no_curvature)
+    )
     f, g = np.moveaxis(coefficients / blend[:, None, None] ** np.arange(6)[:, None], 2, 0)
     return f, g

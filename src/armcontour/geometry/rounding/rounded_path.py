@@ -44,7 +44,7 @@ from armcontour.geometry.rounding.rounded_orientation import (
     find_kinks,
     follow_rounded,
     largest_blend,
-    middle_fraction,
+    middle_of_half_length,
     round_orientation,
 )
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
@@ -56,15 +56,15 @@ CURVES: dict[Curve, LineCorner] = {"arc": ARC, "smooth": SMOOTH, "parabola": PAR
 # Number of points from which the extent of a path is computed.
 SAMPLES = 65
 # Corner tolerances up to this are not compared with the extent of the path [m].
-LARGE = 0.02
+LARGEST_USUAL_TOLERANCE = 0.02
 # Planes whose normals differ by less than this angle [rad] count as equal.
 SAME_PLANE = 1e-9
 # Largest distance of vertices from a line that replaces nearly collinear lines [m]: the rounding
 # error of coordinates with three decimals in mm or four in inches, as for
 # `ReadOptions.repair_vertices`.
-PRINTED = 2e-6
+PRINTING_ERROR = 2e-6
 # Largest fraction of the smallest corner error that this distance may be.
-PRINTED_SHARE = 0.1
+PRINTING_ERROR_SHARE = 0.1
 # Reasons for a stop at a corner.
 TURN_BACK = "turn-back"
 NO_TOLERANCE = "tolerance zero"
@@ -243,16 +243,17 @@ def round_path(
     corner = np.flatnonzero(turn > TANGENT_TOLERANCE)
     if len(kinked):
         kinked = np.setdiff1d(np.searchsorted(merged.vertex, kinked), corner)
-    each = merged.vertex[corner]
+    # Index of each corner among the inner vertices of the given path.
+    source = merged.vertex[corner]
     # A corner and the lines next to it deviate by at most the corner error together.
-    near = np.maximum(merged.deviation[corner], merged.deviation[corner + 1])
-    error = np.maximum(error[each] - near, 0.0)
+    line_deviation = np.maximum(merged.deviation[corner], merged.deviation[corner + 1])
+    error = np.maximum(error[source] - line_deviation, 0.0)
     infinite = np.full(len(corner), np.inf)
     requirements = _Requirements(
         error=error,
-        radius=infinite if speed is None else slowest[each] ** 2 / accelerations[each],
+        radius=infinite if speed is None else slowest[source] ** 2 / accelerations[source],
         tangent=infinite,
-        acceleration=accelerations[each],
+        acceleration=accelerations[source],
     )
     rounded = _round(merged.path, corner, turn[corner], requirements, CURVES[curve], kinked, angle)
     if merged.path is path:
@@ -260,8 +261,10 @@ def round_path(
     return replace(
         rounded,
         objective=path,
-        corners=replace(rounded.corners, vertex=each + 1),
-        deviation=float(np.max(rounded.corners.error + near, initial=merged.deviation.max())),
+        corners=replace(rounded.corners, vertex=source + 1),
+        deviation=float(
+            np.max(rounded.corners.error + line_deviation, initial=merged.deviation.max())
+        ),
     )
 
 
@@ -275,14 +278,14 @@ def _merge_printed_lines(path: Path, sharp: BoolArray, error: FloatArray) -> Mer
     rounds = sharp & (error > 0)
     if not rounds.any():
         return MergedLines(path=path, vertex=np.arange(n), deviation=np.zeros(n + 1))
-    largest = min(PRINTED, PRINTED_SHARE * error[rounds].min())
+    largest = min(PRINTING_ERROR, PRINTING_ERROR_SHARE * error[rounds].min())
     return merge_lines(path, np.where(sharp & ~rounds, 0.0, largest))
 
 
 def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
     """Return a sentence if the corner tolerance [m] exceeds the path's extent."""
     largest = 0.0 if tolerance is None else float(np.max(tolerance, initial=0.0))
-    if largest <= LARGE:
+    if largest <= LARGEST_USUAL_TOLERANCE:
         return []
     extent = float(np.ptp(path(np.linspace(0.0, path.length, SAMPLES)), axis=0).max())
     if largest <= extent:
@@ -295,7 +298,7 @@ def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> lis
 
 
 def count_full_stops(path: Path) -> dict[str, int]:
-    """Number of full stops inside a path for each reason, {reason: number}.
+    """Return the number of full stops inside a path for each reason, {reason: number}.
 
     The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded,
     "faster than a curve" for corners of a shaped path, and "tool orientation" where only the
@@ -308,17 +311,24 @@ def count_full_stops(path: Path) -> dict[str, int]:
         back = np.pi - path.turns <= TANGENT_TOLERANCE
         sharp_reasons = np.full(len(sharp), NOT_ROUNDED, dtype=object)
         if isinstance(path, ShapedPath):
-            # Tolerance at the vertex of the objective that is nearest to each vertex of the path.
-            objective = path.objective
-            s = np.interp(path.breaks[1:-1], path.places[:, 1], path.places[:, 0])
-            middles = (objective.breaks[1:] + objective.breaks[:-1]) / 2
-            vertex = np.searchsorted(middles, s).clip(1, max(len(objective) - 1, 1))
-            tolerances = np.append(objective.tolerances, np.nan)
-            allowed = np.fmin(np.fmin(tolerances[vertex - 1], tolerances[vertex]), path.tolerance)
-            sharp_reasons[:] = np.where(allowed == 0, NO_TOLERANCE, NOT_FASTER)
+            tolerances = _tolerances_of_vertices(path)
+            sharp_reasons[:] = np.where(tolerances == 0, NO_TOLERANCE, NOT_FASTER)
         reasons = np.where(back, TURN_BACK, sharp_reasons)[sharp].tolist()
     reasons += [ORIENTATION] * (len(path.stops) - len(reasons))
     return dict(sorted(Counter(reasons).items()))
+
+
+def _tolerances_of_vertices(path: ShapedPath) -> FloatArray:
+    """Return the tolerance at each inner vertex of a shaped path [m], (n - 1,).
+
+    It is the tolerance at the nearest vertex of the objective.
+    """
+    objective = path.objective
+    s = np.interp(path.breaks[1:-1], path.places[:, 1], path.places[:, 0])
+    middles = (objective.breaks[1:] + objective.breaks[:-1]) / 2
+    vertex = np.searchsorted(middles, s).clip(1, max(len(objective) - 1, 1))
+    tolerances = np.append(objective.tolerances, np.nan)
+    return np.asarray(np.fmin(np.fmin(tolerances[vertex - 1], tolerances[vertex]), path.tolerance))
 
 
 def blend_vertices(
@@ -341,7 +351,7 @@ def blend_vertices(
 
 
 def _turns_smoothly(path: Path) -> bool:
-    """Test whether the tool turns, and its angular rate never jumps."""
+    """Return whether the tool turns at an angular rate that never jumps."""
     orientation = path.orientation
     if orientation is None or orientation.fixed or orientation.follows:
         return False
@@ -423,8 +433,8 @@ def _round(
     )
     obstacles = _find_obstacles(path, bounds)
     choice = choose_curves(bounds, curve, obstacles.free)
-    largest = largest_blend(path, kinked, angle) / (0.5 - 2 * middle_fraction(curve.smooth))
-    fitted = share_segments(path.segments, corner, choice, kinked, largest)
+    half_lengths = largest_blend(path, kinked, angle) / middle_of_half_length(curve.smooth)
+    fitted = share_segments(path.segments, corner, choice, kinked, half_lengths)
     drawn = draw_curves(bounds, choice, fitted.tangent)
     table, source = insert_curves(path.segments, corner, fitted.tangent, drawn)
     blended = _BlendedVertices(

@@ -11,7 +11,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.frames import angle_between
 from armcontour.geometry.biarcs import biarc_distance, make_biarcs, unit
 from armcontour.geometry.path import Path
-from armcontour.geometry.rounding.arc_corners import WIDEST
+from armcontour.geometry.rounding.arc_corners import LARGEST_ARC_TURN
 from armcontour.geometry.rounding.collinear_lines import MergedLines, merge_lines
 from armcontour.geometry.rounding.rounded_path import blend_vertices
 from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
@@ -21,6 +21,7 @@ LARGEST_KINK = 0.05
 # Fractions of the replaced lengths at the closing vertex of a closed path at which the path is
 # compared with the new arcs.
 SHARES = np.linspace(0.0, 1.0, 9)
+# Row 0 of a table with one segment, for every fraction.
 FIRST_ROWS = np.zeros(len(SHARES), dtype=np.intp)
 # These lengths are halved at most this number of times. If they do not suffice, the vertex stays
 # unchanged.
@@ -66,25 +67,26 @@ def repair_tangents(
     merged = merge_lines(path, allowed)
     possible_turns = _possible_turns(merged.path.segments, tolerance)
     inner = _repair_inner_vertices(path, merged, possible_turns, allowed)
-    start = path
-    near_ends = 0.0
+    open_path = path
+    end_deviation = 0.0
     if inner is not None:
-        start = inner.path
-        near_ends = max(merged.deviation[0], merged.deviation[-1])
-    seam = _repair_closure(
-        start,
+        open_path = inner.path
+        end_deviation = max(merged.deviation[0], merged.deviation[-1])
+    closing_limit = float(np.min(np.append(_closing_errors(path), largest_deviation)))
+    closing = _repair_closure(
+        open_path,
         min(possible_turns[0] + possible_turns[-1], LARGEST_KINK),
-        float(np.min(np.append(_closing_errors(path), largest_deviation))) - near_ends,
+        closing_limit - end_deviation,
     )
-    if inner is None or seam is None:
-        return inner or seam
+    if inner is None or closing is None:
+        return inner or closing
     return RepairedPath(
-        path=seam.path,
+        path=closing.path,
         before=inner.before,
-        after=seam.place(inner.after),
+        after=closing.place(inner.after),
         count=inner.count + 1,
-        kink=max(inner.kink, seam.kink),
-        deviation=max(inner.deviation, seam.deviation + near_ends),
+        kink=max(inner.kink, closing.kink),
+        deviation=max(inner.deviation, closing.deviation + end_deviation),
     )
 
 
@@ -104,24 +106,24 @@ def _repair_inner_vertices(
     - `allowed`: largest deviations at the inner vertices of `path` [m], (n - 1,).
     """
     # A vertex and the lines next to it move by at most the tolerance together.
-    near = np.maximum(merged.deviation[:-1], merged.deviation[1:])
-    allowed = allowed[merged.vertex] - near
+    line_deviation = np.maximum(merged.deviation[:-1], merged.deviation[1:])
+    allowed = allowed[merged.vertex] - line_deviation
     turns = merged.path.turns
     largest = np.minimum(possible_turns[:-1] + possible_turns[1:], LARGEST_KINK)
     vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= largest) & (allowed > 0))
     if not len(vertex) and merged.path is path:
         return None
     blended = blend_vertices(merged.path, vertex, turns[vertex], allowed[vertex])
-    done = ~blended.corners.stopped
+    is_replaced = ~blended.corners.stopped
     repaired = path.turns > TANGENT_TOLERANCE
-    repaired[np.delete(merged.vertex, vertex[done])] = False
+    repaired[np.delete(merged.vertex, vertex[is_replaced])] = False
     if not repaired.any():
         return None
     ends = np.concatenate([[0], merged.vertex + 1, [len(path)]])
     after = np.minimum(blended.place(merged.path.breaks), blended.length)
-    error = (blended.corners.error + near[vertex])[done]
+    error = (blended.corners.error + line_deviation[vertex])[is_replaced]
     return RepairedPath(
-        path=_keep_waypoints(path, blended, ends, after, vertex[done] + 1),
+        path=_keep_waypoints(path, blended, ends, after, vertex[is_replaced] + 1),
         before=path.breaks[ends],
         after=after,
         count=int(repaired.sum()),
@@ -141,14 +143,14 @@ def _keep_waypoints(
     - `after`: arc lengths of these vertices on the repaired path [m], (m + 1,).
     - `replaced`: indices in `ends` of the vertices that an arc replaced.
     """
-    still = np.isin(path.waypoints, np.delete(ends, replaced))
+    remains = np.isin(path.waypoints, np.delete(ends, replaced))
     middles = (blended.breaks[1:] + blended.breaks[:-1]) / 2
-    s = after[np.searchsorted(ends, path.waypoints[still])]
+    s = after[np.searchsorted(ends, path.waypoints[remains])]
     points = np.arange(len(path.waypoints) + len(path.merged))
-    gone = np.delete(points, path.merged)[~still].tolist()
+    removed = np.delete(points, path.merged)[~remains].tolist()
     return Path(
         segments=blended.segments,
-        merged=tuple(sorted([*path.merged, *gone])),
+        merged=tuple(sorted([*path.merged, *removed])),
         waypoints=np.searchsorted(middles, s),
     )
 
@@ -188,12 +190,13 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
     opening = [x.replace(**first.limit_columns) for x in closure.leaving]
     closing = [x.replace(**last.limit_columns) for x in closure.arriving]
     table = Segments.join([*opening, kept, *closing])
-    new = [float(sum(x.lengths[0] for x in arcs)) for arcs in (closure.leaving, closure.arriving)]
+    opening_length = float(sum(x.lengths[0] for x in closure.leaving))
+    closing_length = float(sum(x.lengths[0] for x in closure.arriving))
     waypoints = np.concatenate([[0], path.waypoints[1:-1] + 2, [len(table)]])
     return RepairedPath(
         path=Path(segments=table, merged=path.merged, waypoints=waypoints),
         before=np.array([0.0, t, total - t, total]),
-        after=np.cumsum([0.0, new[0], total - 2 * t, new[1]]),
+        after=np.cumsum([0.0, opening_length, total - 2 * t, closing_length]),
         count=1,
         kink=kink,
         deviation=closure.deviation,
@@ -222,7 +225,7 @@ def _fit_closure(first: Segments, last: Segments, allowed: float) -> _Closure | 
     middle = unit(first.tangents + last.end_tangents)
     size = np.minimum(first.lengths, last.lengths) / 2
     size = np.minimum(
-        size, WIDEST / np.maximum(np.maximum(first.curvatures, last.curvatures), 1e-300)
+        size, LARGEST_ARC_TURN / np.maximum(np.maximum(first.curvatures, last.curvatures), 1e-300)
     )
     for _ in range(MAX_HALVINGS):
         begin = last.lengths - size
