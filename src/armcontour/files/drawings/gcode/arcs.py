@@ -159,7 +159,7 @@ def _arc_around(arc: ProgrammedArc, sweep: float) -> ArcPart:
 
 
 def _divide_arc(arc: ProgrammedArc) -> list[ArcPart]:
-    """An arc around the programmed centre by half the swept angle, and a tangent arc to the end."""
+    """Return an arc about the programmed centre by half the angle, and a tangent arc to the end."""
     first = _arc_around(arc, arc.sweep / 2)
     ray = (first.end - arc.center) / arc.radius
     along = ((arc.end - arc.center) * ray.conjugate()).real
