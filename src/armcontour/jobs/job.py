@@ -166,7 +166,9 @@ def default_compensation(
 def build_plant(
     experiment: Experiment, arm: Arm, servo: ServoModel, limits: Limits, fed: bool
 ) -> RigidBodyPlant:
-    """Build the simulated robot of an experiment.
+    """Build the simulated robot of an experiment: the rigid bodies that a run is simulated on.
+
+    The key `plant` of a job only changes the parameters of the servo model.
 
     The plant has the payload of the experiment if it is given, else that of the arm. Its controller
     uses the model `arm`: J of its loops (unless the servo gives one), gravity feed-forward if
