@@ -254,16 +254,19 @@ def _remove_hooks(path: Path, tolerance: float) -> Path:
     rows = path.segments
     if not np.any((rows.curvatures == 0) & (rows.lengths <= tolerance)):
         return path
-    back = np.sum(rows.end_tangents * np.roll(rows.tangents, -1, axis=0), axis=1) < 0
-    back[-1] &= rows.closed
-    hook = (rows.curvatures == 0) & (rows.lengths <= tolerance) & (back | np.roll(back, 1))
-    # A longer run of such lines is a part of the drawing.
-    run = np.cumsum(~hook)
-    hook &= np.bincount(run, rows.lengths * hook)[run] <= tolerance
-    stays = hook.all() or not hook.any() or rows.dimension == 3
+    # Whether the path turns back at the end of each segment.
+    turns_back = np.sum(rows.end_tangents * np.roll(rows.tangents, -1, axis=0), axis=1) < 0
+    turns_back[-1] &= rows.closed
+    is_short_line = (rows.curvatures == 0) & (rows.lengths <= tolerance)
+    is_hook = is_short_line & (turns_back | np.roll(turns_back, 1))
+    # A longer sequence of such lines is a part of the drawing.
+    sequence = np.cumsum(~is_hook)
+    is_hook &= np.bincount(sequence, rows.lengths * is_hook)[sequence] <= tolerance
+    stays = is_hook.all() or not is_hook.any() or rows.dimension == 3
     if stays or find_self_crossing(rows, closed=rows.closed) is None:
         return path
-    return _join_rows(rows[~hook], np.arange(0 if rows.closed else 1, np.sum(~hook)), tolerance)
+    vertices = np.arange(0 if rows.closed else 1, np.sum(~is_hook))
+    return _join_rows(rows[~is_hook], vertices, tolerance)
 
 
 def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance: float) -> Segments:

@@ -103,7 +103,10 @@ def arc_around(
 
 
 def arc_with_radius(start: complex, end: complex, radius: float, turn: int) -> ProgrammedArc:
-    """Arc with a radius [m]: at most half a circle, or at least half if the radius is negative."""
+    """Return the arc with a radius [m]: at most half a circle, at least half for a negative one.
+
+    `turn`: 1 for counter-clockwise, -1 for clockwise.
+    """
     chord = abs(end - start)
     if chord <= REPEATED_POINT:
         raise Fault(
