@@ -164,6 +164,7 @@ def command(topic: str, example: str, module: str = "") -> Callable[[type[T]], t
             return outcome
 
         def call(**values: Any) -> None:
+            """Execute the command with the values of its parameters, and exit with its code."""
             keys = {x: values.pop(x) for x in JOB_OPTIONS if x in values}
             if keys:
                 values["keys"] = keys

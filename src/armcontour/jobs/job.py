@@ -100,6 +100,7 @@ class Exports(Checked):
     call: bool = False
 
     def _check_together(self) -> None:
+        """Refuse options that need each other or another format."""
         if (self.points is None) != (self.point_tolerance is None):
             raise InvalidInput("points and point_tolerance require each other. Specify both.")
         if self.tolerances is not None and self.tolerances < 1:
@@ -452,6 +453,7 @@ class Job(Checked):
     program: Program = field(init=False)
 
     def __post_init__(self) -> None:
+        """Complete the title and the plant's servo, then check the fields."""
         if isinstance(self.title, str) and not self.title:
             object.__setattr__(self, "title", self.name)
         if self.plant_servo is None:
@@ -459,6 +461,7 @@ class Job(Checked):
         Checked.__post_init__(self)
 
     def _check_together(self) -> None:
+        """Check that runs, process and servos fit the program, and store the program."""
         program = Program.from_path(self.path)
         object.__setattr__(self, "program", program)
         for run in self.runs:
