@@ -28,7 +28,7 @@ from armcontour.files.job_file import read_cell_scene
 from armcontour.files.joint_table import TrajectoryFile
 from armcontour.files.limits_and_servo_files import MotionRequirements
 from armcontour.files.robots.arm_loading import load_arm
-from armcontour.jobs import Job, Run, prepare_program, resume_run, round_program
+from armcontour.jobs import Job, Run, find_resumption, prepare_program, round_program
 from armcontour.jobs.job import find_run
 from armcontour.motion.log import raise_other_joints
 from armcontour.motion.log_checks import check_range_of_log, refuse_wrapped
@@ -150,7 +150,7 @@ def named_arm(name: str) -> Arm:
 
 def _path(job: Job, run: Run) -> Program:
     """Return the path of a run, with its leads and rounded corners."""
-    resumption = resume_run(job, run)
+    resumption = find_resumption(job, run)
     objective = prepare_program(job, run, resumption=resumption)
     return round_program(job, run, objective, resumption=resumption)
 
@@ -170,12 +170,16 @@ def _requirements(options: Check, run: Run | None, arm: Arm) -> MotionRequiremen
 
 
 def _run(job: Job, options: Check) -> Run:
-    """Run of --run, or the first run that rounds corners if all such runs have the same limits."""
+    """Return the run of --run, by default the first run that rounds corners.
+
+    All runs that round corners must then have the same limits and corners. If no run rounds
+    corners, all runs of the job count.
+    """
     if options.run_name is not None:
         return find_run(job, options.run_name)
     runs = [x for x in job.runs if x.rounding is not None] or list(job.runs)
-    first, *others = ((x.rounding, x.continuity, comparable(x.limits)) for x in runs)
-    if any(x != first for x in others):
+    corners_and_limits = [(x.rounding, x.continuity, comparable(x.limits)) for x in runs]
+    if any(x != corners_and_limits[0] for x in corners_and_limits[1:]):
         raise InvalidInput(
             f"The runs of the job {job.name} round corners differently, or have different limits. "
             f"Choose a run with --run ({', '.join(x.name for x in runs)})."

@@ -154,20 +154,24 @@ def command(topic: str, example: str, module: str = "") -> Callable[[type[T]], t
     """
 
     def declare(declared: type[T]) -> type[T]:
+        """Make the class a dataclass of options, and register its command."""
         options = dataclass(frozen=True, kw_only=True, eq=False, repr=False)(declared)
         name = options.__name__.lower()
 
         def work(*arguments: Any) -> Outcome:
-            called = import_module(f"armcontour.cli.{module or name + '_command'}")
-            outcome: Outcome = getattr(called, name)(*arguments)
+            command_module = import_module(f"armcontour.cli.{module or name + '_command'}")
+            outcome: Outcome = getattr(command_module, name)(*arguments)
             return outcome
 
         def call(**values: Any) -> None:
+            """Execute the command with the values of its parameters, and exit with its code."""
             keys = {x: values.pop(x) for x in JOB_OPTIONS if x in values}
-            given = options(**values, **({"keys": keys} if keys else {}))
-            raise typer.Exit(execute(work, given))
+            if keys:
+                values["keys"] = keys
+            raise typer.Exit(execute(work, options(**values)))
 
         def register() -> None:
+            """Add the command to the program, with the fields of the class as its parameters."""
             call.__signature__ = Signature(list(_parameters(options)))  # type: ignore[attr-defined]
             program.command(
                 name,

@@ -8,7 +8,7 @@ import os
 import sys
 from contextlib import suppress
 
-from armcontour.cli.console import run_interruptibly
+from armcontour.cli.interruption import run_interruptibly
 from armcontour.core.errors import ArmContourError
 from armcontour.core.text import to_line
 
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def import_path(*refused: str) -> list[str]:
-    """Import path without relative folders, the current folder and the `refused` folders.
+    """Return the import path without relative folders, the current folder and `refused` folders.
 
     The parent folder of the package is always included.
     """
@@ -51,8 +51,8 @@ def import_path(*refused: str) -> list[str]:
     package_parent = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
 
     def is_kept(folder: str) -> bool:
-        out = any(_is_same(folder, x) for x in (os.curdir, *refused))
-        return folder == package_parent or (os.path.isabs(folder) and not out)
+        is_refused = any(_is_same(folder, x) for x in (os.curdir, *refused))
+        return folder == package_parent or (os.path.isabs(folder) and not is_refused)
 
     return [*([] if package_parent in sys.path else [package_parent]), *filter(is_kept, sys.path)]
 
@@ -65,7 +65,11 @@ def _is_same(one: str, other: str) -> bool:
 
 
 def _command() -> int:
-    """Run the command and return its exit code; errors are printed as one sentence."""
+    """Run the command and return its exit code; errors are printed as one sentence.
+
+    Commands return the exit codes 0, 1, 7 and 9 themselves (`Outcome.code`); the class of an error
+    determines the others (`ArmContourError.exit_code`).
+    """
     try:
         code = _run()
         sys.stdout.flush()

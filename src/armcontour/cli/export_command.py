@@ -12,7 +12,7 @@ import numpy as np
 from armcontour import files
 from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Export
-from armcontour.cli.inputs import name_options, read_patch, refuse_existing
+from armcontour.cli.inputs import naming_options_in_errors, read_patch, refuse_existing
 from armcontour.cli.job_options import EXPORTED_POINTS, EXPORTS
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
@@ -44,8 +44,11 @@ class Written:
     errors: list[InvalidInput] = field(default_factory=list)
 
 
-def check_options(job: Job, options: Mapping[str, object]) -> None:
-    """Raise InvalidInput for options without --export; `options` set job keys, by name."""
+def refuse_unused_export_options(job: Job, options: Mapping[str, object]) -> None:
+    """Raise InvalidInput for options of exports that are specified without --export.
+
+    `options`: values of the options that set job keys, by the name of their parameter.
+    """
     if job.export.formats:
         return
     for option in (*EXPORTS.options, *EXPORTED_POINTS.options):
@@ -69,11 +72,13 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
         if kind not in BUILT_IN:
             # KUKA and ABB plan the motion between points, so that set-points are no use.
             motions.append((SET_POINTS, result.set_points))
-        for what, motion in motions:
-            file = f"{name}/export/{what}{formats.ending_of(kind)}"
+        for motion_label, motion in motions:
+            file = f"{name}/export/{motion_label}{formats.ending_of(kind)}"
             label = f"export {kind}, run {name}"
             try:
-                table, sentences = _write_export(folder, file, job, result, kind, what, motion)
+                table, sentences = _write_export(
+                    folder, file, job, result, kind, motion_label, motion
+                )
             except InvalidInput as error:
                 written.errors.append(error)
                 warnings[f"Warning: {label}: {file} was not written. {error}"] = None
@@ -90,19 +95,24 @@ def _write_export(
     job: Job,
     result: RunResult,
     kind: str,
-    what: str,
+    motion_label: str,
     motion: SetPoints | Trajectory,
 ) -> tuple[SetPointTable, list[str]]:
-    """Write a motion in a format; returns its table, and warnings without label."""
+    """Write a motion in a format; return its table, and warnings without label.
+
+    - `file`: name of the file, relative to the result folder.
+    - `kind`: name of the format, or path of a template.
+    - `motion_label`: REFERENCE for the plan, or SET_POINTS.
+    """
     options = job.export
     format = formats.format_named(kind, options)
     cycle = None
-    if what == REFERENCE:
+    if motion_label == REFERENCE:
         requested = None if format.needs_cycle_of_run else options.cycle
         cycle = requested or result.run.cycle
     table = make_table(
         motion,
-        name=f"{job.name} {result.run.name} {what}",
+        name=f"{job.name} {result.run.name} {motion_label}",
         cycle=cycle,
         arm=job.arm,
         derivatives=options.derivatives,
@@ -111,7 +121,7 @@ def _write_export(
     sentences = list[str]()
     if isinstance(format, formats.RosYamlFormat):
         sentences += _acceleration_warnings(table, result)
-        if what == SET_POINTS and options.tolerances and result.execution is not None:
+        if motion_label == SET_POINTS and options.tolerances and result.execution is not None:
             tolerances = predict_tolerances(result.execution, options.tolerances)
             format = dataclasses.replace(format, tolerances=tolerances)
     table = format.select(table)
@@ -129,7 +139,7 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
     run = read_run(options.result, options.run_name)
     patch, names = read_patch(options)
     data = {"outputs": dict(run.outputs)} | {str(keys[-1]): x for keys, x in patch.items()}
-    with name_options(names), error_context("export"):
+    with naming_options_in_errors(names), error_context("export"):
         chosen = read_keys(Exports, {"formats": [kind], **data})
     format = formats.format_named(kind, chosen)
     if chosen.cycle is not None:

@@ -53,8 +53,8 @@ def identify(options: Identify, folder: ResultFolder | None, progress: ProgressD
     )
     if options.on is not None:
         return _identify_robot(options, fitting, folder, progress)
-    needing = (*OF_CONTROLLER, "run_name", "sets")
-    refuse_given(options, needing, NEEDS_ON)
+    options_with_controller = (*OF_CONTROLLER, "run_name", "sets")
+    refuse_given(options, options_with_controller, NEEDS_ON)
     arm = None
     if options.arm is not None:
         from armcontour.cli.check_command import named_arm
@@ -80,8 +80,8 @@ def _identify_robot(
 
     count = len(options.logs)
     raise_if(count != 1, f"--on requires exactly one job, but {count} files are given.")
-    of_logs = ("arm", "validate", "columns", "start", "end")
-    refuse_given(options, of_logs, "applies only to logs. Remove it, or remove --on.")
+    options_of_logs = ("arm", "validate", "columns", "start", "end")
+    refuse_given(options, options_of_logs, "applies only to logs. Remove it, or remove --on.")
     raise_if(
         options.execute and folder is None,
         "--execute requires --out, the folder for servo.yaml and the logs.",

@@ -55,8 +55,11 @@ def read_patch(options: Any) -> tuple[Patch, dict[str, str]]:
 
 
 @contextmanager
-def name_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Context that adds, to the message of an error about a job key, the option that set it."""
+def naming_options_in_errors(options: Mapping[str, str]) -> Iterator[None]:
+    """Context that names, in an error about a job key, the option of the command that set the key.
+
+    `options`: names of options by the key that they set, such as "path.file".
+    """
     try:
         yield
     except InvalidInput as error:
@@ -95,7 +98,7 @@ def open_job(file: FilePath, options: Any, progress: Progress) -> Job:
     cell = getattr(options, "cell", None)
     file = find_file(file, cell)
     reading = subprogress(progress, "reading")
-    with name_options(names):
+    with naming_options_in_errors(names):
         return files.read_job(file, cell=cell, patch=patch, reading=reading)
 
 

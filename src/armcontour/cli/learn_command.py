@@ -124,7 +124,7 @@ def _learn_robot(options: Learn, progress: ProgressDisplay) -> Outcome:
 
 
 def _earlier_logs(out: FilePath, job: Job) -> list[Log]:
-    """Logs of earlier runs in a folder, in order; empty if the folder has another kind."""
+    """Return the logs of earlier runs in a folder, in order; none if it has another kind."""
     logs: list[Log] = []
     while kind_of(out) == KIND and (out / LOG.format(len(logs) + 1)).exists():
         log = read_log(verify_file(out, LOG.format(len(logs) + 1)))

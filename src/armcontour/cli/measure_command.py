@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from armcontour import files
@@ -57,7 +59,10 @@ def measure(options: Measure, _: None, progress: Progress) -> Outcome:
 def _measure(
     options: Measure, job: Job, touches: Touches, noise: float
 ) -> tuple[Measurement, Patch]:
-    """Measure a frame; returns it and the keys of the job that state it."""
+    """Measure a frame; return it, and the values of the job keys that state it.
+
+    `noise`: standard deviation of a touch [m].
+    """
     if options.target == "tool":
         if touches.points is not None:
             raise InvalidInput(
@@ -72,14 +77,14 @@ def _measure(
 
 
 def _region(job: Job) -> FloatArray:
-    """Return points of the job's contours in the coordinates of the drawing, (n, dimension)."""
+    """Return at most MAX_REGION points of the contours in the drawing's frame [m], (n, 3)."""
     points = np.concatenate([x.path.vertices for x in job.program.contours])
-    step = -(-len(points) // MAX_REGION)
-    chosen = points[::step]
-    if chosen.shape[1] == 2:
-        chosen = np.column_stack([chosen, np.zeros(len(chosen))])
+    step = math.ceil(len(points) / MAX_REGION)
+    region = points[::step]
+    if region.shape[1] == 2:
+        region = np.column_stack([region, np.zeros(len(region))])
     inverse = job.part.inverse
-    return chosen @ inverse.rotation.T + inverse.position
+    return region @ inverse.rotation.T + inverse.position
 
 
 def _residual_rows(measured: Measurement) -> list[tuple[str, str]]:

@@ -14,8 +14,9 @@ import typer
 
 from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import ControllerOptions, Play
-from armcontour.cli.console import ProgressDisplay, data_lines, on_interrupt
+from armcontour.cli.console import ProgressDisplay, data_lines
 from armcontour.cli.inputs import open_job, read_option
+from armcontour.cli.interruption import on_interrupt
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.controllers.controller import UNFINISHED
 from armcontour.core.checks import check_choice, raise_if
@@ -95,7 +96,10 @@ def begin_record(controller: Controller, folder: ResultFolder | None, played: Pl
 
 
 def is_approach(played: Played) -> bool:
-    """Return whether the controller was lost in the motion to the start, which is not judged."""
+    """Return whether the connection was lost during the approach to the start.
+
+    An approach gets no verdict.
+    """
     record = played.record
     if record is None or played.approach_speed is None:
         return False

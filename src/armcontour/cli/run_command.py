@@ -10,7 +10,7 @@ from armcontour import files, jobs, report
 from armcontour.cli.command_execution import REPORT, SUMMARY, Outcome
 from armcontour.cli.commands import Demo, Run
 from armcontour.cli.console import table_lines
-from armcontour.cli.export_command import check_options, write_exports
+from armcontour.cli.export_command import refuse_unused_export_options, write_exports
 from armcontour.cli.inputs import library_file, open_job
 from armcontour.core.compilation import compile_for_run
 from armcontour.core.progress import Progress, Step
@@ -30,7 +30,7 @@ def run(options: Run, folder: files.ResultFolder, progress: Progress) -> Outcome
     job = open_job(options.job, options, progress)
     simulate = options.simulate
     # Exports are tested before the run, so that invalid options are rejected at once.
-    check_options(job, options.keys)
+    refuse_unused_export_options(job, options.keys)
     check_exports(job)
     with compile_for_run(job.arm.dimension, progress):
         job_result = jobs.run(job, simulate=simulate, progress=progress)
@@ -53,8 +53,8 @@ def run(options: Run, folder: files.ResultFolder, progress: Progress) -> Outcome
     # Runs that are not kept may be there for comparison with a run that is kept.
     verdicts = {x.kept for x in job_result.runs.values()}
     code = int(False in verdicts and True not in verdicts)
-    for x in written:
-        code = max([code, *(error.exit_code for error in x.errors)])
+    for exported in written:
+        code = max([code, *(error.exit_code for error in exported.errors)])
     return Outcome(
         lines=[*_result_lines(job_result), *notes], page=plain(job_result.to_data()), code=code
     )
@@ -72,9 +72,9 @@ def demo(options: Demo, folder: files.ResultFolder, progress: Progress) -> Outco
         }
         progress(WRITING)
         for prefix, job_result in job_results.items():
-            others = len(folder.files)
+            files_before = len(folder.files)
             write_motions(folder, job_result.job, job_result.runs, prefix=prefix)
-            written = [x.removeprefix(prefix) for x in folder.files[others:]]
+            written = [x.removeprefix(prefix) for x in folder.files[files_before:]]
             page = plain(job_result.to_data()) | {"files": [*written, SUMMARY]}
             folder.write(f"{prefix}{SUMMARY}", files.to_json(page))
         folder.write(REPORT, report.render_demo(list(job_results.values())))
@@ -118,7 +118,7 @@ def write_motions(
 
 
 def _result_lines(job_result: jobs.JobResult) -> Sequence[str]:
-    """Verdict, values, remarks and warnings of each run."""
+    """Return lines with verdict, values, remarks and warnings of each run."""
     job = job_result.job
     runs = job_result.figures
     servo = job.plant_servo.describe(job.arm.chain.prismatic)
@@ -129,7 +129,7 @@ def _result_lines(job_result: jobs.JobResult) -> Sequence[str]:
         lines = table_lines(compare(runs), title)
         for data in runs.values():
             lines.append(verdict(data))
-            for table in (y for y in data.tables if y.level == VERDICT):
+            for table in (x for x in data.tables if x.level == VERDICT):
                 lines += lay_out("", cells(table)).splitlines()[1:]
     for result in job_result.runs.values():
         lines += result.remarks

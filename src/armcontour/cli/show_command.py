@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Show
 from armcontour.cli.console import table_lines
-from armcontour.cli.inputs import name_options, read_patch
+from armcontour.cli.inputs import naming_options_in_errors, read_patch
 from armcontour.core.errors import error_context
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.path_reader import read_path
@@ -17,14 +17,16 @@ from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.file_keys import read_keys
 from armcontour.program import Program
 
+# A smaller size in z [mm] is shown as 0.00, so it is omitted.
+MIN_SHOWN_HEIGHT = 5e-3
+
 
 def show(options: Show, _: None, progress: Progress) -> Outcome:
     """Print size and layers of a drawing."""
     program = _read(options, progress)
     page = _describe(program)
     low, high = np.array(page["extent"]) * 1e3
-    # The size in z is omitted if it is rounded to zero.
-    sides = [x for k, x in enumerate(high - low) if k < 2 or x >= 5e-3]
+    sides = [x for k, x in enumerate(high - low) if k < 2 or x >= MIN_SHOWN_HEIGHT]
     size = " x ".join(f"{x:.2f}" for x in sides)
     corner = ", ".join(f"{x:z.2f}" for x in low)
     rows = [
@@ -43,8 +45,8 @@ def _read(options: Show, progress: Progress) -> Program:
     """Read a drawing with the options of the command."""
     patch, names = read_patch(options)
     data = {str(key): value for (_, key), value in patch.items()}
-    outer = {key.removeprefix("path."): option for key, option in names.items()}
-    with name_options(outer), error_context(options.drawing.name):
+    names_without_path = {key.removeprefix("path."): option for key, option in names.items()}
+    with naming_options_in_errors(names_without_path), error_context(options.drawing.name):
         reading = read_keys(ReadOptions, data)
     return read_path(options.drawing, reading, progress=progress)
 

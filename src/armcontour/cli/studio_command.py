@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Studio
-from armcontour.cli.console import before_interrupt, print_lines
+from armcontour.cli.console import print_lines
 from armcontour.cli.inputs import find_file, is_job
+from armcontour.cli.interruption import before_interrupt
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import MAX_RECORDED, read_bytes
 from armcontour.core.progress import Progress
@@ -26,8 +27,8 @@ def studio(options: Studio, _: None, progress: Progress) -> Outcome:
     require_server()
     _check(options)
 
-    def open_job(say: Callable[..., None]) -> Session:
-        return open_session(options.job, cell=options.cell, send=say)
+    def open_job(send: Callable[..., None]) -> Session:
+        return open_session(options.job, cell=options.cell, send=send)
 
     hosts: list[SessionHost] = []
     with before_interrupt(lambda: _unsaved(hosts)), before_interrupt(lambda: _leave(hosts)):

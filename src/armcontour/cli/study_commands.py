@@ -10,7 +10,14 @@ from armcontour import files, report
 from armcontour.cli.command_execution import REPORT, Outcome, report_line
 from armcontour.cli.commands import Batch, Certify, Place
 from armcontour.cli.console import table_lines
-from armcontour.cli.inputs import find_file, is_job, name_options, open_job, read_option, read_patch
+from armcontour.cli.inputs import (
+    find_file,
+    is_job,
+    naming_options_in_errors,
+    open_job,
+    read_option,
+    read_patch,
+)
 from armcontour.cli.run_command import write_motions
 from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
@@ -27,12 +34,16 @@ from armcontour.studies import placement as places
 
 # File name of the job in its best place.
 JOB = "job.yaml"
+# Difference up to which a range of angles counts as a whole turn [rad].
+SAME_ANGLE = 1e-9
+# Decimals of the values of an axis, in SI units.
+AXIS_DECIMALS = 12
 
 
 def place(options: Place, folder: files.ResultFolder, progress: Progress) -> Outcome:
     """Plan a job at every place of a grid; the exit code is 1 if no place is feasible."""
-    given = [x for x in places.AXES if getattr(options, x) is not None]
-    grid = {name: read_axis(name, getattr(options, name)) for name in given}
+    axes = [x for x in places.AXES if getattr(options, x) is not None]
+    grid = {name: read_axis(name, getattr(options, name)) for name in axes}
     if not grid:
         raise InvalidInput(
             "place requires an axis of the grid, such as --x '-300 mm .. 300 mm, 25'."
@@ -61,7 +72,10 @@ def place(options: Place, folder: files.ResultFolder, progress: Progress) -> Out
 
 
 def read_axis(name: str, text: str) -> FloatArray:
-    """Read an axis such as "-300 mm .. 300 mm, 25"; a whole turn omits the last value."""
+    """Read the values of an axis, such as "-300 mm .. 300 mm, 25" [m or rad], (n,).
+
+    A whole turn omits the last value, which equals the first.
+    """
     option = f"--{name}"
     kind = Angle if name == "yaw" else Length
     match = re.fullmatch(r"(.+?)\.\.(.+),\s*([1-9]\d{0,5})", text.strip())
@@ -71,9 +85,11 @@ def read_axis(name: str, text: str) -> FloatArray:
             f"not {text!r}."
         )
     low, high = (float(read_option(option, x, kind)) for x in match.groups()[:2])
-    whole = name == "yaw" and abs(abs(high - low) - 2 * np.pi) < 1e-9
+    is_whole_turn = name == "yaw" and abs(abs(high - low) - 2 * np.pi) < SAME_ANGLE
     # Without rounding, steps have rounding errors, for example at 0.
-    return np.round(np.linspace(low, high, int(match[3]), endpoint=not whole), 12) + 0.0
+    values = np.linspace(low, high, int(match[3]), endpoint=not is_whole_turn)
+    # The sum turns -0.0 into 0.0.
+    return np.round(values, AXIS_DECIMALS) + 0.0
 
 
 def _job_text(placement: places.Placement, options: Place) -> str:
@@ -93,16 +109,17 @@ def _job_text(placement: places.Placement, options: Place) -> str:
 def batch(options: Batch, _: None, progress: Progress) -> Outcome:
     """Run a job for all combinations of values; the exit code is 1 if some jobs failed."""
     patch, names = read_patch(options)
+    # Values of each key, by key path.
     over = {keys: [value] for keys, value in patch.items()}
-    for given in options.over:
+    for text_of_list in options.over:
         with error_context("--over"):
-            [(keys, values)] = files.parse_set(given).items()
+            [(keys, values)] = files.parse_set(text_of_list).items()
             if not isinstance(values, list) or not values:
-                raise InvalidInput(f"{given} has no list. Write 'KEY=[VALUE, VALUE]'.")
+                raise InvalidInput(f"{text_of_list} has no list. Write 'KEY=[VALUE, VALUE]'.")
         over[keys] = values
     out = options.out
     cell = options.cell
-    with name_options(names):
+    with naming_options_in_errors(names):
         result = batches.batch(
             find_file(options.job, cell),
             over,

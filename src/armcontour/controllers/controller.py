@@ -156,6 +156,7 @@ class _Channel:
         self._listener.start()
 
     def _listen(self) -> None:
+        """Store the lines of the feeder, whose letters its module explains, until it ends."""
         for line in self.stdout:
             # The last line of a killed process may be incomplete.
             kind, *words = line.split() or [""]
@@ -202,13 +203,22 @@ class _Channel:
             # If the process failed or was killed, programs of the controller may still run. They
             # are ended after they have stopped the joints.
             time.sleep(self.settling)
-            no = subprocess.DEVNULL
-            subprocess.run(self.clean_up, env=self.environment, stdin=no, stdout=no, stderr=no)
+            null = subprocess.DEVNULL
+            subprocess.run(
+                self.clean_up, env=self.environment, stdin=null, stdout=null, stderr=null
+            )
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
 class _StopSender(threading.Thread):
-    """Thread that computes and sends stops ahead of the motion, until the motion ends."""
+    """Thread that computes and sends stops ahead of the motion, until the motion ends.
+
+    Attributes:
+        played: Last cycle of the motion that the controller has played.
+        sent: Set-points of the stops that were sent [rad], (n, dof), by their first cycle.
+        error: Why no further stop can be computed; empty without an error.
+        lead: Time that computing and sending a stop takes at most [s].
+    """
 
     def __init__(self, channel: _Channel, motion: Motion, ahead: int, cycle: float) -> None:
         super().__init__(daemon=True)
@@ -228,7 +238,7 @@ class _StopSender(threading.Thread):
         return self.played + self.ahead + round(self.lead / self.cycle)
 
     def start(self) -> None:
-        """Measure the time for computing a stop, send the first one, and start the thread."""
+        """Measure the time for computing a stop, send the first stop, and start the thread."""
         assert self.motion.next_stop is not None
         # The first call compiles functions.
         for _ in range(2):
@@ -386,7 +396,7 @@ class Controller:
         channel = self._connected()
         self._check_motion(motion)
         channel.events.clear()
-        begin = len(channel.samples)
+        first_sample = len(channel.samples)
         channel.send(["M", *rows_as_lines(motion.q), "E"])
         stops = _StopSender(channel, motion, self.ahead, self.cycle)
         if motion.next_stop is not None:
@@ -394,34 +404,36 @@ class Controller:
             stops.start()
         channel.send(["G"])
         notes: list[str] = []
-        looked = begin
-        stopping = False
+        # Number of samples whose deviation was checked.
+        checked = first_sample
+        is_stopping = False
         deviation = ""
         try:
             while "D" not in channel.events:
                 if not channel.alive:
                     lost = ControllerLost(f"{self.name} was lost: {channel.describe_failure()}")
-                    lost.record = self._record(begin, motion, stops.sent, notes, lost=True)
+                    lost.record = self._record(first_sample, motion, stops.sent, notes, lost=True)
                     raise lost
                 # An empty line shows the feeder that this process is alive.
                 channel.send([""])
-                rows = channel.samples[looked:]
-                looked += len(rows)
+                rows = channel.samples[checked:]
+                checked += len(rows)
                 if rows:
                     stops.played = max(stops.played, int(rows[-1][1]))
                 # After a stop by the feeder itself, joints deviate from their predictions.
-                stopping = stopping or "X" in channel.events
-                if not stopping:
+                is_stopping = is_stopping or "X" in channel.events
+                if not is_stopping:
                     deviation = _deviation(rows, motion, self._arm)
                     reason = deviation or stops.error
                     if reason or stop_requested():
                         channel.send(["S"])
-                        stopping = True
-                        notes += [reason] if reason else []
+                        is_stopping = True
+                        if reason:
+                            notes.append(reason)
                 time.sleep(READING_PERIOD)
         finally:
             stops.end()
-        record = self._record(begin, motion, stops.sent, notes)
+        record = self._record(first_sample, motion, stops.sent, notes)
         return replace(record, deviated=bool(deviation))
 
     def close(self) -> None:
@@ -437,6 +449,7 @@ class Controller:
         self.close()
 
     def _connected(self) -> _Channel:
+        """Return the channel to the feeder; refuse a controller that is not connected."""
         if self._channel is None:
             raise InvalidInput(f"{self.name} is not connected. Call connect first.")
         return self._channel
@@ -450,18 +463,23 @@ class Controller:
             )
 
     def _check_within(self, q: FloatArray, bounds: FloatArray) -> None:
-        """Refuse set-points outside position and velocity bounds, (1 or 2, 2, dof)."""
+        """Refuse set-points outside the bounds of the robot.
+
+        - `q`: set-points [rad], (n, dof).
+        - `bounds`: lowest and highest positions [rad], and optionally velocities [rad/s], of each
+          joint, (1 or 2, 2, dof).
+        """
         excess = find_excess(q, self.cycle, bounds[:1]) or find_excess(q, self.cycle, bounds)
         if excess is None:
             return
         joint = excess.joint
         needed = excess.needed
         allowed = excess.allowed
-        at = number(excess.row * self.cycle, "s")
+        time = number(excess.row * self.cycle, "s")
         unit = unit_of(self._arm, "rad/s" if excess.order else "rad", joint)
         raise ControllerRefused(
             f"Joint {joint + 1} {'moves with' if excess.order else 'is at'} "
-            f"{number(needed, unit)} at {at}, beyond the limit {number(allowed, unit)} of the "
+            f"{number(needed, unit)} at {time}, beyond the limit {number(allowed, unit)} of the "
             "robot. Move the path, reduce joint_velocity, or increase timing.reserve.",
             joint=joint,
             needed=needed,
@@ -486,20 +504,23 @@ class Controller:
 
     def _record(
         self,
-        begin: int,
+        first_sample: int,
         motion: Motion,
         stops: Mapping[int, FloatArray],
         notes: list[str],
         *,
         lost: bool = False,
     ) -> PlayedMotion:
-        """Make the record of a motion from all samples since index `begin`.
+        """Make the record of a motion from its samples.
 
-        `lost`: whether the controller was lost, so that the motion is not recorded to its end.
+        - `first_sample`: index of the first sample since the motion was sent.
+        - `stops`: set-points of the stops that were sent, by their first cycle.
+        - `notes`: why the motion was stopped.
+        - `lost`: whether the controller was lost, so that the motion is not recorded to its end.
         """
         channel = self._connected()
         dof = motion.q.shape[1]
-        table = np.array(channel.samples[begin:], dtype=float).reshape(-1, 2 + 2 * dof)
+        table = np.array(channel.samples[first_sample:], dtype=float).reshape(-1, 2 + 2 * dof)
         # Before the first set-point, the controller may still hold the last set-point of another
         # motion.
         table = table[np.logical_or.accumulate(table[:, 1] == 0) & (table[:, 1] >= 0)]
@@ -556,14 +577,17 @@ def per_joint(arm: Arm | None, angular: float, linear: float, dof: int) -> Float
 
 
 def rows_as_lines(q: FloatArray) -> list[str]:
-    """Write joint positions with all digits for a feeder, and the length of the final rest."""
+    """Return a feeder's lines for set-points [rad], (n, dof), and the length of the final rest."""
     moving = np.flatnonzero((q != q[-1]).any(axis=1))
     n = moving[-1] + 2 if len(moving) else 1
     return [*("P " + " ".join(map(repr, row)) for row in q[:n].tolist()), f"H {len(q) - n}"]
 
 
 def _deviation(rows: Sequence[Sequence[float]], motion: Motion, arm: Arm | None) -> str:
-    """Say which joint left the band around its prediction; return "" if none did."""
+    """Say which joint left the band around its prediction; return "" if none did.
+
+    `rows`: samples of the feeder, with the cycle in the second column.
+    """
     if not rows or motion.predicted is None or motion.band is None:
         return ""
     table = np.array(rows)

@@ -100,26 +100,27 @@ class Franka(Controller):
         """Return the largest fraction of each FCI limit that set-points use."""
         self._check_within(q, np.array([[LOWER, UPPER]]))
         rows = []
-        for name, (values, most) in compare(q).items():
+        for name, (values, allowed) in compare(q).items():
             with np.errstate(divide="ignore"):
-                use = np.where(most > 0, values / most, np.inf)
+                use = np.where(allowed > 0, values / allowed, np.inf)
             i, j = divmod(int(use.argmax()), DOF)
             if use[i, j] > 1:
                 unit = UNITS[name]
                 raise ControllerRefused(
                     f"The {name} of joint {j + 1} is {number(values[i, j], unit)} at "
                     f"{number(i * CYCLE, 's')}, but the limit of the FCI is "
-                    f"{number(most[i, j], unit)}. Reduce the limit joint_{name}, or increase "
+                    f"{number(allowed[i, j], unit)}. Reduce the limit joint_{name}, or increase "
                     "timing.reserve. For compensated set-points, use compensation method none, "
                     "because they need more jerk.",
                     joint=j,
                     needed=float(values[i, j]),
-                    allowed=float(most[i, j]),
+                    allowed=float(allowed[i, j]),
                 )
             rows.append(Row(f"fci.{name}", float(use[i, j]), "1", f"{name} of the FCI's limit"))
         return rows
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
+        """Return the command of the feeder; refuse a missing client library."""
         if find_spec("pylibfranka") is None:
             raise ControllerRefused(
                 'pylibfranka is not installed. Install it with: pip install "armcontour[franka]" '

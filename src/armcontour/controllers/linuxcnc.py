@@ -30,7 +30,7 @@ RTAPI = "/usr/bin/rtapi_app"
 NOBODY = 65534
 # Parameters of servo models that simulated drives do not have.
 UNSUPPORTED = "dead_time drive_cycle friction velocity_feedforward acceleration_feedforward".split()
-SEE = "The page LinuxCNC of the documentation has a complete HAL file."
+HAL_FILE_HINT = "The page LinuxCNC of the documentation has a complete HAL file."
 # Nets by which HAL stops the joints when armcontour fails: name of the signal and one of its pins.
 # The feeder links its own pins to the first five.
 SAFEGUARDS = {
@@ -102,6 +102,7 @@ class LinuxCNC(Controller):
         return [Row("drive_accelerations", accelerations, unit, "accelerations of the drives")]
 
     def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
+        """Write or copy the HAL file, and return the command of the feeder with its environment."""
         if self.hal_file is None:
             assert self.drives is not None
             file = folder / "servo.hal"
@@ -121,8 +122,8 @@ class LinuxCNC(Controller):
             folder.chmod(0o711)
             os.chown(folder, NOBODY, NOBODY)
         # HAL uses one fixed address per machine, which other programs also use.
-        apart = _own_ipc() if self.hal_file is None else []
-        words = [*apart, SYSTEM_PYTHON, "-m", "armcontour.controllers.feeders.linuxcnc_feeder"]
+        own_memory = _own_ipc() if self.hal_file is None else []
+        words = [*own_memory, SYSTEM_PYTHON, "-m", "armcontour.controllers.feeders.linuxcnc_feeder"]
         words += [*self._record_arguments(folder), str(file), str(self.ahead), str(arm.dof)]
         words.append(repr(SIMULATED_TIMEOUT if self.simulates else MACHINE_TIMEOUT))
         return words, environment
@@ -136,7 +137,9 @@ def _own_ipc() -> list[str]:
 
 
 def _check_file(file: FilePath, arm: Arm, period: int) -> None:
-    """Compare joints and period [ns] of a HAL file with arm and set-points.
+    """Compare the joints and the period of a HAL file with those of arm and set-points.
+
+    `period`: interval of the set-points [ns].
 
     Raises:
         ControllerRefused: They differ.
@@ -147,15 +150,16 @@ def _check_file(file: FilePath, arm: Arm, period: int) -> None:
         if not re.search(rf"^ ?{pattern}", text, re.M):
             raise ControllerRefused(
                 f"{file.name} has no line such as {line}, which the "
-                f"{count_noun(dof, 'joint')} of {arm.name} need. {SEE}"
+                f"{count_noun(dof, 'joint')} of {arm.name} need. {HAL_FILE_HINT}"
             )
     numbers = {name: x for x, name in re.findall(r"\bname(\d)=(\S+)", text)}
     periods = {x: int(y) for x, y in re.findall(r"\bperiod(\d)=(\d+)", text)}
     threads = dict(re.findall(r"^ ?addf (streamer|sampler)\.0 (\S+)", text, re.M))
     for component in ("streamer", "sampler"):
         # HAL rounds each period to a multiple of the first one.
-        first, written = (periods.get(x, 0) for x in ("1", numbers.get(threads.get(component))))
-        actual = round(written / max(first, 1)) * first
+        base_period = periods.get("1", 0)
+        thread_period = periods.get(numbers.get(threads.get(component)), 0)
+        actual = round(thread_period / max(base_period, 1)) * base_period
         if actual != period:
             stated = f"a period of {actual} ns, a multiple of period1" if actual else "no period"
             raise ControllerRefused(

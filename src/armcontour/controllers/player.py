@@ -92,6 +92,11 @@ LEAST_MOVED_SHARE = 0.1
 APPROACH_TURN = 2 * np.pi
 # Relative excess of a limit that is ignored as a rounding error.
 SET_POINT_LIMIT_ROUNDING = 1e-6
+# Two plans are the same if their durations [s] and their joint positions at half of the duration
+# [rad] differ by at most this.
+SAME_PLAN = 1e-9
+# Cycles that differ by less than this [s] are equal.
+SAME_CYCLE = 1e-12
 # Maximum number of outputs that a sentence names.
 MAX_OUTPUTS = 6
 # Maximum number of attempts to play a motion that late set-points disturb.
@@ -99,7 +104,7 @@ ATTEMPTS = 3
 
 
 def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> FloatArray:
-    """Sample set-points at a controller's cycles, and append a rest [rad], (n, dof).
+    """Sample set-points at a controller's cycles [rad], (n, dof), with a rest at the end.
 
     Args:
         set_points: The set-points.
@@ -108,7 +113,7 @@ def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> Floa
     """
     q = set_points.q
     rest = np.repeat(q[-1:], round(FINAL_REST / cycle), axis=0)
-    if abs(set_points.cycle - cycle) < 1e-12:
+    if abs(set_points.cycle - cycle) < SAME_CYCLE:
         return np.concatenate([q, rest])
     t = np.arange(0.0, (len(q) - 1) * set_points.cycle + cycle / 2, cycle)
     index, weight = command_weights(len(q), set_points.cycle, interpolation, t)
@@ -228,7 +233,10 @@ def guarded_motion(
 
 
 def _with_band(arm: Arm, default: FloatArray, band: float | FloatArray) -> FloatArray:
-    """Replace tolerances, (dof,), by a band of revolute joints [rad] or of each joint, (dof,)."""
+    """Return the band of each joint, (dof,): `band` itself if it is an array.
+
+    Otherwise the band is `band` [rad] for revolute joints, and `default` for prismatic ones.
+    """
     if isinstance(band, np.ndarray):
         return band
     return np.where(arm.chain.slides, default, band)
@@ -241,7 +249,7 @@ def _rest_tolerance(arm: Arm, band: Band) -> FloatArray:
 
 
 def largest_distance(distances: FloatArray, arm: Arm) -> Row:
-    """Write the row with the largest distance of a joint; one value per unit if the units differ.
+    """Return the row with the largest distance of a joint, per unit if the units differ.
 
     `distances`: distance of each joint [rad], (dof,).
     """
@@ -570,8 +578,8 @@ class Player:
             if not is_at_start(ready.job.arm, distances):
                 report(Step(("moving to the start",)))
                 self._move_to_start(played)
-                moved = np.abs(controller.position() - position)
-                played = replace(played, approaches=moved)
+                approaches = np.abs(controller.position() - position)
+                played = replace(played, approaches=approaches)
                 if self.stop_requested():
                     return played
             report(Step(("playing",)))
@@ -604,9 +612,9 @@ class Player:
                 return
             if record.stopped is None or record.deviated:
                 break
-        rest = figure(largest_distance(distances, job.arm))
+        remaining = figure(largest_distance(distances, job.arm))
         raise ControllerRefused(
-            f"The motion to the start ended {rest} from it. "
+            f"The motion to the start ended {remaining} from it. "
             f"{' '.join(record.notes) or 'Check the drives.'}"
         )
 
@@ -615,15 +623,16 @@ class Player:
         record = self.controller.stream(motion, self.stop_requested)
         if not len(record.t):
             raise ControllerRefused(f"Nothing was recorded: {' '.join(record.notes)}")
-        commanded, moved = (np.ptp(x, axis=0) for x in (record.command, record.measured))
+        commanded = np.ptp(record.command, axis=0)
+        measured = np.ptp(record.measured, axis=0)
         least = per_joint(arm, BAND_LEAST, BAND_LEAST_LINEAR, arm.dof)
         j = int((commanded / least).argmax())
-        if commanded[j] > least[j] and moved[j] < LEAST_MOVED_SHARE * commanded[j]:
+        if commanded[j] > least[j] and measured[j] < LEAST_MOVED_SHARE * commanded[j]:
             unit = unit_of(arm, "rad", j)
             raise ControllerRefused(
                 f"The drives have not moved: joint {j + 1} was commanded to move by "
-                f"{number(commanded[j], unit)}, but has moved by {number(moved[j], unit)}. Check "
-                "that the drives are enabled, and that their positions are measured.",
+                f"{number(commanded[j], unit)}, but has moved by {number(measured[j], unit)}. "
+                "Check that the drives are enabled, and that their positions are measured.",
                 joint=j,
                 needed=float(commanded[j]),
             )
@@ -650,20 +659,24 @@ def is_at_start(arm: Arm, distances: FloatArray) -> bool:
 
 
 def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
-    """Return each joint's distance from the start [rad], if the robot can move there straight."""
+    """Return each joint's distance from the start [rad], (dof,).
+
+    Raises:
+        ControllerRefused: The robot cannot move there on a straight line in joint space.
+    """
     start = ready.motion.q[0]
     arm = ready.job.arm
-    low, high = ready.plan.run.limits.joint_range(len(start))
+    lower, upper = ready.plan.run.limits.joint_range(len(start))
     distance = np.abs(position - start)
     tolerance = per_joint(arm, START_TOLERANCE, START_TOLERANCE_LINEAR, arm.dof)
-    beyond = np.maximum(low - position, position - high) - tolerance
+    excess = np.maximum(lower - position, position - upper) - tolerance
     turn = np.where(ready.job.arm.chain.slides, np.inf, APPROACH_TURN)
-    j = int(np.maximum(beyond, distance - turn).argmax())
-    if beyond[j] > 0 or distance[j] >= turn[j]:
+    j = int(np.maximum(excess, distance - turn).argmax())
+    if excess[j] > 0 or distance[j] >= turn[j]:
         unit = unit_of(ready.job.arm, "rad", j)
         where = f"{number(distance[j], unit)} from the start, at least a turn"
-        if beyond[j] > 0:
-            where = f"outside its range of {number(low[j], unit)} to {number(high[j], unit)}"
+        if excess[j] > 0:
+            where = f"outside its range of {number(lower[j], unit)} to {number(upper[j], unit)}"
         raise ControllerRefused(
             f"Joint {j + 1} is at {number(position[j], unit)}, {where}. Check unit and zero of "
             "its measured position, or move the joint by other means.",
@@ -759,12 +772,12 @@ class _Difference:
 
     def rest_fault(self) -> str:
         """Say which joint rests too far from its simulated end; "" if none does."""
-        last = self.joints[-1]
+        final_distances = self.joints[-1]
         j = int(self._ratio[-1].argmax())
-        if last[j] <= self.tolerance[j]:
+        if final_distances[j] <= self.tolerance[j]:
             return ""
-        rest = number(last[j], unit_of(self.arm, "rad", j))
-        return f"joint {j + 1} rests {rest} from its simulated end"
+        distance = number(final_distances[j], unit_of(self.arm, "rad", j))
+        return f"joint {j + 1} rests {distance} from its simulated end"
 
 
 def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
@@ -812,8 +825,8 @@ def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
     before = set_points.trajectory
     now = planned.trajectory
     if (
-        abs(before.duration - now.duration) > 1e-9
-        or np.abs(before(before.duration / 2) - now(before.duration / 2)).max() > 1e-9
+        abs(before.duration - now.duration) > SAME_PLAN
+        or np.abs(before(before.duration / 2) - now(before.duration / 2)).max() > SAME_PLAN
     ):
         raise InvalidInput(
             f"The learned set-points belong to another plan, which takes "

@@ -55,6 +55,8 @@ AMPLITUDE = 0.1
 AMPLITUDE_LINEAR = 0.1
 # Fraction of the limits that the excitation uses.
 LIMIT_SHARE = 0.6
+# A smaller ratio to a limit is replaced by this one, so that no division by zero occurs.
+SMALLEST_RATIO = 1e-9
 # Interval between the states whose limits are checked [s].
 LIMIT_CHECK_INTERVAL = 2e-3
 # Maximum number of amplitudes that are tried near an obstacle or limit, each half of the previous
@@ -92,15 +94,17 @@ class RobotIdentification(Result):
 
     def to_data(self) -> Data:
         """Return rows on the motions."""
-        first = self.played[RUN]
+        played_run = self.played[RUN]
         stopped = Row("stopped", self.stopped, "", "stopped", level=VERDICT)
         records = [x.record for x in self.played.values() if x.record is not None]
-        notes = [] if first.executed or not first.outputs_note else [first.outputs_note]
+        notes = list[str]()
+        if not played_run.executed and played_run.outputs_note:
+            notes.append(played_run.outputs_note)
         for record in records:
             if record.stopped is not None:
                 notes += record.notes
-        title = f"Identification on {first.controller}"
-        return Data(title, (*first.to_data().rows, stopped), notes=tuple(notes))
+        title = f"Identification on {played_run.controller}"
+        return Data(title, (*played_run.to_data().rows, stopped), notes=tuple(notes))
 
 
 @checked
@@ -153,9 +157,9 @@ def prepare_identification(
 ) -> dict[str, Played]:
     """Make the motions of an identification, by name, checked against the controller."""
     chosen = choose_run(job, run_name, "identified")
-    plain = replace(chosen, compensation=NoCompensation(), accuracy=None)
+    uncompensated = replace(chosen, compensation=NoCompensation(), accuracy=None)
     job, planned = plan_played(
-        replace(job, runs=(plain,)), None, reserve=reserve, progress=progress
+        replace(job, runs=(uncompensated,)), None, reserve=reserve, progress=progress
     )
     ready = prepare_motion(job, planned, controller, lag=BAND_LAG_OF_UNKNOWN_SERVO)
     excitation = excite(job, planned.run.limits, planned.trajectory, controller.cycle)
@@ -206,14 +210,14 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
     """
     start = base(0.0)
     t = np.arange(0.0, EXCITATION_DURATION + LIMIT_CHECK_INTERVAL / 2, LIMIT_CHECK_INTERVAL)
-    low, high = limits.joint_range(len(start))
+    lower, upper = limits.joint_range(len(start))
     amplitude = per_joint(job.arm, AMPLITUDE, AMPLITUDE_LINEAR, job.arm.dof)
-    room = np.minimum(amplitude, LIMIT_SHARE * np.minimum(start - low, high - start))
-    j = int(room.argmin())
-    if room[j] <= 0:
+    largest = np.minimum(amplitude, LIMIT_SHARE * np.minimum(start - lower, upper - start))
+    j = int(largest.argmin())
+    if largest[j] <= 0:
         raise ControllerRefused(f"Joint {j + 1} starts at the end of its range.", joint=j)
-    moved = _sines(len(start), t)
-    curve = make_interp_spline(t, moved * (room / np.abs(moved).max(axis=0)), k=5)
+    sines = _sines(len(start), t)
+    curve = make_interp_spline(t, sines * (largest / np.abs(sines).max(axis=0)), k=5)
     columns = [curve(t, order) for order in range(4)]
     # Scale each joint by its own limits first, then all joints by the limits of the tool.
     scaled = [x for x in JOINT_LIMITS if LIMITS[x].power]
@@ -221,7 +225,10 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
     for group in (*of_joints, limits.of_tool):
         for use in States(job.arm, [columns[0] + start, *columns[1:]]).uses(group):
             ratio = use.ratio.max(axis=0)
-            columns = [x * np.minimum(LIMIT_SHARE / np.maximum(ratio, 1e-9), 1.0) for x in columns]
+            columns = [
+                x * np.minimum(LIMIT_SHARE / np.maximum(ratio, SMALLEST_RATIO), 1.0)
+                for x in columns
+            ]
     for _ in range(AMPLITUDE_HALVINGS):
         states = States(job.arm, [columns[0] + start, *columns[1:]])
         q = states.q
@@ -231,16 +238,16 @@ def excite(job: Job, limits: Limits, base: Trajectory, cycle: float) -> Motion:
         laws = (PathLaw.over_time(path),)
         trajectory = replace(base, laws=laws, path=None, stretches=(), spans=(), events=())
         clearance = clearance_of(job, trajectory)
-        within = all((x.ratio <= 1).all() for x in states.uses(limits))
-        if within and (clearance is None or clearance.satisfied):
+        within_limits = all((x.ratio <= 1).all() for x in states.uses(limits))
+        if within_limits and (clearance is None or clearance.satisfied):
             return uncompensated_motion(trajectory, job.arm, cycle)
         columns = [x / 2 for x in columns]
-    reason = clearance.sentence if within and clearance is not None else "a limit is active."
+    reason = clearance.sentence if within_limits and clearance is not None else "a limit is active."
     raise ControllerRefused(f"The joints cannot be excited at the start of the run: {reason}")
 
 
 def _sines(dof: int, t: FloatArray) -> FloatArray:
-    """Return sums of sines for each joint, from rest to rest, (n, dof)."""
+    """Return sums of sines for each joint at times t [s], from rest to rest, (n, dof)."""
     x = np.clip(np.minimum(t, t[-1] - t) / EXCITATION_FADING, 0.0, 1.0)[:, None]
     fade = x**4 * (35 - x * (84 - x * (70 - 20 * x)))
     joint = np.arange(dof)

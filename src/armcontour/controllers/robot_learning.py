@@ -112,10 +112,10 @@ class RobotLearning(Result):
     def to_data(self) -> Data:
         """Return rows on the runs, and the reason why they ended."""
         count = len(self.logs)
-        first = self.played
+        played = self.played
         rows = [Row("runs", count, "", "runs", self.ended, VERDICT)]
-        if first is not None:
-            rows += [x for x in first.to_data().rows if x.name not in ("executed", "completed")]
+        if played is not None:
+            rows += [x for x in played.to_data().rows if x.name not in ("executed", "completed")]
         if self.lesson is not None:
             errors = [x.rms for x in self.lesson.runs]
             best = f"run {self.lesson.best + 1}"
@@ -123,8 +123,8 @@ class RobotLearning(Result):
             rows.append(Row("best", min(errors), "m", best, level=FIRST))
         rows.append(Row("ended", self.ended))
         notes: tuple[str, ...] = ()
-        if first is not None and not first.executed and first.outputs_note:
-            notes = (first.outputs_note,)
+        if played is not None and not played.executed and played.outputs_note:
+            notes = (played.outputs_note,)
         return Data(f"Learning of run {self.plan.run.name}", tuple(rows), notes=notes)
 
 
@@ -210,11 +210,15 @@ def _learn_from(result: RobotLearning, log: Log, progress: Progress | None) -> R
 
 
 def _check_commands(result: RobotLearning, log: Log, cycle: float) -> None:
-    """Refuse a log whose commands differ from the set-points of the next run."""
+    """Refuse a log whose commands differ from the set-points of the next run.
+
+    `cycle`: cycle of the controller [s].
+    """
     q = commands_at(result.set_points, cycle, result.job.servo.interpolation)
     n = min(len(q), len(log.command))
-    same = log.dof == q.shape[1] and abs(log.interval - cycle) < LOGGED_COMMAND_TOLERANCE * cycle
-    if not same or np.abs(log.command[:n] - q[:n]).max() > LOGGED_COMMAND_TOLERANCE:
+    has_cycle = abs(log.interval - cycle) < LOGGED_COMMAND_TOLERANCE * cycle
+    is_comparable = log.dof == q.shape[1] and has_cycle
+    if not is_comparable or np.abs(log.command[:n] - q[:n]).max() > LOGGED_COMMAND_TOLERANCE:
         raise InvalidInput(
             f"The commands of {log.source} differ from the set-points of run "
             f"{len(result.logs) + 1}, because the job has changed since. Start again in "

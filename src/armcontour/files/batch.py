@@ -212,6 +212,7 @@ class _Reader:
         raise errors[0]
 
     def __call__(self, task: Task) -> Line:
+        """Run one job and return its line of the results; an error becomes part of the line."""
         try:
             job = self.read(task[1])
         except ArmContourError as error:
@@ -230,6 +231,7 @@ class _Reader:
 
 
 def _lost_job(error: str) -> Line:
+    """Return the line of a job whose process ended with an error."""
     return {"status": FAILED, "error": error}
 
 

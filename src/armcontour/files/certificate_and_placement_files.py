@@ -26,7 +26,7 @@ def certificate_page(certificate: Certificate) -> dict[str, Any]:
 
 
 def placement_csv(placement: Placement) -> str:
-    """CSV text of a placement: a row per place; refused places have no duration."""
+    """Return the CSV text of a placement: a row per place; refused places have no duration."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     axes = [f"{x} [{AXES[x]}]" for x in placement.axes]

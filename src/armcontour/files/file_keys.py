@@ -229,7 +229,13 @@ def _read_leaf(leaf: Any, data: Any, keys: Keys) -> Any:
 
 
 def _in_si(data: Any, quantity: Quantity, keys: Keys, depth: int = 0) -> Any:
-    """Convert data to numbers in SI units; the range applies unless they are a pair of bounds."""
+    """Convert data to SI units, and check its sign and range.
+
+    The numbers of a pair [lower, upper] may have any sign.
+
+    - `keys`: key path of the data, for errors.
+    - `depth`: number of lists around the data; 2 for a number of a pair.
+    """
     if isinstance(data, list):
         return [_in_si(x, quantity, (*keys, i), depth + 1) for i, x in enumerate(data)]
     if isinstance(data, bool) or not isinstance(data, int | float | str):

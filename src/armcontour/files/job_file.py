@@ -79,7 +79,7 @@ def parse_job(
     Raises:
         InvalidInput: As in `read_job`.
     """
-    data = read_data(text, source)
+    data = read_job_mapping(text, source)
     with file_context(text, source, patch):
         model: JobModel = read_keys(JobModel, apply_patch(data, patch or {}))
         return job_of(model, folder or FilePath(), reading)
@@ -106,7 +106,7 @@ def file_context(text: str, source: str, patch: Patch | None = None) -> Iterator
         raise
 
 
-def read_data(text: str, source: str) -> dict[str, Any]:
+def read_job_mapping(text: str, source: str) -> dict[str, Any]:
     """Read the text of a job file as a mapping, whose keys are not checked."""
     data = load(text, source)
     if not isinstance(data, dict):
@@ -206,18 +206,23 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
     )
 
 
-def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
-    """Return the servo model with the values of `differs`, and with one value per joint."""
+def _servo(key: str, servo: ServoModel, arm: Arm, **changes: Any) -> ServoModel:
+    """Return a servo model with changed parameters, and with one value per joint.
+
+    - `key`: key of the job, for messages.
+    - `changes`: new values of parameters, by name.
+    """
     with key_context(key):
-        return dataclasses.replace(servo, **differs).for_joints(arm.dof)
+        return dataclasses.replace(servo, **changes).for_joints(arm.dof)
 
 
 def _plant(parameters: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
-    """Make the plant's servo: the nominal servo with the values of `plant` that are not null."""
-    differs = {key: value for key, value in parameters.items() if value is not None}
-    if differs.get("order") == "first":
-        differs.setdefault("kv", None)
-    return _servo("plant", nominal, arm, **differs)
+    """Return the plant's servo: the nominal servo with the values of `plant` that are not null."""
+    changes = {key: value for key, value in parameters.items() if value is not None}
+    if changes.get("order") == "first":
+        # A first-order servo has no gain kv, which the nominal servo may have.
+        changes.setdefault("kv", None)
+    return _servo("plant", nominal, arm, **changes)
 
 
 def _check_run_name(keys: Keys, name: str, job: JobModel) -> None:
@@ -329,7 +334,7 @@ def read_cell(
         InvalidInput: As in `read_job`.
     """
     opened = _open_cell(str(cell))
-    data = read_data(opened.text, opened.source)
+    data = read_job_mapping(opened.text, opened.source)
     file = FilePath(drawing)
     drawn = drawing_patch(file, str(file.absolute()))
     with error_context(opened.source):
@@ -343,7 +348,7 @@ def read_cell(
 def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
     """Read arm (None if not specified) and scene of a cell or job; other keys may be missing."""
     opened = _open_cell(str(cell))
-    data = read_data(opened.text, opened.source)
+    data = read_job_mapping(opened.text, opened.source)
     with file_context(opened.text, opened.source):
         specified = read_keys(PartialFields(CellModel), data)
     model = specified.get("arm")

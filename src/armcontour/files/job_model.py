@@ -314,7 +314,8 @@ class JobModel(SharedModel):
         accuracy: Largest allowed distance of the tool from the drawing [m]. By default corner
             errors may reach their tolerances, and the contour error a tenth of the smallest one.
         servo: The nominal servo.
-        plant: Parameters of the real servo that differ from the nominal servo.
+        plant: Parameters of the real servo that differ from the nominal servo. The key
+            `experiment`, not this key, adds a simulation of the rigid bodies.
         experiment: Additional simulation of runs on the rigid bodies of the arm.
         runs: The runs to compare, by name.
         certificate: Requirements for `armcontour certify`.

@@ -24,12 +24,15 @@ from armcontour.program.moves import name_copy
 
 # Keys of `path.contours` that are not values of the process.
 CONTOUR_LIMITS = ("speed", "tolerance", "order")
+# Maximum number of contour names in a message.
+MAX_NAMES = 12
 # Keys that require `path.file`.
 FILE_OPTIONS = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat")
 NOT_PLANAR = (
     "path.frame moves the drawing out of the plane in which the arm moves its tool. Specify a "
     "position with z = 0, and a rotation about z only, by the last angle of rpy."
 )
+# Keys of an orientation, of which exactly one must be specified.
 ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent")
 
 
@@ -70,12 +73,13 @@ def unplaced_path(
             raise InvalidInput(
                 "path requires exactly one of file, points, and start with segments."
             )
-        read = read_drawing(model, model.file, folder, progress) if drawing is None else drawing
-        return _prepare_drawing(model, read, dimension)
-    written = any(x is not None for x in (model.points, model.segments))
-    options = FILE_OPTIONS if written else (*FILE_OPTIONS, "frame")
+        if drawing is None:
+            drawing = read_drawing(model, model.file, folder, progress)
+        return _prepare_drawing(model, drawing, dimension)
+    has_path = any(x is not None for x in (model.points, model.segments))
+    file_options = FILE_OPTIONS if has_path else (*FILE_OPTIONS, "frame")
     for field in dataclasses.fields(model):
-        if field.name in options and getattr(model, field.name) != field.default:
+        if field.name in file_options and getattr(model, field.name) != field.default:
             raise InvalidInput(
                 f"path.{field.name} is an option for reading a file and requires path.file. If "
                 "this job is a cell, specify a drawing (armcontour run DRAWING --cell CELL)."
@@ -108,36 +112,37 @@ def _set_contour_limits(program: Program, model: PathModel) -> Program:
 
 
 def find_contours(program: Program, model: PathModel) -> tuple[dict[int, int | str], list[str]]:
-    """Find the key of each contour in `path.contours`; returns also notes on unused keys."""
+    """Return the key in `path.contours` by number of the contour, and notes on unused keys."""
     contours = program.contours
     notes = list[str]()
-    found = dict[int, int | str]()
+    key_of_contour = dict[int, int | str]()
     # A name has priority over a number, and can be the name of several contours.
-    names = {x.name: list[int]() for x in contours if x.name}
+    numbers_of_name = {x.name: list[int]() for x in contours if x.name}
     for contour in contours:
-        names.get(contour.name, []).append(contour.number)
-    named = {str(x.number): [x.number] for x in contours} | names
+        numbers_of_name.get(contour.name, []).append(contour.number)
+    numbers_of_key = {str(x.number): [x.number] for x in contours} | numbers_of_name
     for key in model.contours:
-        numbers = named.get(str(key), [])
+        numbers = numbers_of_key.get(str(key), [])
         problem = ""
-        if twice := [found[x] for x in numbers if x in found]:
-            problem = f"is the same contour as {twice[0]}. Combine their values."
+        if same := [key_of_contour[x] for x in numbers if x in key_of_contour]:
+            problem = f"is the same contour as {same[0]}. Combine their values."
         elif not numbers and (program.other_layers or model.names or model.colors):
             notes.append(f"path.contours.{key} has no effect, because this contour is not run.")
         elif not numbers:
-            known = f" and the names {list_some(list(map(repr, names)), 12)}" * bool(names)
+            names = list(map(repr, numbers_of_name))
+            and_names = f" and the names {list_some(names, MAX_NAMES)}" if names else ""
             problem = f"is not in {program.source or 'the path'}, whose contours have the numbers "
-            problem += f"1 to {len(contours)}{known}."
+            problem += f"1 to {len(contours)}{and_names}."
         if problem:
             at = ("path", "contours", str(key))
             raise InvalidInput(f"{key_text(at)} {problem}", key=at)
-        found |= dict.fromkeys(numbers, key)
-    return found, notes
+        key_of_contour |= dict.fromkeys(numbers, key)
+    return key_of_contour, notes
 
 
 def _path_from_keys(model: PathModel) -> Path:
     """Return the path of a job without a file, with the tool orientation if it is specified."""
-    path = _positions(model)
+    path = _unoriented_path(model)
     if model.orientation is None:
         return path
     if isinstance(model.orientation, OrientationModel):
@@ -240,21 +245,25 @@ def _orient_contours(program: Program, orientation: OrientationModel) -> Program
     return dataclasses.replace(program, moves=tuple(moves))
 
 
-def _positions(model: PathModel) -> Path:
-    """Return the path of a job without a file: a polyline, or lines and arcs."""
-    kinds = (model.points, model.segments)
-    if sum(x is not None for x in kinds) != 1 or (model.start is None) != (model.segments is None):
+def _unoriented_path(model: PathModel) -> Path:
+    """Return the path of a job without a drawing, without tool orientation.
+
+    The path is the polyline of `path.points`, or the lines and arcs of `path.segments`.
+    """
+    has_points = model.points is not None
+    has_segments = model.segments is not None
+    if has_points == has_segments or has_segments != (model.start is not None):
         raise InvalidInput("path requires exactly one of points, start with segments, and file.")
     if model.points is not None:
-        points = _points(model.points)
+        points = _to_array(model.points)
         with key_context("path", "points"):
             return Path.polyline(points)
     assert model.start is not None and model.segments is not None
     return _segment_chain(model.start, model.segments)
 
 
-def _points(points: list[list[float]]) -> FloatArray:
-    """Return the key `points` as an array, (n, 2) or (n, 3) [m]."""
+def _to_array(points: list[list[float]]) -> FloatArray:
+    """Check the key `points` and return it as an array [m], (n, 2) or (n, 3)."""
     if not points:
         raise InvalidInput("path.points is empty, but a path needs at least two points.")
     if len({len(x) for x in points}) > 1:
@@ -305,10 +314,10 @@ def _end(segments: list[Line | Arc]) -> list[float]:
 def _segment(start: list[float], segment: SegmentModel, keys: Keys) -> Line | Arc:
     """Return the line or arc of a model, from a start point."""
     segment_limits = SegmentLimits(
-        **{y.name: getattr(segment, y.name) for y in dataclasses.fields(SegmentLimits)}
+        **{x.name: getattr(segment, x.name) for x in dataclasses.fields(SegmentLimits)}
     )
-    around = (segment.center, segment.angle, segment.normal)
-    if segment.to is not None and all(y is None for y in around):
+    centre_keys = (segment.center, segment.angle, segment.normal)
+    if segment.to is not None and all(x is None for x in centre_keys):
         if segment.via is None:
             return Line(start=start, end=segment.to, segment_limits=segment_limits)
         with key_context(*keys):
@@ -370,9 +379,9 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
             "path.orientation: either all waypoints must have axis, or none. The same is required "
             "for axis_only."
         )
-    turned = [rotation_of(key_text(("path", "orientation", i)), x) for i, x in enumerate(models)]
+    rotations = [rotation_of(key_text(("path", "orientation", i)), x) for i, x in enumerate(models)]
     with key_context("path", "orientation"):
-        return path.oriented(np.array(turned), axis_only=models[0].axis_only)
+        return path.oriented(np.array(rotations), axis_only=models[0].axis_only)
 
 
 def _check_single_rotation(keys: Keys, orientation: OrientationModel) -> None:

@@ -25,9 +25,10 @@ from armcontour.motion.log_checks import (
     describe_bursts,
 )
 
-# Titles of the named formats: quantity, role, rank, and pattern; # is the number of the joint. The
-# lowest rank is used if several columns have one quantity. Times with a rank are in ns.
-FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
+# Titles of columns by the name of the format: quantity, role, rank, and pattern, in which # is the
+# number of the joint. If several columns have the same quantity, role and joint, the one with the
+# lowest rank is used. Times with a rank above 0 are in ns.
+TITLES_OF_FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
     # armcontour's own files, and what `play` writes
     "armcontour": (
         ("t", "", 0, r"t|time"),
@@ -86,7 +87,7 @@ FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
 }
 _PATTERNS = [
     (kind, role, rank, re.compile(pattern.replace("#", r"(\d{1,9})"), re.IGNORECASE))
-    for kind, role, rank, pattern in chain.from_iterable(FORMATS.values())
+    for kind, role, rank, pattern in chain.from_iterable(TITLES_OF_FORMATS.values())
 ]
 # SI units by kind of column.
 SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
@@ -94,8 +95,8 @@ SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 
 
-class Key(NamedTuple):
-    """Quantity in a column of joint motion."""
+class JointColumn(NamedTuple):
+    """What a column contains: quantity, role and joint."""
 
     kind: str  # "t", "q", "dq" or "ddq"
     role: str = ""  # "command" or "measured"; empty for times
@@ -111,10 +112,10 @@ class Key(NamedTuple):
         return SI[self.kind]
 
 
-TIME = Key("t")
+TIME = JointColumn("t")
 
 
-def read_joint_title(name: str, joint_names: Sequence[str] = ()) -> Title[Key] | None:
+def read_joint_title(name: str, joint_names: Sequence[str] = ()) -> Title[JointColumn] | None:
     """Recognize a title of the named formats, or the name of a joint; None for other titles.
 
     `name` is the title without a unit in brackets.
@@ -127,9 +128,9 @@ def read_joint_title(name: str, joint_names: Sequence[str] = ()) -> Title[Key] |
             return Title(TIME, "s", unit="ns" if rank else None, rank=rank)
         joint = next(x for x in match.groups() if x is not None)
         joint = (joint.lstrip("0") or "0") if joint.isdigit() else joint
-        return Title(Key(kind, role, joint), SI[kind], rank=rank)
+        return Title(JointColumn(kind, role, joint), SI[kind], rank=rank)
     if name.strip() in joint_names:
-        return Title(Key("q", "measured", name.strip()), SI["q"])
+        return Title(JointColumn("q", "measured", name.strip()), SI["q"])
     return None
 
 
@@ -180,15 +181,18 @@ def read_csv_text(file: str | FilePath, kind: str) -> str:
     return read_text(file, kind, maximum=MAX_RECORDED, latin=True)
 
 
-def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:
+def joints_of(table: CsvTable[JointColumn], kind: str, role: str) -> list[str]:
     """Return the joints with a column of a kind and role: increasing numbers, or names."""
-    every = [x.joint for x in table.columns if (x.kind, x.role) == (kind, role)]
-    numbers = sorted((x for x in every if x.isdigit()), key=lambda x: (len(x), x))
-    return numbers or every
+    joints = [x.joint for x in table.columns if (x.kind, x.role) == (kind, role)]
+    numbers = sorted((x for x in joints if x.isdigit()), key=lambda x: (len(x), x))
+    return numbers or joints
 
 
 def read_samples(
-    table: CsvTable[Key], keys: Sequence[Key], start: float = -math.inf, end: float = math.inf
+    table: CsvTable[JointColumn],
+    keys: Sequence[JointColumn],
+    start: float = -math.inf,
+    end: float = math.inf,
 ) -> TableSamples:
     """Read times and columns of a table.
 
@@ -214,11 +218,11 @@ def read_samples(
         notes.append(f"Rows of {table.source} without positions were skipped: {count}.")
     t = values[:, 0]
     values = values[:, 1:]
-    named = {x: [i for i, y in enumerate(keys) if y.kind == x] for x in QUANTITIES}
+    columns_of = {x: [i for i, y in enumerate(keys) if y.kind == x] for x in QUANTITIES}
 
     def locate(name: str, i: int, j: int) -> str:
         row = int(rows[i])
-        key = keys[named[name][j]] if name in named else TIME
+        key = keys[columns_of[name][j]] if name in columns_of else TIME
         return f"{table.place(row, key)}: {show(table.cell(row, key))}"
 
     check_time_range(t, locate, lambda new: table.rename(new, table.columns[TIME].title))
@@ -232,21 +236,30 @@ def read_samples(
     used = (t >= start) & (t <= end)
     rows = rows[used]
     check_samples(
-        t[used], {x: values[used][:, columns] for x, columns in named.items() if columns}, locate
+        t[used],
+        {x: values[used][:, columns] for x, columns in columns_of.items() if columns},
+        locate,
     )
     return TableSamples(t, values, last, digits[1:], (*notes, *time_notes), lines)
 
 
-def _filled_rows(table: CsvTable[Key], values: FloatArray, keys: Sequence[Key]) -> IntArray:
-    """Find the rows with values in `keys`; rows with values in other columns only are omitted."""
-    used = {table.columns[x].index for x in keys}
-    spare = []
+def _filled_rows(
+    table: CsvTable[JointColumn], values: FloatArray, keys: Sequence[JointColumn]
+) -> IntArray:
+    """Return the indices of the rows with values in the columns `keys`.
+
+    Rows with cells only in other columns are omitted. `values`: times and values of `keys`,
+    (n, 1 + columns).
+    """
+    used_columns = {table.columns[x].index for x in keys}
+    omitted_rows = []
     for i in np.flatnonzero(np.isnan(values[:, 1:]).all(axis=1)).tolist():
-        other_cells = [x for k, x in enumerate(table.cells(i)) if k not in used]
+        other_cells = [x for k, x in enumerate(table.cells(i)) if k not in used_columns]
         if any(other_cells):
-            spare.append(i)
-    every = np.arange(len(values))
-    rows = every if len(spare) == len(every) else np.delete(every, spare)
+            omitted_rows.append(i)
+    all_rows = np.arange(len(values))
+    # If no row would remain, all are used, so that the check below refuses the first empty cell.
+    rows = all_rows if len(omitted_rows) == len(values) else np.delete(all_rows, omitted_rows)
     empty = np.argwhere(np.isnan(values[rows]))
     if len(empty):
         table.raise_cell_error(int(rows[empty[0, 0]]), keys[empty[0, 1]])
@@ -256,16 +269,21 @@ def _filled_rows(table: CsvTable[Key], values: FloatArray, keys: Sequence[Key]) 
 def find_new_rows(
     t: FloatArray, values: FloatArray, source: str
 ) -> tuple[IntArray, tuple[str, ...]]:
-    """Return the indices of rows that do not repeat the previous row, and notes on the times."""
-    again = np.zeros(len(t), dtype=bool)
-    again[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
+    """Return the indices of rows that do not repeat the previous row, and notes on the times.
+
+    - `t`: times [s], (n,).
+    - `values`: values of the rows, (n, columns).
+    - `source`: name of the file, for the notes.
+    """
+    is_repeated = np.zeros(len(t), dtype=bool)
+    is_repeated[1:] = (np.diff(t) == 0) & (np.diff(values, axis=0) == 0).all(axis=1)
     # If all rows are equal, all are used; `check_samples` rejects their times later.
-    again &= not again[1:].all()
-    rows = np.flatnonzero(~again)
+    is_repeated &= not is_repeated[1:].all()
+    rows = np.flatnonzero(~is_repeated)
     notes = []
-    if again.any():
+    if is_repeated.any():
         notes.append(
-            f"Rows of {source} that repeat the previous row were skipped: {int(again.sum())}."
+            f"Rows of {source} that repeat the previous row were skipped: {int(is_repeated.sum())}."
         )
     if (np.diff(t[rows]) > 0).all() and (bursts := describe_bursts(t[rows], source)):
         notes.append(bursts)
@@ -273,13 +291,15 @@ def find_new_rows(
 
 
 def _check_units(
-    table: CsvTable[Key], keys: Sequence[Key], t: FloatArray, values: FloatArray
+    table: CsvTable[JointColumn], keys: Sequence[JointColumn], t: FloatArray, values: FloatArray
 ) -> None:
     """Check the columns of times and positions whose titles have no unit."""
     positions = [k for k, x in enumerate(keys) if x.kind == "q"]
-    bare = {k: x.title for k in positions if (x := table.columns[keys[k]]).unit is None}
-    fix = ",".join(f"{x} [deg]={x}" for x in dict.fromkeys(map(title_pattern, bare.values())))
-    for k, title in bare.items():
+    without_unit = {k: x.title for k in positions if (x := table.columns[keys[k]]).unit is None}
+    fix = ",".join(
+        f"{x} [deg]={x}" for x in dict.fromkeys(map(title_pattern, without_unit.values()))
+    )
+    for k, title in without_unit.items():
         check_angle_unit(f"{table.heading}: the column {show(title)}", values[:, k], fix)
     column = table.columns[TIME]
     if column.unit is None:

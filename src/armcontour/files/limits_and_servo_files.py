@@ -62,14 +62,17 @@ class MotionRequirements:
 
 
 def read_limits(file: str | FilePath, arm: Arm) -> MotionRequirements:
-    """Read limits from a YAML file.
+    """Read the limits and the largest deviations that a motion must satisfy, from a YAML file.
 
-    Limits that are not in the file are those of the arm. Infinity removes a limit, as in a job
-    file.
+    Infinity removes a limit, as in a job file.
 
     Args:
         file: The file.
-        arm: Arm of the limits.
+        arm: Arm that moves; it supplies the limits that the file lacks.
+
+    Returns:
+        The limits in SI units, and the largest deviations from the path and from the tool
+        orientation, which are None if the file lacks them.
 
     Raises:
         InvalidInput: The file does not exist, is not YAML, or has an unknown key or invalid value.
@@ -151,7 +154,7 @@ def servo_lines(servo: ServoModel, prismatic: Sequence[bool]) -> list[str]:
 
 
 def _estimate_text(estimate: Estimate) -> str:
-    """Return the text with the value and the interval of an estimate, for a comment."""
+    """Return the label, value and interval of an estimate, for a comment in a servo file."""
     if not estimate.determined:
         return f"{estimate.label} not determined"
     return f"{estimate.label} {figure(estimate.row)} {estimate.row.note}".rstrip()

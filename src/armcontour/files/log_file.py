@@ -19,8 +19,8 @@ from armcontour.core.quantities import joint_units
 from armcontour.core.text import list_some, show
 from armcontour.files.csv_table import MAX_NAMED, CsvTable, read_table
 from armcontour.files.joint_table import (
-    FORMATS,
-    Key,
+    TITLES_OF_FORMATS,
+    JointColumn,
     joints_of,
     read_csv_text,
     read_joint_title,
@@ -77,7 +77,7 @@ def read_log(
 
 
 def log_text(log: Log) -> str:
-    """CSV text of a log with all digits and its notes, which `read_log` can read."""
+    """Return the CSV text of a log with all digits and its notes, which `read_log` can read."""
     text = io.StringIO()
     comments = [] if log.interpolation is None else [f"interpolation: {log.interpolation}"]
     np.savetxt(
@@ -92,7 +92,7 @@ def log_text(log: Log) -> str:
 
 
 def log_head(comments: Iterable[str], prismatic: Sequence[bool]) -> str:
-    """Comments and titles of a log: times [s], commands and measured positions [rad or m].
+    """Write the comments and titles of a log: times [s], commands and measured positions.
 
     Args:
         comments: The comments, without #.
@@ -168,7 +168,7 @@ def _read_log(
         notes = list[str]()
     else:
         names, notes = _pair_joints(table, joints)
-    keys = [Key("q", role, name) for role, name in product(roles, names)]
+    keys = [JointColumn("q", role, name) for role, name in product(roles, names)]
     samples = read_samples(table, keys, *window)
     columns_of_roles = np.hsplit(samples.values, len(roles))
     log = cut_log(
@@ -185,9 +185,9 @@ def _read_log(
     return log, len(roles) > 1
 
 
-def _is_prismatic(table: CsvTable[Key], joint: str, roles: Sequence[str]) -> bool:
+def _is_prismatic(table: CsvTable[JointColumn], joint: str, roles: Sequence[str]) -> bool:
     """Return whether the columns of a joint have a unit of length; all must agree."""
-    columns = [table.columns[Key("q", x, joint)] for x in roles]
+    columns = [table.columns[JointColumn("q", x, joint)] for x in roles]
     slides = any(x.linear for x in columns)
     angle = next((x for x in columns if x.unit is not None and not x.linear), None)
     if slides and angle is not None:
@@ -204,14 +204,16 @@ def _find_interpolation(comments: Iterable[str]) -> str | None:
     return next((x for x in names if x in INTERPOLATIONS), None)
 
 
-def _pair_joints(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str], list[str]]:
-    """Names of the joints with a command and a measured position, and notes on the others."""
+def _pair_joints(
+    table: CsvTable[JointColumn], joints: dict[str, list[str]]
+) -> tuple[list[str], list[str]]:
+    """Return the joints with a command and a measured position, and notes on the others."""
     pairs = [x for x in joints["measured"] if x in joints["command"]]
     if not any(joints.values()):
         raise InvalidInput(
             f"{table.heading}: no column is a command or a measured position. Name the columns, "
             f"such as {EXAMPLE} (or rename them with {table.suggest('u1', 'q1')}). The known "
-            f"formats are {', '.join(FORMATS)}."
+            f"formats are {', '.join(TITLES_OF_FORMATS)}."
         )
     single = [key for key in table.columns if key.kind == "q" and key.joint not in pairs]
     if not pairs:

@@ -136,15 +136,16 @@ class ResultFolder:
         return file
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        complete = False
+        """Move the files to the folder, unless the command has failed; then nothing is written."""
+        is_complete = False
         try:
             if kind is None and self.files:
                 self._move_to_destination()
-            complete = kind is None
+            is_complete = kind is None
         except OSError as error:
             raise self._unwritable(error) from None
         finally:
-            self._end_record(complete)
+            self._end_record(is_complete)
             self._staging.remove()
 
     def _end_record(self, complete: bool) -> None:

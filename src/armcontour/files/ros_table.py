@@ -10,7 +10,7 @@ from dataclasses import replace
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import count_noun, list_some, show
 from armcontour.files.csv_table import MAX_NAMED, NUMBER, CsvColumn, CsvTable
-from armcontour.files.joint_table import QUANTITIES, Key
+from armcontour.files.joint_table import QUANTITIES, JointColumn
 from armcontour.motion.log import is_same_joint
 
 # Titles of columns with the name of a joint, as in `field.name0` or `joint_names[2]`.
@@ -52,8 +52,8 @@ def _is_number(text: str) -> bool:
 
 
 def name_joints(
-    table: CsvTable[Key], joint_names: Sequence[str]
-) -> tuple[CsvTable[Key], tuple[str, ...]]:
+    table: CsvTable[JointColumn], joint_names: Sequence[str]
+) -> tuple[CsvTable[JointColumn], tuple[str, ...]]:
     """Name the joints of a table instead of numbering them; returns the table and a note.
 
     The names are the cells of columns such as `field.name0`, or cells with a name of `joint_names`.
@@ -66,7 +66,7 @@ def name_joints(
     names = _constant_names(table, columns)
     # Names that the option gives to joints whose own names the arm does not have.
     given: dict[str, str] = {}
-    assigned: dict[Key, CsvColumn] = {}
+    assigned: dict[JointColumn, CsvColumn] = {}
     # Positions come first, so rates follow the names that the option gives to positions.
     for kind in ("t", *QUANTITIES):
         for role in dict.fromkeys(x.role for x in table.columns if x.kind == kind):
@@ -88,7 +88,7 @@ def name_joints(
 
 
 def _refuse_known_joint(
-    table: CsvTable[Key], key: Key, name: str, joint_names: Sequence[str]
+    table: CsvTable[JointColumn], key: JointColumn, name: str, joint_names: Sequence[str]
 ) -> None:
     """Raise InvalidInput if a column has another name than that of the file, which the arm has."""
     if any(is_same_joint(name, x) for x in joint_names):
@@ -101,7 +101,7 @@ def _refuse_known_joint(
 
 
 def _refuse_same_joint(
-    table: CsvTable[Key], key: Key, first: CsvColumn | None, second: CsvColumn
+    table: CsvTable[JointColumn], key: JointColumn, first: CsvColumn | None, second: CsvColumn
 ) -> None:
     """Raise InvalidInput if two columns have the same quantity of one joint."""
     if first is not None:
@@ -113,7 +113,9 @@ def _refuse_same_joint(
 
 
 def _refuse_two_arms(
-    table: CsvTable[Key], columns: Mapping[Key, CsvColumn], joint_names: Sequence[str]
+    table: CsvTable[JointColumn],
+    columns: Mapping[JointColumn, CsvColumn],
+    joint_names: Sequence[str],
 ) -> None:
     """Raise InvalidInput if two joints of the file, with prefixes, can be a joint of the arm."""
     positions = {x: y for x, y in columns.items() if x.kind == "q"}
@@ -131,26 +133,29 @@ def _refuse_two_arms(
         )
 
 
-def _name_columns(table: CsvTable[Key], joint_names: Sequence[str]) -> list[int]:
+def _name_columns(table: CsvTable[JointColumn], joint_names: Sequence[str]) -> list[int]:
     """Return the indices of the columns with names of joints."""
-    used = {x.index for x in table.columns.values()}
-    first = table.first_cells()
-    if len(first) != table.width:
+    recognized = {x.index for x in table.columns.values()}
+    cells = table.first_cells()
+    if len(cells) != table.width:
         # The error follows when the rows are read.
         return []
-    spare = [i for i, x in enumerate(first) if i not in used and x and not _is_number(x)]
-    titled = [i for i in spare if _NAME_TITLE.fullmatch(table.titles[i])]
-    known = [i for i in spare if any(is_same_joint(first[i], x) for x in joint_names)]
+    with_text = [i for i, x in enumerate(cells) if i not in recognized and x and not _is_number(x)]
+    titled = [i for i in with_text if _NAME_TITLE.fullmatch(table.titles[i])]
+    known = [i for i in with_text if any(is_same_joint(cells[i], x) for x in joint_names)]
     sizes = Counter((x.kind, x.role) for x in table.columns if x.kind == "q")
     # Other texts than names of joints can have such a title.
     is_complete = len(titled) >= min(sizes.values(), default=0)
     return titled if titled and (known or is_complete) else known
 
 
-def _constant_names(table: CsvTable[Key], columns: Sequence[int]) -> dict[int, str]:
-    """Names of the joints by the index of their column; raise InvalidInput if they change."""
-    first = table.cells(0)
-    names = {i: first[i] for i in columns}
+def _constant_names(table: CsvTable[JointColumn], columns: Sequence[int]) -> dict[int, str]:
+    """Return the joint name in each column; raise InvalidInput if a column has several names.
+
+    `columns`: indices of the columns, which are the keys of the result.
+    """
+    first_row = table.cells(0)
+    names = {i: first_row[i] for i in columns}
     for row in range(1, len(table.lines)):
         cells = table.cells(row)
         i = next((i for i, x in names.items() if cells[i] != x), None)
@@ -165,7 +170,7 @@ def _constant_names(table: CsvTable[Key], columns: Sequence[int]) -> dict[int, s
 
 
 def _names_of_group(
-    table: CsvTable[Key], keys: Sequence[Key], names: Mapping[int, str]
+    table: CsvTable[JointColumn], keys: Sequence[JointColumn], names: Mapping[int, str]
 ) -> list[str]:
     """Return each column's joint name for one quantity, in the order of `keys`."""
     indices = [table.columns[x].index for x in keys]

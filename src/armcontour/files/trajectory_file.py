@@ -36,7 +36,7 @@ from armcontour.files.exports.export_table import (
 )
 from armcontour.files.joint_table import (
     QUANTITIES,
-    Key,
+    JointColumn,
     TrajectoryFile,
     find_new_rows,
     joints_of,
@@ -134,22 +134,29 @@ class _Point:
             self.numbers[name] = numbers
         start = data.get("time_from_start")
         self.nanoseconds = _nanoseconds(start)
-        if abs(self.nanoseconds) >= 2**63:
+        if abs(self.nanoseconds) >= INVALID_TIME:
             raise InvalidInput(
                 f"{location}: time_from_start must be a number of seconds, or sec and nanosec "
                 f"(secs and nsecs in ROS 1), and at most 292 years, but is {show(start)}."
             )
 
 
+# This number of nanoseconds is too large for a time, which has 64 bits with a sign.
+INVALID_TIME = 2**63
+
+
 def _nanoseconds(start: Any) -> int:
-    """Time in YAML [ns], from seconds or from fields of ROS 1 or 2; 2**63 if it is invalid."""
+    """Convert a time in YAML, in seconds or in fields of ROS 1 or 2, to ns.
+
+    An invalid time results in INVALID_TIME.
+    """
     fields = [start]
     if isinstance(start, dict):
         pair = next((x for x in STAMPS if set(start) == set(x)), None)
         fields = [] if pair is None else [start[x] for x in pair]
     numbers = [plain_number(x) for x in fields]
     if not numbers or None in numbers or isinstance(start, str):
-        return 2**63
+        return INVALID_TIME
     if isinstance(start, dict):
         return int(fields[0]) * 10**9 + int(fields[1])
     return round(float(start) * 1e9)
@@ -178,13 +185,13 @@ def _join_points(
         arrays[kind] = np.array([[row[j] for j in order] for row in rows], dtype=float)
     times = np.array([x.nanoseconds for x in points]) * NANOSECOND
     values = np.concatenate(list(arrays.values()), axis=1)
-    kept, notes = find_new_rows(times, values, source)
-    tidied: dict[str, Any] = {key: x[kept] for key, x in arrays.items()}
+    new_rows, notes = find_new_rows(times, values, source)
+    arrays_of_rows: dict[str, Any] = {key: x[new_rows] for key, x in arrays.items()}
     return TrajectoryFile(
         source=source,
         joints=requested,
-        t=times[kept],
-        **tidied,
+        t=times[new_rows],
+        **arrays_of_rows,
         resolution={"t": NANOSECOND, **{key: _last_digit(x) for key, x in arrays.items()}},
         is_plan=True,
         notes=notes,
@@ -192,7 +199,7 @@ def _join_points(
 
 
 def _last_digit(values: FloatArray) -> float:
-    """Value of the last printed digit of numbers, if each is printed in its shortest form."""
+    """Return the value of the last digit of numbers that are printed in their shortest form."""
     digits = Digits()
     digits.add([repr(x) for x in values.ravel().tolist()])
     return last_digit([digits])
@@ -274,10 +281,10 @@ def parse_trajectory(
             factor = max(table.columns[keys[i]].factor for i in indices)
             resolution[kind] = factor * last_digit([samples.digits[i] for i in indices])
     positions = [x for x in keys if x.kind == "q"]
-    used = [table.columns[x] for x in positions]
+    position_columns = [table.columns[x] for x in positions]
     # The titles of numbered joints, the names of the others.
-    called = [table.columns[x].title if x.joint.isdigit() else x.joint for x in positions]
-    spare = [
+    joints = [table.columns[x].title if x.joint.isdigit() else x.joint for x in positions]
+    unused = [
         x.title for key, x in table.columns.items() if key.kind in QUANTITIES and key not in keys
     ]
     return TrajectoryFile(
@@ -285,17 +292,17 @@ def parse_trajectory(
         t=samples.t,
         **arrays,
         resolution=resolution,
-        joints=tuple(called),
-        prismatic=tuple(None if x.unit is None else x.linear for x in used),
-        left_out=(*(x for x in table.unknown if not x.lower().startswith(IGNORED)), *spare),
+        joints=tuple(joints),
+        prismatic=tuple(None if x.unit is None else x.linear for x in position_columns),
+        left_out=(*(x for x in table.unknown if not x.lower().startswith(IGNORED)), *unused),
         notes=(*naming, *notes, *samples.notes),
         lines=samples.lines,
     )
 
 
 def _select_columns(
-    table: CsvTable[Key], joint_names: Sequence[str]
-) -> tuple[list[Key], list[str]]:
+    table: CsvTable[JointColumn], joint_names: Sequence[str]
+) -> tuple[list[JointColumn], list[str]]:
     """Keys of the columns to read, and notes on the assignment of joints and ignored columns."""
     notes = list[str]()
     roles = [x for x in ("measured", "command") if joints_of(table, "q", x)]
@@ -308,7 +315,7 @@ def _select_columns(
         joints = joints_of(table, "q", role)
         if joints and not joints[0].isdigit():
             if joint_names:
-                titles = [table.file_title(Key("q", role, x)) for x in joints]
+                titles = [table.file_title(JointColumn("q", role, x)) for x in joints]
                 raise_other_joints(table.heading, joints, joint_names, titles)
         else:
             joints = _joint_numbers(table, role)
@@ -316,11 +323,11 @@ def _select_columns(
         notes.append(
             f"{table.source} has commands and measured positions. The measured positions are read. "
             "To read the commands instead, skip the measured positions (--columns "
-            f"'-={title_pattern(table.file_title(Key('q', role, joints[0])))}')."
+            f"'-={title_pattern(table.file_title(JointColumn('q', role, joints[0])))}')."
         )
-    keys = [Key("q", role, x) for x in joints]
+    keys = [JointColumn("q", role, x) for x in joints]
     for kind in ("dq", "ddq"):
-        needed = [Key(kind, role, x) for x in joints]
+        needed = [JointColumn(kind, role, x) for x in joints]
         columns = [x for x in needed if x in table.columns]
         present = [x for x in columns if not table.is_empty(x)]
         if len(present) == len(needed):
@@ -334,7 +341,7 @@ def _select_columns(
     return keys, notes
 
 
-def _joint_numbers(table: CsvTable[Key], role: str) -> list[str]:
+def _joint_numbers(table: CsvTable[JointColumn], role: str) -> list[str]:
     """Return the numbers of the joints as texts, starting at 1, or at 0 if there is a joint 0."""
     numbers = {int(x.joint) for x in table.columns if x.role == role and x.joint.isdigit()}
     first = 0 if 0 in numbers else 1
@@ -342,7 +349,7 @@ def _joint_numbers(table: CsvTable[Key], role: str) -> list[str]:
     # `require_columns` raises an error at the first missing number, so that a huge number is
     # no problem.
     for k in range(first, max(numbers, default=first) + 1):
-        table.require_columns(Key("q", role, str(k)))
+        table.require_columns(JointColumn("q", role, str(k)))
         joints.append(str(k))
     return joints
 

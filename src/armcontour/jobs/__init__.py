@@ -7,7 +7,7 @@ _HOME = {
     "analog_signals": "analog_outputs",
     "certificate_goal": "CertificateGoal Uncertainty",
     "job": "Experiment Exports Job Rounding Run build_plant",
-    "run_plan": "plan_one prepare_program resume_run round_program",
+    "run_plan": "plan_one prepare_program find_resumption round_program",
     "run_record": "Advice ExperimentResult Improvement",
     "run_result": "JobResult RunResult warnings_of",
     "run_job": "STEPS run",

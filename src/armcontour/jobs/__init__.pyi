@@ -10,9 +10,9 @@ from armcontour.jobs.job import Run as Run
 from armcontour.jobs.job import build_plant as build_plant
 from armcontour.jobs.run_job import STEPS as STEPS
 from armcontour.jobs.run_job import run as run
+from armcontour.jobs.run_plan import find_resumption as find_resumption
 from armcontour.jobs.run_plan import plan_one as plan_one
 from armcontour.jobs.run_plan import prepare_program as prepare_program
-from armcontour.jobs.run_plan import resume_run as resume_run
 from armcontour.jobs.run_plan import round_program as round_program
 from armcontour.jobs.run_record import Advice as Advice
 from armcontour.jobs.run_record import ExperimentResult as ExperimentResult

@@ -43,6 +43,8 @@ SPEED_FACTORS = (0.8, 0.6, 0.4, 0.2)
 RESERVES = (0.1, 0.2, 0.4)
 # Minimum reserve for the servo, as a fraction of acceleration.
 LEAST_RESERVE = 0.02
+# Relative rounding error up to which a value counts as a multiple of a step.
+STEP_ROUNDING = 1e-12
 # A repair uses this fraction of the accuracy, so that rounding errors do not decide the verdict.
 ACCURACY_SHARE = 0.98
 # If all runs of a job have at most this number of segments, all changes are planned by default.
@@ -186,18 +188,20 @@ def _errors(job: Job, planned: RunResult) -> dict[str, Errors]:
 def _rounded(value: float) -> float:
     """Round a value down to three significant digits."""
     step = 10.0 ** (floor(log10(value)) - 2)
-    return float(f"{floor(value / step * (1 + 1e-12)) * step:.3g}")
+    # A value that is a multiple of the step except for rounding stays the same.
+    steps = floor(value / step * (1 + STEP_ROUNDING))
+    return float(f"{steps * step:.3g}")
 
 
 def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     """Yield groups of changes that may save time; of each, the first successful one counts."""
     run = result.run
-    why = result.explanation
-    if why is None or run.duration is not None:
+    explanation = result.explanation
+    if explanation is None or run.duration is not None:
         return
-    kinds = why.kinds
-    joints = {x.name: x.joint for x in why.bindings}
-    for part in why.shares:
+    kinds = explanation.kinds
+    joints = {x.name: x.joint for x in explanation.bindings}
+    for part in explanation.shares:
         joint = joints.get(part.name)
         for candidate in _raised_limit(job, run, part.kind, joint, part.of_time):
             yield [candidate]
@@ -211,7 +215,7 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         # The smallest reserve is tried first, because it saves most if the servo can follow.
         reserves = sorted({LEAST_RESERVE, max(_rounded(run.timing.reserve / 2), LEAST_RESERVE)})
         share = (1 - assigned) / 2
-        yield [_reserve(job, run, x, (run.timing.reserve - x) * share) for x in reserves]
+        yield [_change_reserve(job, run, x, (run.timing.reserve - x) * share) for x in reserves]
     if len(job.program.contours) > 2 and job.process.order != "shortest":
         process = replace(job.process, order="shortest")
         yield [
@@ -276,9 +280,10 @@ def _raised_limit(
 
 def _describe_change(old: float, new: float, unit: str) -> str:
     """Write both values of a change, such as "from 0.25 to 0.5 mm"."""
-    before, its = split(old, unit)
-    after, unit = split(new, unit)
-    return f"from {before if its == unit else f'{before} {its}'} to {after} {unit}"
+    old_digits, old_unit = split(old, unit)
+    new_digits, new_unit = split(new, unit)
+    old_text = old_digits if old_unit == new_unit else f"{old_digits} {old_unit}"
+    return f"from {old_text} to {new_digits} {new_unit}"
 
 
 def _wider_corners(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
@@ -292,10 +297,10 @@ def _wider_corners(job: Job, result: RunResult, share: float) -> Iterator[_Candi
         assert result.judged is not None
         new = min(new, ACCURACY_SHARE * accuracy - 2 * result.judged.contour_error.max)
     if new > old * (1 + MIN_SAVING):
-        yield _tolerance(job, result.run, _rounded(new), share / 5)
+        yield _change_tolerance(job, result.run, _rounded(new), share / 5)
 
 
-def _tolerance(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
+def _change_tolerance(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
     """Make the change of the corner tolerance to a new value [m]."""
     rounding = run.rounding
     assert rounding is not None and rounding.tolerance is not None
@@ -310,7 +315,7 @@ def _tolerance(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> 
     )
 
 
-def _reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
+def _change_reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _Candidate:
     """Make the change of the reserve for the servo to a new value."""
     old = run.timing.reserve
     return _Candidate(
@@ -325,11 +330,11 @@ def _reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0) -> _C
 def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     """Yield groups of changes that may repair a run; of each, the first successful one counts."""
     run = result.run
-    e = result.judged
-    if run.accuracy is not None and result.tolerance is not None and e is not None:
-        room = ACCURACY_SHARE * run.accuracy - 2 * e.contour_error.max
-        if 0 < room < result.tolerance:
-            yield [_tolerance(job, run, _rounded(room))]
+    judged = result.judged
+    if run.accuracy is not None and result.tolerance is not None and judged is not None:
+        tolerance = ACCURACY_SHARE * run.accuracy - 2 * judged.contour_error.max
+        if 0 < tolerance < result.tolerance:
+            yield [_change_tolerance(job, run, _rounded(tolerance))]
     inverse = default_compensation(job.servo, job.arm, run.experiment)
     if run.compensation.method != inverse.method:
         limits = run.compensation.command_limits
@@ -338,7 +343,7 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         edits = (("compensation.method", inverse.method),)
         yield [_Candidate(label=label, edits=edits, job=job, run=changed)]
     if run.timing.method == Method.OPTIMAL:
-        yield [_reserve(job, run, x) for x in RESERVES if x > run.timing.reserve]
+        yield [_change_reserve(job, run, x) for x in RESERVES if x > run.timing.reserve]
     speed = run.limits.speed
     if speed is not None:
         slower = [_rounded(speed * factor) for factor in SPEED_FACTORS]

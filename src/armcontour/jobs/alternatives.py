@@ -13,7 +13,7 @@ from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.resumption import Resumption
+from armcontour.jobs.resumed_configuration import Resumption
 from armcontour.motion import JointPath, Span, Trajectory, dwell_law
 from armcontour.planning import Tracing, trace_program
 from armcontour.planning.duration_bound import bound_duration
@@ -164,22 +164,27 @@ def _about_tool(arm: Arm) -> tuple[str, ...]:
 
 
 def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
-    """Raise Collision for the first contour with a collision, else for the first such move."""
+    """Raise Collision for the first contour with a collision, else for the first other move."""
     # Contours have priority, because users can raise rapids by an approach and a retract.
     contours = iter(enumerate(program.contours))
     moves: list[tuple[str, Span]] = []
-    called = contour_called(program.contours[0], 0)
+    contour_name = contour_called(program.contours[0], 0)
     for span in trajectory.spans:
         if span.kind == "contour":
             number, contour = next(contours)
-            called = contour_called(contour, number)
-        moves.append((called if span.kind == "contour" else f"{span.kind} after {called}", span))
+            contour_name = contour_called(contour, number)
+            moves.append((contour_name, span))
+        else:
+            moves.append((f"{span.kind} after {contour_name}", span))
     for name, span in sorted(moves, key=lambda move: move[1].kind != "contour"):
         clearance = None if span.trajectory is None else job.cell.check(span.trajectory)
         if clearance is not None and not clearance.satisfied:
             with error_context(name):
-                near = clearance.later(span.t[0])
-                near.refuse() if span.kind == "contour" else near.refuse(RAISE_RAPIDS)
+                in_time_of_plan = clearance.later(span.t[0])
+                if span.kind == "contour":
+                    in_time_of_plan.refuse()
+                else:
+                    in_time_of_plan.refuse(RAISE_RAPIDS)
     job.cell.check(trajectory).refuse()
 
 

@@ -95,7 +95,12 @@ def _values(
     idle: float,
     t: FloatArray,
 ) -> FloatArray:
-    """Compute an output at increasing times t [s], (n,); `outputs`: the output per contour."""
+    """Compute the values of an analog output at increasing times, (n,).
+
+    - `outputs`: the output of each contour; None for a contour whose process lacks it.
+    - `idle`: value while no process works.
+    - `t`: times of the plan [s], (n,).
+    """
     times = np.asarray(t, dtype=np.float64)
     values = np.full(len(times), float(idle))
     spans = trajectory.contour_spans
@@ -107,6 +112,7 @@ def _values(
         # The output is switched earlier than the tool arrives, by the lead time.
         lead = output.lead_time
         first, last = np.searchsorted(times, [begin - lead, end - lead])
+        # Times at which the tool is where the output applies.
         inside = np.clip(times[first:last] + lead, begin, end)
         if len(inside):
             s = trajectory.s(inside) - span.s[0]
@@ -121,10 +127,10 @@ def _values(
             if output.rest != output.full:
                 share = speeds / (path.assigned_speeds(limits.speed, s) if full is None else full)
                 active = output.rest + (output.full - output.rest) * np.minimum(share, 1.0)
-            on = states.on(process, output, np.clip(inside, *span.t))
+            is_on = states.is_on(process, output, np.clip(inside, *span.t))
             if output.full_s is not None:
                 active = active * states.s_words(np.clip(inside, *span.t)) / output.full_s
-            values[first:last] = np.where(on, active, output.off)
+            values[first:last] = np.where(is_on, active, output.off)
     return values
 
 
@@ -147,38 +153,41 @@ class _States:
         # By output: times of its events [s], (n,), and its state before, between and after the
         # events, (n + 1,). The state before the first event is the opposite of its value.
         self.outputs: dict[str, tuple[FloatArray, BoolArray]] = {}
-        for name, own in events.items():
-            if any(isinstance(x.value, bool | np.bool_) for x in own):
-                dues = np.array([x.due for x in own])
-                states = np.array([not own[0].value, *(bool(x.value) for x in own)])
+        for name, switchings in events.items():
+            if any(isinstance(x.value, bool | np.bool_) for x in switchings):
+                dues = np.array([x.due for x in switchings])
+                values = [bool(x.value) for x in switchings]
+                states = np.array([not values[0], *values])
                 self.outputs[name] = (dues, states)
-        own = events.get(SPINDLE_SPEED, [])
+        s_events = events.get(SPINDLE_SPEED, [])
+        # Times at which S changes [s], (n,), and S before, between and after them, (n + 1,).
         self._s_words = (
-            np.array([x.due for x in own]),
-            np.array([0.0, *(float(x.value) for x in own)]),
+            np.array([x.due for x in s_events]),
+            np.array([0.0, *(float(x.value) for x in s_events)]),
         )
         self.process = process
         self.switches = {x.switch.name for x in process.variants if x.switch is not None}
-        self.drawn = set(self.outputs) - COOLANT
+        # Outputs that the drawing switches, such as those of G-code.
+        self.outputs_of_drawing = set(self.outputs) - COOLANT
         for variant in process.variants:
-            self.drawn -= {x.name for x in variant.events}
+            self.outputs_of_drawing -= {x.name for x in variant.events}
 
     def s_words(self, t: FloatArray) -> FloatArray:
         """Return the G-code word S at increasing times [s]; 0 before the first one."""
         dues, values = self._s_words
         return np.asarray(values[np.searchsorted(dues, t, side="right")])
 
-    def on(self, process: Process, output: Analog, t: FloatArray) -> BoolArray:
-        """Return at which of some increasing times [s] the process of a contour is on."""
+    def is_on(self, process: Process, output: Analog, t: FloatArray) -> BoolArray:
+        """Return whether the process of a contour is on at increasing times t [s], (n,)."""
         switch = process.switch
-        names = self.drawn
+        names = self.outputs_of_drawing
         if output.follows:
             names = {output.follows}
         elif switch is not None:
             names = names - self.switches | {switch.name}
-        on = np.ones(len(t), dtype=np.bool_)
+        is_on = np.ones(len(t), dtype=np.bool_)
         for name in names:
             # An output without events is off at all times.
             dues, values = self.outputs.get(name, ((), np.array([False])))
-            on &= values[np.searchsorted(dues, t, side="right")]
-        return on
+            is_on &= values[np.searchsorted(dues, t, side="right")]
+        return is_on

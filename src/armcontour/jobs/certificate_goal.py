@@ -50,6 +50,7 @@ class Uncertainty(Checked):
     dead_time_shared: Annotated[bool, Key("shared")] = False
 
     def _check_together(self) -> None:
+        """Refuse errors of the gains that have a wrong shape."""
         shape = np.shape(self.gains)
         if len(shape) > 2 or 0 in shape:
             raise InvalidInput(
@@ -118,6 +119,7 @@ class CertificateGoal(Checked):
     slowest: PlainNumber = 2.0
 
     def _check_together(self) -> None:
+        """Refuse a goal without requirement, or with requirements that exclude each other."""
         if self.tolerance is None and self.servo_error is None:
             raise InvalidInput(
                 "A certificate requires a tolerance (largest distance from the objective path), "

@@ -100,6 +100,7 @@ class Exports(Checked):
     call: bool = False
 
     def _check_together(self) -> None:
+        """Refuse options that need each other or another format."""
         if (self.points is None) != (self.point_tolerance is None):
             raise InvalidInput("points and point_tolerance require each other. Specify both.")
         if self.tolerances is not None and self.tolerances < 1:
@@ -166,7 +167,9 @@ def default_compensation(
 def build_plant(
     experiment: Experiment, arm: Arm, servo: ServoModel, limits: Limits, fed: bool
 ) -> RigidBodyPlant:
-    """Build the simulated robot of an experiment.
+    """Build the simulated robot of an experiment: the rigid bodies that a run is simulated on.
+
+    The key `plant` of a job only changes the parameters of the servo model.
 
     The plant has the payload of the experiment if it is given, else that of the arm. Its controller
     uses the model `arm`: J of its loops (unless the servo gives one), gravity feed-forward if
@@ -450,6 +453,7 @@ class Job(Checked):
     program: Program = field(init=False)
 
     def __post_init__(self) -> None:
+        """Complete the title and the plant's servo, then check the fields."""
         if isinstance(self.title, str) and not self.title:
             object.__setattr__(self, "title", self.name)
         if self.plant_servo is None:
@@ -457,6 +461,7 @@ class Job(Checked):
         Checked.__post_init__(self)
 
     def _check_together(self) -> None:
+        """Check that runs, process and servos fit the program, and store the program."""
         program = Program.from_path(self.path)
         object.__setattr__(self, "program", program)
         for run in self.runs:

@@ -23,6 +23,9 @@ from armcontour.robot import Arm, SerialArm
 CURVATURE_JUMPS = "curvature jumps"
 # Samples of the planned path per wave.
 PER_WAVE = 64
+# Crests farther apart than this fraction of the pitch belong to different parts of the seam.
+# Adjacent crests are half a pitch apart.
+MAX_CREST_DISTANCE = 0.75
 # Maximum relative difference between the planned and the requested weave.
 WEAVE_TOLERANCE = 0.02
 # Torques are computed at this number of times, and at the breaks of the plan.
@@ -107,9 +110,9 @@ class Weaving:
         requested = number(width, "m") + (
             "" if np.isnan(frequency) else f" at {number(frequency, 'Hz')}"
         )
-        missing = f", and omits {number(self.left_out, 'm')} of the seam" if self.left_out else ""
+        omitted = f", and omits {number(self.left_out, 'm')} of the seam" if self.left_out else ""
         return (
-            f"{text} instead of {requested}{missing}. The corner tolerance, the assigned velocity "
+            f"{text} instead of {requested}{omitted}. The corner tolerance, the assigned velocity "
             "and the limits must allow the weave, and parts of the seam must be longer than half "
             "a pitch."
         )
@@ -128,20 +131,21 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
         offset = 0.0 if span.work is None else span.t[0]
         count = int(PER_WAVE * woven.seam.length / woven.pitch) + 2
         t = np.linspace(begin - offset, end - offset, count).clip(0.0, plan.duration)
-        near = woven.seam.project(contour.path(plan.s(t).clip(0.0, contour.path.length)))
+        on_seam = woven.seam.project(contour.path(plan.s(t).clip(0.0, contour.path.length)))
         # The projection is made monotonic, because the tool only moves forward along the seam.
-        s = np.maximum.accumulate(near.s)
+        s = np.maximum.accumulate(on_seam.s)
         first, last = (np.searchsorted(s, woven.crests + y * woven.pitch / 4) for y in (-1, 1))
         heights = np.array(
-            [near.distance[a:b].max(initial=0.0) for a, b in zip(first, last, strict=True)]
+            [on_seam.distance[a:b].max(initial=0.0) for a, b in zip(first, last, strict=True)]
         )
-        crossed = np.interp(woven.crests, s, t)
+        # Times at which the tool passes the crests [s].
+        crest_times = np.interp(woven.crests, s, t)
         widths = heights[:-1] + heights[1:]
-        times = crossed[2:] - crossed[:-2]
+        times = crest_times[2:] - crest_times[:-2]
         # Pairs of crests that belong to different parts of the seam are ignored.
-        same = np.diff(woven.crests) < 0.75 * woven.pitch
-        widths = widths[same]
-        times = times[same[:-1] & same[1:]]
+        is_adjacent = np.diff(woven.crests) < MAX_CREST_DISTANCE * woven.pitch
+        widths = widths[is_adjacent]
+        times = times[is_adjacent[:-1] & is_adjacent[1:]]
         if len(times):
             yield Weaving(
                 contour=contour_called(contour, i),

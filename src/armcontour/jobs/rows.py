@@ -132,15 +132,16 @@ def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
 def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
     """Yield rows of the verdict, the deviation from the drawing, the duration and its cause."""
     run = result.run
-    e = result.evaluation
+    evaluation = result.evaluation
     yield Row("kept", verdict.kept, JUDGED, "verdict", reason_of(run, verdict), VERDICT)
     if verdict.errors:
         yield worst_contour(run, verdict)
         yield Row("judged_by", tuple(verdict.errors))
     yield Row("accuracy", run.accuracy, "m")
     yield Row("contour_error_allowed", verdict.allowed, "m")
-    if result.expected is not None and e is not None:
-        worst, model = (number(x, "m") for x in (result.expected.worst, e.contour_error.max))
+    if result.expected is not None and evaluation is not None:
+        worst = number(result.expected.worst, "m")
+        model = number(evaluation.contour_error.max, "m")
         note = f"with the largest errors of the logs {worst}; servo model alone {model}"
         value = max(result.expected.contours)
         label = "contour error expected, largest"
@@ -149,8 +150,9 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
     speed_factor = result.trajectory.speed_factor
     if speed_factor != 1.0:
         yield Row("speed_factor", speed_factor, "1", "speed factor", "of the plan", VERDICT)
-    if (why := result.explanation) is not None and why.longest is not None:
-        limit, share = why.longest
+    explanation = result.explanation
+    if explanation is not None and explanation.longest is not None:
+        limit, share = explanation.longest
         note = f"{number(share, '1')} of the time"
         if limit == ASSIGNED and (travel := weave_speed(result)) is not None:
             note += f"; the weave travels at {number(travel, 'm/s')}"
@@ -179,14 +181,14 @@ def worst_contour(run: Run, verdict: Verdict) -> Row:
     """Write the row with the largest distance from the drawing."""
     tolerance = None if run.rounding is None else run.rounding.tolerance
     # If an accuracy is specified, only the sum is limited, not the parts.
-    free = run.accuracy is not None
+    only_sum_limited = run.accuracy is not None
     assert verdict.off_drawing is not None
     row = off_drawing(
         verdict.off_drawing,
         verdict.deviation,
-        None if free else tolerance,
+        None if only_sum_limited else tolerance,
         verdict.errors,
-        None if free else verdict.allowed,
+        None if only_sum_limited else verdict.allowed,
     )
     others = (
         f"; {name} {number(x, 'm')}, not judged, because it lacks the compensated dynamics"
@@ -225,7 +227,8 @@ def off_drawing(
         for name, value, limit in parts
     )
     if distance > (deviation.total + max(errors.values())) * (1 + EXPLAINED_EXCESS):
-        # Contour errors are distances from the tool only, not from corners that it cuts.
+        # A contour error is the distance from the tool to the path. The distance from a corner that
+        # the tool cuts to the tool can be larger.
         note += "; a point of the drawing is missed by this distance"
     return Row("off_drawing", distance, "m", label, note, VERDICT)
 

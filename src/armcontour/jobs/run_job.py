@@ -171,16 +171,18 @@ def expect_errors(
     unexplained = evaluation.model_error
     ratio = servo.contour_ratio
     program_ratio = ratio if servo.program_ratio is None else servo.program_ratio
-    similar = servo.is_similar(*sample_rates(plan))
-    plain = not run.compensation.compensates
-    if ratio is None or ratio > TRUSTED or unexplained is None or plain or not similar:
+    is_similar = servo.is_similar(*sample_rates(plan))
+    if not run.compensation.compensates or not is_similar:
+        return None
+    if ratio is None or ratio > TRUSTED or unexplained is None:
         return None
     assert program_ratio is not None
-    without = _simulate_uncompensated(job, run, plan, path, None)
-    moved = replace(executed, q=executed.q + servo.offset, plant=None)
-    still = evaluate(moved, path, end_time=run.end_time)
+    uncompensated = _simulate_uncompensated(job, run, plan, path, None)
+    # The offset is an error at rest, which remains with any compensation.
+    with_offset = replace(executed, q=executed.q + servo.offset, plant=None)
+    static = evaluate(with_offset, path, end_time=run.end_time)
     worst = evaluation.contour_error.max + unexplained[1]
-    pairs = zip(without.contours, still.contours, strict=True)
+    pairs = zip(uncompensated.contours, static.contours, strict=True)
     contours = tuple(min(math.hypot(program_ratio * x.max, y.max), worst) for x, y in pairs)
     return ExpectedErrors(contours=contours, worst=worst)
 
@@ -189,9 +191,10 @@ def _simulate_uncompensated(
     job: Job, run: Run, plan: Trajectory, path: Program, plant: RigidBodyPlant | None
 ) -> Evaluation:
     """Simulate a plan without compensation, and evaluate it."""
-    plain = replace(run, compensation=NoCompensation())
-    done = simulate_run(job, compute_set_points(job, plain, plan), plant)
-    return evaluate(done, path, end_time=run.end_time)
+    uncompensated_run = replace(run, compensation=NoCompensation())
+    set_points = compute_set_points(job, uncompensated_run, plan)
+    executed = simulate_run(job, set_points, plant)
+    return evaluate(executed, path, end_time=run.end_time)
 
 
 def _executed_clearance(job: Job, planned: RunResult, executed: Execution) -> Clearance | None:
@@ -201,11 +204,11 @@ def _executed_clearance(job: Job, planned: RunResult, executed: Execution) -> Cl
     """
     if planned.clearance is None:
         return None
-    near = job.cell.check(executed)
-    if any(x.high <= 0 for x in near.too_near):
+    clearance = job.cell.check(executed)
+    if any(x.high <= 0 for x in clearance.too_near):
         with error_context("as executed"):
-            near.refuse()
-    return near
+            clearance.refuse()
+    return clearance
 
 
 def simulate_rigid_bodies(

@@ -51,7 +51,7 @@ class LearnedRun:
         return replace(data, title=f"Run {name}", rows=rows, notes=tuple(self.notes))
 
     def errors(self, k: int) -> tuple[float, float]:
-        """Return the RMS and the largest error of the tool in run k, from 0 [m].
+        """Return the RMS and the largest error of the tool in run k [m], counted from 0.
 
         The error is the contour error according to the log, or the distance from the planned
         position if the plan has no path.
@@ -61,7 +61,10 @@ class LearnedRun:
         return run.rms, largest
 
     def profile(self, k: int) -> ErrorProfile:
-        """Return the measured contour error over time in run k, until the end of the plan."""
+        """Return the measured contour error over time in run k, counted from 0.
+
+        The profile ends with the plan.
+        """
         assert self.lesson.lifted is not None
         t = self.lesson.lifted.t
         q = self.plan.trajectory.with_rests(t) + self.lesson.runs[k].error
@@ -104,18 +107,21 @@ def measured_pieces(
     """Divide a measured motion into its contours, until the end of the plan.
 
     Velocities and demand are 0, because a log does not contain them.
+
+    - `t`: times on the clock of the plan [s], (n,).
+    - `q`: measured joint positions [rad], (n, dof).
     """
-    still = np.zeros_like(q)
+    zeros = np.zeros_like(q)
     executed = Execution(
         arm=job.arm,
         set_points=plan.set_points,
         t=t,
         q=q,
-        dq=still,
-        ddq=still,
-        demand=still,
-        demand_range=still[:2],
-        saturated_time=still[0],
+        dq=zeros,
+        ddq=zeros,
+        demand=zeros,
+        demand_range=zeros[:2],
+        saturated_time=zeros[0],
     )
     return pieces_of(executed, plan.path, plan.objective, plan.trajectory.duration)
 
@@ -123,8 +129,8 @@ def measured_pieces(
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:
     """Plan a run of a job and compute its set-points, without simulation."""
     chosen = choose_run(job, name, "learned")
-    alone = replace(job, runs=(chosen,))
-    return run(alone, simulate=False, progress=progress).runs[chosen.name]
+    job_of_run = replace(job, runs=(chosen,))
+    return run(job_of_run, simulate=False, progress=progress).runs[chosen.name]
 
 
 def learn_logs(

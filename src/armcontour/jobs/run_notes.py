@@ -55,7 +55,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
     yield _warn_of_jerk_stops(result.jerk_stops)
     # With a duration or a speed factor, contours are slower than assigned on purpose.
     if run.duration is None and trajectory.speed_factor == 1.0:
-        yield _slow(result)
+        yield _warn_of_slow_leads(result)
     yield from (x.sentence for x in result.weaves if x.differs)
     yield from _collisions(result)
     if run.cycle > COARSE_CYCLE_SHARE * trajectory.duration:
@@ -117,6 +117,7 @@ def _first_stop(program: Program) -> str:
 
 
 def _describe_shaping(result: RunRecord) -> Iterator[str]:
+    """Yield how much shaped corners gain, and which searches ended early."""
     if shaping := {x.name: x.note for x in shaping_rows(result.path)}:
         early = describe_unfinished(x.path for x in result.path.contours)
         yield " ".join([f"{shaping['shaping.gain']}.", *map(capitalise, early)])
@@ -125,14 +126,15 @@ def _describe_shaping(result: RunRecord) -> Iterator[str]:
 def _describe_clearance(result: RunRecord) -> Iterator[str]:
     """Yield the clearance if a scene, a near pair or an avoided configuration makes it relevant."""
     if (clearance := result.clearance) is not None:
-        relevant = (
+        is_relevant = (
             x.kind == "environment" or x.low <= REPORTED_CLEARANCE for x in clearance.nearest
         )
-        if result.avoided or any(relevant):
+        if result.avoided or any(is_relevant):
             yield " ".join([clearance.sentence, *(f"{capitalise(x)}." for x in result.avoided)])
 
 
 def _describe_model_error(result: RunRecord) -> Iterator[str]:
+    """Yield the contour error with the errors that the servo model does not explain."""
     evaluation = result.evaluation
     if evaluation is not None and evaluation.model_error is not None:
         along, across = (number(x, "m") for x in evaluation.model_error)
@@ -179,10 +181,10 @@ def _capped(program: Program, run: Run) -> Iterator[str]:
     """Yield warnings if the run reduces speeds or corner tolerances of the path."""
     # With corners of shape free, tolerances apply to whole segments, otherwise only to corners.
     tolerance = None if run.rounding is None else run.rounding.tolerance
-    doubts = (describe_large_tolerance(x.path, tolerance) for x in program.contours)
-    yield from next(filter(None, doubts), [])
+    warnings_of_contours = (describe_large_tolerance(x.path, tolerance) for x in program.contours)
+    yield from next(filter(None, warnings_of_contours), [])
     tolerances: Callable[[Path], FloatArray] = (
-        (lambda x: x.tolerances) if run.is_shaped else _at_corners
+        (lambda x: x.tolerances) if run.is_shaped else _tolerances_of_corners
     )
     for label, key, unit, cap, values in (
         ("speed", "limits.speed", "m/s", run.limits.speed, lambda x: x.speeds),
@@ -203,18 +205,22 @@ def _capped(program: Program, run: Run) -> Iterator[str]:
             )
 
 
-def _at_corners(path: Path) -> FloatArray:
-    """Return the smaller tolerance of both segments at each corner [m], (vertices,); else NaN."""
+def _tolerances_of_corners(path: Path) -> FloatArray:
+    """Return the tolerance of each vertex between segments [m], (segments - 1,).
+
+    It is the smaller tolerance of the two segments at a corner, and NaN elsewhere.
+    """
     tolerances = path.tolerances
     return np.where(
         path.turns > TANGENT_TOLERANCE, np.fmin(tolerances[:-1], tolerances[1:]), np.nan
     )
 
 
-def _slow(result: RunRecord) -> str:
-    """Warn of the lead end with the lowest speed relative to its assigned velocity."""
+def _warn_of_slow_leads(result: RunRecord) -> str:
+    """Warn of the lead at whose end the tool is slowest relative to its assigned velocity."""
     run = result.run
-    slow = list[tuple[float, str]]()
+    # Ratio of the speed to the assigned velocity, and the words that describe the case.
+    slow_ends = list[tuple[float, str]]()
     spans = result.trajectory.contour_spans
     for i, (contour, span) in enumerate(zip(result.path.contours, spans, strict=True)):
         path = contour.path
@@ -232,9 +238,11 @@ def _slow(result: RunRecord) -> str:
             if lead > REPEATED_POINT and speed < assigned * (1 - SAME_SPEED) < np.inf:
                 words = f"{name} {word} at {number(speed, 'm/s')} instead of "
                 words += f"{number(assigned, 'm/s')}, with a lead of {number(lead, 'm')}"
-                slow.append((speed / assigned, words))
-    others = f" (the slowest of {len(slow)} cases)" if len(slow) > 1 else ""
-    return f"{min(slow)[1]}{others}." if slow else ""
+                slow_ends.append((speed / assigned, words))
+    if not slow_ends:
+        return ""
+    others = f" (the slowest of {len(slow_ends)} cases)" if len(slow_ends) > 1 else ""
+    return f"{min(slow_ends)[1]}{others}."
 
 
 def _warn_of_jerk_stops(stops: tuple[JerkStop, ...]) -> str:

@@ -22,12 +22,12 @@ from armcontour.jobs.alternatives import (
     first_contour_clear,
 )
 from armcontour.jobs.job import TANGENT, Job, Run
-from armcontour.jobs.resumption import (
+from armcontour.jobs.resumed_configuration import (
     ResumedPlace,
     Resumption,
-    mark,
     marked_places,
     shaped_places,
+    with_marks,
 )
 from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Method, Trajectory
@@ -63,7 +63,7 @@ LEAD_FACTOR = 1.25
 # The speed along a contour is known at this number of points.
 LEAD_SPEED_SAMPLES = 401
 # Keys of the process that are ignored while automatic leads are determined.
-UNLED = ("lead_in", "lead_out", "pierce", "kerf")
+KEYS_WITHOUT_LEADS = ("lead_in", "lead_out", "pierce", "kerf")
 # Name of a run's first step, in which corners are rounded.
 ROUNDING_STEP = "rounding"
 # Name of the first step if corners have shape free: contours are shaped.
@@ -81,15 +81,16 @@ def plan_one(
 ) -> RunResult:
     """Plan a run: prepare, round and trace its program, and time it on a collision-free joint path.
 
-    `objective`: the prepared program, if known; `clear`: whether to avoid collisions;
-    `resumption`: configuration of a resumed `objective`.
+    - `objective`: the prepared program, if known.
+    - `clear`: whether to avoid collisions.
+    - `resumption`: configuration of a resumed `objective`.
 
     Raises:
         ArmContourError: The run cannot be planned.
     """
     report = subprogress(progress)
     if objective is None:
-        resumption = resume_run(job, run, report, clear=clear)
+        resumption = find_resumption(job, run, report, clear=clear)
         objective = prepare_program(job, run, report, resumption)
     path = round_program(job, run, objective, report, resumption)
     traced = trace_run(job, run, path, report, resumption)
@@ -99,32 +100,34 @@ def plan_one(
     return dataclasses.replace(planned, resumption=resumption)
 
 
-def resume_run(
+def find_resumption(
     job: Job, run: Run, progress: Progress | None = None, *, clear: bool = True
 ) -> Resumption | None:
     """Find the configuration in which the whole job passes the place where it is resumed.
 
-    None if the job is not resumed. The whole job is traced, but not timed. `clear`: whether it
-    avoids collisions.
+    None if the job is not resumed. The whole job is traced, but not timed. The program itself is
+    cut by `resume_program`, when `prepare_program` prepares it.
+
+    `clear`: whether the joint paths of the whole job must avoid collisions.
     """
     resume_at = job.process.resume_at
     if resume_at == 0:
         return None
     process = dataclasses.replace(job.process, resume_at=0.0)
-    whole = dataclasses.replace(job, process=process)
+    whole_job = dataclasses.replace(job, process=process)
     report = subprogress(progress)
     try:
-        objective = prepare_program(whole, run, report)
+        objective = prepare_program(whole_job, run, report)
         place = ResumedPlace.find(objective, resume_at)
         if place is None:
             # `prepare_program` refuses the arc length.
             return None
-        path = round_program(whole, run, objective, report)
-        (s,) = places_on_path(whole, run, objective, path, place.number, np.array([place.s]))
-        traced = trace_run(whole, run, path, report)
+        path = round_program(whole_job, run, objective, report)
+        (s,) = places_on_path(whole_job, run, objective, path, place.number, np.array([place.s]))
+        traced = trace_run(whole_job, run, path, report)
         notes: tuple[str, ...] = ()
         if clear:
-            traced, notes = first_clear(whole, run, traced, report)
+            traced, notes = first_clear(whole_job, run, traced, report)
     except ArmContourError as error:
         return Resumption(resume_at=resume_at, reason=capitalise(str(error)))
     return Resumption(resume_at=resume_at, whole=place.traced(traced, float(s)), notes=notes)
@@ -136,9 +139,9 @@ def explained_reach(job: Job) -> Iterator[None]:
     try:
         yield
     except Unreachable as error:
-        from armcontour.jobs import reachability
+        from armcontour.jobs.unreachable_point import explain_reach
 
-        raise reachability.explain(error, job) from None
+        raise explain_reach(error, job) from None
 
 
 def explain_plan(job: Job, trajectory: Trajectory) -> Explanation | None:
@@ -153,7 +156,7 @@ def prepare_program(
 ) -> Program:
     """Add the process's leads, overlaps and events to a job's program; corners stay sharp.
 
-    `resumption`: see `resume_run`; automatic leads depend on it.
+    `resumption`: see `find_resumption`; automatic leads depend on it.
 
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
@@ -186,20 +189,24 @@ def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list
     run = dataclasses.replace(run, rounding=rounding, timing=timing, speed_factor=None)
     process = job.process
     # The contours are arranged first, so they have their direction already.
-    unled: dict[str, Any] = {**dict.fromkeys(UNLED), "direction": "drawn"}
-    plain = dataclasses.replace(
+    changes: dict[str, Any] = {**dict.fromkeys(KEYS_WITHOUT_LEADS), "direction": "drawn"}
+    without_leads = dataclasses.replace(
         process,
-        **unled,
+        **changes,
         approach=0.0,
         retract=0.0,
         order="drawn",
-        by_layer={x: {**given, **unled} for x, given in process.by_layer.items()},
-        by_contour={x: {**given, **unled} for x, given in process.by_contour.items()},
+        by_layer={x: {**keys, **changes} for x, keys in process.by_layer.items()},
+        by_contour={x: {**keys, **changes} for x, keys in process.by_contour.items()},
     )
-    moves = prepare(arrange_contours(job.program, process), plain).moves
+    moves = prepare(arrange_contours(job.program, process), without_leads).moves
     # Events may be due before the motion without leads begins.
-    still = (dataclasses.replace(x, events=()) if isinstance(x, Contour) else x for x in moves)
-    program = Program(moves=tuple(x for x in still if not isinstance(x, Event)))
+    without_events = [
+        dataclasses.replace(x, events=()) if isinstance(x, Contour) else x
+        for x in moves
+        if not isinstance(x, Event)
+    ]
+    program = Program(moves=tuple(without_events))
     planned = plan_one(job, run, objective=program, clear=False, resumption=resumption)
     with error_context("leads"):
         return [
@@ -209,7 +216,11 @@ def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list
 
 
 def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory | None) -> Leads:
-    """Find a contour's automatic leads from its motion without leads."""
+    """Find a contour's automatic leads from its motion without leads.
+
+    The tool must reach the speed v in the lead, with its acceleration along the contour. There, it
+    reaches the speed v_i after the distance d_i, so the lead is v² / max(v_i² / d_i) long.
+    """
     assert motion is not None
     process = job.process.of_contour(contour)
     leads = Leads()
@@ -236,8 +247,8 @@ def _leads_of_contour(job: Job, run: Run, contour: Contour, motion: Trajectory |
         while True:
             tried = Leads(**{name: length})
             try:
-                alone = prepare(Program(moves=(contour,)), ends, [tried])
-                planned = plan_one(job, run, objective=alone, clear=False)
+                with_lead = prepare(Program(moves=(contour,)), ends, [tried])
+                planned = plan_one(job, run, objective=with_lead, clear=False)
                 break
             except ArmContourError:
                 if length <= SHORTEST_LEAD:
@@ -259,7 +270,7 @@ def round_program(
 ) -> Program:
     """Round or shape the corners of a program as the run specifies; they can stay sharp.
 
-    `resumption`: see `resume_run`; shapes depend on the configuration.
+    `resumption`: see `find_resumption`; shapes depend on the configuration.
     """
     shaping = run.shaping
     if shaping is not None:
@@ -318,7 +329,7 @@ def places_on_path(
     """
     if run.is_shaped:
         return shaped_places(objective, path, number, s)
-    marked = round_program(job, run, mark(objective, number, s))
+    marked = round_program(job, run, with_marks(objective, number, s))
     return marked_places(marked.contours[number])
 
 
@@ -331,7 +342,7 @@ def trace_run(
 ) -> Tracing:
     """Trace the joint paths of all moves in a program within the run's limits.
 
-    `resumption`: see `resume_run`.
+    `resumption`: see `find_resumption`.
     """
     # A shaped program is traced in the configuration with which it was shaped, other programs in
     # the fastest configuration that is collision-free and above the base.

@@ -22,7 +22,7 @@ from armcontour.jobs.plan_quantities import (
     stops_of_path,
     weavings,
 )
-from armcontour.jobs.resumption import Resumption
+from armcontour.jobs.resumed_configuration import Resumption
 from armcontour.jobs.verdict import (
     BODIES,
     EXPECTED,

@@ -87,16 +87,17 @@ def _last_time_on_path(
     None if the tool was not on its path before it stopped.
     """
     arm = planned.arm
-    last = t >= min(end, float(t[-1])) - SEARCHED_TIME
-    tools = arm.tool_position(measured[last])
-    latest = np.clip(t[last], 0.0, end)
-    # The first point is the end, which a robot that follows its plan reaches exactly.
-    ages = np.append(np.arange(0.0, LONGEST_LAG, COMPARED_STEP), LONGEST_LAG)
+    is_compared = t >= min(end, float(t[-1])) - SEARCHED_TIME
+    tools = arm.tool_position(measured[is_compared])
+    latest = np.clip(t[is_compared], 0.0, end)
+    # Times by which the tool may lag its plan. Without lag, the last samples are compared with the
+    # end of the stop, which a robot that follows its plan reaches exactly.
+    lags = np.append(np.arange(0.0, LONGEST_LAG, COMPARED_STEP), LONGEST_LAG)
     nearest_times = list[FloatArray]()
     smallest_distances = list[FloatArray]()
     for first in range(0, len(tools), SAMPLES_AT_ONCE):
         part = slice(first, first + SAMPLES_AT_ONCE)
-        times = np.maximum(latest[part, None] - ages, 0.0)
+        times = np.maximum(latest[part, None] - lags, 0.0)
         points = arm.tool_position(planned.trajectory(times.ravel())).reshape(*times.shape, -1)
         distances = np.linalg.norm(points - tools[part, None], axis=2)
         nearest = distances.argmin(axis=1)
@@ -150,8 +151,8 @@ def _drawn_place(job: Job, planned: RunResult, number: int, s: float) -> float:
     high = planned.objective.contours[number].path.length
     for _ in range(ITERATIONS):
         drawn = np.linspace(low, high, PLACES_PER_ITERATION)
-        placed = places_on_path(job, planned.run, planned.objective, planned.path, number, drawn)
-        i = int(np.searchsorted(placed, s, side="right")) - 1
+        on_path = places_on_path(job, planned.run, planned.objective, planned.path, number, drawn)
+        i = int(np.searchsorted(on_path, s, side="right")) - 1
         low = float(drawn[max(i, 0)])
         high = float(drawn[min(max(i, 0) + 1, PLACES_PER_ITERATION - 1)])
         if high <= low:

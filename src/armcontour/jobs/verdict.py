@@ -155,8 +155,9 @@ def judge(
             others={},
         )
     judges = judging(run, errors)
-    every = [x.distances(deviations) for x in judges.values()]
-    distances = [max(x) for x in zip(*every, strict=True)]
+    distances_of_executions = [x.distances(deviations) for x in judges.values()]
+    # Largest distance of each contour from the drawing.
+    distances = [max(x) for x in zip(*distances_of_executions, strict=True)]
     k = distances.index(max(distances))
     largest_error = max(max(x.contour) for x in judges.values())
     kept: bool | None = True

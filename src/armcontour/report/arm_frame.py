@@ -123,7 +123,7 @@ def matrix(frame: Frame) -> FloatArray:
 
 
 def _reach(arm: Arm) -> float:
-    """Bound the distance from the base to the tool [m]."""
+    """Return an upper bound of the distance from the base to the tool [m]."""
     ends = [*arm.chain.positions, (arm.chain.tip @ arm.chain.tool).position]
     return float(sum(np.linalg.norm(x) for x in ends)) + arm.stroke
 
@@ -134,6 +134,7 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
     arrays: dict[str, npt.NDArray[Any]] = {}
 
     def add(name: str, link: int, colour: str, pose: Frame, corners: FloatArray) -> None:
+        """Add a body with its pose in its link, and its triangles [m], (n, 3, 3)."""
         array = f"body{len(bodies)}"
         link, pose = _on_floor(chain, link, pose)
         arrays[array] = np.asarray(corners, dtype=np.float32)

@@ -191,6 +191,7 @@ def render(template: str, **values: Any) -> Markup:
 
 @cache
 def _environment() -> Environment:
+    """Return the environment of jinja2 with the templates of reports."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

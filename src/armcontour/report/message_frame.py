@@ -90,6 +90,7 @@ def bytes_array(content: bytes) -> npt.NDArray[np.uint8]:
 
 
 def _to_json(header: Mapping[str, Any]) -> str:
+    """Return a header as JSON, with arrays and numbers that are not finite converted."""
     try:
         return json.dumps(header, ensure_ascii=False, allow_nan=False, default=jsonable)
     except (TypeError, ValueError):

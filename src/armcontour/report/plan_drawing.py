@@ -55,6 +55,10 @@ STILL = 1e-6
 LEAST_SHARE = 5e-3
 # Factor by which a link to a place enlarges the drawing.
 CLOSER = 5
+# A smaller extent of a drawing [m] is enlarged to this one.
+SMALLEST_SIZE = 1e-9
+# Arc lengths that differ by at most this [m] are one place.
+SAME_PLACE = 1e-9
 
 
 class LegendEntry(NamedTuple):
@@ -109,8 +113,8 @@ class Line(NamedTuple):
     words: str = ""
 
 
-class Key(NamedTuple):
-    """An entry below a drawing.
+class SymbolEntry(NamedTuple):
+    """An entry below a drawing: a symbol of the drawing and its meaning.
 
     Args:
         symbol: Symbol as HTML.
@@ -151,19 +155,19 @@ class Drawing(Picture):
 
     template: ClassVar[str] = "drawing.html"
     svg: str
-    keys: tuple[Key, ...]
+    keys: tuple[SymbolEntry, ...]
     legend: tuple[LegendEntry, ...] = ()
     places: Mapping[str, str] = field(default_factory=dict)
 
 
 def draw_plan(result: RunResult, job: Job) -> Drawing:
     """Draw the path of a plan with its active limits, rapids, kerf, process and extremes."""
-    outline = [drawn_curve(x.path) for x in result.path.contours]
+    contours = [drawn_curve(x.path) for x in result.path.contours]
     rapids = rapid_paths(result)
     tabs = _tabs(result, job.process)
     # A flat part is viewed from above, also if the tool is lifted between its contours.
-    axes = view_of(np.concatenate(outline))
-    sheet = Sheet.of(np.concatenate([*outline, *rapids]), axes)
+    axes = view_of(np.concatenate(contours))
+    sheet = Sheet.of(np.concatenate([*contours, *rapids]), axes)
     lines = [
         *_kerf(result, job.process, sheet),
         *_as_drawn(result, job, sheet),
@@ -173,9 +177,9 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         lines.append(sheet.line(rapids, f'class="limit" {look_of(RAPIDS)}'))
     for kind, curves in pieces_of(result, SHORTEST / sheet.size).items():
         lines.append(sheet.line(curves, f'class="limit path" {look_of(kind)}', word_of(kind)))
-    gaps = [drawn_curve(x.contour.path, x.start, x.end) for x in tabs]
-    if gaps:
-        lines.append(sheet.line(gaps, 'class="tab"', "tab, not cut"))
+    tab_curves = [drawn_curve(x.contour.path, x.start, x.end) for x in tabs]
+    if tab_curves:
+        lines.append(sheet.line(tab_curves, 'class="tab"', "tab, not cut"))
     prefix = slug(job.name)
     extremes = list(_extremes(result, prefix))
     kinds: dict[str, tuple[str, str, list[Mark]]] = {
@@ -186,21 +190,23 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
         "off": ("◇", "output off", _output_marks(result, tabs, on=False)),
         **{name: (symbol, mark.words, [mark]) for name, symbol, mark in extremes},
     }
-    keys = [Key("┄", f"tab ({len(tabs)})")] if tabs else []
+    keys = [SymbolEntry("┄", f"tab ({len(tabs)})")] if tabs else []
     marks: list[tuple[str, Mark]] = []
     for name, (symbol, words, points) in kinds.items():
         if points:
             marks += ((name, x) for x in sheet.without_overlap(points))
             place = points[0].place
-            keys.append(Key(symbol, words if place else f"{words} ({len(points)})", place))
+            keys.append(SymbolEntry(symbol, words if place else f"{words} ({len(points)})", place))
     limits = _limit_marks(result, prefix)
     marks += (("", x) for x in limits.values())
     legend = legend_of(result, {kind: x.place for kind, x in limits.items()})
-    label = f"Path of the tool, {count_noun(len(outline), 'contour')}; what takes the time: "
+    label = f"Path of the tool, {count_noun(len(contours), 'contour')}; what takes the time: "
     label += ", ".join(f"{x.word} {number(x.share, '1')}" for x in legend) or "unknown"
     places = {ROW_OF[name]: mark.place for name, _, mark in extremes}
-    if (why := result.explanation) is not None and why.longest is not None:
-        kind = next(x.kind for x in why.shares if x.name == why.longest[0])
+    explanation = result.explanation
+    if explanation is not None and explanation.longest is not None:
+        longest = explanation.longest[0]
+        kind = next(x.kind for x in explanation.shares if x.name == longest)
         if kind in limits:
             places["time_limit"] = limits[kind].place
     title = "Path" + ", coloured by the active limit" * bool(legend)
@@ -209,17 +215,17 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
     return Drawing(title=title, svg=svg, keys=tuple(keys), legend=legend, places=places)
 
 
-# Values that are shown at their places, by name of the mark.
+# Names of the result rows whose values the marks show, by name of the mark.
 ROW_OF = {"error": "off_drawing", "near": "clearance.low", "slow": "slowest"}
 
 
 def slug(text: str) -> str:
-    """Convert a text to a part of an id."""
+    """Convert a text to letters, digits and hyphens, for the id of an element."""
     return re.sub(r"\W+", "-", text)
 
 
 def word_of(kind: str) -> str:
-    """Return how pages call a limit kind."""
+    """Return the name of a limit kind on pages."""
     return str(limit_style(kind).get("word", kind))
 
 
@@ -256,17 +262,20 @@ class Sheet:
     @classmethod
     def of(cls, points: FloatArray, axes: FloatArray) -> Sheet:
         """Make the sheet on which points [m], (n, dimension), are drawn as large as possible."""
-        low, high = (f(points @ axes.T, axis=0) for f in (np.min, np.max))
-        wide, high_up = np.maximum(high - low, 1e-9)
-        size = min((WIDTH - 2 * EDGE) / wide, (HEIGHT - 2 * EDGE) / high_up)
-        extent = np.array([WIDTH, max(FLATTEST, high_up * size + 2 * EDGE)])
-        room = (extent / size - (high - low)) / 2
-        return cls(axes, low - room, float(size), extent)
+        coordinates = points @ axes.T
+        low = coordinates.min(axis=0)
+        high = coordinates.max(axis=0)
+        width, height = np.maximum(high - low, SMALLEST_SIZE)
+        size = min((WIDTH - 2 * EDGE) / width, (HEIGHT - 2 * EDGE) / height)
+        extent = np.array([WIDTH, max(FLATTEST, height * size + 2 * EDGE)])
+        margins = (extent / size - (high - low)) / 2
+        return cls(axes, low - margins, float(size), extent)
 
     def place(self, points: FloatArray) -> FloatArray:
         """Project points [m], (n, dimension), to positions in the drawing [px], (n, 2)."""
-        across = (points @ self.axes.T - self.origin) * self.size
-        return np.asarray(np.stack([across[..., 0], self.extent[1] - across[..., 1]], axis=-1))
+        xy = (points @ self.axes.T - self.origin) * self.size
+        # In SVG, y points down.
+        return np.asarray(np.stack([xy[..., 0], self.extent[1] - xy[..., 1]], axis=-1))
 
     def line(
         self, curves: Sequence[FloatArray], look: str, words: str = "", *, fine: bool = False
@@ -279,8 +288,10 @@ class Sheet:
         digits = 2 if fine else 1
         if not fine:
             chosen = simplify(drawn, VISIBLE)
-            drawn = [points[few] for points, few in zip(drawn, chosen, strict=True)]
-        texts = ("M" + " ".join(f"{x:.{digits}f}" for x in y.ravel().tolist()) for y in drawn)
+            drawn = [points[rows] for points, rows in zip(drawn, chosen, strict=True)]
+        texts = (
+            "M" + " ".join(f"{x:.{digits}f}" for x in points.ravel().tolist()) for points in drawn
+        )
         return Line(look, "".join(texts), words)
 
     def without_overlap(self, marks: Iterable[Mark]) -> list[Mark]:
@@ -296,7 +307,7 @@ class Sheet:
         return float(-np.degrees(np.arctan2(along[1], along[0])))
 
     def window(self, mark: Mark) -> float:
-        """Return the size of the part that a link to the mark shows [px]."""
+        """Return the width of the part of the drawing that a link to the mark shows [px]."""
         return mark.window * self.size or WIDTH / CLOSER
 
     @property
@@ -443,14 +454,15 @@ def _numbers(result: RunResult, sheet: Sheet) -> Iterator[tuple[int, FloatArray]
     contours = result.path.contours
     if 1 < len(contours) <= MAX_NUMBERED:
         starts = sheet.place(np.array([x.path(0.0) for x in contours]))
-        taken = list[FloatArray]()
+        places_of_numbers = list[FloatArray]()
         for k, contour in enumerate(contours):
             # The first place next to the start that is free, else the one with most room.
-            others = np.array([*np.delete(starts, k, axis=0), *taken])
+            others = np.array([*np.delete(starts, k, axis=0), *places_of_numbers])
             places = starts[k] + BESIDE
             room = np.abs(places[:, None] - others).max(axis=2).min(axis=1)
-            taken.append(places[np.argmax(np.minimum(room, FREE))])
-            yield contour.number or k + 1, taken[-1]
+            place = places[np.argmax(np.minimum(room, FREE))]
+            places_of_numbers.append(place)
+            yield contour.number or k + 1, place
 
 
 def _stop_marks(result: RunResult) -> list[Mark]:
@@ -470,14 +482,14 @@ def _stop_marks(result: RunResult) -> list[Mark]:
 def _output_marks(result: RunResult, tabs: Sequence[Tab], *, on: bool) -> list[Mark]:
     """Mark the points at which outputs are switched, without those of tabs."""
     words = {True: "on", False: "off"}
-    ends = list[float]()
+    tab_ends = list[float]()
     for tab in tabs:
-        ends += [tab.offset + tab.start, tab.offset + tab.end]
+        tab_ends += [tab.offset + tab.start, tab.offset + tab.end]
     marks = []
     for event in result.trajectory.events:
         if (event.value is not False) != on:
             continue
-        if np.isclose(event.s, ends, rtol=0, atol=1e-9).any():
+        if np.isclose(event.s, tab_ends, rtol=0, atol=SAME_PLACE).any():
             continue
         value = words[event.value] if isinstance(event.value, bool) else event.value
         place = f"t = {number(event.t, 's')}, s = {number(event.s, 'm')}"
@@ -490,8 +502,8 @@ def _tabs(result: RunResult, process: Process) -> list[Tab]:
     tabs = []
     for k, start, end in idle_parts(result.path, process):
         contour = result.path.contours[k]
-        first, last = contour.at_work
-        if first < start and end < last:
+        work_start, work_end = contour.at_work
+        if work_start < start and end < work_end:
             tabs.append(Tab(contour, float(result.path.breaks[k]), start, end))
     return tabs
 
@@ -507,8 +519,8 @@ def _pierce_marks(result: RunResult, process: Process) -> list[Mark]:
 
 def _extremes(result: RunResult, prefix: str) -> Iterator[tuple[str, str, Mark]]:
     """Yield name, symbol and mark of the slowest point, the largest error and the nearest pair."""
-    short = () if result.explanation is None else result.explanation.shortfalls
-    slowest = min(short, key=lambda x: x.speed / x.assigned, default=None)
+    shortfalls = () if result.explanation is None else result.explanation.shortfalls
+    slowest = min(shortfalls, key=lambda x: x.speed / x.assigned, default=None)
     if slowest is not None:
         words = f"slowest point: {slowest.sentence}"
         yield "slow", "▲", Mark(_at(result, slowest.s), words, place=f"{prefix}-slow")

@@ -124,6 +124,11 @@ def _planned(
 
 
 def _run(name: str, plan: Trajectory, method: str, limits: Limits, cycle: float) -> Run:
+    """Return a run that describes a plan without a job.
+
+    - `method`: name of the compensation.
+    - `cycle`: cycle of the set-points [s].
+    """
     return Run(
         name=name,
         timing=TIMINGS.get(plan.method, Optimal)(),

@@ -30,6 +30,8 @@ MAX_PER_ARC = 20_000
 CORNER_TURN = 0.4
 # Default maximum number of points that are always drawn because the direction changes.
 MAX_CORNERS = 100_000
+# Decimals to which ratios of distances to the allowed error are rounded.
+RATIO_DECIMALS = 6
 # Minimum number of evenly spaced times in a motion.
 MIN_SAMPLES = 200
 # Default approximate maximum number of points in a drawing.
@@ -144,8 +146,8 @@ def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) ->
     width = -(-count // parts)
     table = np.nan_to_num(np.stack(rows))
     # The last interval may have fewer points, so it is processed separately.
-    whole = count - count % width
-    for begin, end in ((0, whole), (whole, count)):
+    equal_end = count - count % width
+    for begin, end in ((0, equal_end), (equal_end, count)):
         if begin < end:
             cut = table[:, begin:end].reshape(len(rows), -1, min(width, end - begin))
             first = begin + np.arange(cut.shape[1]) * width
@@ -157,8 +159,8 @@ def select_points(weight: FloatArray, rows: Sequence[FloatArray], limit: int) ->
 def allowed_drawing_error(uv: FloatArray) -> float:
     """Return how far a drawn line may be from its path [m], for picture points [m], (n, 2)."""
     # This measure of the size does not change when the path is rotated.
-    away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
-    return max(2.0 * float(away.max(initial=0.0)), MIN_SIZE) / PICTURE_FINENESS
+    radii = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
+    return max(2.0 * float(radii.max(initial=0.0)), MIN_SIZE) / PICTURE_FINENESS
 
 
 def drawn_points(paths: Sequence[Path], error: float) -> tuple[FloatArray, IntArray]:
@@ -189,10 +191,15 @@ def drawn_curve(path: Path, start: float = 0.0, end: float | None = None) -> Flo
 
 
 def _drawn_parts(table: Segments, error: float) -> tuple[IntArray, FloatArray]:
-    """Return the samples' segments, without the last, and the shares of their lengths, (n,)."""
-    bend = np.abs(table.curvatures)
-    coarse = np.maximum(bend * table.lengths / TURN, table.lengths * np.sqrt(bend / error))
-    parts = np.clip(np.ceil(coarse), 1, MAX_PER_ARC).astype(np.intp)
+    """Sample segments for drawing: return each sample's segment, and its share of the length, (n,).
+
+    The end of the last segment is not a sample. `error`: see `allowed_drawing_error` [m].
+    """
+    # A part turns by at most TURN, and is at most about `error` away from its chord.
+    curvature = np.abs(table.curvatures)
+    by_angle = curvature * table.lengths / TURN
+    by_error = table.lengths * np.sqrt(curvature / error)
+    parts = np.clip(np.ceil(np.maximum(by_angle, by_error)), 1, MAX_PER_ARC).astype(np.intp)
     i = np.repeat(np.arange(len(table)), parts)
     k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
     return i, k / parts[i]
@@ -226,8 +233,9 @@ def essential_points(
     """
     mask = np.zeros(len(points), dtype=bool)
     mask[ends[:-1]] = mask[ends[1:] - 1] = True
-    turned = np.floor(_turns(points, ends) / CORNER_TURN)
-    corners = 1 + np.flatnonzero(np.diff(turned))
+    # A point at which the accumulated turn passes a multiple of CORNER_TURN is a corner.
+    turns = np.floor(_turns(points, ends) / CORNER_TURN)
+    corners = 1 + np.flatnonzero(np.diff(turns))
     # A picture with more corners is hatching whose lines are too dense for the screen.
     if len(corners) <= max_corners:
         mask[corners] = True
@@ -235,17 +243,17 @@ def essential_points(
     while len(remaining):
         essential = np.flatnonzero(mask)
         lines = np.searchsorted(essential, remaining) - 1
-        distances = _from_piece(
+        distances = _from_segment(
             points[remaining], points[essential[lines]], points[essential[lines + 1]]
         )
         # All points with the largest distance are added, so that the choice of points does not
         # depend on rounding when the path is moved.
-        distances = np.round(distances / error, 6)
+        distances = np.round(distances / error, RATIO_DECIMALS)
         worst = np.zeros(len(essential))
         np.maximum.at(worst, lines, distances)
-        far = worst[lines] > 1.0
-        mask[remaining[far & (distances == worst[lines])]] = True
-        remaining = remaining[far & (distances < worst[lines])]
+        exceeds = worst[lines] > 1.0
+        mask[remaining[exceeds & (distances == worst[lines])]] = True
+        remaining = remaining[exceeds & (distances < worst[lines])]
     return mask
 
 
@@ -261,11 +269,11 @@ def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
     return np.cumsum(turn)
 
 
-def _from_piece(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the distances of points from line segments [m], (n,)."""
+def _from_segment(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the distance of each point from its line segment [m], (n,)."""
     chord = end - begin
-    away = points - begin
+    from_begin = points - begin
     square = np.einsum("ij,ij->i", chord, chord)
-    along = np.einsum("ij,ij->i", away, chord) / np.where(square > 0, square, 1.0)
-    offsets = away - np.clip(along, 0.0, 1.0)[:, None] * chord
+    fraction = np.einsum("ij,ij->i", from_begin, chord) / np.where(square > 0, square, 1.0)
+    offsets = from_begin - np.clip(fraction, 0.0, 1.0)[:, None] * chord
     return np.asarray(np.linalg.norm(offsets, axis=1))

@@ -116,6 +116,7 @@ class AccessControl:
             return
 
         async def answer(message: Message) -> None:
+            """Send a message of the application, with the security headers in a response."""
             if message["type"] == "http.response.start":
                 own_headers = [(name, x) for name, x in message.get("headers", [])]
                 message = {**message, "headers": [*own_headers, *self.endpoint.headers]}

@@ -55,6 +55,7 @@ class OpenPage:
                 await send({"type": "websocket.send", "bytes": data})
 
     def _pop(self) -> bytes | None:
+        """Remove the oldest message from the queue and return it; None if the queue is empty."""
         with self._lock:
             key = next(iter(self._waiting), None)
             return None if key is None else self._waiting.pop(key)

@@ -180,7 +180,7 @@ def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _method(options: Any, default: str) -> str:
-    """Name of the method in the options of a run, or the default."""
+    """Return the name of the method in the options of a run, or the default."""
     return str(options.get("method", default) if isinstance(options, Mapping) else default)
 
 
@@ -215,8 +215,8 @@ def _options(path: Any) -> Any:
 
 def _layers(job: Job) -> list[str]:
     """List the drawing's layers, including layers that the program does not execute."""
-    run = (x.layer for x in job.program.contours)
-    return sorted({*run, *job.program.other_layers} - {""})
+    executed = (x.layer for x in job.program.contours)
+    return sorted({*executed, *job.program.other_layers} - {""})
 
 
 def _name(key: Any) -> str:
@@ -226,6 +226,7 @@ def _name(key: Any) -> str:
 
 
 def _waypoints(handles: Handles) -> list[dict[str, Any]]:
+    """Describe the waypoints of a drawing: position, role, and which edits are possible."""
     return [
         {
             **{"index": x.index, "uv": x.uv, "written": x.written},

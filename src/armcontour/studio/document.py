@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from armcontour.core.errors import FileError, InvalidInput
 from armcontour.core.file_access import read_bytes, write_atomically
-from armcontour.files.job_file import drawing_text, read_data
+from armcontour.files.job_file import drawing_text, read_job_mapping
 from armcontour.files.job_text_edits import write_data
 from armcontour.studio.recent import Recent, drop_recent, find_draft
 
@@ -77,7 +77,7 @@ class Document:
         self.text = self._opened = text.removeprefix(BOM)
         # The job of a drawing has a file that does not exist yet, so all of its text is unsaved.
         self.saved_text = self.text if saved is not None or file is None else ""
-        self._data = read_data(self.text, self.source)
+        self._data = read_job_mapping(self.text, self.source)
         self._past: list[HistoryEntry] = []
         self._future: list[HistoryEntry] = []
         self.earlier_draft = None if origin is None else find_draft(*origin, self.text)
@@ -131,7 +131,7 @@ class Document:
         # Browsers convert all line breaks to line feeds.
         if "\r\n" in self.text and "\r" not in text:
             text = text.replace("\n", "\r\n")
-        self._set_text(text, read_data(text, self.source), label)
+        self._set_text(text, read_job_mapping(text, self.source), label)
 
     def undo(self) -> None:
         """Revert the last change."""
@@ -177,7 +177,7 @@ class Document:
         content = self._read_file()
         text = decode(content, self.file)
         body = text.removeprefix(BOM)
-        data = read_data(body, self.source)
+        data = read_job_mapping(body, self.source)
         self._saved = content
         self.saved_text = body
         self._has_bom = text.startswith(BOM)

@@ -30,8 +30,8 @@ from armcontour.jobs.run_job import compute_set_points, simulate_experiment
 from armcontour.jobs.run_plan import (
     explain_plan,
     explained_reach,
+    find_resumption,
     prepare_program,
-    resume_run,
     round_program,
     time_run,
     trace_run,
@@ -263,6 +263,7 @@ class CoarsePlanner:
         return executions
 
     def _make_job(self, data: Mapping[str, Any], run: str | None) -> Job:
+        """Make the job with one run from job data; unchanged parts come from the cache."""
         model = _with_one_run(self._model(data), run)
         arm, path = self._read_arm_and_path(model, data)
         scene: Scene | None = None
@@ -276,11 +277,13 @@ class CoarsePlanner:
         return assemble_job(model, arm, path, scene)
 
     def _model(self, data: Mapping[str, Any]) -> JobModel:
+        """Return the checked keys of job data, from the cache if the data are unchanged."""
         return self._cache.get("keys", data, lambda: _model_of(data))
 
     def _read_arm_and_path(
         self, model: JobModel, data: Mapping[str, Any]
     ) -> tuple[Arm, Path | Program]:
+        """Return the arm and the placed path of a job; unchanged parts come from the cache."""
         arm = self._read_arm(model, data)
         unplaced = _unplaced(data)
         drawn = self._cache.get(
@@ -301,13 +304,18 @@ class CoarsePlanner:
         return arm, path
 
     def _read_arm(self, model: JobModel, data: Mapping[str, Any]) -> Arm:
+        """Return the arm of a job, from the cache if its keys are unchanged."""
         # The load of a positioner is fixed to the part.
-        carries = isinstance(model.arm, ArmModel) and model.arm.positioner is not None
-        made_of = data["arm"], _part(data) if carries else None
+        has_positioner = isinstance(model.arm, ArmModel) and model.arm.positioner is not None
+        made_of = data["arm"], _part(data) if has_positioner else None
         part = part_of(model.path)
         return self._cache.get("arm", made_of, lambda: arm_of(model.arm, self.folder, part))
 
     def _read_drawing(self, model: PathModel, unplaced: Mapping[str, Any]) -> Program | None:
+        """Return the program of a drawing, from the cache if its keys are unchanged.
+
+        None for a path without a drawing. `unplaced`: keys of the path without frame and contours.
+        """
         if model.file is None:
             return None
         read = partial(read_drawing, model, model.file, self.folder)
@@ -334,7 +342,7 @@ class CoarsePlanner:
             resumption = get(
                 "resuming",
                 (made_of, corners, arm_inputs, limits, run.timing),
-                lambda: resume_run(job, run, report, clear=False),
+                lambda: find_resumption(job, run, report, clear=False),
             )
         objective = get(
             "preparing",
@@ -378,6 +386,7 @@ def _arm_inputs(job: Job) -> tuple[Any, ...]:
 
 
 def _model_of(data: Mapping[str, Any]) -> JobModel:
+    """Check the keys of job data, and return them as a model."""
     if not isinstance(data, Mapping):
         raise InvalidInput("A job must be a mapping of keys such as name, arm, path and runs.")
     with error_context("job"):
@@ -404,7 +413,7 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
 
 
 def coarser_run(job: Job, run: Run) -> Run:
-    """Run of a preview: with a cycle of at least MIN_CYCLE, arcs at corners, and a coarse grid."""
+    """Return the run of a preview: a cycle from MIN_CYCLE on, arcs at corners, a coarse grid."""
     cycle = max(run.cycle, MIN_CYCLE)
     try:
         for servo in (job.servo, job.plant_servo):

@@ -171,8 +171,9 @@ class Scheduler:
         self._queued: FiguresRequest | None = None
         # Last request that resulted in figures, and these figures.
         self._known: tuple[Mapping[str, Any], MessageFrame] | None = None
+        # Number of requests for figures, and time of the last one [s].
         self._count = 0
-        self._since = 0.0
+        self._requested_at = 0.0
         self._task_worker: TaskWorker | None = None
         self._running: set[str] = set()
 
@@ -193,9 +194,10 @@ class Scheduler:
             state.results = self._results
             if old is not None:
                 self._end_progress(old)
-            if self._current is not None and self._since + MAX_OBSOLETE_FIGURES < time.monotonic():
+            obsolete_at = self._requested_at + MAX_OBSOLETE_FIGURES
+            if self._current is not None and obsolete_at < time.monotonic():
                 # Obsolete figures are cancelled, because they slow the preview down.
-                self._figures_worker.cancel(f"{STATE_ID}{self._count}")
+                self._figures_worker.cancel(self._figures_id)
             self._preview_worker.submit(partial(self._show_state, state))
 
     def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
@@ -228,7 +230,7 @@ class Scheduler:
     def show_again(self) -> None:
         """Send everything with the next state, because a page has nothing yet."""
         with self._lock:
-            # Without the plan, a refusal brings the outline as a picture.
+            # `planned = None`: an error frame also contains the outline, which a new page lacks.
             self._results.sent_parts = self._results.drawn = self._results.planned = None
 
     def forget_figures(self) -> None:
@@ -281,18 +283,18 @@ class Scheduler:
         """Compute and show the preview of a state; `explain`: as for `CoarsePlanner.plan`."""
         results = state.results
         # Computing time is CPU time, so that plans are not cancelled because the machine is busy.
-        begin = time.thread_time()
+        started_at = time.thread_time()
 
         def report(step: Step) -> None:
-            if time.thread_time() > begin + MAX_OBSOLETE_PLAN and stale():
+            if time.thread_time() > started_at + MAX_OBSOLETE_PLAN and stale():
                 raise Superseded
             self._send_progress(state, step.names, step.done)
 
         planned = self.previewer.plan(state.data, state.run, report, explain=explain)
-        took = time.thread_time() - begin
-        results.plan_times = results.plan_times[1], took
+        plan_time = time.thread_time() - started_at
+        results.plan_times = results.plan_times[1], plan_time
         self._show_plan(state, planned)
-        if took > FAST_PLAN or planned.trajectory.duration > MAX_EXECUTED:
+        if plan_time > FAST_PLAN or planned.trajectory.duration > MAX_EXECUTED:
             self._wait(state, stale)
         if stale() and time.monotonic() < self._executed_at + MIN_SIMULATION_INTERVAL:
             raise Superseded
@@ -354,7 +356,10 @@ class Scheduler:
     def _refuse(
         self, state: DocumentState, error: ArmContourError, planned: Preview | None = None
     ) -> None:
-        """Send an error of planning or execution with its position on the path."""
+        """Send an error with its position on the path.
+
+        `planned`: the plan whose execution has failed; None for an error of planning.
+        """
         results = state.results
         state.answered = True
         header = refusal_header(
@@ -379,6 +384,11 @@ class Scheduler:
 
     # Exact figures and tasks
 
+    @property
+    def _figures_id(self) -> str:
+        """Task identifier of the last request for exact figures."""
+        return f"{STATE_ID}{self._count}"
+
     def _request_figures(self, state: DocumentState) -> None:
         """Request the exact figures of a state; if they are known, send them at once."""
         with contextlib.suppress(ArmContourError):
@@ -399,44 +409,52 @@ class Scheduler:
         self._current = (state, request)
         self._queued = None
         self._count += 1
-        self._since = time.monotonic()
-        self._figures_worker.submit(f"{STATE_ID}{self._count}", "figures", dict(request))
+        self._requested_at = time.monotonic()
+        self._figures_worker.submit(self._figures_id, "figures", dict(request))
 
     def _receive(self, frame: MessageFrame) -> None:
         """Process a frame that a task process has sent."""
         with self._lock:
-            id = str(frame.header.get("id", ""))
-            if not id.startswith(STATE_ID):
-                if frame.kind != "progress":
-                    self._running.discard(id)
-                self._deliver(frame, None)
-                return
-            if self._current is None or id != f"{STATE_ID}{self._count}":
-                return
-            state, request = self._current
-            if frame.kind == "progress":
-                if state.answered:
-                    self._send_progress(state, frame.header["steps"], frame.header["share"])
-                return
-            self._current = None
-            if frame.kind == "figures":
-                self._known = request, frame
-                self._send_figures(state, frame)
-            elif frame.kind == "refusal":
-                self._deliver(frame, state)
-                self._end_progress(state)
-            elif frame.kind == "failed":
-                # The process has failed, for example because it was killed.
-                self._deliver(MessageFrame("notice", {"sentence": frame.header["sentence"]}), state)
-                self._end_progress(state)
-            if self._queued is not None:
-                self._submit_figures(*self._queued)
+            task_id = str(frame.header.get("id", ""))
+            if not task_id.startswith(STATE_ID):
+                self._receive_task_frame(task_id, frame)
+            elif self._current is not None and task_id == self._figures_id:
+                state, request = self._current
+                self._receive_state_frame(state, request, frame)
+
+    def _receive_task_frame(self, task_id: str, frame: MessageFrame) -> None:
+        """Send the frame of a task that a page has started to the pages."""
+        if frame.kind != "progress":
+            self._running.discard(task_id)
+        self._deliver(frame, None)
+
+    def _receive_state_frame(
+        self, state: DocumentState, request: Mapping[str, Any], frame: MessageFrame
+    ) -> None:
+        """Process a frame about the exact figures of a state: progress, figures or an error."""
+        if frame.kind == "progress":
+            if state.answered:
+                self._send_progress(state, frame.header["steps"], frame.header["share"])
+            return
+        self._current = None
+        if frame.kind == "figures":
+            self._known = request, frame
+            self._send_figures(state, frame)
+        elif frame.kind == "refusal":
+            self._deliver(frame, state)
+            self._end_progress(state)
+        elif frame.kind == "failed":
+            # The process has failed, for example because it was killed.
+            self._deliver(MessageFrame("notice", {"sentence": frame.header["sentence"]}), state)
+            self._end_progress(state)
+        if self._queued is not None:
+            self._submit_figures(*self._queued)
 
     def _send_figures(self, state: DocumentState, frame: MessageFrame) -> None:
         """Send exact figures, then show the plan and the execution to which they belong."""
-        taken = self._deliver(MessageFrame("figures", frame.header), state)
+        is_current = self._deliver(MessageFrame("figures", frame.header), state)
         self._end_progress(state)
-        if taken and state is self._newest and "plan" in frame.arrays:
+        if is_current and state is self._newest and "plan" in frame.arrays:
             plan = pickle.loads(frame.arrays["plan"].tobytes())
             self._preview_worker.submit(partial(self._show_exact, state, plan))
 

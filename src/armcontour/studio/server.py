@@ -251,6 +251,7 @@ def listen(port: int) -> socket.socket:
 
 
 async def _serve(listening: socket.socket, endpoint: Endpoint, session_host: SessionHost) -> None:
+    """Serve the page on an open socket until the session host stops the server."""
     import uvicorn
 
     # Only errors are logged. The access log is disabled, so that no addresses are logged.
@@ -309,6 +310,7 @@ async def _watch(session_host: SessionHost) -> None:
 
 
 async def _read_body(receive: Receive) -> bytes:
+    """Return the body of a request; refuse a request that the page does not complete."""
     parts = []
     while True:
         message = await receive()
@@ -335,4 +337,5 @@ def _refuse_constant(name: str) -> float:
 
 
 async def _close(send: Send, code: int, reason: str) -> None:
+    """Close a socket with a code and a reason."""
     await send({"type": "websocket.close", "code": code, "reason": reason})

@@ -56,6 +56,7 @@ class PreviewWorker:
             self._news.notify()
 
     def _run(self) -> None:
+        """Execute the newest function that waits, until the worker is closed."""
         while True:
             with self._news:
                 self._news.wait_for(lambda: self._waiting is not None or not self._is_open)
@@ -74,6 +75,7 @@ class PreviewWorker:
                 self._deliver(MessageFrame("notice", {"sentence": sentence}))
 
     def _is_stale(self, number: int, within: float = 0.0) -> bool:
+        """Return whether a newer function than this number waits, or arrives within a time [s]."""
         with self._news:
             return self._news.wait_for(lambda: self._newest > number, max(0.0, within))
 

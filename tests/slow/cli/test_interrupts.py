@@ -16,7 +16,7 @@ ENDLESS = """
 import sys
 from pathlib import Path
 from armcontour.core.kernel_cache import compiled
-from armcontour.cli.console import run_interruptibly
+from armcontour.cli.interruption import run_interruptibly
 from armcontour.files import ResultFolder
 
 @compiled()

@@ -59,6 +59,11 @@ LOOP_PAUSE = 1e-3
 READ_SIZE = 1 << 20
 # Maximum number of lines that the loop processes per pass during a motion: about 0.2 ms.
 MAX_LINES_PER_PASS = 60
+# Indices of the state that a feeder shares with its guard: number of passes of the loop, whether a
+# motion is played, number of rows sent, and 1 + the first cycle of the stop that was taken.
+STATE_LOOPS, STATE_PLAYING, STATE_SENT, STATE_TAKEN_STOP = range(4)
+# Size of this state, four integers of 8 bytes [bytes].
+STATE_SIZE = 32
 Row = tuple[float, ...]
 # Sample: count of the controller's clock, cycle of the motion, commanded and measured positions.
 Sample = tuple[int, int, Row, Row]
@@ -226,8 +231,8 @@ class Feeder:
         device: The controller.
         record: File of all samples.
         out: What gets the lines.
-        state: Memory shared with a guard: number of loops, whether a motion is played, number of
-            rows sent, and 1 + the cycle of the stop that was taken.
+        state: Memory shared with a guard: integers with the indices STATE_LOOPS,
+            STATE_PLAYING, STATE_SENT and STATE_TAKEN_STOP. None without a guard.
     """
 
     def __init__(
@@ -237,7 +242,7 @@ class Feeder:
         self.record = record
         self.out = out
         self.guarded = state is not None
-        self.state = memoryview(bytearray(32)).cast("q") if state is None else state
+        self.state = memoryview(bytearray(STATE_SIZE)).cast("q") if state is None else state
         self.rows: list[Row] = []
         self.stops: dict[int, list[Row]] = {}
         self.block: list[Row] = []
@@ -245,13 +250,13 @@ class Feeder:
         self.rest = b""
         self.lines: deque[bytes] = deque()
         self.sent = 0
-        self.playing = self.stop_requested = self.orphaned = self.quitting = self.stopped = False
+        self.playing = self.stop_requested = self.sender_lost = self.quitting = self.stopped = False
         self.ended = False
         self.heard = time.monotonic()
 
-    def say(self, *words: object) -> None:
-        """Print a line."""
-        self.out.write(" ".join(map(str, words)) + "\n")
+    def send_line(self, letter: str, *words: object) -> None:
+        """Buffer a line for the sender; the docstring of this module explains its letter."""
+        self.out.write(" ".join(map(str, (letter, *words))) + "\n")
 
     def flush(self) -> None:
         """Send buffered lines, if a reader exists."""
@@ -266,10 +271,10 @@ class Feeder:
         self.lose_sender()
 
     def lose_sender(self) -> None:
-        """Continue without a sender: execute the next stop, then quit."""
+        """Continue without a sender, whose connection has failed: take the next stop, then quit."""
         if not self.quitting:
-            self.say("V")
-        self.orphaned = self.stop_requested = self.quitting = True
+            self.send_line("V")
+        self.sender_lost = self.stop_requested = self.quitting = True
 
     def run(self) -> None:
         """Connect, then process commands until the end."""
@@ -277,11 +282,11 @@ class Feeder:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         os.set_blocking(0, False)
         try:
-            self.say("R", *self.device.connect())
+            self.send_line("R", *self.device.connect())
             self.flush()
             self.loop()
         except (DeviceError, OSError) as error:
-            self.say("F", str(error).replace("\n", " | "))
+            self.send_line("F", str(error).replace("\n", " | "))
         except Exception:
             traceback.print_exc()
             if self.guarded and self.playing:
@@ -289,7 +294,7 @@ class Feeder:
                 os.kill(os.getpid(), signal.SIGKILL)
             raise
         finally:
-            self.state[1] = 0
+            self.state[STATE_PLAYING] = 0
             self.end()
 
     def end(self) -> None:
@@ -308,13 +313,13 @@ class Feeder:
             self.report()
             self.flush()
             self.read()
-            self.state[0] = self.state[0] + 1
-            self.state[1] = int(self.playing)
+            self.state[STATE_LOOPS] = self.state[STATE_LOOPS] + 1
+            self.state[STATE_PLAYING] = int(self.playing)
             self.device.wait()
 
     def read(self) -> None:
         """Read from stdin, and process the lines that have arrived."""
-        if not self.orphaned and select.select([0], [], [], 0)[0]:
+        if not self.sender_lost and select.select([0], [], [], 0)[0]:
             data = os.read(0, READ_SIZE)
             if data:
                 self.take(data)
@@ -322,9 +327,9 @@ class Feeder:
                 self.lose_sender()
         else:
             self.obey_lines()
-        silent = time.monotonic() - self.heard > SENDER_TIMEOUT
-        if silent and self.playing and not self.orphaned and not self.stop_requested:
-            self.say("W")
+        is_silent = time.monotonic() - self.heard > SENDER_TIMEOUT
+        if is_silent and self.playing and not self.sender_lost and not self.stop_requested:
+            self.send_line("W")
             self.stop_requested = True
 
     def take(self, data: bytes) -> None:
@@ -336,13 +341,13 @@ class Feeder:
 
     def obey_lines(self) -> None:
         """Process the buffered lines; during a motion, only a few."""
-        obeyed = 0
-        while self.lines and not (self.playing and obeyed >= MAX_LINES_PER_PASS):
+        count = 0
+        while self.lines and not (self.playing and count >= MAX_LINES_PER_PASS):
             self.obey(self.lines.popleft().decode().split())
-            obeyed += 1
+            count += 1
 
     def obey(self, words: list[str]) -> None:
-        """Process one line."""
+        """Process one line of the sender; the docstring of this module explains its letter."""
         kind = words[0]
         if kind == "P":
             self.block.append(tuple(map(float, words[1:])))
@@ -356,14 +361,14 @@ class Feeder:
         elif kind == "G":
             if self.record.error:
                 raise DeviceError(f"{self.record.file} cannot be written: {self.record.error}")
-            self.say("L", self.device.take_limits(self.rows, new=True))
+            self.send_line("L", self.device.take_limits(self.rows, new=True))
             self.extend_limits()
             self.device.start()
             self.record.begun = True
             self.sent = 0
             self.playing = True
             self.stop_requested = self.ended = False
-            self.state[3] = 0
+            self.state[STATE_TAKEN_STOP] = 0
         elif kind == "S":
             self.stop_requested = self.playing
         elif kind == "Q":
@@ -388,7 +393,7 @@ class Feeder:
             rows = self.rows[max(k - 2, 0) : k] + self.stops[k]
             settling = self.device.take_limits(rows, new=False)
             if self.playing:
-                self.say("L", settling)
+                self.send_line("L", settling)
 
     def feed(self) -> None:
         """Send the next rows of the motion, or of the stop that replaces it."""
@@ -402,29 +407,29 @@ class Feeder:
         # motion could no longer stop on the path.
         last = max(self.stops, default=len(self.rows))
         if self.stops and not self.stop_requested and last == self.sent < len(self.rows):
-            self.say("A")
+            self.send_line("A")
             self.stop_requested = True
         if self.stop_requested and self.stops:
             k = min(self.stops)
             self.take_stop(k)
-            self.state[3] = k + 1
-            self.say("X", k)
+            self.state[STATE_TAKEN_STOP] = k + 1
+            self.send_line("X", k)
             last = len(self.rows)
         for _ in range(min(self.device.room(), last - self.sent, len(self.rows) - self.sent)):
             self.device.write(self.sent, self.rows[self.sent])
             self.sent += 1
-            self.state[2] = self.sent
+            self.state[STATE_SENT] = self.sent
         if self.sent == len(self.rows) and self.device.is_done():
             self.report()
             self.device.finish()
             self.playing = False
-            self.say("D")
+            self.send_line("D")
 
     def end_motion(self, k: int) -> None:
         """Discard the rows from cycle k on, because the controller has ended the motion."""
         # At rest, no row is missing.
         if k == 0 or any(row != self.rows[k - 1] for row in self.rows[k:]):
-            self.say("U", k)
+            self.send_line("U", k)
         self.rows = self.rows[:k]
         self.sent = len(self.rows)
         self.stops = {}
@@ -443,11 +448,11 @@ class Feeder:
         for sample in self.device.exchange():
             number, k, command, measured = sample
             self.record.add(sample)
-            self.say("s", number, k, *command, *measured)
+            self.send_line("s", number, k, *command, *measured)
         had_error = bool(self.record.error)
         self.record.write()
         if self.record.error and not had_error:
-            self.say("N", self.record.error)
+            self.send_line("N", self.record.error)
             self.stop_requested = self.stop_requested or self.playing
 
 
@@ -475,22 +480,23 @@ class Guard(Feeder):
         """Forward lines until the feeder ends."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGPIPE, signal.SIG_IGN)
-        loops = -1
-        moved = 0.0
+        # Number of passes of the feeder's loop, and the time of the last change [s].
+        passes = -1
+        passed_at = 0.0
         while True:
-            if select.select([] if self.orphaned else [0], [], [], LOOP_PAUSE)[0]:
+            if select.select([] if self.sender_lost else [0], [], [], LOOP_PAUSE)[0]:
                 data = os.read(0, READ_SIZE)
-                self.orphaned = not data
+                self.sender_lost = not data
                 self.take(data)
                 self.pipe.unsent += data
             self.pass_on()
-            if loops != self.state[0] or not self.state[1]:
-                loops = self.state[0]
-                moved = time.monotonic()
-            if self.state[1] and self.state[3] - 1 in self.stops:
-                self.take_stop(self.state[3] - 1)
+            if passes != self.state[STATE_LOOPS] or not self.state[STATE_PLAYING]:
+                passes = self.state[STATE_LOOPS]
+                passed_at = time.monotonic()
+            if self.state[STATE_PLAYING] and self.state[STATE_TAKEN_STOP] - 1 in self.stops:
+                self.take_stop(self.state[STATE_TAKEN_STOP] - 1)
             ended, status = os.waitpid(self.child, os.WNOHANG)
-            if not ended and time.monotonic() - moved > LOOP_TIMEOUT:
+            if not ended and time.monotonic() - passed_at > LOOP_TIMEOUT:
                 os.kill(self.child, signal.SIGKILL)
                 ended, status = os.waitpid(self.child, 0)
             if ended:
@@ -504,25 +510,25 @@ class Guard(Feeder):
         # A feeder that has failed has closed its end.
         with suppress(OSError):
             self.pipe.flush()
-            if self.orphaned and not self.pipe.unsent:
+            if self.sender_lost and not self.pipe.unsent:
                 self.pipe.close()
 
     def stop(self) -> None:
         """Stop the motion in place of the failed feeder, and disconnect."""
         # The last line of the feeder may be incomplete.
-        self.say("")
+        self.send_line("")
         try:
             self.lose_sender()
             self.record.begun = True
-            if self.state[1]:
+            if self.state[STATE_PLAYING]:
                 # Each of the two counts may lack the last row.
-                self.sent = max(self.device.take_over(), self.state[2])
+                self.sent = max(self.device.take_over(), self.state[STATE_SENT])
                 self.playing = True
                 for k, rows in self.stops.items():
                     self.device.take_limits(self.rows[max(k - 2, 0) : k] + rows, new=False)
                 self.loop()
         except DeviceError as error:
-            self.say("F", str(error).replace("\n", " | "))
+            self.send_line("F", str(error).replace("\n", " | "))
         finally:
             self.end()
 
@@ -550,7 +556,7 @@ def main_guarded(device: GuardedDevice) -> None:
     """Run a feeder behind a guard; the first two command-line arguments are those of its record."""
     out = take_stdout()
     lines, pipe = os.pipe()
-    state = memoryview(mmap.mmap(-1, 32)).cast("q")
+    state = memoryview(mmap.mmap(-1, STATE_SIZE)).cast("q")
     child = os.fork()
     if child:
         os.close(lines)

@@ -92,12 +92,12 @@ class LinuxCNCDevice:
         self.unread = 0
         # First cycle of the motion without a row, after the FIFO has become empty.
         self.end: int | None = None
-        self.beaten = 0.0
+        self.beat_at = 0.0
         self.heard = time.monotonic()
         self.limits: Row = (0.0,) * dof
         # The last command of a sample, and number of samples with it.
         self.command: Row = ()
-        self.still = 0
+        self.repetitions = 0
 
     def connect(self) -> Row:
         """Load the HAL file, start threads, and command the measured position; drives are off."""
@@ -189,8 +189,8 @@ class LinuxCNCDevice:
     def beat(self) -> None:
         """Show HAL that this process is alive."""
         now = time.monotonic()
-        if now - self.beaten > HEARTBEAT_PERIOD:
-            self.beaten = now
+        if now - self.beat_at > HEARTBEAT_PERIOD:
+            self.beat_at = now
             self.component["heartbeat"] = not self.component["heartbeat"]
 
     def halcmd(self, *words: str) -> str:
@@ -219,9 +219,9 @@ class LinuxCNCDevice:
         self.settle()
         if not self.enabled:
             # Disabled joints may have moved since the connection.
-            moved = max(abs(a - b) for a, b in zip(self.hold(), self.held, strict=True))
-            if moved > DISABLED_MOTION:
-                raise DeviceError(f"a joint has moved by {moved:.4f} rad while drives were off")
+            distance = max(abs(a - b) for a, b in zip(self.hold(), self.held, strict=True))
+            if distance > DISABLED_MOTION:
+                raise DeviceError(f"a joint has moved by {distance:.4f} rad while drives were off")
             self.enable()
         self.has_played = False
         self.waiting = True
@@ -322,7 +322,7 @@ class LinuxCNCDevice:
     def is_done(self) -> bool:
         """Return whether the FIFO is empty, and the joints rest if HAL has stopped them."""
         if self.end is not None:
-            return self.still > REST_SAMPLES
+            return self.repetitions > REST_SAMPLES
         return int(self.out.depth) == 0
 
     def switch_on(self) -> None:
@@ -351,7 +351,7 @@ class LinuxCNCDevice:
             self.heard = time.monotonic()
             values = self.back.read()
             command = tuple(values[1 : 1 + self.dof])
-            self.still = self.still + 1 if command == self.command else 0
+            self.repetitions = self.repetitions + 1 if command == self.command else 0
             self.command = command
             yield int(self.back.sampleno), int(values[0]), command, tuple(values[1 + self.dof :])
 

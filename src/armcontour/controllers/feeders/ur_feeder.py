@@ -47,6 +47,19 @@ OUTPUTS = [
     *("target_speed_fraction", "output_int_register_24", "output_int_register_25"),
     *(f"output_double_register_{FIRST_REGISTER + j}" for j in range(DOF)),
 ]
+# Indices of the outputs in an unpacked package, in which a vector has one value per joint.
+TIMESTAMP = 0
+TARGET_POSITIONS = slice(1, 7)
+MEASURED_POSITIONS = slice(7, 13)
+ROBOT_MODE = 13
+SAFETY_MODE = 14
+RUNTIME_STATE = 15
+SPEED_FRACTION = 16
+MOTION_CYCLE = 17
+PROGRAM = 18
+PROGRAM_ROW = slice(19, 25)
+# Difference from 1 up to which the fraction of the speed slider counts as 100 %.
+SPEED_SLIDER_ROUNDING = 1e-6
 INPUTS = [
     *("input_int_register_24", "input_int_register_25", "input_int_register_26"),
     *(f"input_double_register_{FIRST_REGISTER + i}" for i in range(SLOTS * DOF)),
@@ -96,6 +109,8 @@ end
 class UrDevice:
     """A robot from Universal Robots.
 
+    Its program holds the newest rows in registers (slots), one per cycle.
+
     Args:
         address: Address of the robot.
     """
@@ -130,14 +145,16 @@ class UrDevice:
         if self._ask("S", b"") != b"\x01":
             raise DeviceError("the controller has refused to send its state")
         self.wait()
-        mode, safety, _, speed = self.state[13:17]
+        mode = self.state[ROBOT_MODE]
+        safety = self.state[SAFETY_MODE]
+        speed = self.state[SPEED_FRACTION]
         if mode != RUNNING:
             raise DeviceError(f"the robot is not running, but in mode {mode}")
         if safety != NORMAL:
             raise DeviceError(f"the robot's safety mode is {MODES.get(safety, safety)}")
-        if abs(speed - 1) > 1e-6:
+        if abs(speed - 1) > SPEED_SLIDER_ROUNDING:
             raise DeviceError(f"the speed slider is at {100 * speed:.0f} %. Set it to 100 %")
-        return tuple(self.state[1:7])
+        return tuple(self.state[TARGET_POSITIONS])
 
     def start(self) -> None:
         """Start the program, which holds the position."""
@@ -157,7 +174,7 @@ class UrDevice:
                     pass
                 self.wait()
                 self._send_inputs(1)
-                if self.state[18] == self.number:
+                if self.state[PROGRAM] == self.number:
                     break
             else:
                 raise DeviceError("its program does not start. Set the robot to remote control")
@@ -221,7 +238,7 @@ class UrDevice:
                 self._send_inputs(0)
                 for _ in range(REST_RECORD_EVERY):
                     self.wait()
-                    if self.state[18] != self.number:
+                    if self.state[PROGRAM] != self.number:
                         break
         self.rtde.close()
 
@@ -282,30 +299,30 @@ class UrDevice:
         # After the number of the recipe: timestamp, target_q, actual_q and the other outputs.
         self.state = self.layout.unpack(data)[1:]
         self.fresh = True
-        clock = round(self.state[0] / CYCLE)
-        runtime = self.state[15]
-        number = self.state[18]
-        measured = tuple(self.state[7:13])
+        clock = round(self.state[TIMESTAMP] / CYCLE)
+        runtime = self.state[RUNTIME_STATE]
+        number = self.state[PROGRAM]
+        measured = tuple(self.state[MEASURED_POSITIONS])
         if self.running and number == -self.number:
-            self.end = self.state[17] + 1
+            self.end = self.state[MOTION_CYCLE] + 1
             self.running = False
             self.stopping = True
         if self.stopping:
             self.stopping = runtime == PLAYING
             # The registers still have the row before.
-            self.complete.append((clock, self.k, tuple(self.state[1:7]), measured))
+            self.complete.append((clock, self.k, tuple(self.state[TARGET_POSITIONS]), measured))
         elif self.running:
             if runtime != PLAYING or number != self.number:
-                safety = self.state[14]
+                safety = self.state[SAFETY_MODE]
                 raise DeviceError(
                     f"its program ended: safety mode {MODES.get(safety, 'normal')}, runtime state "
                     f"{runtime}"
                 )
-            self.k = self.state[17]
+            self.k = self.state[MOTION_CYCLE]
             if self.k >= 0 or clock % REST_RECORD_EVERY == 0:
-                self.complete.append((clock, self.k, tuple(self.state[19:25]), measured))
+                self.complete.append((clock, self.k, tuple(self.state[PROGRAM_ROW]), measured))
         elif clock % REST_RECORD_EVERY == 0:
-            self.complete.append((clock, -1, tuple(self.state[1:7]), measured))
+            self.complete.append((clock, -1, tuple(self.state[TARGET_POSITIONS]), measured))
 
 
 if __name__ == "__main__":

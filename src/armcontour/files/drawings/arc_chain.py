@@ -24,6 +24,8 @@ MAX_FLATTENING = 0.01
 # An arc is drawn with its radius if it then ends within this distance [m] of the end point in the
 # drawing. Otherwise it is drawn through both end points.
 END_TOLERANCE = 0.1 * REPEATED_POINT
+# Part of a quarter turn that an angle exceeds only because of rounding.
+QUARTER_ROUNDING = 1e-9
 # Relative difference of semi-axes that is due to rounding.
 AXIS_ROUNDING = 1e-12
 # An arc with a larger swept angle [rad] is not defined accurately by its chord.
@@ -113,15 +115,17 @@ class ArcChain:
         middles = self._evaluate(0.5)
         half = self.angles[:, None] / 2
         c, s = np.cos(half), np.sin(half)
-        first = dataclasses.replace(self, ends=middles, angles=self.angles / 2)
-        second = ArcChain(
+        first_halves = dataclasses.replace(self, ends=middles, angles=self.angles / 2)
+        second_halves = ArcChain(
             starts=middles,
             ends=self.ends,
             cosines=c * self.cosines + s * self.sines,
             sines=c * self.sines - s * self.cosines,
             angles=self.angles / 2,
         )
-        return ArcChain.join([first, second])[np.arange(2 * len(half)).reshape(2, -1).T.ravel()]
+        # The two halves of each line or arc follow each other.
+        order = np.arange(2 * len(half)).reshape(2, -1).T.ravel()
+        return ArcChain.join([first_halves, second_halves])[order]
 
     @property
     def last(self) -> FloatArray:
@@ -155,8 +159,8 @@ class ArcChain:
     def to_segments(self, tolerance: float) -> Segments | None:
         """Convert the chain to segments; None if the chain has no length.
 
-        Lines and circular arcs are not changed; other arcs become tangent arcs within the tolerance
-        [m].
+        Lines and circular arcs are not changed. Elliptical arcs become tangent circular arcs within
+        the tolerance [m].
         """
         chain = self._without_points()
         if not len(chain.angles):
@@ -175,7 +179,7 @@ class ArcChain:
 
     @property
     def _long_arcs(self) -> BoolArray:
-        """Mask of the arcs that have a length, (n,)."""
+        """Mask of the arcs that have a length; lines are False, (n,)."""
         arc = self.angles > 0
         if arc.any():
             radius = np.maximum(*(np.linalg.norm(x, axis=1) for x in (self.cosines, self.sines)))
@@ -183,7 +187,7 @@ class ArcChain:
         return np.asarray(arc)
 
     def _without_points(self) -> ArcChain:
-        """The chain without lines and arcs that have no length; close vertices are merged."""
+        """Return the chain without parts that have no length; close vertices are merged."""
         arc = self._long_arcs
         starts, has_length = close_gaps(self.starts, self.ends, arc, ONE_VERTEX)
         if has_length.all():
@@ -199,9 +203,9 @@ class ArcChain:
 
     def _elliptical(self, tolerance: float) -> BoolArray:
         """Return the mask of the arcs that are not circular within the tolerance [m], (n,)."""
-        arc = self.angles > 0
-        if not arc.any():
-            return arc
+        is_arc = self.angles > 0
+        if not is_arc.any():
+            return is_arc
         u, v = self.cosines, self.sines
         long, wide, across = (np.sum(x * y, axis=1) for x, y in ((u, u), (v, v), (u, v)))
         # `flattening` is the squared difference of the semi-axes, computed without a difference of
@@ -212,46 +216,62 @@ class ArcChain:
         flattening = (np.sqrt(long) - np.sqrt(wide)) ** 2 + skew
         # An arc with a large angle counts as circular only if its semi-axes are equal except for
         # rounding, because its chord does not define the arc accurately.
-        long_arc = (self.angles > MAX_CHORD_ANGLE) & (self.angles < 2 * np.pi)
+        has_large_angle = (self.angles > MAX_CHORD_ANGLE) & (self.angles < 2 * np.pi)
         allowed = np.minimum((SAME_AXES * tolerance) ** 2, MAX_FLATTENING * np.maximum(long, wide))
-        return np.asarray(arc & (flattening > np.where(long_arc, AXIS_ROUNDING**2 * long, allowed)))
+        allowed = np.where(has_large_angle, AXIS_ROUNDING**2 * long, allowed)
+        return np.asarray(is_arc & (flattening > allowed))
 
-    def _evaluate(self, share: float | FloatArray, order: int = 0) -> FloatArray:
-        """Return the points (order 0) or derivatives (order 1) at a fraction of each line or arc.
+    def _evaluate(self, fraction: float | FloatArray, order: int = 0) -> FloatArray:
+        """Return the points [m] (order 0) at a fraction of each line or arc, (n, dimension).
 
-        The curves are corrected to pass exactly through their end points.
+        Order 1 returns their derivatives with respect to the fraction. The curves are corrected to
+        pass exactly through their end points.
+
+        `fraction`: from 0 at the starts to 1 at the ends, a number or (n,).
         """
-        fraction = np.broadcast_to(share, self.angles.shape)[:, None]
+        fraction = np.broadcast_to(fraction, self.angles.shape)[:, None]
         a = self.angles[:, None]
         c, s = np.cos(a * fraction), np.sin(a * fraction)
-        missed = self.ends - self.starts
-        missed = missed - (np.cos(a) - 1) * self.cosines - np.sin(a) * self.sines
+        # Vectors from the ends of the arcs to the end points of the drawing.
+        end_gaps = self.ends - self.starts
+        end_gaps = end_gaps - (np.cos(a) - 1) * self.cosines - np.sin(a) * self.sines
         if order:
-            return np.asarray(a * (c * self.sines - s * self.cosines) + missed)
-        return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + fraction * missed)
+            return np.asarray(a * (c * self.sines - s * self.cosines) + end_gaps)
+        points = self.starts + (c - 1) * self.cosines + s * self.sines
+        return np.asarray(points + fraction * end_gaps)
 
     def _fitted(self, counts: IntArray, tolerance: float) -> list[Segments]:
-        """Fit tangent circular arcs to chains of `counts` elliptical arcs within a tolerance."""
-        first = np.cumsum(counts) - counts
+        """Fit tangent circular arcs to chains of elliptical arcs.
+
+        This chain is the sequence of the chains to fit.
+
+        - `counts`: number of elliptical arcs in each of these chains, (chains,).
+        - `tolerance`: largest distance of the circular arcs from the elliptical arcs [m].
+        """
+        first_arc = np.cumsum(counts) - counts
         chain_of = np.repeat(np.arange(len(counts)), counts)
 
         def curves(row: IntArray, t: FloatArray, order: int) -> FloatArray:
             # Elliptical arc i of a chain has the parameters from i to i + 1.
             i = np.clip(np.floor(t).astype(np.intp), 0, counts[row] - 1)
-            return self[first[row] + i]._evaluate(t - i, order)
+            return self[first_arc[row] + i]._evaluate(t - i, order)
 
-        quarters = np.maximum(np.ceil(self.angles / (np.pi / 2) - 1e-9), 1).astype(np.intp)
+        # Each arc is split into parts of at most a quarter turn.
+        quarters = np.ceil(self.angles / (np.pi / 2) - QUARTER_ROUNDING)
+        quarters = np.maximum(quarters, 1).astype(np.intp)
         i, k = number_parts(quarters)
         row = chain_of[i]
-        ends = np.cumsum(np.add.reduceat(quarters, first))
-        breaks = np.insert(i - first[row] + k / quarters[i], ends, counts)
+        ends = np.cumsum(np.add.reduceat(quarters, first_arc))
+        breaks = np.insert(i - first_arc[row] + k / quarters[i], ends, counts)
         rows = np.insert(row, ends, np.arange(len(counts)))
         return fit_many(curves, breaks, rows, tolerance, separate=True)
 
     def _as_drawn(self) -> Segments:
-        """Return the segments of lines and circular arcs; these can have gaps between them."""
-        # An arc is drawn with its radius. If its end differs from the end point, the arc is drawn
-        # through both end points with its swept angle.
+        """Return the segments of lines and circular arcs; these can have gaps between them.
+
+        A segment keeps the radius of its arc. If its end then differs from the end point, the
+        segment passes through both end points with the swept angle.
+        """
         arc = self.angles > 0
         chords = self.ends - self.starts
         sizes = np.linalg.norm(chords, axis=1)
@@ -291,38 +311,56 @@ class ArcChain:
         )
 
 
-def draw_together(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
-    """Segments of each chain that needs no approximation or only that; None for other chains.
+def segments_of_chains(chains: Sequence[ArcChain], tolerance: float) -> list[Segments | None]:
+    """Convert many chains to segments in one step, which is faster than `ArcChain.to_segments`.
 
-    The result is that of `ArcChain.to_segments`, computed in one step for all chains.
+    The segments are those of `to_segments`. A chain is None if that method has to convert it: if it
+    mixes elliptical arcs with lines or circular arcs, has a part without length, or cannot be
+    fitted.
+
+    `tolerance`: largest distance of the segments from elliptical arcs [m].
     """
-    tables: list[Segments | None] = [None] * len(chains)
-    count = np.array([len(x.angles) for x in chains], dtype=np.intp)
-    if not count.any():
-        return tables
-    table = ArcChain.join(chains)
-    chain_of = np.repeat(np.arange(len(chains)), count)
-    elliptical = table._elliptical(tolerance)
-    usable = table._has_length
-
-    def indices_of(kind: BoolArray) -> IntArray:
-        other = np.bincount(chain_of, ~(kind & usable), len(chains)) > 0
-        return np.flatnonzero(~other & (count > 0))
-
-    if len(indices := indices_of(~elliptical)):
-        drawn = table[np.isin(chain_of, indices)]._as_drawn()
-        ends = np.cumsum(count[indices])
-        for i, begin, end in zip(indices, ends - count[indices], ends, strict=True):
-            tables[i] = drawn[begin:end]
-    indices = indices_of(elliptical)
-    batch = np.cumsum(count[indices]) // FIT_BATCH
-    for part in np.split(indices, np.flatnonzero(np.diff(batch)) + 1) if len(indices) else ():
+    segments: list[Segments | None] = [None] * len(chains)
+    counts = np.array([len(x.angles) for x in chains], dtype=np.intp)
+    if not counts.any():
+        return segments
+    joined = ArcChain.join(chains)
+    chain_of = np.repeat(np.arange(len(chains)), counts)
+    is_elliptical = joined._elliptical(tolerance)
+    has_length = joined._has_length
+    exact = _chains_of_kind(~is_elliptical & has_length, chain_of, counts)
+    if len(exact):
+        drawn = joined[np.isin(chain_of, exact)]._as_drawn()
+        ends = np.cumsum(counts[exact])
+        for i, begin, end in zip(exact, ends - counts[exact], ends, strict=True):
+            segments[i] = drawn[begin:end]
+    elliptical = _chains_of_kind(is_elliptical & has_length, chain_of, counts)
+    for batch in _split_batches(elliptical, counts):
         # A chain that cannot be fitted is left to its own call, whose error identifies the chain.
         with suppress(InvalidInput):
-            fitted = table[np.isin(chain_of, part)]._fitted(count[part], tolerance)
-            for i, segments in zip(part, fitted, strict=True):
-                tables[i] = segments
-    return tables
+            fitted = joined[np.isin(chain_of, batch)]._fitted(counts[batch], tolerance)
+            for i, segments_of_chain in zip(batch, fitted, strict=True):
+                segments[i] = segments_of_chain
+    return segments
+
+
+def _chains_of_kind(is_kind: BoolArray, chain_of: IntArray, counts: IntArray) -> IntArray:
+    """Return the indices of the chains all of whose parts are of a kind; empty chains have none.
+
+    - `is_kind`: mask of the lines and arcs of the kind, of all chains, (n,).
+    - `chain_of`: chain of each line or arc, (n,).
+    - `counts`: number of lines and arcs of each chain, (chains,).
+    """
+    has_others = np.bincount(chain_of, ~is_kind, len(counts)) > 0
+    return np.flatnonzero(~has_others & (counts > 0))
+
+
+def _split_batches(chains: IntArray, counts: IntArray) -> list[IntArray]:
+    """Split indices of chains into batches of about FIT_BATCH arcs, for a limited memory."""
+    if not len(chains):
+        return []
+    batch_of = np.cumsum(counts[chains]) // FIT_BATCH
+    return np.split(chains, np.flatnonzero(np.diff(batch_of)) + 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

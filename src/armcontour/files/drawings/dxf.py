@@ -98,6 +98,10 @@ WITH_NUMBERS = {*SHAPES, "VERTEX", "INSERT", "BLOCK", "MLINE", "MLINESTYLE"}
 _FLOAT = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|inf)", re.IGNORECASE)
 # Matches the object handle in ezdxf's messages.
 ADDRESS = re.compile(r"\(#\d+\)")
+# Maximum number of layers that a message lists.
+MAX_LAYERS = 12
+# Maximum length of a reason from ezdxf in a message [characters].
+MAX_REASON = 120
 
 
 def read_dxf(
@@ -122,13 +126,13 @@ def read_dxf(
         document, notes = open_document(data, source)
         walk = DxfWalk(document, source, options, progress)
         # If the file has no header, ezdxf adds one with the unit metre, which is ignored.
-        stated = b"$INSUNITS" in data
-        unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, options)
+        has_unit = b"$INSUNITS" in data
+        unit = _unit(document.header.get("$INSUNITS", 0) if has_unit else 0, source, options)
         return walk.program(_flattened(list(walk.shapes(unit))), notes)
 
 
 def _unit(code: Any, source: str, options: ReadOptions) -> float:
-    """Length of the unit [m]: the unit of the options, or else of the code in the header."""
+    """Return the length of the unit [m]: that of the options, else of the code in the header."""
     if options.unit is not None:
         return options.unit
     if code in UNITS:
@@ -174,11 +178,11 @@ class DxfWalk(Walk):
         self._layer_colors: dict[str, frozenset[str]] = {}
 
     def explain_empty(self) -> str:
-        """Text for the error that no contour is selected; "" if no other layer has entities."""
+        """Explain why no contour is selected, for the error; "" if no other layer has entities."""
         if not self.on_other_layers:
             return ""
         requested = ", ".join(repr(x) for x in sorted(self.requested_layers or ()))
-        layers = list_some([repr(x) for x in sorted(self.on_other_layers)], 12)
+        layers = list_some([repr(x) for x in sorted(self.on_other_layers)], MAX_LAYERS)
         return f"has no contour on the layer {requested}, only on {layers}"
 
     def shapes(self, unit: float) -> Iterator[EntityOutlines]:
@@ -291,12 +295,12 @@ class DxfWalk(Walk):
             for _ in getattr(entity, "attribs", ()):
                 self.omit(NOT_READ, "ATTRIB")
         check_required(entity)
-        called = str(_attribute(entity, "name", ""))
-        content = self.document.blocks.get(called)
+        block_name = str(_attribute(entity, "name", ""))
+        content = self.document.blocks.get(block_name)
         if content is None:
-            raise Unreadable(f"inserts the block {called!r}, which does not exist")
-        if _fold_case(called) in block.targets:
-            raise Unreadable(f"inserts the block {called!r} in itself")
+            raise Unreadable(f"inserts the block {block_name!r}, which does not exist")
+        if _fold_case(block_name) in block.targets:
+            raise Unreadable(f"inserts the block {block_name!r} in itself")
         if len(block.targets) >= MAX_DEPTH:
             raise Unreadable(f"is nested in more than {MAX_DEPTH} blocks")
         if not block.targets:
@@ -317,7 +321,7 @@ class DxfWalk(Walk):
                 name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
                 to=block.to @ Affine(affine.linear, affine.offset + offset),
                 layer=layer,
-                targets=(*block.targets, _fold_case(called)),
+                targets=(*block.targets, _fold_case(block_name)),
                 color=color,
             )
             yield from self._shapes_in(content, inner)
@@ -355,7 +359,7 @@ def _attribute(entity: Any, name: str, default: Any) -> Any:
 
 
 def _fold_case(name: str) -> str:
-    """The name of a layer or block in lower case, because DXF ignores the case of these names."""
+    """Return the name of a layer or block in lower case, because DXF ignores its case."""
     return name.lower()
 
 
@@ -394,7 +398,7 @@ def _color_names(entity: Any, number: int) -> frozenset[str]:
 
 
 def open_document(data: bytes, source: str) -> tuple[Any, list[str]]:
-    """Open a DXF file; returns ezdxf's document, and notes on damage."""
+    """Open a DXF file; return ezdxf's document, and notes on damage."""
     try:
         import ezdxf  # noqa: F401
     except ImportError:
@@ -413,10 +417,10 @@ def open_document(data: bytes, source: str) -> tuple[Any, list[str]]:
     try:
         return _read(data), notes
     except Exception as error:
-        first = error
-    wrong = _wrong_number(data)
+        first_error = error
+    wrong_number = _wrong_number(data)
     # Of a wrong number, ezdxf would read the digits before the error, such as 12 of 12,7.
-    raise_if(wrong != "", f"{source}: {wrong}. Correct the drawing.")
+    raise_if(wrong_number != "", f"{source}: {wrong_number}. Correct the drawing.")
     try:
         from ezdxf import recover
 
@@ -426,11 +430,11 @@ def open_document(data: bytes, source: str) -> tuple[Any, list[str]]:
             # The file is truncated, but its remaining part is intact.
             return document, notes
         repaired = f" and was repaired in {count_noun(changes, 'place')}" if changes else ""
-        reason = ADDRESS.sub("", error_line(first))
+        reason = ADDRESS.sub("", error_line(first_error))
         damage = f"The file is damaged ({reason}){repaired}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
-        reason = ADDRESS.sub("", error_line(first))
+        reason = ADDRESS.sub("", error_line(first_error))
         raise InvalidInput(
             f"{source} cannot be read as DXF: {' '.join([f'{reason}.', *notes])} Open the file in "
             "a CAD program, and save it again."
@@ -438,7 +442,7 @@ def open_document(data: bytes, source: str) -> tuple[Any, list[str]]:
 
 
 def _wrong_number(data: bytes) -> str:
-    """Text on the first value in contours of an ASCII file that is not a number; "" without."""
+    """Describe the first value in contours of an ASCII file that is not a number; "" without."""
     from ezdxf.lldxf.types import TYPE_TABLE
 
     # Codes from 1000 are data of applications.
@@ -473,10 +477,10 @@ def _read(data: bytes) -> Any:
 
 
 def error_line(error: Exception) -> str:
-    """Return the first line of an exception's message, shortened to 120 characters."""
+    """Return the first line of an exception's message, shortened to MAX_REASON characters."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     text = lines[0].strip().rstrip(".")
-    return text if len(text) <= 120 else text[:117] + "..."
+    return text if len(text) <= MAX_REASON else f"{text[: MAX_REASON - 3]}..."
 
 
 @contextmanager

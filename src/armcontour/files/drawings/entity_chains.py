@@ -76,37 +76,37 @@ def chain_pieces(
     lengths = table.lengths
     ends = EntityEnds.from_segments(table, layers, repeated)
     partner = find_partners(ends, tolerance)
-    again = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
+    coinciding = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
     # The exact box of a path is needed only if start and middle of its piece are close together.
     small = np.abs(table.middles - table.starts).max(axis=1) <= tolerance
     contours: list[Contour] = []
-    short = []
-    hooked = []
+    too_small = []
+    with_hooks = []
     counts = Counter[str]()
     for chain, closed in _chains(partner, repeated):
         first = pieces[min(chain) // 2]
         if lengths[np.array(chain) // 2].sum() <= tolerance:
-            short.append(first.name)
+            too_small.append(first.name)
             continue
-        alone = len(chain) == 1 and not closed
-        path = first.path if alone else table.join(chain, closed, tolerance)
+        is_single = len(chain) == 1 and not closed
+        path = first.path if is_single else table.join(chain, closed, tolerance)
         may_be_small = path is not first.path or small[chain[0] // 2]
         if may_be_small and np.ptp(path.segments.extent, axis=0).max() <= tolerance:
-            short.append(first.name)
+            too_small.append(first.name)
             continue
-        straight = _remove_hooks(path, tolerance)
-        if straight is not path:
-            hooked.append(first.name)
+        without_hooks = _remove_hooks(path, tolerance)
+        if without_hooks is not path:
+            with_hooks.append(first.name)
         layer = first.layer
         counts[layer] += 1
         name = _counted_name(layer, counts[layer]) if counted else first.name
         number = len(contours) + 1
-        contours.append(Contour(path=straight, name=name, number=number, layer=layer))
+        contours.append(Contour(path=without_hooks, name=name, number=number, layer=layer))
     limit = f"the join tolerance of {1e3 * tolerance:g} mm"
     reasons = {
-        "Skipped because they coincide with others": again,
-        f"Skipped because they are not larger than {limit}": short,
-        f"Removed lines up to {limit} at which the contour turns back": hooked,
+        "Skipped because they coincide with others": coinciding,
+        f"Skipped because they are not larger than {limit}": too_small,
+        f"Removed lines up to {limit} at which the contour turns back": with_hooks,
     }
     return contours, [f"{why}: {list_some(x, 6)}." for why, x in reasons.items() if x]
 
@@ -118,7 +118,7 @@ def _counted_name(layer: str, number: int) -> str:
 
 
 def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
-    """Number of the layer and group of each piece, equal for pieces that may be chained, (n,)."""
+    """Number pieces by layer and group, (n,); pieces with equal numbers may be chained."""
     # A dictionary needs less memory than numpy, which stores all texts with the maximum length.
     numbers: dict[tuple[str, int], int] = {}
     return np.array(
@@ -131,24 +131,24 @@ def _chains(partner: IntArray, omitted: BoolArray) -> list[tuple[list[int], bool
 
     Entry 2 i is piece i forwards, 2 i + 1 piece i backwards. `partner` is that of `find_partners`.
     """
-    joined = partner.tolist()
-    used = omitted.tolist()
+    partner_of_end = partner.tolist()
+    is_used = omitted.tolist()
     chains = []
-    for i in range(len(used)):
-        if used[i]:
+    for i in range(len(is_used)):
+        if is_used[i]:
             continue
         # Find the start of the chain, or go once around a closed chain.
         entry = 2 * i
-        while joined[entry] >= 0:
-            entry = joined[entry] ^ 1
+        while partner_of_end[entry] >= 0:
+            entry = partner_of_end[entry] ^ 1
             if entry == 2 * i:
                 break
-        closed = joined[entry] >= 0
+        closed = partner_of_end[entry] >= 0
         chain = []
-        while entry >= 0 and not used[entry // 2]:
-            used[entry // 2] = True
+        while entry >= 0 and not is_used[entry // 2]:
+            is_used[entry // 2] = True
             chain.append(entry)
-            entry = joined[entry ^ 1]
+            entry = partner_of_end[entry ^ 1]
         chains.append((chain, closed))
     return chains
 
@@ -222,8 +222,12 @@ class EntitySegments:
         return self.segments.evaluate(i, np.clip(half - breaks[i], 0.0, self.segments.lengths[i]))
 
     def join(self, entries: Sequence[int], closed: bool, tolerance: float) -> Path:
-        """The path through pieces in a given order, with the gaps between the pieces closed."""
-        # Entry 2 i is piece i forwards; entry 2 i + 1 is the same piece backwards.
+        """Return the path through pieces in a given order, with the gaps between them closed.
+
+        - `entries`: entry 2 i is piece i forwards, 2 i + 1 piece i backwards.
+        - `closed`: whether the last piece is joined to the first.
+        - `tolerance`: largest distance by which a point may move [m].
+        """
         entered = np.asarray(entries, dtype=np.intp)
         piece = entered // 2
         backwards = entered % 2 == 1
@@ -246,20 +250,23 @@ def _join_rows(rows: Segments, vertices: IntArray, tolerance: float) -> Path:
 
 
 def _remove_hooks(path: Path, tolerance: float) -> Path:
-    """A path that crosses itself, without lines up to the tolerance [m] at which it turns back."""
+    """Remove lines up to the tolerance [m] at which a path that crosses itself turns back."""
     rows = path.segments
     if not np.any((rows.curvatures == 0) & (rows.lengths <= tolerance)):
         return path
-    back = np.sum(rows.end_tangents * np.roll(rows.tangents, -1, axis=0), axis=1) < 0
-    back[-1] &= rows.closed
-    hook = (rows.curvatures == 0) & (rows.lengths <= tolerance) & (back | np.roll(back, 1))
-    # A longer run of such lines is a part of the drawing.
-    run = np.cumsum(~hook)
-    hook &= np.bincount(run, rows.lengths * hook)[run] <= tolerance
-    stays = hook.all() or not hook.any() or rows.dimension == 3
+    # Whether the path turns back at the end of each segment.
+    turns_back = np.sum(rows.end_tangents * np.roll(rows.tangents, -1, axis=0), axis=1) < 0
+    turns_back[-1] &= rows.closed
+    is_short_line = (rows.curvatures == 0) & (rows.lengths <= tolerance)
+    is_hook = is_short_line & (turns_back | np.roll(turns_back, 1))
+    # A longer sequence of such lines is a part of the drawing.
+    sequence = np.cumsum(~is_hook)
+    is_hook &= np.bincount(sequence, rows.lengths * is_hook)[sequence] <= tolerance
+    stays = is_hook.all() or not is_hook.any() or rows.dimension == 3
     if stays or find_self_crossing(rows, closed=rows.closed) is None:
         return path
-    return _join_rows(rows[~hook], np.arange(0 if rows.closed else 1, np.sum(~hook)), tolerance)
+    vertices = np.arange(0 if rows.closed else 1, np.sum(~is_hook))
+    return _join_rows(rows[~is_hook], vertices, tolerance)
 
 
 def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance: float) -> Segments:
@@ -327,25 +334,29 @@ def _shift(
 def _stretch(
     arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
 ) -> Segments:
-    """Scale and rotate arcs to new end points without a change of their angles."""
-    old = ends - arcs.starts
-    new = to_end - to_start
-    size = np.linalg.norm(old, axis=1)
-    new_size = np.linalg.norm(new, axis=1)
-    a = old / size[:, None]
-    b = new / new_size[:, None]
+    """Scale and rotate arcs to new end points without a change of their swept angles.
+
+    - `ends`: end points of the arcs [m], (n, dimension).
+    - `to_start`, `to_end`: new start and end points [m], (n, dimension).
+    """
+    chords = ends - arcs.starts
+    new_chords = to_end - to_start
+    size = np.linalg.norm(chords, axis=1)
+    new_size = np.linalg.norm(new_chords, axis=1)
+    a = chords / size[:, None]
+    b = new_chords / new_size[:, None]
     scale = new_size / size
 
-    def turned(v: FloatArray) -> FloatArray:
-        # Rotates the vectors v by the smallest rotation from a to b.
+    def rotate(v: FloatArray) -> FloatArray:
+        """Rotate unit vectors v by the smallest rotation from a to b, (n, dimension)."""
         part = np.sum((a + b) * v, axis=1) / (1 + np.sum(a * b, axis=1))
         v = v - part[:, None] * (a + b) + 2 * np.sum(a * v, axis=1)[:, None] * b
         return np.asarray(v / np.linalg.norm(v, axis=1)[:, None])
 
     return arcs.replace(
         starts=to_start,
-        tangents=turned(arcs.tangents),
-        normals=turned(arcs.normals),
+        tangents=rotate(arcs.tangents),
+        normals=rotate(arcs.normals),
         curvatures=arcs.curvatures / scale,
         lengths=arcs.lengths * scale,
     )
@@ -366,16 +377,23 @@ class EntityEnds:
     def from_segments(
         cls, pieces: EntitySegments, layers: IntArray, omitted: BoolArray
     ) -> EntityEnds:
-        """The ends of pieces; ends of closed pieces and of pieces in `omitted` are not free."""
+        """Return the ends of pieces.
 
-        def both(a: FloatArray, b: FloatArray) -> FloatArray:
+        Ends of closed pieces and of omitted pieces are not free.
+
+        - `layers`: number of the layer and group of each piece, (n,).
+        - `omitted`: mask of the pieces that are omitted, (n,).
+        """
+
+        def alternate(a: FloatArray, b: FloatArray) -> FloatArray:
+            """Return the rows of both arrays in turns, (2 n, dimension)."""
             return np.stack([a, b], axis=1).reshape(-1, a.shape[1])
 
         start, end = pieces.starts, pieces.ends
         closed = np.linalg.norm(end - start, axis=1) <= REPEATED_POINT
         return cls(
-            points=both(start, end),
-            inwards=both(pieces.tangents, -pieces.end_tangents),
+            points=alternate(start, end),
+            inwards=alternate(pieces.tangents, -pieces.end_tangents),
             layers=np.repeat(layers, 2),
             lengths=pieces.lengths,
             closed=closed,
@@ -384,14 +402,17 @@ class EntityEnds:
 
 
 def find_partners(ends: EntityEnds, tolerance: float) -> IntArray:
-    """Index of the end to which each end is joined, (2 n,); -1 for an end that is not joined."""
+    """Return the end to which each end is joined, (2 n,); -1 for an end that is not joined.
+
+    `tolerance`: largest distance of ends that are joined [m].
+    """
     # Ends at the same point are joined first, then ends that touch, then ends with a gap.
     partner = np.full(len(ends.points), -1, dtype=np.intp)
-    for near in (REPEATED_POINT, TOUCHING_SHARE * tolerance, tolerance):
+    for distance in (REPEATED_POINT, TOUCHING_SHARE * tolerance, tolerance):
         free = np.flatnonzero(ends.free & (partner < 0))
         if len(free) > 1:
-            candidates = _near_pairs if near == tolerance else _touching_pairs
-            _join_ends(ends, partner, candidates(ends, free, near), tolerance)
+            find_candidates = _near_pairs if distance == tolerance else _touching_pairs
+            _join_ends(ends, partner, find_candidates(ends, free, distance), tolerance)
     return partner
 
 
@@ -407,10 +428,10 @@ def _join_ends(ends: EntityEnds, partner: IntArray, candidates: IntArray, tolera
     u, v = ends.inwards[a], ends.inwards[b]
     turn = 2 * np.arctan2(np.linalg.norm(u + v, axis=1), np.linalg.norm(u - v, axis=1))
     order = np.lexsort([b, a, np.round(turn / SAME_TURN)])
-    taken = (partner >= 0).tolist()
+    is_joined = (partner >= 0).tolist()
     for i, j in zip(a[order].tolist(), b[order].tolist(), strict=True):
-        if not (taken[i] or taken[j]):
-            taken[i] = taken[j] = True
+        if not (is_joined[i] or is_joined[j]):
+            is_joined[i] = is_joined[j] = True
             partner[i] = j
             partner[j] = i
 
@@ -422,14 +443,20 @@ def _touching_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
     _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     centres = np.column_stack([ends.layers[free][first] * LAYER_DISTANCE, ends.points[free][first]])
     vertex = group_points(centres, near)[cell.ravel()]
-    alone = np.bincount(vertex)[vertex] == 1
-    free = free[~alone]
-    vertex = vertex[~alone]
+    has_neighbour = np.bincount(vertex)[vertex] > 1
+    free = free[has_neighbour]
+    vertex = vertex[has_neighbour]
     return _pairs(free, *_smallest_turns(vertex, ends.inwards[free]))
 
 
 def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, IntArray]:
-    """For each end, pairs with ends at the same vertex that have the smallest turns; two arrays."""
+    """Return for each end its pairs with ends at the same vertex that have the smallest turns.
+
+    - `vertex`: number of the vertex of each end, (n,).
+    - `inwards`: unit tangents at the ends that point into the pieces, (n, dimension).
+
+    The result is the index of the first and of the second end of each pair, (m,) each.
+    """
     if len(vertex) == 0:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     # The first coordinates of ends at different vertices differ by at least 4. At the same vertex,
@@ -441,7 +468,10 @@ def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, In
 
 
 def _near_pairs(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
-    """Pairs of free ends within the distance `near` [m], the nearest ones of each end, (m, 2)."""
+    """Return the pairs of free ends within the distance `near` [m], (m, 2).
+
+    Each end has pairs with at most MAX_CANDIDATES nearest ends.
+    """
     points = np.column_stack([ends.layers[free] * LAYER_DISTANCE, ends.points[free]])
     count = min(MAX_CANDIDATES + 1, len(free))
     return _pairs(free, *_drop_missing(nearest_points(points, points, count, near), len(free)))

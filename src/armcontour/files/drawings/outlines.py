@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.drawings.arc_chain import FIT_BATCH, Affine, ArcChain, draw_together
+from armcontour.files.drawings.arc_chain import FIT_BATCH, Affine, ArcChain, segments_of_chains
 from armcontour.geometry import Path, Segments
 from armcontour.geometry.arc_fit import fit_many
 from armcontour.geometry.segments import REPEATED_POINT
@@ -83,7 +83,7 @@ class BezierSpline:
         return dataclasses.replace(self, points=np.concatenate([point[None], self.points[1:]]))
 
     def end_at(self, point: FloatArray) -> BezierSpline:
-        """A copy of the spline with another end point, (dimension,), and an equal end tangent."""
+        """Return a copy with another end point, (dimension,), and the same end tangent."""
         moved = [self.points[-2] + point - self.points[-1], point]
         return dataclasses.replace(self, points=np.concatenate([self.points[:-2], moved]))
 
@@ -233,23 +233,20 @@ class Outline:
         return np.concatenate([x.bounding_points for x in self.shapes])
 
     def parts(self, tolerance: float, join: float) -> list[Segments | BezierSpline]:
-        """The chains of the outline as segments, and its splines; parts without length are omitted.
+        """Return the chains of the outline as segments, and its splines.
 
+        Parts without length are omitted.
         Each part starts exactly at the end of the previous part. `join` is that of `close_gap`.
         """
         parts: list[Segments | BezierSpline] = []
         for shape in self.close_gap(join):
-            moved = shape
-            if parts:
-                before = parts[-1]
-                end = before.points[-1] if isinstance(before, BezierSpline) else before[-1:].ends[0]
-                moved = moved.start_at(end)
-            if isinstance(moved, ArcChain):
-                segments = moved.to_segments(tolerance)
+            joined = shape.start_at(_end_of(parts[-1])) if parts else shape
+            if isinstance(joined, ArcChain):
+                segments = joined.to_segments(tolerance)
                 if segments is not None:
                     parts.append(segments)
-            elif moved.has_length:
-                parts.append(moved)
+            elif joined.has_length:
+                parts.append(joined)
         return parts
 
     def close_gap(self, join: float) -> Sequence[Shape]:
@@ -282,12 +279,13 @@ def paths_of(
     Lines and circular arcs are not changed; other curves become tangent arcs within `tolerance`
     [m]. `join` is that of `Outline.close_gap`.
     """
-    # All curves are fitted in one call, which is faster.
-    plain = _draw_together(outlines, tolerance, join)
+    # All single chains are converted in one call, which is faster.
+    segments_of = _segments_of_single_chains(outlines, tolerance, join)
     parts: list[list[Segments | BezierSpline]] = []
     for i, outline in enumerate(outlines):
         with _indexed(i):
-            parts.append([plain[i]] if i in plain else outline.parts(tolerance, join))
+            single = segments_of.get(i)
+            parts.append(outline.parts(tolerance, join) if single is None else [single])
     positions, splines = _find_splines(parts)
     try:
         for done, (n, segments) in enumerate(fit_splines(splines, tolerance)):
@@ -298,6 +296,12 @@ def paths_of(
         assert error.index is not None
         raise InvalidInput(str(error), index=positions[error.index][0]) from None
     return _join_parts([[x for x in row if isinstance(x, Segments)] for row in parts])
+
+
+def _end_of(part: Segments | BezierSpline) -> FloatArray:
+    """Return the end point of a part of an outline [m], (dimension,)."""
+    points = part.points if isinstance(part, BezierSpline) else part[-1:].ends
+    return np.asarray(points[-1])
 
 
 def _find_splines(
@@ -314,32 +318,36 @@ def _find_splines(
     return positions, splines
 
 
-def _draw_together(
+def _segments_of_single_chains(
     outlines: Sequence[Outline], tolerance: float, join: float
 ) -> dict[int, Segments]:
-    """Segments, by index, of the outlines that consist of one chain for `draw_together`."""
-    alone: dict[int, ArcChain] = {}
+    """Return the segments of the outlines that are one chain, by index of the outline.
+
+    Outlines that `segments_of_chains` does not convert are omitted. `join` is that of
+    `Outline.close_gap`.
+    """
+    single_chains: dict[int, ArcChain] = {}
     for i, outline in enumerate(outlines):
         shapes = outline.close_gap(join)
         if len(shapes) == 1 and isinstance(shapes[0], ArcChain):
-            alone[i] = shapes[0]
-    drawn = draw_together(list(alone.values()), tolerance)
-    return {i: x for i, x in zip(alone, drawn, strict=True) if x is not None}
+            single_chains[i] = shapes[0]
+    converted = segments_of_chains(list(single_chains.values()), tolerance)
+    return {i: x for i, x in zip(single_chains, converted, strict=True) if x is not None}
 
 
 def _join_parts(rows: Sequence[Sequence[Segments]]) -> list[Path | None]:
     """Return the paths that join the parts of each outline; None for an outline without parts."""
-    drawn = [i for i, x in enumerate(rows) if x]
+    with_parts = [i for i, x in enumerate(rows) if x]
     parts = list(itertools.chain.from_iterable(rows))
-    part_bounds = np.cumsum([0, *(sum(map(len, rows[i])) for i in drawn)])
+    part_bounds = np.cumsum([0, *(sum(map(len, rows[i])) for i in with_parts)])
     paths: list[Path | None] = [None] * len(rows)
     try:
         # One check of all segments together is faster.
         joined = Segments.join(parts).split(part_bounds) if parts else []
     except InvalidInput:
         # The check below identifies the outline that causes the error.
-        joined = [Segments.join(rows[i]) for i in drawn]
-    for i, segments in zip(drawn, joined, strict=True):
+        joined = [Segments.join(rows[i]) for i in with_parts]
+    for i, segments in zip(with_parts, joined, strict=True):
         with _indexed(i):
             paths[i] = Path(segments=segments)
     return paths

@@ -62,18 +62,19 @@ UNKNOWN = ("refuse", "skip")
 
 
 def fraction_reporter(progress: Progress | None, source: str) -> ReportFraction:
-    """A function that reports the fraction of a file that is read, at each new whole percent."""
+    """Return a function that reports the fraction of a file that is read, per whole percent."""
     if progress is None:
         return lambda share: None
-    say = subprogress(progress, source)
-    shown = -1
+    report_step = subprogress(progress, source)
+    reported = -1
 
     def report_fraction(fraction: float) -> None:
-        nonlocal shown
+        """Report a fraction from 0 to 1, if it is the first of its whole percent."""
+        nonlocal reported
         percent = int(100 * min(fraction, 1.0))
-        if percent > shown:
-            shown = percent
-            say(Step((), percent / 100))
+        if percent > reported:
+            reported = percent
+            report_step(Step((), percent / 100))
 
     return report_fraction
 

@@ -252,6 +252,7 @@ class SvgWalk(Walk):
         """Return the outlines of a shape on the page [m]."""
 
         def count_segments(segments: int) -> None:
+            """Add the segments of a part of the shape; refuse a drawing with too many."""
             self._segments += segments
             if self._segments > MAX_SEGMENTS:
                 element.refuse(
@@ -274,7 +275,7 @@ class SvgWalk(Walk):
         )
 
     def _inherit(self, element: Element, around: _SvgInherited) -> _SvgInherited | None:
-        """The properties of an element and its children; None if the element draws nothing."""
+        """Return the properties of an element and its children; None if it draws nothing."""
         tag = element.tag
         if tag == "symbol" and around.used_by is None:
             return None
@@ -418,7 +419,7 @@ class SvgWalk(Walk):
     def _enter_viewport(
         self, element: Element, inherited: _SvgInherited, user: Element | None
     ) -> _SvgInherited | None:
-        """The properties that children of a nested svg or symbol inherit; None without a size."""
+        """Return what children of a nested svg or symbol inherit; None without a size."""
         outer = inherited.view
         element = make_absolute(element, outer)
         user = None if user is None else make_absolute(user, outer)
@@ -459,7 +460,7 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
 
 
 def _layer(element: Element, around: _SvgInherited) -> _SvgInherited:
-    """The inherited properties, with a new layer if the element is a group that is a layer."""
+    """Return the inherited properties; a group that is a layer sets the layer."""
     # The layer is the innermost layer of Inkscape; without one, the innermost group with a name.
     if element.tag != "g":
         return around

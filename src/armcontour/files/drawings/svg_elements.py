@@ -61,6 +61,8 @@ MAX_TRANSFORMS = 1000
 _ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
 # Maximum number of values in one list, which no drawing of contours exceeds.
 MAX_NUMBERS = 4_000_000
+# A transform, scaled to the largest coefficient 1, with at most this determinant is singular.
+SINGULAR = 1e-12
 # Valid numbers of arguments, by transform.
 ARGUMENT_COUNTS = {
     "matrix": (6,),
@@ -99,7 +101,10 @@ class Element:
         return self.attributes.get(key, "").strip()
 
     def style(self, key: str) -> str:
-        """A property from the attribute style, else the attribute with its name; "" if missing."""
+        """Return a property from the attribute style, else the attribute with its name.
+
+        The result is "" if both are missing.
+        """
         return self.style_property(key) or self.get(key)
 
     def style_property(self, key: str) -> str:
@@ -228,14 +233,14 @@ def is_singular(transform: Affine) -> bool:
     if size == 0:
         return True
     unit = transform.linear / size
-    return bool(abs(unit[0, 0] * unit[1, 1] - unit[0, 1] * unit[1, 0]) <= 1e-12)
+    return bool(abs(unit[0, 0] * unit[1, 1] - unit[0, 1] * unit[1, 0]) <= SINGULAR)
 
 
 def parse_numbers(element: Element, key: str, text: str) -> list[float]:
     """Parse numbers separated by white space or commas; `key` is for messages."""
     if not NUMBERS.fullmatch(text):
-        bad = NUMBERS.match(text)
-        position = bad.end() if bad else 0
+        valid_start = NUMBERS.match(text)
+        position = valid_start.end() if valid_start else 0
         element.refuse(
             f"{key} must be a list of numbers, but has {text[position : position + 20]!r}"
         )
@@ -245,7 +250,10 @@ def parse_numbers(element: Element, key: str, text: str) -> list[float]:
 
 
 def limit_matches(matches: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
-    """The first MAX_NUMBERS + 1 matches; with the last one, `check_numbers` detects too many."""
+    """Return at most MAX_NUMBERS + 1 matches.
+
+    One more than allowed is enough for `check_numbers` to see that there are too many.
+    """
     return itertools.islice(matches, MAX_NUMBERS + 1)
 
 
@@ -259,7 +267,10 @@ def check_numbers(element: Element, key: str, values: list[float]) -> list[float
 
 
 def read_length(element: Element, key: str, *, default: float | None = 0.0) -> float | None:
-    """The length in an attribute [user units]; `default` if the attribute is missing or auto."""
+    """Return the length in an attribute [user units].
+
+    It is `default` if the attribute is missing or auto.
+    """
     text = element.get(key)
     if text in ("", "auto"):
         return default

@@ -285,7 +285,7 @@ def _polyline(element: Element, count_segments: CountSegments) -> list[Outline]:
 
 
 def _rect(element: Element, count_segments: CountSegments) -> list[Outline]:
-    """The outline of a rect with sharp or rounded corners; empty if it has no width or height."""
+    """Return the outline of a rect; empty if it has no width or no height."""
     count_segments(8)
     x, y, width, height = (
         read_length_or_zero(element, key) for key in ("x", "y", "width", "height")
@@ -340,7 +340,7 @@ def _ellipse(element: Element, count_segments: CountSegments) -> list[Outline]:
 def _full_ellipse(
     element: Element, radii: tuple[float, float], keys: tuple[str, str]
 ) -> list[Outline]:
-    """The outline of a full ellipse with radii from the attributes `keys`; empty if one is 0."""
+    """Return the outline of an ellipse with radii from the attributes `keys`; empty if one is 0."""
     for key, value in zip(keys, radii, strict=True):
         if value < 0:
             element.refuse(f"{key} must not be negative, but is {value:g}")

@@ -141,7 +141,10 @@ def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatAr
 def _orientation(
     table: CsvTable[str], values: Mapping[str, FloatArray]
 ) -> tuple[tuple[str, ...], FloatArray] | None:
-    """Columns of the tool orientation and their numbers, (rows, 3 or 4); None if there are none."""
+    """Return the columns of the tool orientation and their numbers, (rows, 3 or 4).
+
+    None if the table has no such columns.
+    """
     kinds = [x for x in (QUATERNION, ANGLES, AXIS) if x[0] in values]
     if not kinds:
         return None
@@ -195,7 +198,7 @@ def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
 
 
 def _path(table: CsvTable[str], values: Mapping[str, FloatArray], rows: slice) -> Path:
-    """The path of straight lines through the points of some rows, with speeds and tolerances."""
+    """Return the path of lines through the points of some rows, with speeds and tolerances."""
     points = np.stack([values[key][rows] for key in POINT if key in values], axis=1)
     first = int(table.numbers[rows][0])
     if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():

@@ -98,6 +98,7 @@ class SetPointTable(Checked):
     external: tuple[int, ...] = ()
 
     def _check_together(self) -> None:
+        """Complete the defaults, and check that the fields fit together."""
         object.__setattr__(self, "prismatic", self.prismatic or (False,) * self.dof)
         sliding = tuple(np.flatnonzero(self.prismatic).tolist())
         object.__setattr__(self, "external", self.external or sliding)

@@ -28,9 +28,9 @@ from armcontour.files.exports.template import (
     ENDING,
     PROGRAMS,
     RobotProgram,
-    describe_program,
     describe_rounding,
     ending_of_template,
+    program_warnings,
     write_template,
 )
 from armcontour.files.exports.urscript import JOINTS, write_urscript
@@ -80,7 +80,7 @@ class ExportFormat(Checked):
         return None
 
     def last_digit(self, table: SetPointTable) -> float | None:
-        """Value of the last digit of joint positions [rad]; None if it is unknown.
+        """Return the value of the last digit of joint positions [rad]; None if it is unknown.
 
         Args:
             table: The table of the file.
@@ -101,7 +101,7 @@ class ExportFormat(Checked):
         """
         sentences = describe_rounding(table, self.last_digit(table))
         if self.program is not None:
-            sentences += describe_program(table, self.program, outputs_of(self))
+            sentences += program_warnings(table, self.program, outputs_of(self))
         if table.analog and not self.writes_analog:
             names = ", ".join(table.analog)
             sentences.append(f"the format does not support analog outputs ({names}).")
@@ -144,7 +144,7 @@ class CsvFormat(ExportFormat):
     analog: Analog | None = None
 
     def last_digit(self, table: SetPointTable) -> float:
-        """Value of the last digit of joint positions [rad]."""
+        """Return the value of the last digit of joint positions [rad]."""
         return 10.0**-table.decimals
 
     @checked
@@ -175,7 +175,7 @@ class RosYamlFormat(ExportFormat):
     point_tolerance: PointTolerance | None = None
 
     def last_digit(self, table: SetPointTable) -> float:
-        """Value of the last digit of joint positions [rad]."""
+        """Return the value of the last digit of joint positions [rad]."""
         return 10.0**-table.decimals
 
     @checked
@@ -271,12 +271,12 @@ ENDINGS: dict[str, str] = {name: x.ending for name, x in FORMATS.items()}
 ENDINGS |= {name: ending_of_template(file) for name, file in BUILT_IN.items()}
 # Options of formats that `export` of a job determines from its values, instead of copying them.
 CONVERTED = {"outputs", "tolerances"}
-# Keys of `export` of a job that need a format with this option.
+# Keys of a job's `export` that are valid only if one of its formats has an option of this name.
 NEEDS_FORMAT = ("tolerances", "points", "call")
 
 
 def ending_of(format: str) -> str:
-    """Extension of the file of a format or template, such as ".src" for "house.src.j2"."""
+    """Return the extension of a format's or template's file: ".src" for "house.src.j2"."""
     if format in ENDINGS:
         return ENDINGS[format]
     if not format.endswith(ENDING):
@@ -288,7 +288,10 @@ def ending_of(format: str) -> str:
 
 
 def format_named(name: str, options: Exports | None = None) -> ExportFormat:
-    """Format with a name, or of a template, with those options of `options` that it supports."""
+    """Return the format with a name, or of a template.
+
+    It has those options of `options` that it supports.
+    """
     ending_of(name)
     format = FORMATS[name]() if name in FORMATS else TemplateFormat(template=name)
     if options is None:
@@ -301,6 +304,7 @@ def format_named(name: str, options: Exports | None = None) -> ExportFormat:
 
 
 def _options_of(kind: type[ExportFormat | Exports]) -> set[str]:
+    """Return the names of the options of a format, or of the keys of `export`."""
     return {x.name for x in fields(kind)}
 
 
@@ -323,18 +327,18 @@ def check_formats(exports: Exports) -> None:
         InvalidInput: A format does not exist, two formats have one file, or a value needs another
             format.
     """
-    taken: dict[str, str] = {}
+    format_of_ending: dict[str, str] = {}
     for name in exports.formats:
-        other = taken.setdefault(ending_of(name), name)
+        other = format_of_ending.setdefault(ending_of(name), name)
         if other is not name:
             raise InvalidInput(
                 f"The formats {other} and {name} are written to the same file. Remove one of "
                 "them, or use a template with another extension, such as cell.txt.j2."
             )
     for key in NEEDS_FORMAT if exports.formats else ():
-        able = [name for name, kind in FORMATS.items() if key in _options_of(kind)]
-        if getattr(exports, key) and not set(able) & set(exports.formats):
-            names = " or ".join(able)
+        supporting = [name for name, kind in FORMATS.items() if key in _options_of(kind)]
+        if getattr(exports, key) and not set(supporting) & set(exports.formats):
+            names = " or ".join(supporting)
             raise InvalidInput(
                 f"{key} requires the format {names}. Remove {key}, or export {names}."
             )
@@ -345,16 +349,16 @@ def check_formats(exports: Exports) -> None:
 
 def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
     """Check the outputs of an event by format."""
-    without = [x for x, kind in FORMATS.items() if "outputs" not in _options_of(kind)]
+    without_outputs = [x for x, kind in FORMATS.items() if "outputs" not in _options_of(kind)]
     for format, output in outputs.items():
         key = f"outputs.{name}.{format}"
         with error_context(f"outputs.{name}"):
             ending_of(format)
-        if format in without or PurePath(format).name != format:
-            able = ", ".join(x for x in ENDINGS if x not in without)
+        if format in without_outputs or PurePath(format).name != format:
+            formats_with_outputs = ", ".join(x for x in ENDINGS if x not in without_outputs)
             raise InvalidInput(
-                f"{key} has no effect, because outputs are of {able}, and templates, which are "
-                f"named without a folder, such as house{ENDING}."
+                f"{key} has no effect, because outputs are of {formats_with_outputs}, and "
+                f"templates, which are named without a folder, such as house{ENDING}."
             )
         if isinstance(output, bool) or not isinstance(output, int | str):
             raise InvalidInput(f"{key} must be a number or a text, but is {show(output)}.")

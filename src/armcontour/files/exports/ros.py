@@ -140,7 +140,7 @@ def write_ros_yaml(
 
 
 def select_points(table: SetPointTable, most: int, tolerance: float) -> SetPointTable:
-    """Table of at most `most` points that a trajectory controller interpolates in a tolerance.
+    """Select at most `most` points that a trajectory controller interpolates within a tolerance.
 
     The controller interpolates by quintics, cubics or lines, depending on the derivatives. Its
     curve through the selected points differs from its curve through all points by at most
@@ -151,18 +151,19 @@ def select_points(table: SetPointTable, most: int, tolerance: float) -> SetPoint
     """
     if len(table.t) <= most:
         return table
-    given = [x for x in (table.q, table.dq, table.ddq) if x is not None]
+    derivatives = [x for x in (table.q, table.dq, table.ddq) if x is not None]
     t = table.t
     # The controller reads printed numbers.
-    printed = [np.round(x, table.decimals - k) for k, x in enumerate(given)]
-    rows = _rows_within(t, given, printed, tolerance)
+    printed = [np.round(x, table.decimals - k) for k, x in enumerate(derivatives)]
+    rows = _rows_within(t, derivatives, printed, tolerance)
     if len(rows) > most:
+        # The smallest tolerance that `most` points keep is between low and high.
         low, high = tolerance, tolerance
-        while len(_rows_within(t, given, printed, high)) > most:
+        while len(_rows_within(t, derivatives, printed, high)) > most:
             high *= 4
         for _ in range(BISECTIONS):
             middle = (low * high) ** 0.5
-            fits = len(_rows_within(t, given, printed, middle)) <= most
+            fits = len(_rows_within(t, derivatives, printed, middle)) <= most
             low, high = (low, middle) if fits else (middle, high)
         unit = any_unit("rad", table.prismatic)
         raise InvalidInput(
@@ -183,21 +184,35 @@ def select_points(table: SetPointTable, most: int, tolerance: float) -> SetPoint
 
 
 def _rows_within(
-    t: FloatArray, given: Sequence[FloatArray], printed: Sequence[FloatArray], tolerance: float
+    t: FloatArray,
+    derivatives: Sequence[FloatArray],
+    printed: Sequence[FloatArray],
+    tolerance: float,
 ) -> IntArray:
-    """Select few rows; their interpolation stays within `tolerance` [rad] of that of all rows."""
+    """Select few rows whose interpolation stays within a tolerance of that of all rows, (m,).
+
+    - `t`: times [s], (n,).
+    - `derivatives`: joint positions and, if known, velocities and accelerations, (n, dof) each.
+    - `printed`: the same, rounded as in the file.
+    - `tolerance`: largest difference [rad].
+    """
     rows = [0]
     last = len(t) - 1
     while rows[-1] < last:
         start = rows[-1]
         # The farthest row within the tolerance, by doubling until one is beyond it, then bisection.
-        good = start + 1
-        bad = last + 1
-        while bad - good > 1:
-            tried = min(2 * good - start, last) if bad > last else (good + bad) // 2
-            within = _deviation(t, given, printed, start, tried) <= tolerance
-            good, bad = (tried, bad) if within else (good, tried)
-        rows.append(good)
+        within = start + 1
+        beyond = last + 1
+        while beyond - within > 1:
+            if beyond > last:
+                row = min(2 * within - start, last)
+            else:
+                row = (within + beyond) // 2
+            if _deviation(t, derivatives, printed, start, row) <= tolerance:
+                within = row
+            else:
+                beyond = row
+        rows.append(within)
     return np.array(rows)
 
 

@@ -1,4 +1,4 @@
-"""Speeds of the slow move with which a robot program reaches its first set-point."""
+"""Speed limits of the slow move with which a robot program reaches its first set-point."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlowMove:
-    """Largest speeds of every axis before the first set-point; a program uses those it can state.
+    """Speed limits of the move to the first set-point.
+
+    Each program format uses those it can express.
 
     Formats without a program (csv, ros-yaml) have no move to the start.
     """

@@ -111,7 +111,7 @@ def render_template(
         raise InvalidInput(f"{_error_line(error, source)}: {_error_text(error)}.") from None
 
 
-def describe_program(
+def program_warnings(
     table: SetPointTable, program: RobotProgram, outputs: Mapping[str, int | str]
 ) -> list[str]:
     """Return warnings about a program: outputs that are not set, and too many points.
@@ -153,12 +153,12 @@ def describe_program(
 
 
 def ending_of_template(name: str) -> str:
-    """Extension of the program of a template, such as ".src" for "house.src.j2"."""
+    """Return the extension of the program of a template, such as ".src" for "house.src.j2"."""
     return PurePath(name.removesuffix(ENDING)).suffix or ".txt"
 
 
 def describe_rounding(table: SetPointTable, digit: float | None) -> list[str]:
-    """Warning if set-points exceed the command limits after rounding to `digit` [rad]."""
+    """Warn if set-points exceed the command limits after rounding to `digit` [rad]."""
     if table.command_limits is None or digit is None:
         return []
     rounded = np.round(table.q / digit) * digit
@@ -297,7 +297,7 @@ def _map_numbers(function: Any, value: Any) -> Any:
 
 
 def _format_fixed(value: float | Sequence[float], decimals: int = POSITION_DECIMALS) -> str:
-    """Text of a number, or of several separated by commas, with a fixed number of decimals."""
+    """Write a number, or several separated by commas, with a fixed number of decimals."""
     text = _map_numbers(lambda y: f"{y:.{decimals}f}", value)
     return text if isinstance(text, str) else ", ".join(text)
 

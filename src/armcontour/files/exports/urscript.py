@@ -33,6 +33,10 @@ LONGEST_NAME = 31
 # Duration for which the last set-point is commanded, so that the servo reaches it [s].
 HOLD = 0.5
 
+# Decimals of the level of an analog output.
+LEVEL_DECIMALS = 4
+# Relative difference up to which a cycle counts as a multiple of the controller's cycle.
+CYCLE_ROUNDING = 1e-9
 # Number of standard analog outputs of a control box.
 ANALOG_OUTPUTS = 2
 # Format of the level of an analog output, from 0 to 1.
@@ -104,18 +108,24 @@ def write_urscript(
 def _commands(
     table: SetPointTable, lines: Sequence[tuple[float, str]], point: str, last: str
 ) -> Iterator[str]:
-    """Yield servoj commands and `lines`, (time [cycles], text), in the order of their times."""
+    """Yield servoj commands and other lines in the order of their times.
+
+    - `lines`: time [cycles] and text of each line, in the order of time.
+    - `point`: format of the servoj command for a row of joint positions.
+    - `last`: the last joint positions as text.
+    """
+    # Number of cycles whose commands were yielded.
     done = 0
     count = len(table.q)
-    for position, command in lines:
+    for time, command in lines:
         # A servoj takes one cycle, so that the next line is executed at the time of the next
         # set-point.
-        before = round(position)
-        yield from format_rows(point, table.q[done : min(before, count)])
-        if before > max(done, count):
-            yield _repeat_last(last, (before - max(done, count)) * table.cycle)
+        cycle = round(time)
+        yield from format_rows(point, table.q[done : min(cycle, count)])
+        if cycle > max(done, count):
+            yield _repeat_last(last, (cycle - max(done, count)) * table.cycle)
         yield command
-        done = max(done, before)
+        done = max(done, cycle)
     yield from format_rows(point, table.q[done:])
     yield _repeat_last(last, HOLD)
 
@@ -152,14 +162,13 @@ def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float,
             needed=high,
             allowed=1.0,
         )
-    levels = np.round(np.clip(values, 0.0, 1.0), 4)
+    levels = np.round(np.clip(values, 0.0, 1.0), LEVEL_DECIMALS)
     changes = np.flatnonzero(np.diff(levels, prepend=np.nan) != 0).tolist()
     return [(i, f"  set_standard_analog_out({number}, {LEVEL % levels[i]})\n") for i in changes]
 
 
 def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
-    """Command that switches the output of an event, or writes a message if it has none."""
-    words = event.text
+    """Return the command that switches the output of an event, or writes a message without one."""
     comment = f"  # {event.text} at {event.t:.6f} s\n"
     if event.name in outputs:
         state = "True" if event.value is not False else "False"
@@ -171,8 +180,8 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
     # String literals of URScript have no escape sequences.
     if not message.isprintable() or any(x in message for x in '"\\'):
         raise InvalidInput(
-            f"URScript does not support the text of the event {words}. Its name and value must be "
-            "one line without quotes and backslashes."
+            f"URScript does not support the text of the event {event.text}. Its name and value "
+            "must be one line without quotes and backslashes."
         )
     return f'  textmsg("{message}"){comment}'
 
@@ -192,7 +201,7 @@ def _check_table(table: SetPointTable) -> None:
             allowed=float(JOINTS),
         )
     cycles = table.cycle / CONTROLLER_CYCLE
-    if round(cycles) < 1 or not math.isclose(cycles, round(cycles), rel_tol=1e-9):
+    if round(cycles) < 1 or not math.isclose(cycles, round(cycles), rel_tol=CYCLE_ROUNDING):
         raise InvalidInput(
             f"URScript requires a cycle that is a multiple of {CONTROLLER_CYCLE * 1e3:g} ms, but "
             f"the cycle of {table.name!r} is {table.cycle * 1e3:g} ms. Choose another cycle.",
@@ -202,7 +211,7 @@ def _check_table(table: SetPointTable) -> None:
 
 
 def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> dict[str, int]:
-    """Check the digital outputs of events; returns the numbers of the outputs by event name."""
+    """Check the digital outputs of events; return their numbers by name of the event."""
     numbers: dict[str, int] = {}
     for name, number in outputs.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer):

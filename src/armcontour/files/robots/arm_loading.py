@@ -16,7 +16,12 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, Pose, from_rpy
 from armcontour.core.text import plain_number, show
-from armcontour.files.robots.urdf_tree import DESCRIPTION, MAX_CHARACTERS, ArmOptions, check_options
+from armcontour.files.robots.urdf_tree import (
+    DESCRIPTION,
+    MAX_CHARACTERS,
+    ArmOptions,
+    refuse_urdf_options,
+)
 from armcontour.robot.arm import Arm
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain
@@ -129,7 +134,7 @@ def _load(name: str | FilePath, options: ArmOptions, payload: Payload | None) ->
         from armcontour.files.robots.urdf import read_arm
 
         return read_arm(FilePath(name), options)
-    check_options(options, f"The arm {name}")
+    refuse_urdf_options(options, f"The arm {name}")
     arm = _read_arm(str(name), payload)
     if options.joint_limits is None:
         return arm

@@ -127,7 +127,7 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
 
 
 def _shapes(arm: SerialArm, description: Description) -> ArmShapes:
-    """Shapes of the links of a description; links after the last moving link are tools."""
+    """Return the shapes of a description's links; links after the last moving link are tools."""
     # Imported here, because the import loads compiled code of motions.
     from armcontour.files.robots.collision_shapes import link_shapes
     from armcontour.files.robots.urdf_chain import Description
@@ -138,17 +138,19 @@ def _shapes(arm: SerialArm, description: Description) -> ArmShapes:
     # Links that are not below the base are fixed, because their joints do not move.
     others = Description(tree, (), (), tree.root).link_frames()
     floor = carried[description.base][0]
-    back = others[description.base][1].inverse
-    back = arm.chain.floor @ back
-    still = {x: (floor, back @ place) for x, (_, place) in others.items() if x not in carried}
+    base_in_root = others[description.base][1]
+    root_to_floor = arm.chain.floor @ base_in_root.inverse
+    fixed = {
+        x: (floor, root_to_floor @ place) for x, (_, place) in others.items() if x not in carried
+    }
     last = description.moving[-1].child
-    shapes = link_shapes(tree, {**still, **carried}, last)
+    shapes = link_shapes(tree, {**fixed, **carried}, last)
     source = f"collision elements of {FilePath(tree.file).name}"
     return exclude_touching(arm.with_shapes(ArmShapes(shapes=shapes, source=source)))
 
 
 def _default_tip(tree: Tree, base: str) -> str:
-    """Tip of a description if the options do not name it: `tool0`, else `flange`."""
+    """Return the tip of a description if the options do not name it: `tool0`, else `flange`."""
     tip = next((x for x in TOOL_FRAMES if x in tree.links), None)
     if tip is not None:
         return tip
@@ -212,7 +214,7 @@ class _DescribedLimits:
 def _limits(
     tree: Tree, moving: list[Joint], file: str | FilePath | None, *, has_bodies: bool
 ) -> _DescribedLimits:
-    """Read the limits of the moving joints.
+    """Read the limits of the moving joints, and note which are missing or assumed.
 
     Args:
         tree: The description.

@@ -56,7 +56,10 @@ class Description:
         self._names = {joint.name for joint in moving}
 
     def chain(self) -> Chain:
-        """Moving joints with the bodies that move with each; both branches from the base."""
+        """Return the chain of the moving joints, with the bodies that move with each joint.
+
+        Both branches, to the part and to the tip, start at the base.
+        """
         carried = self.link_frames()
         has_bodies = self._check_bodies(carried)
         self._note_held_joints()
@@ -69,8 +72,8 @@ class Description:
                 if body is not None:
                     mass, frame, inertia = body
                     frame = place @ frame
-                    turned = frame.rotation @ inertia @ frame.rotation.T
-                    links[link - 1].append((mass, frame.position, turned))
+                    rotated_inertia = frame.rotation @ inertia @ frame.rotation.T
+                    links[link - 1].append((mass, frame.position, rotated_inertia))
             joined = zip(*map(merge_bodies, links), strict=True)
             bodies = dict(zip(("masses", "centers", "inertias"), joined, strict=True))
         return Chain(
@@ -86,7 +89,7 @@ class Description:
         )
 
     def link_frames(self) -> dict[str, tuple[int, Frame]]:
-        """By link: index of the moving link to which it is fixed (0: base), and its frame there."""
+        """Map each link to the moving link that carries it (0: the base), and its frame there."""
         number = {joint.name: k for k, joint in enumerate(self.moving, start=1)}
         frames = {self.base: (0, Frame())}
         for joint in self.below:
@@ -153,7 +156,7 @@ class Description:
         )
 
     def axis_frames(self) -> dict[int, Frame]:
-        """Frames of the joints of a positioner (1: next to the part) and of the base (0) in it."""
+        """Return the frames of a positioner's joints (1: next to the part) and of the base (0)."""
         carried = self.link_frames()
         frames = {0: Frame()}
         for k in range(self.axes, 0, -1):
@@ -163,21 +166,24 @@ class Description:
         return frames
 
     def shape_frames(self, chain: Chain) -> dict[str, tuple[int, Frame]]:
-        """`link_frames` by the links of the chain, whose first link carries the part."""
-        found = {}
+        """Return `link_frames` for the links of the chain, whose first link carries the part."""
+        frames_of_chain = {}
         frames = self.axis_frames()
         for name, (number, place) in self.link_frames().items():
             link = number
             if number in frames:
                 link = number - 1 if number else self.axes
                 # The links of a positioner and the base have parallel frames at 0.
-                moved = Frame(position=-chain.positions[:link].sum(axis=0))
-                place = moved @ frames[number] @ place
-            found[name] = link, place
-        return found
+                offset = Frame(position=-chain.positions[:link].sum(axis=0))
+                place = offset @ frames[number] @ place
+            frames_of_chain[name] = link, place
+        return frames_of_chain
 
     def _joint_frame(self, joint: Joint) -> Frame:
-        """Frame of the child link in the parent link, at position 0 or at its own position."""
+        """Return the frame of a joint's child link in the parent link.
+
+        Joints of the arm are at 0, other joints at the position that they keep.
+        """
         place = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
         value = 0.0 if joint.name in self._names else self._held_position(joint, ())
         if not abs(value) <= LARGEST:
@@ -193,7 +199,12 @@ class Description:
         return place @ Frame(rotation=exp(along))
 
     def _held_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
-        """Position of a joint outside the arm: from the mimicked joint, or nearest to 0."""
+        """Return the position that a joint outside the arm keeps [rad or m].
+
+        It is that of the mimicked joint, or the position in the joint's range nearest to 0.
+
+        `mimics`: names of the joints that mimic this joint, to detect a loop.
+        """
         file = self.tree.file
         if joint.kind in ("fixed", "planar", "floating"):
             return 0.0
@@ -210,7 +221,7 @@ class Description:
         return 0.0
 
     def _mimicking_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
-        """Position of a joint that mimics another joint, with the joints of the arm at 0."""
+        """Return the position of a joint that mimics another [rad or m], with the arm at 0."""
         master = self.tree.joints.get(joint.master or "")
         if master is None or master.name in mimics or len(mimics) > MAX_MIMICS:
             raise InvalidInput(
@@ -254,7 +265,10 @@ class Description:
         return False
 
     def _check_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> bool:
-        """Return whether all links that the arm moves have valid masses; note ignored data."""
+        """Return whether all links that the arm moves have valid masses; note ignored data.
+
+        `carried`: see `link_frames`.
+        """
         faults, has_bodies = self._inertia_faults(carried)
         if has_bodies and faults:
             others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
@@ -271,17 +285,18 @@ class Description:
         return has_bodies and not faults
 
     def _inertia_faults(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[list[str], bool]:
-        """Descriptions of faults in the inertial data, and True if any link has such data."""
+        """Describe faults in the inertial data; also return whether any link has such data."""
         faults: list[str] = []
-        weight = [0.0] * len(self.moving)
-        known = False
+        # Mass that moves with each joint [kg].
+        moved_masses = [0.0] * len(self.moving)
+        has_bodies = False
         for joint in self.below:
             link, _ = carried[joint.child]
             if not link:
                 continue
             body = self._body(joint.child)
             if body is not None:
-                known = True
+                has_bodies = True
                 mass = body[0]
                 if mass < 0:
                     faults.append(f"the link {joint.child} has the mass {mass:g} kg")
@@ -293,15 +308,15 @@ class Description:
                 # A link on a fixed joint may have the mass 0, because it can be only a frame.
                 if joint.name in self._names and mass == 0:
                     faults.append(f"the link {joint.child}, which a joint moves, has the mass 0 kg")
-                weight[link - 1] += mass
+                moved_masses[link - 1] += mass
             if self._follows_arm(joint) and self._has_mass(joint.child):
                 faults.append(f"joint {joint.name} moves a mass along with joint {joint.master}")
-        bare = [
+        without_mass = [
             f"the link {joint.child} has no mass"
-            for joint, mass in zip(self.moving, weight, strict=True)
+            for joint, mass in zip(self.moving, moved_masses, strict=True)
             if mass <= 0
         ]
-        return faults or bare, known
+        return faults or without_mass, has_bodies
 
     def _has_mass(self, link: str) -> bool:
         """Return whether a link, or a link below it, has a mass other than 0."""
@@ -310,7 +325,10 @@ class Description:
         return any(x is not None and plain_number(x.get("value")) != 0 for x in masses)
 
     def _body(self, link: str) -> tuple[float, Frame, FloatArray] | None:
-        """Read mass [kg], frame at the centre of mass, and inertia [kg m²]; None if missing."""
+        """Read a link's mass [kg], frame at its centre of mass, and inertia there [kg m²], (3, 3).
+
+        None if the link has no inertial data.
+        """
         inertial = self.tree.links[link].find("inertial")
         where = f"The link {link} of {self.tree.file}"
         if inertial is None:
@@ -322,7 +340,7 @@ class Description:
         return mass, origin_of(inertial, where), inertia
 
     def _axis(self, joint: Joint) -> FloatArray:
-        """Unit vector of a joint axis, (3,)."""
+        """Return the unit vector of a joint axis, (3,)."""
         where = f"Joint {joint.name} of {self.tree.file}"
         element = joint.element.find("axis")
         words = "1 0 0" if element is None else element.get("xyz", "1 0 0")
@@ -333,7 +351,7 @@ class Description:
         return axis / size
 
     def _friction(self, joint: Joint, key: str) -> float:
-        """Damping [N m s/rad, N s/m] or friction [N m, N] of a joint; 0 if missing."""
+        """Return the damping [N m s/rad, N s/m] or friction [N m, N] of a joint; 0 if missing."""
         value = joint.number("dynamics", key, self.tree.file) or 0.0
         if value < 0:
             raise InvalidInput(
@@ -363,7 +381,10 @@ def origin_of(element: ET.Element, where: str) -> Frame:
 
 
 def read_attribute(where: str, element: ET.Element | None, tag: str, key: str) -> float:
-    """Number in the attribute `key` of an element; `where` and `tag` are for messages."""
+    """Return the number in the attribute `key` of an element.
+
+    `where`, `tag`: the owner of the element and its tag, for messages.
+    """
     text = None if element is None else element.get(key)
     value = plain_number(text)
     if value is None or abs(value) > LARGEST:
@@ -375,7 +396,10 @@ def read_attribute(where: str, element: ET.Element | None, tag: str, key: str) -
 
 
 def read_numbers(where: str, name: str, words: str, count: int = 3) -> FloatArray:
-    """The numbers in the text of an attribute, (count,); `where` and `name` are for messages."""
+    """Return the numbers in the text `words` of an attribute, (count,).
+
+    `where`, `name`: the owner of the attribute and its name, for messages.
+    """
     numbers = np.array([plain_number(x) for x in words.split()], dtype=np.float64)
     if numbers.shape != (count,) or not (np.abs(numbers) <= LARGEST).all():
         raise InvalidInput(

@@ -76,8 +76,8 @@ class ArmOptions(Checked):
             raise InvalidInput("tilt requires part, the link of a description that carries a part.")
 
 
-def check_options(options: ArmOptions, arm: str) -> None:
-    """Check that only options of any arm are specified; `arm` is for messages."""
+def refuse_urdf_options(options: ArmOptions, arm: str) -> None:
+    """Refuse options that only .urdf files have; `arm` names the arm in the message."""
     for option in fields(ArmOptions):
         if option.name not in ANY_OPTIONS and getattr(options, option.name):
             raise InvalidInput(
@@ -102,7 +102,10 @@ class Joint:
         return None if element is None else element.get("joint", "")
 
     def number(self, tag: str, key: str, source: str) -> float | None:
-        """Number in the attribute `key` of the joint's element `tag`; None if it does not exist."""
+        """Return the number in the attribute `key` of the joint's element `tag`; None without it.
+
+        `source`: the file, for messages.
+        """
         element = self.element.find(tag)
         text = None if element is None else element.get(key)
         value = plain_number(text)

@@ -13,7 +13,7 @@ from armcontour.jobs import JobResult, RunResult
 from armcontour.motion import Execution
 from armcontour.program import contour_called
 from armcontour.report.figure import render
-from armcontour.report.plan_drawing import Drawing, Key, Mark, Sheet, slug, view_of
+from armcontour.report.plan_drawing import Drawing, Mark, Sheet, SymbolEntry, slug, view_of
 from armcontour.report.section import Section
 from armcontour.report.view import drawn_arc_lengths, simplify
 from armcontour.verification import ErrorProfile, Evaluation
@@ -90,7 +90,7 @@ def draw_tool(tool: Tool, job: str) -> Drawing:
     points = np.concatenate([*outline, *chain.from_iterable(classes.values())])
     sheet = Sheet.of(points, view_of(points))
     lines = [sheet.line(outline, 'class="objective"', "drawing", fine=True)]
-    keys = [Key("┄", "drawing")]
+    keys = [SymbolEntry("┄", "drawing")]
     allowed, named = _scale(tool)
     ends = [0.0, *CLASSES]
     for k, curves in classes.items():
@@ -99,7 +99,7 @@ def draw_tool(tool: Tool, job: str) -> Drawing:
         words = f"{ends[k]:.0%} to {CLASSES[k]:.0%}" if k < len(CLASSES) else f"more than {1:.0%}"
         words = f"{words} of the {named} {number(allowed, 'm')}" if allowed else "planned"
         lines.append(sheet.line(curves, look.format(" path"), words, fine=True))
-        keys.append(Key(f"<i {look.format(' swatch')}></i>", words))
+        keys.append(SymbolEntry(f"<i {look.format(' swatch')}></i>", words))
     corners = _corners(tool, prefix)
     label = f"Drawing and executed path of {tool.name}"
     drawn = {"sheet": sheet, "lines": lines, "marks": [("", x) for x in corners], "numbers": ()}

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.render import number, scale, split
 from armcontour.report.figure import render
-from armcontour.report.plan_drawing import WIDTH, Drawing, Key
+from armcontour.report.plan_drawing import WIDTH, Drawing, SymbolEntry
 from armcontour.report.section import Front, tiles
 
 if TYPE_CHECKING:
@@ -86,9 +86,13 @@ def draw_map(result: Placement) -> Drawing:
         shown = range(0, len(values), int(np.ceil(least / size)))
         ticks = [((i + 0.5) * size, f"{values[i] / factor:.4g}") for i in shown]
         labelled.append((f"{name} [{unit}]", ticks))
-    keys = [Key(_swatch(_heat(0.0)), f"shortest motion {number(low, 's')}")] if times else []
-    keys += [Key(_swatch(_heat(1.0)), f"longest {number(high, 's')}")] if high > low else []
-    keys += [Key(_swatch(REFUSED), "refused, with the number of the reason")] if numbers else []
+    keys = list[SymbolEntry]()
+    if times:
+        keys.append(SymbolEntry(_swatch(_heat(0.0)), f"shortest motion {number(low, 's')}"))
+    if high > low:
+        keys.append(SymbolEntry(_swatch(_heat(1.0)), f"longest {number(high, 's')}"))
+    if numbers:
+        keys.append(SymbolEntry(_swatch(REFUSED), "refused, with the number of the reason"))
     label = f"Shortest motion at {len(best)} places, {len(best) - len(times)} refused"
     return Drawing(
         title="Shortest motion at each place [s]",

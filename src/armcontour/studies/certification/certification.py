@@ -44,7 +44,11 @@ from armcontour.studies.certification.certificate import (
     Uncertified,
 )
 from armcontour.studies.certification.derating import DeratedLimits, derated_intervals
-from armcontour.studies.certification.derating_search import Verdict, attempts, verify_attempt
+from armcontour.studies.certification.derating_search import (
+    AttemptVerdict,
+    attempts,
+    verify_attempt,
+)
 from armcontour.verification.contour_errors import ContourExecution, pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
@@ -178,7 +182,7 @@ def _certifiable(run: Run) -> Run:
 class _Found:
     """The fastest plan of a run that satisfies the goal."""
 
-    verdict: Verdict
+    verdict: AttemptVerdict
     uncertified: Uncertified  # The plan without derating
     # Durations of both shapes, free corners and arcs [s]; empty if only one was tried. The shape
     # that was not chosen has a lower bound of its duration.
@@ -257,7 +261,7 @@ def _plan_case(job: Job, run: Run, goal: CertificateGoal, report: Progress, serv
     return Case(job, planned, goal, servo, report)
 
 
-def _split_tolerance(base: Case, run: Run, tolerance: float) -> Verdict:
+def _split_tolerance(base: Case, run: Run, tolerance: float) -> AttemptVerdict:
     """Find the servo budget of the fastest plan: the tolerance [m] less that of the corners.
 
     The first budget with a certified plan is replaced by what this plan needs, while the plans
@@ -288,7 +292,7 @@ def _split_tolerance(base: Case, run: Run, tolerance: float) -> Verdict:
     return found
 
 
-def find_verdict(case: Case) -> Verdict:
+def find_verdict(case: Case) -> AttemptVerdict:
     """Find the fastest attempt that is certified; return its verdict.
 
     Raises NotRealizable if no plan satisfies the goal; the message names the contour.
@@ -357,7 +361,9 @@ def _make_certificate(found: _Found, plant: RigidBodyPlant | None) -> Certificat
     )
 
 
-def _make_contours(verdict: Verdict, uncertified: Uncertified) -> Iterator[ContourCertificate]:
+def _make_contours(
+    verdict: AttemptVerdict, uncertified: Uncertified
+) -> Iterator[ContourCertificate]:
     """Make the certificates of all contours."""
     case = verdict.case
     attempt = verdict.attempt
@@ -419,7 +425,7 @@ def _larger_error(piece: ContourExecution) -> float:
     return max(piece.contour_error.max, piece.coverage_error.max)
 
 
-def _execute_continuously(verdict: Verdict) -> Sequence[ContourExecution]:
+def _execute_continuously(verdict: AttemptVerdict) -> Sequence[ContourExecution]:
     """Execute nearly continuous set-points, whose error is that of the servo without a cycle."""
     case = verdict.case
     cycle = max(case.run.cycle / CONTINUOUS, min(SHORTEST_CYCLE, case.run.cycle))

@@ -93,7 +93,7 @@ Pieces = Sequence[Sequence[ContourExecution]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Verdict:
+class AttemptVerdict:
     """The verdict on an attempt, with its evidence."""
 
     case: Case
@@ -123,7 +123,7 @@ class Verdict:
         return max(errors + [x.largest for x in self.robots])
 
 
-def verify_attempt(case: Case, attempt: Attempt) -> Verdict:
+def verify_attempt(case: Case, attempt: Attempt) -> AttemptVerdict:
     """Execute an attempt, and compare it with all limits and with the goal."""
     executed = simulate(attempt.set_points, case.plant(), resolution=PROOF_RESOLUTION)
     pieces = pieces_of(executed, case.program, None, None)
@@ -144,7 +144,7 @@ def verify_attempt(case: Case, attempt: Attempt) -> Verdict:
     ]
     for each, errors in zip(ratios, robots, strict=False):
         each["box"] = errors.largest / case.budget
-    return Verdict(
+    return AttemptVerdict(
         case=case,
         attempt=attempt,
         executed=executed,
@@ -218,7 +218,7 @@ def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
 GOALS |= {"error": 0.995, "box": 0.995}
 
 
-def attempts(case: Case) -> Generator[Attempt, Verdict, None]:
+def attempts(case: Case) -> Generator[Attempt, AttemptVerdict, None]:
     """Yield attempts that are estimated to satisfy the goal, and receive their verdicts.
 
     Raises NotRealizable if no plan satisfies the goal; the message names the move.
@@ -468,7 +468,7 @@ def _derate(case: Case, move: Move, uses: Uses, goals: Goals, tries: int) -> Mov
     _refuse(case, move, {cause: float(use.max()) for cause, use in uses.items()}, goals)
 
 
-def _correct(verdict: Verdict, moves: list[Move], goals: list[Goals]) -> None:
+def _correct(verdict: AttemptVerdict, moves: list[Move], goals: list[Goals]) -> None:
     """Lower goals and limits that a verdict rejects."""
     for k, move in enumerate(moves):
         # Ratios of acceleration and speed are those of the whole program.

@@ -103,16 +103,18 @@ def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
             "arm is planar. Edit path.orientation in the job file."
         )
     angle, towards = (_degrees(name, edit.get(name, now[name])) for name in ("angle", "towards"))
-    flat = math.sin(angle)
-    new_axis = np.array([flat * math.cos(towards), flat * math.sin(towards), -math.cos(angle)])
+    horizontal = math.sin(angle)
+    new_axis = np.array(
+        [horizontal * math.cos(towards), horizontal * math.sin(towards), -math.cos(angle)]
+    )
     keys, rotation, axis = tool_orientation
     if rotation is None:
         parts = [round(float(x), DECIMALS) + 0.0 for x in new_axis]
         return [Change((*keys, "axis"), [int(x) if x == int(x) else x for x in parts])]
-    turned = exp(shortest(axis, new_axis)) @ rotation
+    new_rotation = exp(shortest(axis, new_axis)) @ rotation
     if value_at(state.data, (*keys, "quaternion")) is not None:
-        return [Change((*keys, "quaternion"), quaternions(turned).tolist())]
-    angles = to_rpy(turned)
+        return [Change((*keys, "quaternion"), quaternions(new_rotation).tolist())]
+    angles = to_rpy(new_rotation)
     return [
         Change((*keys, "rpy"), [write_like(float(x), "0 deg", ANGLE, within=1e-9) for x in angles])
     ]
@@ -177,6 +179,7 @@ def _body(edit: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _free_name(name: str, bodies: Iterable[Mapping[str, Any]]) -> str:
-    taken = {x.get("name") for x in bodies}
-    numbered = (name if k == 1 else f"{name} {k}" for k in range(1, len(taken) + 2))
-    return next(x for x in numbered if x not in taken)
+    """Return a name that no body has: the name itself, or the name with a number from 2."""
+    used_names = {x.get("name") for x in bodies}
+    numbered = (name if k == 1 else f"{name} {k}" for k in range(1, len(used_names) + 2))
+    return next(x for x in numbered if x not in used_names)

@@ -86,18 +86,19 @@ def work(task_input: TaskInput, listener: Listener) -> bytes:
 
 def _progress_frames(id: str, task: str, listener: Listener) -> Progress:
     """Make the callback that sends progress frames, with the estimated remaining time."""
-    begin = last = time.monotonic()
+    started_at = reported_at = time.monotonic()
 
     def report(step: Step) -> None:
-        nonlocal last
+        """Send a step, unless the last one was sent less than PROGRESS_INTERVAL ago."""
+        nonlocal reported_at
         now = time.monotonic()
         share = step.done
-        if now < last + PROGRESS_INTERVAL:
+        if now < reported_at + PROGRESS_INTERVAL:
             return
-        last = now
-        remaining = (now - begin) * (1 - share) / share if share else None
-        facts = {"id": id, "task": task, "steps": step.names, "share": share, "eta": remaining}
-        listener(MessageFrame("progress", facts).pack())
+        reported_at = now
+        remaining = (now - started_at) * (1 - share) / share if share else None
+        header = {"id": id, "task": task, "steps": step.names, "share": share, "eta": remaining}
+        listener(MessageFrame("progress", header).pack())
 
     return report
 
@@ -109,7 +110,8 @@ def do(task: str, request: Mapping[str, Any], progress: Progress) -> MessageFram
     """
     if task not in TASKS:
         raise InvalidInput(f"The task must be one of {', '.join(TASKS)}, but is {task!r}.")
-    full = Request(**request, progress=progress)
-    named = [FilePath(x) for x in full.named]
-    with reading_below(map(FilePath, full.allowed), named) if full.allowed else nullcontext():
-        return TASKS[task](full)
+    task_request = Request(**request, progress=progress)
+    named = [FilePath(x) for x in task_request.named]
+    allowed = [FilePath(x) for x in task_request.allowed]
+    with reading_below(allowed, named) if allowed else nullcontext():
+        return TASKS[task](task_request)

@@ -45,9 +45,9 @@ class Request:
     @cached_property
     def data(self) -> dict[str, Any]:
         """Keys and values of the job text."""
-        from armcontour.files.job_file import read_data
+        from armcontour.files.job_file import read_job_mapping
 
-        return read_data(self.text, self.source)
+        return read_job_mapping(self.text, self.source)
 
     @cached_property
     def previewer(self) -> CoarsePlanner:

@@ -103,7 +103,10 @@ def arc_around(
 
 
 def arc_with_radius(start: complex, end: complex, radius: float, turn: int) -> ProgrammedArc:
-    """Arc with a radius [m]: at most half a circle, or at least half if the radius is negative."""
+    """Return the arc with a radius [m]: at most half a circle, at least half for a negative one.
+
+    `turn`: 1 for counter-clockwise, -1 for clockwise.
+    """
     chord = abs(end - start)
     if chord <= REPEATED_POINT:
         raise Fault(
@@ -159,7 +162,7 @@ def _arc_around(arc: ProgrammedArc, sweep: float) -> ArcPart:
 
 
 def _divide_arc(arc: ProgrammedArc) -> list[ArcPart]:
-    """An arc around the programmed centre by half the swept angle, and a tangent arc to the end."""
+    """Return an arc about the programmed centre by half the angle, and a tangent arc to the end."""
     first = _arc_around(arc, arc.sweep / 2)
     ray = (first.end - arc.center) / arc.radius
     along = ((arc.end - arc.center) * ray.conjugate()).real

@@ -124,7 +124,7 @@ class Machine:
         self.draft.add_line(position[0], position[1], position[2], self._feed())
 
     def execute(self, block: Block) -> bool:
-        """Execute a line; True if it ends the program."""
+        """Execute a line; return whether it ends the program."""
         g = block.g
         words = block.words
         self._drop_words_without_motion(block)
@@ -186,6 +186,7 @@ class Machine:
         )
 
     def _set_feed(self, value: float, unit: float) -> None:
+        """Set the feed rate to the word F, in units of length (`unit` [m]) per minute."""
         self.feed = value * unit / 60
         if not 0 <= self.feed <= FASTEST:
             maximum = FASTEST * 60 / unit
@@ -202,7 +203,7 @@ class Machine:
                 "there is no feed rate for G1, G2 or G3. Write F above zero, in units per minute, "
                 "on this line or before it"
             )
-        if self.feed != self.feed:
+        if math.isnan(self.feed):
             self.notes.add_once(
                 "Feed moves without a feed rate, first in line {}, have no programmed speed; only "
                 "the limits of the job apply."

@@ -180,16 +180,19 @@ class ProgramDraft:
         return chain
 
     def _close(self) -> None:
+        """Append the chain of feed moves, if there is one, to the moves."""
         if self.chain is not None:
             self.moves.append(self.chain)
             self.chain = None
 
     def _flush(self) -> None:
+        """Append the points of the rapid, if there is one, to the moves."""
         if self.rapid is not None:
             self.moves.append(self.rapid)
             self.rapid = None
 
     def _leaves_the_plane(self) -> bool:
+        """Return whether a point of the moves has a z coordinate other than zero."""
         for move in self.moves:
             if isinstance(move, FeedChain | array):
                 points = np.frombuffer(move.points if isinstance(move, FeedChain) else move)
@@ -203,7 +206,12 @@ def _point(values: Sequence[float]) -> Point:
 
 
 def _contour(chain: FeedChain, dimension: int, counts: Counter[int], source: str) -> Contour:
-    """Contour of feed moves; `counts` are the numbers of contours so far that start in a line."""
+    """Return the contour of a chain of feed moves.
+
+    - `dimension`: 2 or 3.
+    - `counts`: number of contours so far, by the line in which they start.
+    - `source`: name of the file, for messages.
+    """
     try:
         path = _path(chain.points, dimension, chain)
     except InvalidInput as error:
@@ -218,7 +226,10 @@ def _contour(chain: FeedChain, dimension: int, counts: Counter[int], source: str
 
 
 def _path(points: array[float], dimension: int, chain: FeedChain | None = None) -> Path:
-    """The path of lines through points; with `chain`, with its arcs, speeds and tolerances."""
+    """Return the path of lines through points [m]; with `chain`, its arcs, speeds and tolerances.
+
+    `points`: coordinates x, y and z of all points in one sequence.
+    """
     vertices = np.frombuffer(points).reshape(-1, 3)[:, :dimension]
     if chain is None:
         return Path(segments=Segments.lines(vertices))
@@ -252,7 +263,7 @@ def _with_helices(table: Segments, chain: FeedChain) -> Segments:
     for first, (points, slopes, bends), middles in chain.helices:
         tangents, curvatures = tangent_and_curvature(slopes, bends)
         count = len(middles)
-        # Simpson's rule.
+        # The length of each part of the helix, by Simpson's rule.
         speed = np.linalg.norm(slopes, axis=1)
         lengths = (speed[:-1] + 4 * np.linalg.norm(middles, axis=1) + speed[1:]) / (6 * count)
         begin = points[:-1], tangents[:-1], curvatures[:-1]

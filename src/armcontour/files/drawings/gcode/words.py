@@ -105,27 +105,28 @@ class Notes:
 
     def __init__(self) -> None:
         self.line = 0
-        # First line of each skipped kind, by note template and kind.
-        self.kinds: dict[str, dict[str, int]] = {LEFT_OUT_NOTE: {}}
-        # First line that each note template of `add_once` applies to.
-        self.firsts: dict[str, int] = {}
+        # First line of each skipped kind, by template of the note and kind.
+        self.first_line_of_kind: dict[str, dict[str, int]] = {LEFT_OUT_NOTE: {}}
+        # First line to which a note of `add_once` applies, by template of the note.
+        self.first_line_of_note: dict[str, int] = {}
 
     def skip(self, kind: str, sentence: str = LEFT_OUT_NOTE) -> None:
         """Note a skipped item; `{}` in the sentence is replaced by the list of all kinds."""
-        self.kinds.setdefault(sentence, {}).setdefault(kind, self.line)
+        self.first_line_of_kind.setdefault(sentence, {}).setdefault(kind, self.line)
 
     def add_once(self, sentence: str) -> None:
         """Note how lines are interpreted; `{}` is replaced by the number of the first such line."""
-        self.firsts.setdefault(sentence, self.line)
+        self.first_line_of_note.setdefault(sentence, self.line)
 
     def sentences(self) -> list[str]:
         """Return all notes as complete sentences."""
         skipped = []
-        for sentence, kinds in self.kinds.items():
-            if kinds:
-                listed = [f"{x} (first in line {i})" for x, i in kinds.items()]
+        for sentence, lines in self.first_line_of_kind.items():
+            if lines:
+                listed = [f"{kind} (first in line {i})" for kind, i in lines.items()]
                 skipped.append(sentence.format(list_some(listed, MAX_KINDS)))
-        return skipped + [sentence.format(line) for sentence, line in self.firsts.items()]
+        once = [sentence.format(line) for sentence, line in self.first_line_of_note.items()]
+        return skipped + once
 
 
 class Block:
@@ -165,7 +166,7 @@ def parse(line: str, notes: Notes) -> Block:
         if match is None:
             raise Fault(_explain_syntax_error(text, position))
         if match[1] is not None:
-            _add(block, match[1], match[2], position, notes)
+            _add_word(block, match[1], match[2], position, notes)
         position = match.end()
     if "E" in block.words and EXPONENT.search(COMMENTS.sub(" ", line)):
         raise Fault(
@@ -175,7 +176,12 @@ def parse(line: str, notes: Notes) -> Block:
     return block
 
 
-def _add(block: Block, letter: str, number: str, position: int, notes: Notes) -> None:
+def _add_word(block: Block, letter: str, number: str, position: int, notes: Notes) -> None:
+    """Add a word to a block, or note that it is skipped.
+
+    - `number`: text of the word after its letter.
+    - `position`: index of the word in the text of the line.
+    """
     if len(number) > MAX_NUMBER_LENGTH:
         raise Fault(
             f"the number after {letter} must have at most {MAX_NUMBER_LENGTH} characters, but has "
@@ -205,13 +211,14 @@ def _add(block: Block, letter: str, number: str, position: int, notes: Notes) ->
 
 
 def _is_left_out(code: float) -> bool:
-    """True for unknown M codes; calls of subprograms raise an error."""
+    """Return whether an M code is skipped, because it is unknown; refuse calls of subprograms."""
     if code in CALLS:
         raise unsupported(f"M{code:g}")
     return code not in UNDERSTOOD_M
 
 
 def _add_g(block: Block, value: float, text: str, notes: Notes) -> None:
+    """Add a G code to a block, or note that it is skipped; `text`: the word, for messages."""
     code = round(value * 10)
     if code in WITHOUT_MOTION and abs(value * 10 - code) <= WHOLE_TOLERANCE:
         notes.skip(g_name(code))

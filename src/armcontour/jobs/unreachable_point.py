@@ -1,4 +1,4 @@
-"""`explain`: the point of a job that is farthest out of reach, and a remedy."""
+"""`explain_reach`: the point of a job that is farthest out of reach, and a remedy."""
 
 from __future__ import annotations
 
@@ -62,8 +62,10 @@ class _PathPoints(NamedTuple):
         )
 
 
-def explain(error: Unreachable, job: Job) -> Unreachable:
-    """Make the error about the job's point that is farthest out of reach; the given one if none is.
+def explain_reach(error: Unreachable, job: Job) -> Unreachable:
+    """Return the error about the job's point that is farthest out of reach.
+
+    If all points are within reach, the given error is returned.
 
     Points of contours have priority over points of rapids.
     """
@@ -75,29 +77,31 @@ def explain(error: Unreachable, job: Job) -> Unreachable:
         if not (paths := list(_paths_of(program, rapid))):
             continue
         points = _extremes(job.arm, _PathPoints.along(paths))
-        away = np.linalg.norm(_reached(job.arm, points) - points.points, axis=1)
-        k = int(np.argmax(away))
-        if away[k] > OUT_OF_REACH:
-            return _refusal(job, points, away, k, rapid)
+        gaps = np.linalg.norm(_reached(job.arm, points) - points.points, axis=1)
+        k = int(np.argmax(gaps))
+        if gaps[k] > OUT_OF_REACH:
+            return _refusal(job, points, gaps, k, rapid)
     return error
 
 
 def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
     """Yield names and paths of all contours, or if `rapid`, of all rapids that have a path."""
     contours = program.contours
-    done = 0
+    index = 0
     for move in program.moves:
         if isinstance(move, Contour):
             if not rapid:
-                alone = program.single_path is not None and not move.name
-                yield "the path" if alone else contour_called(move, done), move.path
-            done += 1
+                is_single = program.single_path is not None and not move.name
+                yield "the path" if is_single else contour_called(move, index), move.path
+            index += 1
         elif rapid and isinstance(move, Rapid) and move.path is not None:
-            before = contours[max(done - 1, 0) : done]
-            after = contours[done : done + 1]
-            to, (other,) = ("to", after) if after else ("away from", before)
-            called = contour_called(other, done if after else done - 1)
-            yield f"rapid {to} {called}", turn_along(move.path, before, after)
+            before = contours[max(index - 1, 0) : index]
+            after = contours[index : index + 1]
+            if after:
+                name = f"rapid to {contour_called(after[0], index)}"
+            else:
+                name = f"rapid away from {contour_called(before[0], index - 1)}"
+            yield name, turn_along(move.path, before, after)
 
 
 def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:
@@ -116,49 +120,54 @@ def _reached(arm: Arm, points: _PathPoints) -> FloatArray:
     """Find the reachable tool position nearest to each point [m], (n, dimension)."""
     goals = points.points
     if isinstance(arm, PlanarTwoLink):
-        near, far = arm.reach
-        along = goals - [arm.base, 0.0]
-        distance = np.linalg.norm(along, axis=1, keepdims=True)
+        least, largest = arm.reach
+        from_base = goals - [arm.base, 0.0]
+        distance = np.linalg.norm(from_base, axis=1, keepdims=True)
         # A point at the base has no direction, so an arbitrary direction is used.
-        ways = np.where(distance > 0, along / np.where(distance > 0, distance, 1.0), [1.0, 0.0])
-        return np.asarray([arm.base, 0.0] + ways * np.clip(distance, near, far))
+        divisor = np.where(distance > 0, distance, 1.0)
+        directions = np.where(distance > 0, from_base / divisor, [1.0, 0.0])
+        return np.asarray([arm.base, 0.0] + directions * np.clip(distance, least, largest))
     assert isinstance(arm, SerialArm)
     from armcontour.robot.inverse_kinematics import REACH_SEEDS, nearest_reached, seeds
 
     task = task_dimension(points.paths[0][1], arm)
-    many = seeds(arm)
+    start_positions = seeds(arm)
     poses = np.concatenate([points.rotations, goals[:, :, None]], axis=2)
     positions = np.empty((len(poses), arm.dof))
     for i in range(len(poses)):
-        positions[i] = nearest_reached(arm, poses[i], task, many[:FEW_SEEDS])
-    away = np.linalg.norm(arm.tool_position(positions) - goals, axis=1)
-    for i in np.argsort(-away)[:WORST]:
-        if away[i] > OUT_OF_REACH:
+        positions[i] = nearest_reached(arm, poses[i], task, start_positions[:FEW_SEEDS])
+    gaps = np.linalg.norm(arm.tool_position(positions) - goals, axis=1)
+    for i in np.argsort(-gaps)[:WORST]:
+        if gaps[i] > OUT_OF_REACH:
             # A search from another configuration may result in a nearer position.
-            start = np.vstack([positions[i], many[:REACH_SEEDS]])
+            start = np.vstack([positions[i], start_positions[:REACH_SEEDS]])
             positions[i] = nearest_reached(arm, poses[i], task, start)
     return arm.tool_position(positions)
 
 
-def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: bool) -> Unreachable:
-    """Make the error about point `k`, farthest out of reach; `away`: distances from the reach."""
-    called, path = points.paths[points.owner[k]]
+def _refusal(job: Job, points: _PathPoints, gaps: FloatArray, k: int, rapid: bool) -> Unreachable:
+    """Return the error about point k, which is farthest out of reach.
+
+    - `gaps`: distance of each point from the nearest reachable position [m], (n,).
+    - `rapid`: whether the points are those of rapids.
+    """
+    name, path = points.paths[points.owner[k]]
     point = points.points[k]
     s = float(points.s[k])
-    gap = float(away[k])
-    far = gap >= FAR_OUT
+    gap = float(gaps[k])
+    is_far = gap >= FAR_OUT
     drawn = (np.resize([*point, 0.0], 3) - job.part.position) @ job.part.rotation
     drawn = drawn[: len(point)]
     before = (
-        "" if np.allclose(drawn, point) else f", which is {_place(drawn, far)} before path.frame"
+        "" if np.allclose(drawn, point) else f", which is {_place(drawn, is_far)} before path.frame"
     )
-    count = len(np.unique(points.owner[away > OUT_OF_REACH]))
-    others = "" if far or count < 2 else f" ({count} of {len(points.paths)} are out of reach)"
-    remedy = unit_hint(gap) if far else ". " + _remedy(points, rapid)
+    count = len(np.unique(points.owner[gaps > OUT_OF_REACH]))
+    others = "" if is_far or count < 2 else f" ({count} of {len(points.paths)} are out of reach)"
+    remedy = unit_hint(gap) if is_far else ". " + _remedy(points, rapid)
     return Unreachable(
-        f"{capitalise(called)} is out of reach of the arm {job.arm.name} by up to "
-        f"{f'{gap:.3g} m' if far else number(gap, 'm')}, most at {_place(point, far)}, "
-        f"{f'{s:.6g} m' if far else f'{1e3 * s:.6g} mm'} along it{before}{others}{remedy}.",
+        f"{capitalise(name)} is out of reach of the arm {job.arm.name} by up to "
+        f"{f'{gap:.3g} m' if is_far else number(gap, 'm')}, most at {_place(point, is_far)}, "
+        f"{f'{s:.6g} m' if is_far else f'{1e3 * s:.6g} mm'} along it{before}{others}{remedy}.",
         point=point.tolist(),
         s=s,
         limit="reach",

@@ -1,4 +1,8 @@
-"""`Resumption`: the configuration of a whole job, which its remaining part keeps."""
+"""`Resumption`: the configuration of a whole job, which its remaining part keeps.
+
+`resume_program` (`program/preparation.py`) cuts the program; this module only finds the arm's
+configuration at the cut.
+"""
 
 from __future__ import annotations
 
@@ -55,20 +59,23 @@ class Resumption:
         )
 
 
-def mark(objective: Program, number: int, s: FloatArray) -> Program:
-    """Put events at places of a contour, which loses its other events.
+def with_marks(objective: Program, number: int, s: FloatArray) -> Program:
+    """Return the program with events at places of a contour, which loses its other events.
+
+    Rounding and drawing with arcs keep the events at their places, so that `marked_places` finds
+    the places on the changed contour.
 
     - `number`: index of the contour.
     - `s`: increasing arc lengths on the contour [m], (n,).
     """
-    contours = 0
+    index = 0
     moves = list[Move]()
     for move in objective.moves:
         if isinstance(move, Contour):
-            if contours == number:
+            if index == number:
                 events = tuple(Event(name="place", s=float(x)) for x in s)
                 move = replace(move, events=events)
-            contours += 1
+            index += 1
         moves.append(move)
     return replace(objective, moves=tuple(moves))
 
@@ -79,14 +86,14 @@ def marked_places(contour: Contour) -> FloatArray:
 
 
 def shaped_places(objective: Program, path: Program, number: int, s: FloatArray) -> FloatArray:
-    """Find places of the drawn contour on the shaped contour; return their arc lengths [m], (n,).
+    """Find places of a drawn contour on its shaped contour; return their arc lengths [m], (n,).
 
     - `objective`: the program with sharp corners.
     - `path`: the program with shaped corners.
     - `number`: index of the contour.
     - `s`: increasing arc lengths on the drawn contour [m], (n,).
     """
-    drawn = draw_with_arcs(mark(objective, number, s).contours[number])
+    drawn = draw_with_arcs(with_marks(objective, number, s).contours[number])
     shaped = path.contours[number].path
     assert isinstance(shaped, ShapedPath)
     return shaped.place(marked_places(drawn))
@@ -106,8 +113,12 @@ class ResumedPlace:
 
     @classmethod
     def find(cls, objective: Program, resume_at: float) -> ResumedPlace | None:
-        """Find the place in the prepared program of the whole job; None if it is after its end."""
+        """Find a place in the prepared program of the whole job; None if it is after its end.
+
+        `resume_at`: arc length over all contours, without leads [m].
+        """
         works = [contour.at_work for contour in objective.contours]
+        # Arc lengths over all contours, without leads, at which the contours start and end.
         breaks = np.cumsum([0.0, *(end - start for start, end in works)])
         # The end of a contour counts as the start of the next contour.
         number = int(np.searchsorted(breaks, resume_at + REPEATED_POINT, side="right")) - 1
@@ -118,13 +129,15 @@ class ResumedPlace:
         return cls(number=number, s=s)
 
     def traced(self, tracing: Tracing, s: float) -> TracedWhole:
-        """Return the joint path of the whole contour, and those of the later moves.
+        """Return the joint path of the whole contour at the place, and those of the later moves.
 
-        `s`: arc length of the place on the contour with rounded or shaped corners [m].
+        - `tracing`: joint paths of the whole job.
+        -         `s`: arc length of the place on the contour with rounded or shaped corners [m].
         """
         moves = tracing.program.moves
         index = [i for i, move in enumerate(moves) if isinstance(move, Contour)][self.number]
         paths = {x.move: x.joint_path for x in tracing.steps if x.joint_path is not None}
+        # The cut removes moves from the start, so that later moves are counted from the end.
         later = {len(moves) - i: x for i, x in paths.items() if i is not None and i > index}
         joint_path = paths[index]
         return TracedWhole(joint_path=joint_path, s=min(s, joint_path.length), later=later)
