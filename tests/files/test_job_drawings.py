@@ -216,39 +216,62 @@ tabs: {count: 1, width: 2 mm}
 """
 
 
-@pytest.mark.parametrize("key", ["b", 2, "2"])
-def test_a_contour_can_have_its_own_process_values(folder, key):
-    """Values of the contour win over those of its layer and of the file; others stay the same."""
-    rows = TWO_CONTOURS_CSV.replace("[mm]\n", "[mm],layer,speed\n", 1).replace(
-        "0\n", "0,CUT,0.04\n"
-    )
-    (folder / "layers.csv").write_text(rows)
+@pytest.fixture(params=["b", 2, "2"])
+def plain_and_changed(folder, request):
+    """Two equal jobs, in the second of which contour b has the keys OWN, by name or number."""
+    with_heading = TWO_CONTOURS_CSV.replace("[mm]\n", "[mm],layer,speed\n", 1)
+    (folder / "layers.csv").write_text(with_heading.replace("0\n", "0,CUT,0.04\n"))
     by_layer = {"CUT": {"overlap": "3 mm", "tabs": {"count": 2, "width": "1 mm"}}}
-    shared = {"lead_in": {"length": "5 mm"}, "switch": {"name": "laser"}, "by_layer": by_layer}
-    own = yaml.safe_load(OWN)
-    drawn = {"file": "layers.csv", "layers": {"CUT": {"tolerance": "0.1 mm"}}}
-    plain, changed = (
-        job(folder, path=drawn | {"contours": x}, process=shared) for x in ({}, {key: own})
-    )
-    (a, b), (same, mine) = (prepare(x.program, x.process).contours for x in (plain, changed))
-    for name in ("starts", "ends", "speeds", "tolerances"):
-        np.testing.assert_array_equal(*(getattr(x.path.segments, name) for x in (a, same)))
-    assert same.events == a.events and same.work == a.work
-    assert set(b.path.speeds[1:]) == {0.04} and set(b.path.tolerances[1:]) == {1e-4}
-    assert set(mine.path.speeds) == {0.02} and set(mine.path.tolerances) == {0.0}
-    # Its own tabs and no lead-in, but the overlap of its layer.
-    assert mine.at_work[0] == 0.0 and b.at_work[0] == pytest.approx(5e-3)
-    assert mine.path.length == pytest.approx(b.path.length - 5e-3)
-    assert len(b.events) == 6 and len(mine.events) == 4
-    assert mine.events[2].s - mine.events[1].s == pytest.approx(2e-3)
+    process = {"lead_in": {"length": "5 mm"}, "switch": {"name": "laser"}, "by_layer": by_layer}
+    path = {"file": "layers.csv", "layers": {"CUT": {"tolerance": "0.1 mm"}}}
+    plain = job(folder, path=path, process=process)
+    own = {request.param: yaml.safe_load(OWN)}
+    return plain, job(folder, path=path | {"contours": own}, process=process)
 
-    def durations(one):
-        trajectory = run(one, simulate=False).runs["compensated"].trajectory
+
+def prepared_contours(one_job):
+    return prepare(one_job.program, one_job.process).contours
+
+
+def test_keys_of_one_contour_do_not_change_another_contour(plain_and_changed):
+    before, after = (prepared_contours(x)[0] for x in plain_and_changed)
+    for name in ("starts", "ends", "speeds", "tolerances"):
+        values_before, values_after = (getattr(x.path.segments, name) for x in (before, after))
+        np.testing.assert_array_equal(values_after, values_before)
+    assert after.events == before.events and after.work == before.work
+
+
+def test_speed_and_tolerance_of_a_contour_replace_those_of_file_and_layer(plain_and_changed):
+    before, after = (prepared_contours(x)[1] for x in plain_and_changed)
+    # Segment 0 is the lead-in, which has no values of the file.
+    assert set(before.path.speeds[1:]) == {0.04}
+    assert set(before.path.tolerances[1:]) == {1e-4}
+    assert set(after.path.speeds) == {0.02}
+    assert set(after.path.tolerances) == {0.0}
+
+
+def test_a_contour_can_have_its_own_tabs_and_no_lead_in(plain_and_changed):
+    """It keeps the overlap of its layer, which it does not replace."""
+    before, after = (prepared_contours(x)[1] for x in plain_and_changed)
+    assert before.at_work[0] == pytest.approx(5e-3)
+    assert after.at_work[0] == 0.0
+    assert after.path.length == pytest.approx(before.path.length - 5e-3)
+    # Switching on and off, and twice for each tab
+    assert len(before.events) == 6
+    assert len(after.events) == 4
+    assert after.events[2].s - after.events[1].s == pytest.approx(2e-3)
+
+
+def test_the_speed_of_a_contour_changes_only_its_own_duration(plain_and_changed):
+    def durations(one_job):
+        trajectory = run(one_job, simulate=False).runs["compensated"].trajectory
         return np.ptp([x.t for x in trajectory.contour_spans], 1)
 
+    plain, changed = plain_and_changed
     before = durations(plain)
     after = durations(changed)
-    assert after[0] == before[0] and after[1] > mine.path.length / 0.02 > before[1]
+    assert after[0] == before[0]
+    assert after[1] > prepared_contours(changed)[1].path.length / 0.02 > before[1]
 
 
 def test_contours_run_in_the_order_of_the_job(folder):
