@@ -64,7 +64,7 @@ linkcheck_retries = 2
 
 
 def setup(app: Any) -> None:
-    """Write the pages of the reference before the others are read, and mend links of files."""
+    """Write generated pages before Sphinx reads the others, and replace links to files."""
     # Address of the repository, for links to files that are no pages; empty makes them plain text.
     app.add_config_value("repository", os.environ.get("ARMCONTOUR_REPOSITORY", ""), "env")
     app.add_html_math_renderer("mathml", (mathml.inline, None), (mathml.block, None))
@@ -78,13 +78,13 @@ def setup(app: Any) -> None:
 
 
 def show_dashes(app: Any, doctree: Any, name: str) -> None:
-    """Have a dash between an argument and what it is, which Sphinx writes as two hyphens."""
+    """Write a dash, instead of two hyphens, between an argument and its description."""
     for text in list(doctree.findall(lambda x: isinstance(x, nodes.Text) and x == " -- ")):
         text.parent.replace(text, nodes.Text(" – "))
 
 
 def give_levels(app: Any, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
-    """Say of which level the headings of the navigation are, which the theme does not."""
+    """Add the levels of headings in the navigation, which the theme does not state."""
     tree = context.get("furo_navigation_tree", "")
     context["furo_navigation_tree"] = tree.replace(
         'role="heading"', 'role="heading" aria-level="2"'

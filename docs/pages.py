@@ -1,15 +1,16 @@
-"""The code on the pages: its blocks, and how a reader does a page, step by step.
+"""Blocks of code on pages, which tests run as a reader would run them.
 
-HTML comments before a block say what the page's text says in words:
+HTML comments before a block tell the tests what the page tells its reader:
 
-- `<!-- file: NAME -->`: the block is the content of that file;
-- `<!-- continues README.md -->`: the page goes on with the names of another page's Python;
+- `<!-- file: NAME -->`: the block is the content of this file;
+- `<!-- continues README.md -->`: the block uses the Python names of another page;
 - `<!-- not run: REASON -->`: the block is not run;
-- `<!-- needs: NAME, NAME -->`: from here on the reader has these sample files of `examples`;
+- `<!-- needs: NAME, NAME -->`: from here on, the folder contains these files of `examples`;
 - `<!-- exit code: 3 -->`: the commands of the block end with this code, others with 0;
-- `<!-- within: 1 % -->`: figures of this output may differ by that share.
+- `<!-- within: 1 % -->`: numbers of this output may differ by this fraction.
 
-A block `sh` holds command lines that are run. A block `text` holds what the block before it prints.
+A block `sh` contains commands, which are run. A block `text` contains the output of the block
+before it.
 """
 
 from __future__ import annotations
@@ -37,19 +38,20 @@ SAMPLES = ROOT / "examples"
 MARK = re.compile(
     r"<!-- (file|not run|needs|exit code|within): (.+?) -->|<!-- (continues) (.+?) -->"
 )
-# A number in an output; digits within a word, such as those of a file's name, are none.
+# A number in an output; digits in a word, such as in a file name, are not numbers.
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
-# What tables are framed with.
+# Characters that draw the frames of tables.
 FRAME = re.compile("[\u2500-\u257f]+")
 ANY = "..."
-# Two printed numbers agree if they differ by one unit of the last digit: a value between two of
-# them may come out as either. Counts agree exactly.
-UNITS = 1.0001
+# Numbers with decimals agree if they differ by at most one unit of the last digit, because rounding
+# errors may change this digit. The excess allows for the rounding error of the difference. Whole
+# numbers must be equal.
+LARGEST_DIFFERENCE = 1.0001  # Units of the last digit
 
 
 @dataclass
 class Block:
-    """A fenced block of a page: its language, its text, the line of that, and the marks before."""
+    """Fenced block of a page: language, text, line of the text, and marks before the block."""
 
     page: str
     language: str
@@ -62,7 +64,7 @@ class Block:
 
 
 def blocks(file: Path) -> Iterator[Block]:
-    """The blocks of a page.
+    """Yield the fenced blocks of a page.
 
     Args:
         file: The page.
@@ -82,7 +84,7 @@ def blocks(file: Path) -> Iterator[Block]:
 
 
 def read_page(file: Path) -> Iterator[tuple[Block, str]]:
-    """Do a page in the present folder: give each block of output with what was really printed.
+    """Run a page in the current folder; yield each block of output with the actual output.
 
     Args:
         file: The page.
@@ -107,11 +109,11 @@ def read_page(file: Path) -> Iterator[tuple[Block, str]]:
 
 
 def run_python(block: Block, names: dict[str, Any]) -> str:
-    """Run Python with the names of the blocks before it; returns what it prints.
+    """Run a block of Python with the names of earlier blocks; return its output.
 
     Args:
         block: The block.
-        names: Names that are known; those that it makes are added.
+        names: Names of earlier blocks; the names that this block defines are added.
     """
     code = "\n" * (block.line - 1) + block.text
     with redirect_stdout(io.StringIO()) as out:
@@ -120,13 +122,13 @@ def run_python(block: Block, names: dict[str, Any]) -> str:
 
 
 def run_commands(block: Block) -> str:
-    """Run command lines; returns what they print, with their errors.
+    """Run the commands of a block; return their output and their errors.
 
     Args:
         block: The block.
 
     Raises:
-        AssertionError: One ends with another exit code than the page says.
+        AssertionError: A command has another exit code than the page states.
     """
     expected = int(block.marks.get("exit code", "0"))
     printed = ""
@@ -135,16 +137,16 @@ def run_commands(block: Block) -> str:
         assert program == "armcontour", f"{block}: {line}"
         code, out, errors = run_command(arguments)
         assert code == expected, f"{block}: {line} ends with {code}: {errors}"
-        # What is compiled, and how far work is, is told on the standard error, too.
+        # The standard error also contains messages about compilation and progress.
         printed += out + "".join(x for x in errors.splitlines(True) if x.startswith("Error: "))
     return printed
 
 
 def run_command(arguments: Sequence[str]) -> tuple[int, str, str]:
-    """Run the command line in this process; returns exit code, output and errors.
+    """Run armcontour in this process; return exit code, output and errors.
 
     Args:
-        arguments: Words of the command line after the program.
+        arguments: Arguments of the command line, without the name of the program.
     """
     out = io.StringIO()
     errors = io.StringIO()
@@ -163,39 +165,40 @@ def run_command(arguments: Sequence[str]) -> tuple[int, str, str]:
 
 
 def agree(expected: str, printed: str, *, within: float = 0.0) -> bool:
-    """Whether an output is that of the page.
+    """Return whether an output agrees with the output that the page states.
 
-    Words have to be the same, however they are spaced or framed, and so have counts. Numbers with
-    decimals may differ by one unit of their last digit. `...` in the page's output stands for any
-    words, or for a part of a word.
+    Words and whole numbers must be equal; spaces and frames of tables are ignored. Numbers with
+    decimals may differ by one unit of their last digit. `...` on the page stands for any words, or
+    for a part of a word.
 
     Args:
-        expected: What the page says.
-        printed: What was printed.
-        within: Share by which numbers with decimals may differ besides.
+        expected: Output that the page states.
+        printed: Actual output.
+        within: Fraction by which numbers with decimals may differ in addition.
     """
     expected_words, printed_words = (FRAME.sub(" ", x).split() for x in (expected, printed))
-    # The usual matching of wildcards: the last one takes a word more where the rest does not fit.
+    # If a word does not match, the last `...` is extended by one word, and the comparison restarts
+    # after it. `last_any`: indices of the last `...` and of the first printed word after it.
     i = k = 0
-    last: tuple[int, int] | None = None
+    last_any: tuple[int, int] | None = None
     while k < len(printed_words):
         if i < len(expected_words) and expected_words[i] == ANY:
-            last = (i, k)
+            last_any = (i, k)
             i += 1
         elif i < len(expected_words) and _same_word(expected_words[i], printed_words[k], within):
             i = i + 1
             k = k + 1
-        elif last is not None:
-            last = (last[0], last[1] + 1)
-            i = last[0] + 1
-            k = last[1]
+        elif last_any is not None:
+            last_any = (last_any[0], last_any[1] + 1)
+            i = last_any[0] + 1
+            k = last_any[1]
         else:
             return False
     return all(x == ANY for x in expected_words[i:])
 
 
 def _same_word(expected: str, printed: str, within: float) -> bool:
-    """Whether a word is that of the page, with its numbers."""
+    """Return whether a printed word, including its numbers, agrees with a word of the page."""
     if ANY in expected:
         return re.fullmatch(".*".join(map(re.escape, expected.split(ANY))), printed) is not None
     if NUMBER.sub("#", expected) != NUMBER.sub("#", printed):
@@ -205,9 +208,9 @@ def _same_word(expected: str, printed: str, within: float) -> bool:
 
 
 def _same_number(expected: str, printed: str, within: float) -> bool:
-    """Whether a number is that of the page."""
-    last = Decimal(expected).as_tuple().exponent
-    if last == 0:
+    """Return whether a printed number agrees with a number of the page."""
+    exponent = Decimal(expected).as_tuple().exponent
+    if exponent == 0:
         return expected == printed
-    unit = UNITS * 10.0 ** float(last)
-    return abs(float(printed) - float(expected)) <= unit + within * abs(float(expected))
+    tolerance = LARGEST_DIFFERENCE * 10.0 ** float(exponent) + within * abs(float(expected))
+    return abs(float(printed) - float(expected)) <= tolerance

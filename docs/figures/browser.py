@@ -50,7 +50,7 @@ def save(name: str, picture: bytes, *, colours: int = 256) -> None:
 
 
 def show_reports(browser: Browser, page: str, folder: Path) -> None:
-    """Save the pictures of a page that was done in a folder."""
+    """Save the pictures of a page whose commands were run in a folder."""
     with contextlib.chdir(folder):
         for _ in read_page(ROOT / "docs" / f"{page}.md"):
             pass
@@ -67,7 +67,7 @@ def show_reports(browser: Browser, page: str, folder: Path) -> None:
 
 
 def show_demo(studio: Studio) -> None:
-    """The paper's job, and a waypoint farther than the arm reaches."""
+    """Show the paper's job, and a waypoint out of reach."""
     studio.choose_run("optimal")
     studio.wait("#view2d", run="optimal")
     studio.rest()
@@ -87,14 +87,14 @@ def show_demo(studio: Studio) -> None:
 
 
 def show_start(studio: Studio) -> None:
-    """The start page."""
+    """Show the start page."""
     studio.wait_for("#start[open]")
     studio.page.wait_for_timeout(DRAWN)
     save("studio_start", studio.find("#start").screenshot())
 
 
 def show_gasket(studio: Studio) -> None:
-    """A gasket on the UR5e, seen in space."""
+    """Show a gasket on the UR5e in space."""
     studio.rest()
     studio.wait_for("#view3d[data-frames]")
     studio.page.wait_for_timeout(DRAWN)

@@ -25,7 +25,7 @@ LIMITING = {
 
 
 def draw_fig_bends() -> Figure:
-    """Three ways round the same corner within the same corner error, and their curvature."""
+    """Draw three blends of a corner with equal corner errors, and their curvatures."""
     corner = ac.Path.polyline([(-SIDE, 0.0), (0.0, 0.0), (0.0, SIDE)])
     smooth = ac.round_corners(corner, tolerance=ERROR, continuity="curvature")
     figure, (shape, curvature) = plt.subplots(1, 2, figsize=(8.6, 3.9), width_ratios=(1, 1.3))
@@ -54,7 +54,7 @@ def draw_fig_bends() -> Figure:
 
 
 def draw_fig_evaluation() -> Figure:
-    """Contour error and tracking error, on a robot with unequal gains."""
+    """Draw contour error and tracking error of a robot whose joints have different gains."""
     plan = planned()
     set_points = ac.compensate(plan, SERVO, ac.NoCompensation(), cycle=CYCLE)
     robot = ac.ServoPlant(ARM, SERVO.replace(kp=[25.0, 20.0]), LIMITS)
@@ -95,7 +95,7 @@ def draw_fig_evaluation() -> Figure:
 
 
 def draw_fig_optimal() -> Figure:
-    """Speed and joint accelerations over arc length, in the colours of the limiting constraints."""
+    """Draw tool speed and joint accelerations over arc length, coloured by the active limits."""
     plan = ac.plan(ROUNDED, ARM, LIMITS)
     s = plan.s(plan.breaks)
     ds = plan.s(plan.breaks, 1)
@@ -121,7 +121,7 @@ def draw_fig_optimal() -> Figure:
 
 
 class Node(NamedTuple):
-    """A value of the data flow: column and row of its box, its text and its colour."""
+    """Box of a value in the data flow: column, row, text and colour."""
 
     column: int
     row: int
@@ -163,7 +163,7 @@ THIN = {"color": style.BLACK, "lw": 1}
 
 
 def draw_flow() -> Figure:
-    """Data flow from a drawing to set-points and the contour error, and back from a log."""
+    """Draw the data flow from a drawing to set-points and contour error, and back from a log."""
     figure, axes = plt.subplots(figsize=(9.6, 4.2))
     axes.set(xlim=(-13, 3 * COLUMN + 25), ylim=(-2 * ROW - 14, 7), aspect="equal")
     axes.axis("off")

@@ -82,7 +82,7 @@ def _shortened(number: re.Match[str]) -> str:
 
 
 def label(axes: Axes, text: str, point: tuple[float, float], offset: tuple[float, float]) -> None:
-    """Write beside a point, on a white ground."""
+    """Write a text beside a point, on a white background."""
     axes.annotate(
         text,
         point,
@@ -98,7 +98,7 @@ def label(axes: Axes, text: str, point: tuple[float, float], offset: tuple[float
 def box(
     axes: Axes, centre: tuple[float, float], size: tuple[float, float], text: str, colour: str
 ) -> None:
-    """A box with text."""
+    """Draw a box with text."""
     corner = (centre[0] - size[0] / 2, centre[1] - size[1] / 2)
     form = "round,pad=0,rounding_size=0.8"
     axes.add_patch(
@@ -108,6 +108,6 @@ def box(
 
 
 def arrow(axes: Axes, begin: tuple[float, float], end: tuple[float, float]) -> None:
-    """An arrow from one point to another."""
+    """Draw an arrow from one point to another."""
     look = {"arrowstyle": "-|>", "color": BLACK, "lw": 1, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", end, begin, arrowprops=look, zorder=2)

@@ -1,4 +1,4 @@
-"""The pages of the gallery as text: an example's picture, its code and what it prints."""
+"""Pages of the gallery: picture, code and output of each example."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import yaml
 
 FOLDER = Path(__file__).parent
 EXAMPLES = FOLDER.parents[1] / "examples"
-# What the examples print, to the last digits that every processor agrees on; tests compare.
+# Output of the examples, which tests compare; its digits are equal on all processors.
 PRINTED = yaml.safe_load((FOLDER / "printed.yaml").read_text(encoding="utf-8"))
-COLUMNS = 3
+COLUMNS = 3  # Examples in a row of the index
 
 
 @dataclass(frozen=True)
@@ -108,19 +108,19 @@ compare their [output](printed.yaml).
 
 
 def title_of(name: str) -> tuple[str, str]:
-    """Title and sentence of an example: its docstring before and after the colon."""
+    """Return title and sentence of an example: its docstring before and after the first colon."""
     text = ast.get_docstring(ast.parse(code_of(name))) or ""
     title, _, rest = text.partition(": ")
     return title, rest[:1].upper() + rest[1:]
 
 
 def code_of(name: str) -> str:
-    """The text of an example."""
+    """Return the code of an example."""
     return (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
 
 
 def page_of(name: str) -> str:
-    """The page of an example."""
+    """Return the page of an example."""
     title, sentence = title_of(name)
     shown = SHOWN[name]
     more = ", ".join(f"[{words}]({file})" for words, file in shown.more.items())
@@ -149,13 +149,13 @@ All examples: [gallery](index.md).
 
 
 def published() -> dict[Path, str]:
-    """The pages of the gallery by their files."""
+    """Map the file of each page of the gallery to its text."""
     pages = {FOLDER / f"{name}.md": page_of(name) for name in SHOWN}
     return pages | {FOLDER / "index.md": index()}
 
 
 def index() -> str:
-    """The page with all examples."""
+    """Return the page with all examples."""
     names = list(SHOWN)
     rows = []
     for k in range(0, len(names), COLUMNS):

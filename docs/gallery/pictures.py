@@ -24,7 +24,7 @@ ARM = {"color": style.GREY, "lw": 3, "solid_capstyle": "round", "marker": "o", "
 
 
 def draw_01(names: Names) -> Figure:
-    """The paper's path in the colours of its rules, and the objective path."""
+    """Draw the paper's path, coloured by the rules of its timing, and the objective path."""
     figure, axes = plt.subplots(figsize=SIZE)
     axes.plot(*1e3 * names["objective"].vertices.T, color=style.GREY, ls="--", lw=1)
     begin = 0.0
@@ -43,12 +43,12 @@ def draw_01(names: Names) -> Figure:
 
 
 def draw_02(names: Names) -> Figure:
-    """The error of both compensations over time."""
+    """Draw the contour error of both compensations over time."""
     return _errors(names["errors"].items(), "Contour error of the slot")
 
 
 def draw_03(names: Names) -> Figure:
-    """The bead along the box, with the tool's axis and the arm."""
+    """Draw the bead along the box, with the tool axis and the arm."""
     axes = _space("Tool axis and arm along the box")
     path = names["rounded"]
     plan = names["planned"]
@@ -62,7 +62,7 @@ def draw_03(names: Names) -> Figure:
 
 
 def draw_04(names: Names) -> Figure:
-    """The tube, its seam, and where the torch points."""
+    """Draw the tube, its seam and the torch axis."""
     axes = _space("Torch axis and arm along the seam")
     path = names["free"]
     plan = names["planned"]
@@ -82,7 +82,7 @@ def draw_04(names: Names) -> Figure:
 
 
 def draw_05(names: Names) -> Figure:
-    """A joint's set-points, ahead of the motion by the dead time and the servo's delay."""
+    """Draw the set-points of a joint, which lead its motion by dead time and servo lag."""
     certificate = names["certificate"]
     figure, axes = plt.subplots(figsize=SIZE)
     joint = 1
@@ -107,7 +107,7 @@ def draw_05(names: Names) -> Figure:
 
 
 def draw_06(names: Names) -> Figure:
-    """The gasket: contours, leads and rapids, the laser on and off."""
+    """Draw contours, leads and rapids of the gasket, and where the laser is switched."""
     figure, axes = plt.subplots(figsize=SIZE)
     plan = names["set_points"].trajectory
     arm = names["arm"]
@@ -137,19 +137,19 @@ def draw_06(names: Names) -> Figure:
 
 
 def draw_07(names: Names) -> Figure:
-    """The error of every run over time."""
+    """Draw the contour error of each run over time."""
     runs = ((f"run {k + 1}", x) for k, x in enumerate(names["errors"]))
     return _errors(runs, "Contour error from run to run, unknown load")
 
 
 def draw_08(names: Names) -> Figure:
-    """The error of every run over time."""
+    """Draw the contour error of each run over time."""
     runs = ((f"run {k + 1}", x) for k, x in enumerate(names["errors"]))
     return _errors(runs, "Contour error from run to run, from log files")
 
 
 def draw_09(names: Names) -> Figure:
-    """The first corner: objective, arcs and the shaped path, in the tolerance."""
+    """Draw the first corner: objective path, arc and shaped path within the tolerance."""
     figure, axes = plt.subplots(figsize=SIZE)
     objective = names["objective"]
     shaped = names["planned"].path
@@ -175,7 +175,7 @@ def draw_09(names: Names) -> Figure:
 
 
 def draw_10(names: Names) -> Figure:
-    """The acceleration of a joint without and with a limit of jerk."""
+    """Draw the acceleration of a joint without and with a jerk limit."""
     figure, axes = plt.subplots(figsize=SIZE)
     arm = names["arm"]
     limits = names["limits"]
@@ -193,7 +193,7 @@ def draw_10(names: Names) -> Figure:
 
 
 def draw_11(names: Names) -> Figure:
-    """The map of places: durations and refusals."""
+    """Draw the durations at all places of the part, and the places that are refused."""
     placed = names["placed"]
     figure, axes = plt.subplots(figsize=SIZE)
     x, y = (1e3 * a for a in placed.axes.values())
@@ -209,7 +209,7 @@ def draw_11(names: Names) -> Figure:
 
 
 def draw_12(names: Names) -> Figure:
-    """The arm where it first touches the first post, and both posts."""
+    """Draw both posts, and the arm when it first comes too near to the first one."""
     axes = _space("Posture at the first violation")
     arm = names["arm"]
     plan = names["planned"]
@@ -227,7 +227,7 @@ def draw_12(names: Names) -> Figure:
 
 
 def draw_13(names: Names) -> Figure:
-    """Error over cycle time, a line for each compensation."""
+    """Draw the error over the cycle time, with a line for each compensation."""
     figure, axes = plt.subplots(figsize=SIZE)
     axes.set_prop_cycle(color=COLOURS)
     rows = names["result"].rows
@@ -243,12 +243,12 @@ def draw_13(names: Names) -> Figure:
 
 
 def draw_14(names: Names) -> Figure:
-    """The error with the gains of the data sheet and with those of the log."""
+    """Draw the contour error with the gains of the data sheet and with identified gains."""
     return _errors(names["errors"].items(), "Contour error of the same robot")
 
 
 def draw_15(names: Names) -> Figure:
-    """The pipe with its branch as the positioner turns it, and the arm, at two times."""
+    """Draw the pipe and its branch on the positioner, and the arm, at two times."""
     figure = plt.figure(figsize=SIZE, layout="none")
     figure.suptitle("Pipe and arm at two times, seen from the floor", fontsize=10, weight="bold")
     result = names["result"]
@@ -285,7 +285,7 @@ def draw_15(names: Names) -> Figure:
 
 
 def _errors(errors: Any, title: str) -> Figure:
-    """Errors over time by their names, on a logarithmic scale."""
+    """Draw named errors over time, on a logarithmic scale."""
     figure, axes = plt.subplots(figsize=SIZE)
     axes.set_prop_cycle(color=COLOURS)
     for name, error in errors:
@@ -296,7 +296,7 @@ def _errors(errors: Any, title: str) -> Figure:
 
 
 def _space(title: str) -> Axes3D:
-    """Axes in space without a frame around them."""
+    """Return axes in space without a frame around them."""
     figure = plt.figure(figsize=SIZE, layout="none")
     axes = figure.add_axes((-0.05, -0.07, 1.1, 1.05), projection="3d")
     figure.suptitle(title, fontsize=10, fontweight="bold")
@@ -307,7 +307,7 @@ def _space(title: str) -> Axes3D:
 
 
 def _axes_along(axes: Axes3D, path: ac.Path, length: float, count: int) -> None:
-    """Sticks that show the tool axis along a path."""
+    """Draw sticks that show the tool axis along a path."""
     for s in np.linspace(0, path.length, count):
         tip = path(s)
         back = tip - length * path.orientation(s)[:, 2]
@@ -315,7 +315,7 @@ def _axes_along(axes: Axes3D, path: ac.Path, length: float, count: int) -> None:
 
 
 def _box(obstacle: ac.Obstacle) -> np.ndarray:
-    """The six sides of a box, (6, 4, 3) [m]."""
+    """Return the corners of the six sides of a box [m], (6, 4, 3)."""
     half = np.array(obstacle.shape.size) / 2
     square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
     sides = [np.insert(square, axis, sign, axis=1) for axis in range(3) for sign in (-1, 1)]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -22,26 +24,36 @@ This page lists all keys of a [job file](../guides/job.md), from the outermost m
 innermost. Editors read them from the [JSON Schema](job.schema.json). A quantity is a plain number
 in the unit of the table, or text with a unit, such as the example. The unit 1 is that of a ratio,
 which may be in percent. "keys" means a mapping, whose keys have their own table. A key that is not
-required and has no default is optional. `NAME` is a name that you choose.
+required and has no default is optional. "see meaning" stands for a default that is not one value.
+`NAME` is a name that you choose.
 """
-# Annotations of the values of keys, quantities among them.
-KINDS = (
+# Annotations of the values of keys; some of them are quantities.
+ANNOTATIONS = (
     *vars(quantities).values(),
     *get_type_hints(ServoModel, include_extras=True).values(),
 )
 
 
 def _quantities() -> Iterator[quantities.Quantity]:
-    """Yield the quantities among the annotations, and those that mark them or their parts."""
-    for kind in KINDS:
-        for part in (kind, *get_args(kind)):
-            for x in (kind, *getattr(part, "__metadata__", ())):
-                if isinstance(x, quantities.Quantity):
-                    yield x
+    """Yield the quantities in the annotations, in their metadata and in that of their parts."""
+    for annotation in ANNOTATIONS:
+        for part in (annotation, *get_args(annotation)):
+            for candidate in (annotation, *getattr(part, "__metadata__", ())):
+                if isinstance(candidate, quantities.Quantity):
+                    yield candidate
 
 
-# The unit of SI for each example of a quantity. Quantities with one example have one unit.
+# Maps the example of a quantity to its SI unit. Quantities with equal examples have equal units,
+# except for 10 deg, the example of revolute and prismatic joints.
 UNITS = {x.example: x.unit for x in _quantities()} | {"10 deg": "rad, m"}
+# A default value in the description of a key: code, or a number with its unit.
+STATED_VALUE = r"(`[^`]+`|\d[\d.]*(?: ?(?:%|[a-z]+(?:/s)?))?)"
+STATED_DEFAULT = re.compile(
+    rf"[Bb]y default,? {STATED_VALUE}(?=[,;.]|$)|{STATED_VALUE},? (?:by|the) default"
+)
+# Words that show that a description states a default.
+MENTIONED_DEFAULT = re.compile(r"\b[Bb]y default\b")
+# Maps types of JSON to words.
 WORDS = {
     "boolean": "true or false",
     "integer": "whole number",
@@ -51,35 +63,56 @@ WORDS = {
 
 
 def published() -> dict[Path, str]:
-    """The files on the keys of job files, with their texts."""
+    """Return the text of each file that is generated from the keys of job files."""
     text = schema_text()
     tables = "\n\n".join(_tables(json.loads(text)))
     return {SCHEMA: text, FILE: text, PAGE: f"{HEAD}\n{tables}\n"}
 
 
 def _tables(schema: dict[str, Any]) -> Iterator[str]:
-    """A table per mapping of keys, from the outside in, under the place where it first stands."""
+    """Yield a table for each mapping of keys, from the outermost to the innermost.
+
+    The heading of a table is the place where its mapping first occurs in a job file.
+    """
     places = _places(schema)
-    for kind, place in {"": "", **places}.items():
-        mapping = schema["$defs"][kind] if kind else schema
-        rows = ["| key | value | unit | default | meaning |", "|---|---|---|---|---|"]
-        for key, value in mapping["properties"].items():
-            # What says no more than the description of its keys is left out of the schema.
-            texts = [schema["$defs"][x]["description"] for _, x in _inside(value, "")]
-            cells = (
-                f"`{key}`",
-                " or ".join(dict.fromkeys(_values(value, places))).replace(" or list", ", or list"),
-                " or ".join(dict.fromkeys(UNITS[x] for x in _examples(value))),
-                "required" if key in mapping.get("required", ()) else _default(value),
-                value.get("description") or texts[0],
-            )
-            rows.append(f"| {' | '.join(cells)} |")
-        title = [f"## `{place}`"] if place else []
-        yield "\n\n".join([*title, mapping["description"], "\n".join(rows)])
+    yield _key_table(schema, schema, places)
+    for name, place in places.items():
+        mapping = schema["$defs"][name]
+        table = _key_table(mapping, schema, places)
+        yield "\n\n".join([f"## `{place}`", mapping["description"], table])
+
+
+def _key_table(mapping: dict[str, Any], schema: dict[str, Any], places: dict[str, str]) -> str:
+    """Return the Markdown table of the keys of one mapping."""
+    rows = ["| key | value | unit | default | meaning |", "|---|---|---|---|---|"]
+    for key, value in mapping["properties"].items():
+        values = " or ".join(dict.fromkeys(_values(value, places)))
+        units = list(dict.fromkeys(UNITS[example] for example in _examples(value)))
+        meaning = value.get("description") or _inner_description(value, schema)
+        required = key in mapping.get("required", ())
+        default = "required" if required else _default(value, units, meaning)
+        cells = (
+            f"`{key}`",
+            values.replace(" or list", ", or list"),
+            " or ".join(units),
+            default,
+            meaning,
+        )
+        rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
+def _inner_description(value: dict[str, Any], schema: dict[str, Any]) -> str:
+    """Return the description of the mapping in a key that has no description itself."""
+    _, name = next(iter(_inside(value, "")))
+    return str(schema["$defs"][name]["description"])
 
 
 def _places(schema: dict[str, Any]) -> dict[str, str]:
-    """Where each mapping of keys first stands, from the outside in, by its name in the schema."""
+    """Map the schema name of each mapping of keys to the place where it first occurs.
+
+    The order is breadth-first from the job file, so that outer mappings come first.
+    """
     queue = [("", schema)]
     places = dict[str, str]()
     while queue:
@@ -93,22 +126,22 @@ def _places(schema: dict[str, Any]) -> dict[str, str]:
 
 
 def _values(kind: dict[str, Any], places: dict[str, str]) -> Iterator[str]:
-    """What a key may hold, in words; "keys" leads to their table."""
+    """Yield the allowed values of a key in words; "keys" links to the table of these keys."""
     if "$ref" in kind:
         place = places[_name_of(kind)]
         yield f"[keys](#{place.lower().replace('.', '')})"
     elif "enum" in kind or "const" in kind:
         yield from (f"`{x}`" for x in kind.get("enum", [kind.get("const")]))
     elif "examples" in kind:
-        # A quantity: a plain number, or such text.
+        # A quantity is a plain number, or text such as its example.
         yield f"`{kind['examples'][0]}`"
     elif "anyOf" in kind:
         for x in kind["anyOf"]:
             yield from _values(x, places)
     elif kind.get("type") == "array":
-        number = kind.get("minItems")
-        many = f"{number} " if number and number == kind.get("maxItems") else ""
-        yield f"list of {many}{' or '.join(dict.fromkeys(_values(kind['items'], places)))}"
+        least = kind.get("minItems")
+        count = f"{least} " if least and least == kind.get("maxItems") else ""
+        yield f"list of {count}{' or '.join(dict.fromkeys(_values(kind['items'], places)))}"
     elif kind.get("type") == "object":
         yield f"by name: {' or '.join(dict.fromkeys(_values(_named(kind), places)))}"
     elif kind.get("type") in WORDS:
@@ -116,7 +149,7 @@ def _values(kind: dict[str, Any], places: dict[str, str]) -> Iterator[str]:
 
 
 def _examples(kind: Any) -> Iterator[str]:
-    """The first example of each quantity that a key may hold, not those of keys inside it."""
+    """Yield the first example of each quantity in the schema of a key, without inner keys."""
     if isinstance(kind, dict):
         yield from kind.get("examples", ())[:1]
         for x in kind.values():
@@ -127,25 +160,38 @@ def _examples(kind: Any) -> Iterator[str]:
 
 
 def _name_of(reference: dict[str, Any]) -> str:
-    """The name in the schema of what a reference refers to."""
+    """Return the schema name to which a reference points."""
     return str(reference["$ref"]).rpartition("/")[2]
 
 
 def _named(kind: dict[str, Any]) -> Any:
-    """The schema of the values of a mapping by name."""
+    """Return the schema of the values of a mapping whose keys the user names."""
     return next(iter(kind.get("patternProperties", {}).values()), kind.get("additionalProperties"))
 
 
-def _default(kind: dict[str, Any]) -> str:
+def _default(kind: dict[str, Any], units: list[str], meaning: str) -> str:
+    """Return the default of a key with its unit; without one in the schema, that of its meaning."""
     value = kind.get("default")
-    if value is None or isinstance(value, dict | list):
-        return ""
-    text = f"{value:g}" if isinstance(value, float) else json.dumps(value)
-    return "`" + text.strip('"') + "`"
+    if value in (None, "") or isinstance(value, dict | list):
+        return _stated_default(meaning)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return f"`{json.dumps(value).strip(chr(34))}`"
+    has_unit = len(units) == 1 and units[0] not in ("1", UNITS["10 deg"]) and math.isfinite(value)
+    unit = f" {units[0]}" if has_unit else ""
+    return f"`{value:g}{unit}`"
+
+
+def _stated_default(meaning: str) -> str:
+    """Return the default that the description of a key states; empty if it states none."""
+    stated = STATED_DEFAULT.search(meaning)
+    if stated is not None:
+        value = stated[1] or stated[2]
+        return f"`{value.strip('`')}`"
+    return "see meaning" if MENTIONED_DEFAULT.search(meaning) else ""
 
 
 def _inside(kind: dict[str, Any], place: str) -> Iterator[tuple[str, str]]:
-    """The mappings of keys in a key, each with its place and its name in the schema."""
+    """Yield the place and the schema name of each mapping that is a value of a key."""
     if "$ref" in kind:
         yield place, _name_of(kind)
     for x in kind.get("anyOf", ()):

@@ -19,7 +19,7 @@ HEAD = """# Command line
 the SI unit of the option. If an option has no default, the value of the job applies without it.
 
 """
-# Options of text that take quantities with a unit; those that take several are marked.
+# Text options whose value is a quantity with a unit, or several quantities.
 QUANTITIES = {
     "--position": "quantities [m]",
     "--rpy": "quantities [rad]",
@@ -36,7 +36,7 @@ HELP = "| `-h`<br>`--help` | | | Show a help text and exit. |"
 
 
 def write_commands() -> Iterator[tuple[str, str]]:
-    """A page for each command with its arguments and options, and one that lists them."""
+    """Yield the place and text of a page for each command, and of the page that lists them."""
     group: Any = typer.main.get_command(program_for())
     rows = []
     for name, command in group.commands.items():
@@ -53,21 +53,21 @@ def write_commands() -> Iterator[tuple[str, str]]:
 
 
 def _page(name: str, command: Any) -> str:
-    """The page of a command."""
+    """Return the page of a command."""
     kinds = _kinds(command)
     arguments = [x for x in command.params if x.param_type_name == "argument"]
-    words = [_named(x) if x.required else f"[{_named(x)}]" for x in arguments]
-    usage = " ".join(["armcontour", name, *words, "[OPTIONS]"])
+    operands = [_usage_name(x) if x.required else f"[{_usage_name(x)}]" for x in arguments]
+    usage = " ".join(["armcontour", name, *operands, "[OPTIONS]"])
     parts = [f"# armcontour {name}", command.help.strip(), f"```text\n{usage}\n```"]
     if arguments:
-        rows = [_row(f"`{_named(x)}`", x, kinds) for x in arguments]
+        rows = [_row(f"`{_usage_name(x)}`", x, kinds) for x in arguments]
         parts.append(table("argument", "value", "default", "meaning", rows=rows).rstrip())
     example = command.epilog.splitlines()[-1].strip()
     return "\n\n".join([*parts, _options(command, kinds), f"Example:\n\n```text\n{example}\n```"])
 
 
 def _kinds(command: Any) -> dict[str, Any]:
-    """The type of each parameter of a command, by its name; bool for those of typer's own."""
+    """Map each parameter of a command to its type; bool for parameters that typer adds."""
     taken = inspect.signature(command.callback, eval_str=True).parameters
     annotations = {k: x.annotation for k, x in taken.items()}
     return {
@@ -77,7 +77,7 @@ def _kinds(command: Any) -> dict[str, Any]:
 
 
 def _options(command: Any, kinds: dict[str, Any]) -> str:
-    """The table of the options of a command."""
+    """Return the table of the options of a command."""
     rows = []
     for x in command.params:
         if x.param_type_name == "option" and not x.hidden:
@@ -86,23 +86,23 @@ def _options(command: Any, kinds: dict[str, Any]) -> str:
     return table("option", "value", "default", "effect", rows=[*rows, HELP])
 
 
-def _named(argument: Any) -> str:
-    """How an argument is called."""
+def _usage_name(argument: Any) -> str:
+    """Return the name of an argument in the usage line."""
     return str(argument.metavar or argument.name.upper())
 
 
 def _row(name: str, parameter: Any, kinds: dict[str, Any]) -> str:
-    """The line of an argument or option."""
+    """Return the table row of an argument or option."""
     value = _value(parameter, kinds[parameter.name])
     return f"| {name} | {value} | {_default(parameter)} | {cell(parameter.help)} |"
 
 
 def _value(parameter: Any, kind: Any) -> str:
-    """What an argument or option takes, in words."""
+    """Describe the values that an argument or option takes; empty for a flag."""
     if get_origin(kind) is Literal:
         return " or ".join(f"`{x}`" for x in get_args(kind))
     while not isinstance(kind, type):
-        # None stands for an option that is not given, and a list for one that may be repeated.
+        # Optional types contain None, and options that may be repeated are lists.
         kind = next(x for x in get_args(kind) if x is not type(None))
     if kind is bool:
         return ""
@@ -116,7 +116,7 @@ def _value(parameter: Any, kind: Any) -> str:
 
 
 def _default(parameter: Any) -> str:
-    """What holds without an argument or option."""
+    """Return the default of an argument or option."""
     if parameter.required:
         return "required"
     value = parameter.default

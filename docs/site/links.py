@@ -1,4 +1,4 @@
-"""Links between pages, and to files of the repository that are no pages."""
+"""Links between pages of the site, and to files of the repository that are not pages."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ from typing import Any
 
 from docs.site.written import DOCS, FOLDER, ROOT, SHOWN
 
-# Links of Markdown and their texts.
+# A link or picture in Markdown.
 LINK = re.compile(r"(?P<mark>!?)\[(?P<text>[^\]]*)\]\((?P<target>[^)#\s:]+)(?P<anchor>#[^)\s]*)?\)")
-# Files that the site itself has, as pages or to load.
+# Endings of files that the site contains.
 OWN = (".md", ".json", ".svg", ".png", ".webp", ".gif")
 
 
 def mend(app: Any, name: str, source: list[str]) -> None:
-    """Have links of a page lead to pages of the site, or into the repository if it is known.
+    """Replace the links of a page by links to pages of the site, or to files in the repository.
+
+    If the address of the repository is unknown, a link to one of its files becomes plain text.
 
     Args:
         app: Sphinx.
         name: Name of the page.
-        source: Its text, which is changed.
+        source: Text of the page as the only item; it is replaced.
     """
     page = DOCS / f"{name}.md"
-    # Texts of the repository keep their links, which go out from its root.
+    # Links in copied texts of the repository, such as the README, are relative to its root.
     folder = ROOT if page.parent == FOLDER / "project" else page.parent
 
     def relative_link(match: re.Match[str]) -> str:

@@ -1,4 +1,4 @@
-"""Equations as MathML, which browsers draw themselves: the site needs no scripts from elsewhere."""
+"""Equations as MathML, which browsers draw without scripts."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from latex2mathml.converter import convert
 
 
 def inline(self: Any, node: Any) -> None:
-    """Draw an equation in a line."""
+    """Append an equation within a line of text to the page."""
     self.body.append(convert(node.astext()))
     raise nodes.SkipNode
 
 
 def block(self: Any, node: Any) -> None:
-    """Draw an equation on a line of its own."""
+    """Append an equation on its own line to the page."""
     self.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>')
     raise nodes.SkipNode

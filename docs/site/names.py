@@ -13,9 +13,9 @@ from docs.site.tables import contents, table
 
 import armcontour as ac
 
-# Rooms that are used by commands, not by programs.
+# Packages that only commands use.
 NO_LIBRARY = ("cli", "studio")
-# Packages whose names the package around them has.
+# Subpackages whose names their parent package exports.
 PARTS = (
     *("files.drawings", "files.robots", "report.sections"),
     *("planning.jerk", "planning.shaping", "planning.topp"),
@@ -40,7 +40,7 @@ EXAMPLE
 
 
 def write_names() -> Iterator[tuple[str, str]]:
-    """A page of public names for each package, and a page that lists all packages."""
+    """Yield the place and text of a page for each package, and of the page that lists them."""
     rows = []
     for room, members in by_room().items():
         summary = _first_line(importlib.import_module(f"armcontour.{room}"))
@@ -56,7 +56,7 @@ def write_names() -> Iterator[tuple[str, str]]:
 
 
 def _page(title: str, summary: str, members: list[tuple[str, Any]]) -> str:
-    """The page of a package: its names in `armcontour`, and its other names."""
+    """Return the page of a package: its names in `armcontour`, and its other names."""
     top = [x for x in members if x[0].count(".") == 1]
     lines = [title, "=" * len(title), "", summary, ""]
     for head, part in (
@@ -71,7 +71,7 @@ def _page(title: str, summary: str, members: list[tuple[str, Any]]) -> str:
 
 @functools.cache
 def by_room() -> dict[str, list[tuple[str, Any]]]:
-    """Public classes and functions by package; a name of two packages is in the first one only."""
+    """Map each package to its public classes and functions, each of which is listed once."""
     members: dict[str, list[tuple[str, Any]]] = {}
     listed = set[int]()
     for room in rooms():
@@ -84,7 +84,7 @@ def by_room() -> dict[str, list[tuple[str, Any]]]:
 
 @functools.cache
 def rooms() -> tuple[str, ...]:
-    """Packages and packages inside them with public names, and two modules."""
+    """Return the names of packages, subpackages and modules that have a page."""
     modules = ["core.errors", "core.frames"]
     for folder in sorted(FilePath(*ac.__path__).glob("[a-z]*/")):
         if folder.name not in NO_LIBRARY:
@@ -94,10 +94,10 @@ def rooms() -> tuple[str, ...]:
 
 
 def public_of(room: str) -> list[tuple[str, Any]]:
-    """Public names of a room with what they name; those of the package itself under its name.
+    """Return the public classes and functions of a package, with their full names.
 
     Args:
-        room: Name of the room.
+        room: Name of the package, without `armcontour.`
     """
     module = importlib.import_module(f"armcontour.{room}")
     names = getattr(module, "__all__", None) or [
@@ -106,7 +106,7 @@ def public_of(room: str) -> list[tuple[str, Any]]:
         if not name.startswith("_") and getattr(x, "__module__", "") == module.__name__
     ]
     members = {name: getattr(module, name) for name in names}
-    # Some names of the package are of a module inside a room.
+    # Names of `armcontour` itself are listed in the package that contains their module.
     for name in ac.__all__:
         value = getattr(ac, name)
         home = f"{getattr(value, '__module__', '')}."
@@ -122,10 +122,10 @@ def public_of(room: str) -> list[tuple[str, Any]]:
 
 
 def _entry(name: str, value: Any) -> list[str]:
-    """The lines with which Sphinx makes the entry of a name."""
+    """Return the directive from which Sphinx makes the entry of a name."""
     if not inspect.isclass(value):
         return [f".. autofunction:: {name}", ""]
-    # What a class has of a base without an entry of its own stands at the class.
+    # Members that a class inherits from a base without an entry are listed at the class.
     elsewhere = [x for members in by_room().values() for _, x in members]
     bases = [x for x in value.__mro__[1:] if x in elsewhere or not _is_ours(x)]
     without = ", ".join(dict.fromkeys(x.__name__ for x in bases))
@@ -137,5 +137,5 @@ def _is_ours(value: Any) -> bool:
 
 
 def _first_line(module: Any) -> str:
-    """What a module is, in one line."""
+    """Return the first line of the docstring of a module."""
     return (module.__doc__ or "").strip().splitlines()[0]

@@ -1,4 +1,4 @@
-"""Pieces of Markdown that written pages have in common."""
+"""Markdown that generated pages share."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ OPTION = re.compile(r"(?<![\w`-])--[a-z][\w-]*")
 
 
 def table(*heads: str, rows: Iterable[str]) -> str:
-    """A table.
+    """Return a table.
 
     Args:
         *heads: Titles of the columns.
-        rows: Lines of it, each with all its bars.
+        rows: Rows in Markdown, such as `| a | b |`.
     """
     return "\n".join([f"| {' | '.join(heads)} |", "|---" * len(heads) + "|", *rows]) + "\n"
 
 
 def cell(text: str | None) -> str:
-    """A text in a cell of a table; options in it are code."""
+    """Return a text as a cell of a table, with options as code."""
     return OPTION.sub(r"`\g<0>`", " ".join((text or "").replace("|", r"\|").split()))
 
 
 def contents(names: Iterable[str]) -> str:
-    """The pages below a page, for its place in the navigation."""
+    """Return the toctree of the pages below a page."""
     return "\n```{toctree}\n:hidden:\n\n" + "\n".join(names) + "\n```\n"

@@ -11,7 +11,7 @@ from docs.site.names import by_room
 
 from armcontour.core import quantities
 
-# Kinds of quantities are numbers, or arrays of them: their units stand in the descriptions.
+# Types of quantities are shown as numbers or arrays, because descriptions state their units.
 KINDS = {
     name: "float" if kind.__origin__ is float else "FloatArray"
     for name, kind in vars(quantities).items()
@@ -28,15 +28,15 @@ NAME = re.compile(r"[A-Za-z_][\w.]*")
 
 
 def add_types(app: Any, kind: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Write the type of each argument, and of the result, into a docstring before it is read.
+    """Add the types of arguments and result to a docstring before Sphinx reads it.
 
     Args:
         app: Sphinx.
-        kind: What is described, such as "class".
-        name: Its full name.
-        obj: What it is.
-        options: Options of its entry.
-        lines: The docstring, which is changed.
+        kind: Kind of the entry, such as "class".
+        name: Full name of the object.
+        obj: The object.
+        options: Options of the entry.
+        lines: Lines of the docstring, which are changed.
     """
     types = _types(obj)
     inside = False
@@ -55,7 +55,7 @@ def add_types(app: Any, kind: str, name: str, obj: Any, options: Any, lines: lis
 
 
 def _types(obj: Any) -> dict[str, str]:
-    """The types that the code states of what an object takes and gives, by name."""
+    """Map each argument of an object, and "return", to its annotated type."""
     if inspect.isclass(obj):
         obj = obj.__init__
     obj = getattr(obj, "fget", None) or getattr(obj, "func", None) or obj
@@ -66,30 +66,31 @@ def _types(obj: Any) -> dict[str, str]:
 
 
 def _shown(kind: Any, namespace: Mapping[str, Any]) -> str:
-    """A type in short; what has an entry of its own is a link to it.
+    """Return a type as short text, with links to entries of the reference.
 
     Args:
-        kind: The type, as it is stated.
-        namespace: What names mean where it is stated.
+        kind: The annotation.
+        namespace: Names of the module with the annotation, and their values.
     """
     text = kind if isinstance(kind, str) else getattr(kind, "__name__", str(kind))
     return NAME.sub(lambda x: _named(x[0], namespace), _without_metadata(text))
 
 
 def _named(name: str, namespace: Mapping[str, Any]) -> str:
-    """One name of a type."""
+    """Return a name in a type, as a link if it has one entry in the reference."""
     if name in KINDS or name in WORDS:
         return KINDS.get(name) or WORDS[name]
     name = name.rpartition(".")[2]
     entries = {entry: x for members in by_room().values() for entry, x in members}
     same = [x for x in entries if x.rpartition(".")[2] == name]
-    # Names that are imported for types only are not known; most of them mean one thing.
+    # Names that are imported only for type checking are not in the namespace. Most of them have one
+    # entry.
     meant = [x for x in same if entries[x] is namespace.get(name)] or same
     return f"~{meant[0]}" if len(meant) == 1 else name
 
 
 def _without_metadata(text: str) -> str:
-    """A type without what `Annotated` says of it."""
+    """Return the text of a type without the metadata of `Annotated`."""
     begin = text.find("Annotated[")
     if begin < 0:
         return text

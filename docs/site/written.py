@@ -1,4 +1,4 @@
-"""All pages that are written when the site is built, and what of the repository they show."""
+"""Pages that are generated when the site is built, and files of the repository that they show."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from docs.site.names import write_names
 DOCS = Path(__file__).parents[1]
 ROOT = DOCS.parent
 FOLDER = DOCS / "reference" / "pages"
-# Texts of the repository that are pages of the site too.
+# Files of the repository that are also pages of the site.
 PROJECT = {
     "README.md": "readme",
     "CHANGELOG.md": "changelog",
     "CONTRIBUTING.md": "contributing",
     "SECURITY.md": "security",
 }
-# Where the site shows in a form of its own what a file of the repository holds.
+# Maps files of the repository to the generated pages that show their content.
 SHOWN = {
     "src/armcontour/__init__.py": FOLDER / "api" / "index.md",
     "src/armcontour/cli/commands.py": FOLDER / "commands" / "index.md",
@@ -28,7 +28,7 @@ SHOWN = {
 
 
 def written() -> dict[str, str]:
-    """The text of every page that is written, by its place in the folder of such pages."""
+    """Map the place of each generated page in `FOLDER` to its text."""
     texts = {
         f"project/{name}.md": (ROOT / file).read_text(encoding="utf-8")
         for file, name in PROJECT.items()
@@ -37,7 +37,7 @@ def written() -> dict[str, str]:
 
 
 def write() -> None:
-    """Write them; pages that have not changed are left alone, and others are removed."""
+    """Write all generated pages that have changed, and remove pages that no longer exist."""
     pages = written()
     if FOLDER.exists():
         for file in [x for x in FOLDER.rglob("*") if x.is_file()]:

@@ -2,9 +2,14 @@
 
 import pytest
 from playwright.sync_api import expect
-from tests.studio.robot_logs import HEAD, write_table
+from tests.studio.robot_logs import write_table
 
 pytestmark = pytest.mark.browser
+# A log whose second joint has a command but no measured position.
+HEAD_OF_INCOMPLETE_LOG = "t [s],command 1 [rad],command 2 [rad],measured 1 [rad]"
+# A name that would run a script if the page inserted it as HTML.
+MARKUP = "<img src=x onerror=alert(1)>"
+# Drops a file with a name and bytes on the page.
 DROP = """async ([name, bytes]) => {
   const data = new DataTransfer();
   data.items.add(new File([new Uint8Array(bytes)], name));
@@ -24,49 +29,56 @@ def shown(pages, robot):
     return studio
 
 
-def drop(studio, log):
-    """Drop a log on the page, which keeps and ticks it."""
-    studio.page.evaluate(DROP, [log.name, list(log.read_bytes())])
+def drop_file(studio, file):
+    """Drop a file on the page."""
+    studio.page.evaluate(DROP, [file.name, list(file.read_bytes())])
+
+
+def drop_log(studio, log):
+    """Drop a log on the page, which lists and selects it."""
+    drop_file(studio, log)
     expect(studio.find("section.logs").get_by_label(log.name)).to_be_checked()
 
 
-def done(studio, task):
-    """Do a task with the logs that are ticked."""
-    result = studio.do(task)
+def learn_from_selected_logs(studio):
+    """Learn from the selected logs, and return the result on the page when learning has ended."""
+    result = studio.do("learn")
     expect(result.locator(".task-progress")).to_have_count(0)
     return result
 
 
 def test_the_studio_learns_the_next_set_points_from_a_log(shown, log):
-    drop(shown, log)
-    result = done(shown, "learn")
+    drop_log(shown, log)
+    result = learn_from_selected_logs(shown)
     expect(result).to_have_attribute("data-state", "done")
     button = result.get_by_role("button", name="Download next set-points")
     name, content = shown.save_file(button)
     assert name.endswith("set_points.csv") and content.startswith(b"t [s],")
 
 
-def test_errors_in_a_log_are_shown_as_text(shown, robot):
-    markup = "<img src=x onerror=alert(1)>"
-    bad = write_table(
-        robot.folder / f"{markup}.csv", robot.table(robot.execute())[:, :4], HEAD[:-17]
-    )
-    drop(shown, bad)
-    result = done(shown, "learn")
+def test_markup_in_the_name_of_an_invalid_log_is_shown_as_text(shown, robot):
+    rows = robot.table(robot.execute())[:, :4]
+    log = write_table(robot.folder / f"{MARKUP}.csv", rows, HEAD_OF_INCOMPLETE_LOG)
+    drop_log(shown, log)
+    result = learn_from_selected_logs(shown)
     expect(result).to_have_attribute("data-state", "failed")
-    # The second joint has no partner.
-    expect(result.locator(".task-sentence")).to_contain_text(f"{markup}.csv has 1 joint")
-    expect(shown.find("section.logs")).to_contain_text(markup)
+    expect(result.locator(".task-sentence")).to_contain_text(f"{MARKUP}.csv has 1 joint")
+    expect(shown.find("section.logs")).to_contain_text(MARKUP)
     assert shown.find("#tasks img").count() == 0
-    broken = robot.folder / "broken.csv"
-    broken.write_bytes(b"t,q1\n" + bytes(range(256)))
-    drop(shown, broken)
-    result = done(shown, "learn")
+
+
+def test_a_log_that_is_not_text_is_refused(shown, robot):
+    log = robot.folder / "broken.csv"
+    log.write_bytes(b"t,q1\n" + bytes(range(256)))
+    drop_log(shown, log)
+    result = learn_from_selected_logs(shown)
     expect(result.locator(".task-sentence")).to_contain_text("broken.csv cannot be read")
-    # Waypoints are no log.
-    points = robot.folder / "points.csv"
-    points.write_text("x,y\n0.35,0.1\n0.41,0.15\n0.28,0.3\n")
-    shown.page.evaluate(DROP, [points.name, list(points.read_bytes())])
+
+
+def test_a_dropped_table_of_waypoints_is_a_drawing_and_not_a_log(shown, robot):
+    waypoints = robot.folder / "points.csv"
+    waypoints.write_text("x,y\n0.35,0.1\n0.41,0.15\n0.28,0.3\n")
+    drop_file(shown, waypoints)
     dialog = shown.find("#question")
     expect(dialog).to_contain_text("Cell")
     dialog.get_by_role("button", name="Cancel").click()

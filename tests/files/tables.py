@@ -13,7 +13,7 @@ from armcontour.files.log_file import read_log
 
 
 def parse_log(text, **options):
-    """The log in CSV text; options as of `read_log`."""
+    """Read a log from CSV text, with the options of `read_log`."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "log.csv"
         file.write_text(text)
@@ -21,14 +21,17 @@ def parse_log(text, **options):
 
 
 def rows(table):
-    """The cells of the rows of a text, a row a line and ` => ` between cells."""
+    """Split a table into rows and cells: a row is a line, and ` => ` separates cells."""
     return [[x.strip() for x in line.split("=> ")] for line in table.strip().splitlines()]
 
 
 def refusals(call, table, *begin, kind=InvalidInput, without="\n"):
-    """All rows of a table, (argument, words of the message), have to be refused in one sentence.
+    """Check that `call` refuses the argument of every row, with an error of one sentence.
 
-    Words are text with ` ... ` between parts; all messages have those of `begin` and not `without`.
+    - `table`: rows of an argument and words of the message. ` ... ` between words stands for any
+      text. A string has a row per line, such as `speed: 5 kg => limits.speed ... unit`.
+    - `begin`: words of all messages.
+    - `without`: text that no message may contain.
     """
     faults = []
     for argument, *words in rows(table) if isinstance(table, str) else table:
@@ -47,7 +50,7 @@ def refusals(call, table, *begin, kind=InvalidInput, without="\n"):
 
 
 def value_at(value, place):
-    """The value at a place such as runs.one.limits.speed: names of fields, keys, items."""
+    """Return the value at a place such as runs.one.limits.speed: fields, keys, or named items."""
     for name in str(place).split("."):
         if isinstance(value, tuple) and not hasattr(value, name):
             value = value[int(name)] if name.isdigit() else next(x for x in value if x.name == name)
@@ -57,7 +60,11 @@ def value_at(value, place):
 
 
 def values(read, table):
-    """All rows of a table, (argument, mapping of places to values), have to be read so."""
+    """Check that `read` returns the expected values for the argument of every row.
+
+    - `table`: a row per line, such as `overlap: 2 mm => {overlap: 0.002}`: an argument, and a
+      mapping from places in the result to their values.
+    """
     faults = []
     for argument, expected in rows(table):
         result = read(argument)
@@ -71,5 +78,5 @@ def values(read, table):
 
 
 def change_text(text, changes):
-    """The text of a job with changes of its data."""
+    """Return the text of a job with changed data."""
     return write_data(text, change_data(load(text, "job"), changes))

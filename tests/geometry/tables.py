@@ -1,8 +1,5 @@
 """Helpers for tables of test cases, and short forms of lines, arcs and refusals."""
 
-import functools
-import inspect
-
 import numpy as np
 import pytest
 
@@ -10,31 +7,15 @@ import armcontour as ac
 
 
 def each(names, table):
-    """Run a test for every row of a table, as one case; a failure names its row."""
-    names = [x.strip() for x in names.split(",")] if isinstance(names, str) else names
-
-    def over_rows(test):
-        signature = inspect.signature(test)
-        fixtures = [x for x in signature.parameters.values() if x.name not in names]
-
-        @functools.wraps(test)
-        def run(**fixtures):
-            for number, row in enumerate(table):
-                values = (row,) if len(names) == 1 else row
-                try:
-                    test(**fixtures, **dict(zip(names, values, strict=True)))
-                except BaseException as fault:
-                    fault.add_note(f"row {number} of {', '.join(names)}: {row!r:.500}")
-                    raise
-
-        run.__signature__ = signature.replace(parameters=fixtures)
-        return run
-
-    return over_rows
+    """Run a test for every row of a table, each as one case."""
+    return pytest.mark.parametrize(names, list(table))
 
 
 def refused(*rows, kind=ac.InvalidInput):
-    """All calls of the rows, (call, words, data), have to be refused in one sentence."""
+    """Check that the calls in all rows, (call, *words, data), are refused in one sentence.
+
+    The message must contain the words, and the attributes of the error the data.
+    """
     for number, (call, *words, data) in enumerate(
         row if isinstance(row[-1], dict) else (*row, {}) for row in rows
     ):
@@ -55,7 +36,7 @@ def refused(*rows, kind=ac.InvalidInput):
 
 
 def line(start, end, **segment_limits):
-    """A line, with a demand if there are values of one."""
+    """Return a line with its own limits, such as `speed`."""
     return ac.Line(start=start, end=end, segment_limits=ac.SegmentLimits(**segment_limits))
 
 
@@ -64,12 +45,12 @@ def arc(start, center, angle, **values):
 
 
 def path_of(*segments):
-    """The path of some lines and arcs."""
+    """Return the path of lines and arcs."""
     return ac.Path(segments=segments)
 
 
 def jumps(path, order=2):
-    """Jumps of a derivative at all vertices, over its largest size."""
+    """Return the jumps of a derivative at inner vertices, relative to its largest length."""
     n = np.arange(len(path))
     ends, starts = (path.on_segment(n, x, order) for x in (path.lengths, 0 * path.lengths))
     size = max(np.abs(ends).max(), np.abs(starts).max(), 1e-9)

@@ -105,7 +105,7 @@ def test_jumps_are_smoothed_only_where_there_is_room():
     )
 
 
-def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
+def test_speeds_and_tags_of_segments_stay_on_their_sides():
     path = slot()
     smooth = smooth_curvature(path, tolerance=1e-4)
     slow = np.flatnonzero(smooth.speeds == 0.02)
@@ -113,14 +113,21 @@ def test_speeds_tags_and_tolerances_of_segments_stay_on_their_sides():
     ends = smooth.vertices[[slow[0], slow[-1] + 1]]
     # The vertices have moved by less than the tolerance.
     assert np.linalg.norm(ends - path.vertices[[2, 3]], axis=1).max() < 1e-4
-    fine = path.segments.replace(tolerances=np.array([np.nan, np.nan, 1e-6, np.nan]))
+
+
+def test_tolerances_of_segments_limit_the_deviation_at_their_ends():
+    fine = slot().segments.replace(tolerances=np.array([np.nan, np.nan, 1e-6, np.nan]))
     path = ac.Path(segments=fine)
     smooth = smooth_curvature(path, tolerance=1e-4)
     s = np.linspace(0, smooth.length, 20_001)
     projection = path.project(smooth(s))
-    near = np.abs(projection.s - path.breaks[1]) < 0.01
-    assert 0.9e-4 < projection.distance[near].max() < 1e-4 + 1e-9
-    assert projection.distance[projection.s > path.breaks[1] + 0.03].max() < 1e-6 + 1e-9
+    at_first_vertex = np.abs(projection.s - path.breaks[1]) < 0.01
+    assert 0.9e-4 < projection.distance[at_first_vertex].max() < 1e-4 + 1e-9
+    at_fine_vertices = projection.s > path.breaks[1] + 0.03
+    assert projection.distance[at_fine_vertices].max() < 1e-6 + 1e-9
+
+
+def test_events_and_work_of_a_contour_stay_at_their_points():
     path = slot()
     events = tuple(ac.Event(name=f"e{i}", s=s) for i, s in enumerate((0.01, 0.05, 0.08, 0.15)))
     contour = ac.Contour(path=path, events=events, work=(0.02, 0.14))

@@ -1,4 +1,4 @@
-"""Tool orientations along splines: continuous rates, the same time for any number of points."""
+"""Tool orientations along splines: continuous rates, and plans for any number of waypoints."""
 
 import math
 import warnings
@@ -13,7 +13,7 @@ ARM = ac.load_arm("ur5e")
 
 
 def curve(count):
-    """Points of a smooth curve, the tool axis there, and a whole orientation."""
+    """Return points of a smooth curve, and the tool axes and tool orientations at these points."""
     a = np.linspace(0, 1, count)
     points = np.c_[0.45 + 0.03 * np.sin(2 * a), -0.15 + 0.3 * a, 0.25 + 0.02 * np.sin(1.6 * a)]
     tilt = math.radians(30) * np.sin(2 * (a - 0.5))
@@ -33,15 +33,20 @@ def oriented(count):
     return ac.Path.spline(points).oriented(rotations)
 
 
-def test_orientations_at_waypoints_are_kept():
-    for count in (3, 5, 40):
-        _, axes, rotations = curve(count)
-        path = pointing(count)
-        at_waypoints = path.orientation(path.breaks[path.waypoints])
-        np.testing.assert_allclose(at_waypoints[:, :, 2], axes, atol=1e-12)
-        path = oriented(count)
-        at_waypoints = path.orientation(path.breaks[path.waypoints])
-        np.testing.assert_allclose(at_waypoints, rotations, atol=1e-12)
+@pytest.mark.parametrize("count", [3, 5, 40])
+def test_tool_axes_at_waypoints_are_kept(count):
+    _, axes, _ = curve(count)
+    path = pointing(count)
+    at_waypoints = path.orientation(path.breaks[path.waypoints])
+    np.testing.assert_allclose(at_waypoints[:, :, 2], axes, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [3, 5, 40])
+def test_orientations_at_waypoints_are_kept(count):
+    _, _, rotations = curve(count)
+    path = oriented(count)
+    at_waypoints = path.orientation(path.breaks[path.waypoints])
+    np.testing.assert_allclose(at_waypoints, rotations, atol=1e-12)
 
 
 @pytest.mark.parametrize("make_path", [pointing, oriented])
@@ -53,9 +58,14 @@ def test_turning_rate_and_acceleration_are_continuous_at_breaks(make_path):
     for left, right in zip(before, after, strict=True):
         step = right - left
         if orientation.axis_only:
+            # The rotation about the tool axis is free, so its rate may jump.
             step -= (step * axis).sum(axis=1, keepdims=True) * axis
         assert np.abs(step).max() < 1e-8 * np.abs(orientation.rates(inner)[0]).max()
-    # The rates are the derivatives of the orientation.
+
+
+@pytest.mark.parametrize("make_path", [pointing, oriented])
+def test_turning_rate_is_the_derivative_of_the_orientation(make_path):
+    orientation = make_path(9).orientation
     s = np.linspace(0.01, orientation.breaks[-1] - 0.01, 50)
     h = 1e-6
     turn = orientation(s + h) @ np.swapaxes(orientation(s - h), 1, 2)
@@ -65,7 +75,7 @@ def test_turning_rate_and_acceleration_are_continuous_at_breaks(make_path):
 
 @pytest.mark.parametrize("jerk", [None, 100.0])
 @pytest.mark.parametrize("make_path", [pointing, oriented])
-def test_the_time_of_a_smooth_curve_does_not_depend_on_its_points(make_path, jerk):
+def test_plan_duration_of_a_smooth_curve_does_not_depend_on_the_number_of_points(make_path, jerk):
     limits = ARM.limits.replace(joint_jerk=jerk)
     durations = []
     for count in (5, 9, 65, 500):
@@ -92,18 +102,23 @@ def test_a_constant_rate_stays_nearly_constant():
     np.testing.assert_allclose(rates, math.radians(240) / spline.length, rtol=0.02)
 
 
-def test_a_part_and_the_reverse_of_a_spline_keep_their_orientations():
+def test_a_reversed_spline_keeps_its_orientations():
     path = oriented(9)
     whole = path.orientation
     s = np.linspace(0, path.length, 40)
     np.testing.assert_allclose(whole.reverse()(path.length - s), whole(s), atol=1e-12)
+
+
+def test_a_part_of_a_spline_keeps_orientations_and_rates():
+    path = oriented(9)
+    whole = path.orientation
     begin = 0.31 * path.length
     length = 0.5 * path.length
     part = whole.cut(begin, length, 1e-9)
-    u = np.linspace(0, length, 40)
-    np.testing.assert_allclose(part(u), whole(begin + u), atol=1e-12)
-    for left, right in zip(part.rates(u), whole.rates(begin + u), strict=True):
-        np.testing.assert_allclose(left, right, atol=1e-9 * np.abs(right).max())
+    s = np.linspace(0, length, 40)
+    np.testing.assert_allclose(part(s), whole(begin + s), atol=1e-12)
+    for rate_of_part, rate in zip(part.rates(s), whole.rates(begin + s), strict=True):
+        np.testing.assert_allclose(rate_of_part, rate, atol=1e-9 * np.abs(rate).max())
 
 
 def test_a_spline_without_corners_is_rounded_to_itself():

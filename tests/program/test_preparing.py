@@ -174,20 +174,37 @@ def test_an_overlap_continues_along_the_contour_by_its_length(overlap):
     assert only(BEND, Process(overlap=overlap)).path.length == BEND.length
 
 
-def test_the_start_of_a_contour_after_a_rapid_of_the_program_does_not_move():
-    corner = [0.3, 0.1]
-    to = Rapid(path=Path.polyline([[0.35, 0.25], corner]))
-    on = Event(name="spindle")
-    rest = Dwell(duration=0.1)
-    for between in ((to,), (to, on), (to, on, rest), (on,), (rest,), (Rapid(),)):
-        prepared = prepare(program(BEND, *between, SQUARE), Process())
-        np.testing.assert_allclose(prepared.contours[1].path(0.0), corner, atol=1e-15)
-        assert len(prepared.moves) == 2 + len(between)
-    with_event = Contour(path=SQUARE, events=(on,))
-    np.testing.assert_allclose(only(with_event, Process()).path(0.0), corner, atol=1e-15)
-    # What comes before all contours leads nowhere.
-    begun = only(program(on, SQUARE), Process())
-    np.testing.assert_allclose(begun.path(0.0), [0.33, 0.1], atol=1e-15)
+TO_CORNER = Rapid(path=Path.polyline([[0.35, 0.25], [0.3, 0.1]]))
+SPINDLE_ON = Event(name="spindle")
+REST = Dwell(duration=0.1)
+
+
+@each(
+    "between",
+    [
+        (TO_CORNER,),
+        (TO_CORNER, SPINDLE_ON),
+        (TO_CORNER, SPINDLE_ON, REST),
+        (SPINDLE_ON,),
+        (REST,),
+        (Rapid(),),
+    ],
+)
+def test_the_start_of_a_contour_after_another_move_is_kept_by_prepare(between):
+    """The moves before a contour lead to its drawn start, so its start must not move."""
+    prepared = prepare(program(BEND, *between, SQUARE), Process())
+    np.testing.assert_allclose(prepared.contours[1].path(0.0), SQUARE(0.0), atol=1e-15)
+    assert len(prepared.moves) == 2 + len(between)
+
+
+def test_the_start_of_a_contour_with_events_is_kept_by_prepare():
+    with_event = Contour(path=SQUARE, events=(SPINDLE_ON,))
+    np.testing.assert_allclose(only(with_event, Process()).path(0.0), SQUARE(0.0), atol=1e-15)
+
+
+def test_an_event_before_all_contours_does_not_keep_the_drawn_start():
+    prepared = only(program(SPINDLE_ON, SQUARE), Process())
+    np.testing.assert_allclose(prepared.path(0.0), [0.33, 0.1], atol=1e-15)
 
 
 def test_a_closed_contour_with_different_end_orientations_stays_as_drawn():

@@ -188,7 +188,8 @@ POINTS = np.array([(0.5, -0.5, 0.6), (1.4, -0.2, 0.7), (1.6, 0.8, 0.5), (0.4, 1.
 TURNS = exp([[0.3, 2.4, 0.1], [0.5, 2.2, 0.3], [0.2, 2.3, 0.6], [0.0, 2.5, 0.2]])
 
 
-def golden_paths():
+def gantry_paths():
+    """Return a rounded, a spline and a straight path with tool orientations, for the gantry."""
     rounded = ac.round_corners(
         ac.Path.polyline(POINTS).oriented(TURNS), tolerance=0.05, angular_tolerance=0.2
     )
@@ -203,7 +204,7 @@ def golden_paths():
 @pytest.mark.parametrize("kind", ["rounded", "spline", "line"])
 def test_the_joint_positions_of_a_gantry_equal_a_hand_calculation(kind):
     arm = gantry()
-    path = golden_paths()[kind]
+    path = gantry_paths()[kind]
     traced = ac.trace(path, arm)
     s = np.random.default_rng(0).uniform(0, path.length, 500)
     q = traced(s)
@@ -220,7 +221,7 @@ def test_the_joint_positions_of_a_gantry_equal_a_hand_calculation(kind):
 
 def test_exported_columns_have_the_units_of_their_joint_type(tmp_path):
     arm = gantry()
-    path = golden_paths()["line"]
+    path = gantry_paths()["line"]
     plan = ac.plan(path, arm)
     for name in ("plan.csv", "plan.yaml"):
         ac.export(plan, tmp_path / name, arm=arm, cycle=0.01)

@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
-from soak.loops import draw, exact_servo, faults, plan, record, servo_of, teach
+from soak.loops import KINDS, draw, exact_servo, faults, plan, record, servo_of, teach
 
 import armcontour as ac
 
-P_PI = 1
+# `draw(seed)` draws a robot whose loops are KINDS[seed].
+P_P = KINDS.index("P-P")
+P_PI = KINDS.index("P-PI")
+FEED_FORWARD = KINDS.index("feed-forward")
 
 
-@pytest.mark.parametrize("seed", [P_PI, 3])
+@pytest.mark.parametrize("seed", [P_PI, FEED_FORWARD])
 def test_learning_improves_robots_with_other_loops(seed):
     robot = draw(seed)
     lesson = teach(robot, servo_of(robot, seed), seed, runs=2)
@@ -18,8 +21,8 @@ def test_learning_improves_robots_with_other_loops(seed):
 
 def test_independent_joints_with_the_servo_of_the_job_are_not_refused():
     """The arm has masses, which the joints of the robot do not feel."""
-    robot = draw(0)
-    lesson = teach(robot, exact_servo(robot), 0, runs=1)
+    robot = draw(P_P)
+    lesson = teach(robot, exact_servo(robot), P_P, runs=1)
     assert faults(robot, lesson) == []
 
 

@@ -593,10 +593,13 @@ def block(name, *inserts):
     return f"0|BLOCK|8|0|2|{name}|70|0|10|0|20|0|{LINE}{body}0|ENDBLK|8|0|"
 
 
-def test_a_dxf_file_with_entities_only_is_read_and_invalid_ones_refused():
+def test_a_dxf_file_with_entities_only_is_read():
     program = from_hand(LINE)
     assert program.contours[0].name == "0-1"
     assert program.path.length == pytest.approx(0.01)
+
+
+def test_invalid_values_of_entities_are_refused():
     table = f"""
 0|LINE|{AT}| => LINE handle A0 ... layer '0' ... no end
 0|LINE|{AT}|11|1e12|21|0| => 1e+09 m ... 1e+06 m ... origin ... unit
@@ -609,19 +612,33 @@ def test_a_dxf_file_with_entities_only_is_read_and_invalid_ones_refused():
 0|LINE|{AT}|11|x|21|0| => 'x' in line ... LINE, group code 11
 """
     refusals(from_hand, table, "part.dxf")
-    twice = "".join(block(f"B{i}", *[f"B{i + 1}"] * 2) for i in range(40))
-    insert = f"0|INSERT|2|A|{AT}|"
+
+
+INSERT_OF_A = f"0|INSERT|2|A|{AT}|"
+
+
+def test_blocks_that_contain_themselves_or_grow_without_bound_are_refused():
+    # Each of 40 blocks contains the next one twice.
+    doubling = "".join(block(f"B{i}", *[f"B{i + 1}"] * 2) for i in range(40))
     table = [
         (block("A", "B") + block("B", "a"), "'a' in itself"),
-        (block("A", "B0") + twice + block("B40"), "copied"),
+        (block("A", "B0") + doubling + block("B40"), "copied"),
     ]
-    refusals(lambda blocks: from_hand(insert, blocks), table)
-    # Of six lines in each copy.
+    refusals(lambda blocks: from_hand(INSERT_OF_A, blocks), table)
+
+
+def test_arrays_with_too_many_copies_of_a_block_are_refused():
+    # Each copy contains six lines.
     blocks = block("A", *["B"] * 5) + block("B")
-    counts = [(30000, 30000), (2_000_000_000, 1), (400, 200), (30000, 3)]
-    many = [f"{insert}70|{columns}|71|{rows}|44|5|45|5|" for rows, columns in counts]
-    refusals(lambda x: from_hand(x, blocks), [(x, "INSERT handle A0 ... copied") for x in many])
-    # The file as a whole is wrong.
+    rows_and_columns = [(30000, 30000), (2_000_000_000, 1), (400, 200), (30000, 3)]
+    arrays = [
+        f"{INSERT_OF_A}70|{columns}|71|{rows}|44|5|45|5|" for rows, columns in rows_and_columns
+    ]
+    table = [(x, "INSERT handle A0 ... copied") for x in arrays]
+    refusals(lambda array: from_hand(array, blocks), table)
+
+
+def test_files_that_are_not_dxf_are_refused():
     table = [
         (b"", "empty"),
         (b"\x00\xff\x12 not a drawing", "DXF"),

@@ -1,7 +1,5 @@
 """CSV tables of waypoints: columns, orientations, events and refusals."""
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -26,25 +24,41 @@ def refused(text, call=read, **reading):
     return str(caught.value)
 
 
-def test_csv_dialects_and_units_and_speeds_and_tolerances_are_read():
-    for names, separator in itertools.product(
-        ("x [mm],y [mm]", "X(mm),Y (mm)", "x_mm,y_mm", "x [cm],y [cm]"), ",;\t"
-    ):
-        text = f"# made by hand\r\n{names}\r\n\r\n0, 0\r\n1.5, 2e1\r\n2,0".replace(",", separator)
-        path = read(b"\xef\xbb\xbf" + text.encode()).path
-        factor = 0.01 if "cm" in names else 0.001
-        expected = np.array([[0, 0], [1.5, 20], [2, 0]]) * factor
-        np.testing.assert_allclose(path.vertices, expected, rtol=1e-15)
-        assert path.dimension == 2 and not path.curvatures.any()
-    # Without units, lengths are in that of the reading and speeds in it per second.
-    text = "x,y,speed,tolerance\n0,0,,\n10,0,5,0.1\n"
-    for unit, reading in ((1, {}), (0.0254, {"units": 0.0254})):
-        path = read(text, **reading).path
-        values = (path.length, path.speeds[0], path.tolerances[0])
-        np.testing.assert_allclose(values, np.array([10, 5, 0.1]) * unit, rtol=1e-12)
-    values = read("x;y\n0;0\n1,5;-0,25\n").contours[0]
-    np.testing.assert_array_equal(values.path.vertices, [[0, 0], [1.5, -0.25]])
-    # They are of the line that ends at the row.
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize(
+    ("heading", "unit"),
+    [
+        ("x [mm],y [mm]", 1e-3),
+        ("X(mm),Y (mm)", 1e-3),
+        ("x_mm,y_mm", 1e-3),
+        ("x [cm],y [cm]", 1e-2),
+    ],
+)
+def test_headings_units_and_separators_of_csv_are_read(heading, unit, separator):
+    table = f"# made by hand\r\n{heading}\r\n\r\n0, 0\r\n1.5, 2e1\r\n2,0"
+    path = read(BYTE_ORDER_MARK + table.replace(",", separator).encode()).path
+    expected = np.array([[0, 0], [1.5, 20], [2, 0]]) * unit
+    np.testing.assert_allclose(path.vertices, expected, rtol=1e-15)
+    assert path.dimension == 2 and not path.curvatures.any()
+
+
+@pytest.mark.parametrize(("unit", "options"), [(1, {}), (0.0254, {"units": 0.0254})])
+def test_columns_without_a_unit_have_the_unit_of_the_options(unit, options):
+    """Speeds are in this unit of length per second."""
+    path = read("x,y,speed,tolerance\n0,0,,\n10,0,5,0.1\n", **options).path
+    values = (path.length, path.speeds[0], path.tolerances[0])
+    np.testing.assert_allclose(values, np.array([10, 5, 0.1]) * unit, rtol=1e-12)
+
+
+def test_decimal_commas_are_read_with_semicolons():
+    (contour,) = read("x;y\n0;0\n1,5;-0,25\n").contours
+    np.testing.assert_array_equal(contour.path.vertices, [[0, 0], [1.5, -0.25]])
+
+
+def test_speed_and_tolerance_of_a_row_apply_to_the_line_that_ends_there():
     text = "x,y,speed [mm/s],tolerance_mm\n0,0,,\n1,0,100,1\n1,1,,0.5\n2,1,50,\n"
     path = read(text).path
     np.testing.assert_allclose(path.speeds, [0.1, np.nan, 0.05])
@@ -62,32 +76,45 @@ def test_repaired_coordinates_keep_the_numbers_of_their_waypoints():
 
 
 def test_names_of_contours_and_layers_are_read():
-    # A new name begins a contour, and empty cells go on.
+    # A row with a new name begins a contour. A row with an empty cell continues its contour.
     text = "x,y,contour,layer\n0,0,a,one\n1,0,,\n0,1,b,\n1,1,b,one\n0,2,b,two\n1,2,b,two\n"
     contours = read(text).contours
     assert [(x.name, x.layer) for x in contours] == [("a", "one"), ("b", "one"), ("b", "two")]
     assert [x.path.length for x in contours] == [1, 1, 1]
 
 
-def test_quaternions_angles_and_axes_orient_the_tool():
-    angles = np.array([[10, 20, 30], [-40, 50, 60]])
-    turned = Rotation.from_euler("xyz", angles, degrees=True)
-    for names, values in (
-        ("roll [deg],pitch [deg],yaw [deg]", angles),
-        ("qx,qy,qz,qw", turned.as_quat()),
-    ):
-        rows = [f"{i},0,0," + ",".join(map(repr, x.tolist())) for i, x in enumerate(values)]
-        path = read("\n".join([f"x,y,z,{names}", *rows])).path
-        np.testing.assert_allclose(path.orientation([0, 1]), turned.as_matrix(), atol=1e-12)
+EULER_ANGLES = np.array([[10, 20, 30], [-40, 50, 60]])  # [deg]
+ROTATIONS = Rotation.from_euler("xyz", EULER_ANGLES, degrees=True)
+
+
+@pytest.mark.parametrize(
+    ("columns", "values"),
+    [
+        ("roll [deg],pitch [deg],yaw [deg]", EULER_ANGLES),
+        ("qx,qy,qz,qw", ROTATIONS.as_quat()),
+    ],
+)
+def test_angles_and_quaternions_orient_the_tool(columns, values):
+    rows = [f"{i},0,0," + ",".join(map(repr, x.tolist())) for i, x in enumerate(values)]
+    path = read("\n".join([f"x,y,z,{columns}", *rows])).path
+    np.testing.assert_allclose(path.orientation([0, 1]), ROTATIONS.as_matrix(), atol=1e-12)
+
+
+def test_axes_of_any_length_orient_the_tool_axis():
     path = read("x,y,z,ax,ay,az\n0,0,0,0,0,-2\n1,0,0,0,3,-3\n").path
     assert path.orientation.axis_only
     axes = path.orientation([0, 1])[:, :, 2]
     np.testing.assert_allclose(axes, [[0, 0, -1], [0, 0.5**0.5, -(0.5**0.5)]], atol=1e-12)
-    # Only one of two contours has axes.
+
+
+def test_one_of_two_contours_can_have_axes():
     text = "x,y,z,ax,ay,az,contour\n0,0,0,0,0,-1,a\n1,0,0,0,0,-1,a\n0,1,0,,,,b\n1,1,0,,,,b\n"
-    first, second = read(text).contours
-    assert first.path.orientation is not None and second.path.orientation is None
-    # Repeated points are merged with their orientation.
+    with_axes, without_axes = read(text).contours
+    assert with_axes.path.orientation is not None
+    assert without_axes.path.orientation is None
+
+
+def test_repeated_points_with_equal_axes_are_merged():
     text = "x,y,z,ax,ay,az,speed\n0,0,0,0,0,-1,\n1,0,0,0,1,-1,1\n1,0,0,0,1,-1,2\n2,0,0,0,0,-1,3\n"
     path = read(text).path
     assert len(path) == 2 and path.merged == (2,)
@@ -134,9 +161,15 @@ HOSTILE = [
 def test_errors_are_reported_with_line_and_column():
     refusals(lambda text: read(text.replace("|", "\n") + "\n" * (len(text) > 1)), WRONG)
     refusals(read, [(b"x,y\n0,\xff\n", "UTF-8")], "points.csv")
-    for text, words in HOSTILE:
-        message = refused(text)
-        assert words in message and message.isprintable() and len(message) < 500
+
+
+@pytest.mark.parametrize(("text", "words"), HOSTILE)
+def test_messages_about_hostile_tables_are_short_and_printable(text, words):
+    message = refused(text)
+    assert words in message and message.isprintable() and len(message) < 500
+
+
+def test_unknown_columns_can_be_skipped_with_a_note():
     program = read("x,y,temp\n0,0,warm\n1,0,\n", unknown="skip")
     assert "'temp'" in program.notes[0]
 
@@ -167,14 +200,20 @@ def test_written_waypoints_are_read_again(points, seed):
     np.testing.assert_allclose(held, turned.as_matrix()[:-1], atol=1e-9)
 
 
-def test_an_option_names_the_columns_of_files_without_titles(tmp_path):
+@pytest.mark.parametrize(
+    ("heading", "separator"), [("", ","), ("count 2\nn,a,b,c\n", ","), ("", " ")]
+)
+def test_an_option_names_the_columns_of_a_table(tmp_path, heading, separator):
     file = tmp_path / "part.csv"
-    for head, separator in (("", ","), ("count 2\nn,a,b,c\n", ","), ("", " ")):
-        file.write_text(head + "1,10,20,9\n2,30,20,9\n".replace(",", separator))
-        (contour,) = read_path(file, ReadOptions(columns="-,x [mm],y [mm],-")).contours
-        np.testing.assert_allclose(contour.path.vertices, [[0.01, 0.02], [0.03, 0.02]])
-        refusals(lambda x: read_path(x, ReadOptions(columns="x,y")), [(file, "columns, but ")])
-    dxf = tmp_path / "part.dxf"
+    file.write_text(heading + "1,10,20,9\n2,30,20,9\n".replace(",", separator))
+    (contour,) = read_path(file, ReadOptions(columns="-,x [mm],y [mm],-")).contours
+    np.testing.assert_allclose(contour.path.vertices, [[0.01, 0.02], [0.03, 0.02]])
+    refusals(lambda x: read_path(x, ReadOptions(columns="x,y")), [(file, "columns, but ")])
+
+
+def test_an_option_for_columns_is_refused_for_a_drawing(tmp_path):
+    drawing = tmp_path / "part.dxf"
     refusals(
-        lambda x: read_path(x, ReadOptions(columns="x,y")), [(dxf, "columns ... waypoints in CSV")]
+        lambda x: read_path(x, ReadOptions(columns="x,y")),
+        [(drawing, "columns ... waypoints in CSV")],
     )

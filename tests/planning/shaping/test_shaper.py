@@ -20,7 +20,7 @@ def square(x):
 
 @pytest.fixture
 def pickled(monkeypatch):
-    """Contours are shaped as in other processes, from two on."""
+    """Two or more contours are shaped as in worker processes: all data is pickled."""
 
     def send(work, items, done):
         replies = []
@@ -33,26 +33,28 @@ def pickled(monkeypatch):
     monkeypatch.setattr(shaper, "MANY_CONTOURS", 2)
 
 
-def test_shaping_in_other_processes_gives_the_same_paths(arm, limits, pickled, monkeypatch):
+def shape_two_squares(arm, limits):
+    """Shape a program of two squares; return the program and the steps of the progress."""
     program = ac.Program(moves=(square(0.2), square(0.3)))
+    options = ac.Shaped(tolerance=1e-3, iterations=2)
     steps = []
-    there = shape(
-        program, arm, limits, ac.Shaped(tolerance=1e-3, iterations=2), progress=steps.append
-    )
+    shaped = shape(program, arm, limits, options, progress=steps.append)
+    return shaped, [step.done for step in steps if step.names == ("shaping",)]
+
+
+def test_shaping_in_worker_processes_gives_the_same_paths(arm, limits, pickled, monkeypatch):
+    by_workers, progress_by_contour = shape_two_squares(arm, limits)
     monkeypatch.setattr(shaper, "MANY_CONTOURS", 3)
-    local = shape(
-        program, arm, limits, ac.Shaped(tolerance=1e-3, iterations=2), progress=steps.append
-    )
-    for a, b in zip(there.contours, local.contours, strict=True):
+    in_this_process, progress_by_iteration = shape_two_squares(arm, limits)
+    for a, b in zip(by_workers.contours, in_this_process.contours, strict=True):
         assert np.array_equal(a.path.breaks, b.path.breaks)
         assert a.path.outcome.durations == b.path.outcome.durations
-    done = [x.done for x in steps if x.names == ("shaping",)]
-    # By contours in other processes, by iterations here.
-    assert done[:3] == [0, 0.5, 1]
-    assert done[3:] == sorted(done[3:]) and len(done) > 7 and done[-1] == 1
+    assert progress_by_contour == [0, 0.5, 1]
+    assert progress_by_iteration == sorted(progress_by_iteration)
+    assert len(progress_by_iteration) > 4 and progress_by_iteration[-1] == 1
 
 
-def test_errors_of_other_processes_name_the_contour(arm, limits, pickled, monkeypatch):
+def test_errors_of_worker_processes_name_the_contour(arm, limits, pickled, monkeypatch):
     def fail(objective, tube, timer, wishes):
         raise ac.NotRealizable("No motion.", s=0.5)
 
@@ -61,16 +63,6 @@ def test_errors_of_other_processes_name_the_contour(arm, limits, pickled, monkey
     with pytest.raises(ac.NotRealizable, match="contour 1.*No motion") as error:
         shape(program, arm, limits, ac.Shaped(tolerance=1e-3))
     assert error.value.s == 0.5
-
-
-@pytest.fixture(scope="module")
-def program():
-    """Rows that rest keeps, so that there is a solution with nodes that stay."""
-    rng = np.random.default_rng(1)
-    n = 30
-    k = 2
-    rows = rng.normal(size=(n, 8, 3 * k))
-    return rng.normal(size=(n, k)), rows, rng.uniform(0.1, 1.0, (n, 8)), np.full((n, k), 0.1)
 
 
 def test_a_long_path_shaped_in_parts_is_about_as_fast_as_in_one_part(arm, limits, monkeypatch):

@@ -26,10 +26,13 @@ runs:
 """
 BEND = ac.Path.polyline([[0.30, 0.10], [0.33, 0.10], [0.33, 0.12]])
 LINE = ac.Path.polyline([[0.36, 0.16], [0.33, 0.16]])
+# Goal of the certificate of both contours [m].
+GOAL = 2e-6
+LEAD = 5e-3  # Length of leads [m]
 MOVES = (Contour(path=BEND, name="bend"), Dwell(duration=0.011), Contour(path=LINE, name="line"))
 LEADS = Process(
-    lead_in=Lead(length=5e-3),
-    lead_out=Lead(length=5e-3),
+    lead_in=Lead(length=LEAD),
+    lead_out=Lead(length=LEAD),
     events=(Event(name="tool", value=True),),
 )
 
@@ -41,11 +44,11 @@ def job(method="inverse", moves=MOVES, process=LEADS):
 
 @pytest.fixture(scope="module")
 def certified():
-    return ac.certify(job(), goal=ac.CertificateGoal(servo_error=2e-6))
+    return ac.certify(job(), goal=ac.CertificateGoal(servo_error=GOAL))
 
 
-def executed(certificate, servo=None):
-    """The whole, executed and judged by nothing of the search."""
+def execute_independently(certificate, servo=None):
+    """Simulate the whole program and evaluate it, without code of the search."""
     arm = certificate.job.arm
     limits = certificate.result.run.limits
     plant = ac.ServoPlant(arm, servo or certificate.job.plant_servo, limits)
@@ -56,26 +59,46 @@ def executed(certificate, servo=None):
     return execution, evaluation
 
 
-def test_every_certified_contour_satisfies_its_goal_without_its_leads(certified):
-    execution, result = executed(certified)
+@pytest.fixture(scope="module")
+def independent(certified):
+    """Execution and evaluation of the certified program, without code of the search."""
+    return execute_independently(certified)
+
+
+def test_every_certified_contour_satisfies_its_goal(certified, independent):
+    _, evaluation = independent
     assert [x.name for x in certified.contours] == ["contour 1 (bend)", "contour 2 (line)"]
-    for x, error in zip(certified.contours, result.contours, strict=True):
-        assert error.max <= 2e-6
-        assert x.error.max == x.budget.executed == pytest.approx(error.max, rel=1e-9)
-        assert x.trajectory.duration == x.duration < 1.05 * x.optimum
-    # Rapids ask no joint for more than it has, either.
-    assert (execution.peak_demand <= 0.72 * (1 + 1e-6)).all() and (result.saturated == 0).all()
+    for contour, error in zip(certified.contours, evaluation.contours, strict=True):
+        assert error.max <= GOAL
+        assert contour.error.max == contour.budget.executed
+        assert contour.error.max == pytest.approx(error.max, rel=1e-9)
+    assert certified.budget.executed == evaluation.contour_error.max
+
+
+def test_every_certified_contour_is_almost_as_fast_as_without_a_goal(certified):
+    for contour in certified.contours:
+        assert contour.trajectory.duration == contour.duration < 1.05 * contour.optimum
+    assert certified.cost < 0.1 * certified.duration
+
+
+def test_no_joint_saturates_in_contours_or_rapids(independent):
+    execution, evaluation = independent
+    assert (execution.peak_demand <= 0.72 * (1 + 1e-6)).all()
+    assert (evaluation.saturated == 0).all()
+
+
+def test_the_certified_plan_satisfies_all_limits(certified):
     arm = certified.job.arm
     limits = certified.result.run.limits
     assert not ac.check(certified.trajectory, arm, limits, points=5, seed=1).violated
-    assert certified.cost < 0.1 * certified.duration
-    assert certified.budget.executed == result.contour_error.max
-    program = certified.result.path
+
+
+def test_certified_contours_have_their_leads_and_events(certified):
     assert [x.name for x in certified.trajectory.events] == ["tool", "tool"]
-    for x, contour in zip(certified.contours, program.contours, strict=True):
-        assert contour.work[0] == pytest.approx(5e-3)
-        assert x.t[0] < x.work[0] < x.work[1] < x.t[1]
-        assert x.path is contour.path
+    for span, contour in zip(certified.contours, certified.result.path.contours, strict=True):
+        assert contour.work[0] == pytest.approx(LEAD)
+        assert span.t[0] < span.work[0] < span.work[1] < span.t[1]
+        assert span.path is contour.path
 
 
 def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
@@ -84,7 +107,7 @@ def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
     limits = slow.runs[0].limits.replace(speed=0.01)
     slow = replace(slow, runs=(replace(slow.runs[0], limits=limits),))
     certificate = ac.certify(slow, goal=ac.CertificateGoal(servo_error=0.1e-3, slowest=4.0))
-    _, result = executed(certificate)
+    _, result = execute_independently(certificate)
     assert max(x.max for x in result.contours) <= 0.1e-3
     assert 0.02 < certificate.pauses < 0.5
     # Without that pause the tool would still be underway.
@@ -105,9 +128,11 @@ def test_every_robot_of_the_box_satisfies_the_goal_on_every_contour():
     for k, x in enumerate(certificate.contours):
         worst = float(x.robots.max.max())
         assert worst <= x.budget.executed == x.robots.largest <= 0.5e-3
-        # The worst robot, executed by the plant.
-        deviations = np.append(x.robots.deviations[int(x.robots.max.argmax())], [0.0, 0.0])
-        _, result = executed(certificate, servo_with(servo, deviations))
+        # The plant executes the worst robot. The box has no deviations of the dead time.
+        gain_deviations = x.robots.deviations[int(x.robots.max.argmax())]
+        dead_time_deviations = [0.0, 0.0]
+        deviations = np.append(gain_deviations, dead_time_deviations)
+        _, result = execute_independently(certificate, servo_with(servo, deviations))
         assert result.contours[k].max == pytest.approx(worst, rel=2e-3)
 
 
@@ -125,18 +150,22 @@ def test_the_written_certificate_contains_every_contour(certified):
     assert all(number(x.duration, "s") in page for x in certified.contours)
 
 
-def test_the_stated_sum_bounds_the_distance_from_the_drawing(certified):
-    """That of the contour with the largest sum, not of the one with the least left."""
-    data = certified.to_data()
-    row = data["off_drawing"]
-    parts = [x.budget for x in certified.contours]
-    _, result = executed(certified)
-    coverage_error = ac.evaluate(
+def test_off_drawing_bounds_the_distance_from_the_drawing(certified, independent):
+    """Of all contours, the one with the largest sum of rounding and servo error counts."""
+    _, evaluation = independent
+    row = certified.to_data()["off_drawing"]
+    budgets = [x.budget for x in certified.contours]
+    coverage = ac.evaluate(
         certified.result.execution, certified.result.path, objective=certified.result.objective
     )
-    largest = max(result.objective_error.max, coverage_error.objective_coverage_error.max)
-    assert 0.99 * row.value < largest <= row.value == max(x.total for x in parts)
-    assert row.value == pytest.approx(max(x.rounding for x in parts) + parts[0].executed)
+    largest = max(evaluation.objective_error.max, coverage.objective_coverage_error.max)
+    assert 0.99 * row.value < largest <= row.value == max(x.total for x in budgets)
+    assert row.value == pytest.approx(max(x.rounding for x in budgets) + budgets[0].executed)
+
+
+def test_the_written_certificate_states_verdict_and_off_drawing_in_metres(certified):
+    data = certified.to_data()
+    row = data["off_drawing"]
     assert data["kept"].value is certified.kept is True
     page = certificate_page(certified)
     assert page["certificate"]["off_drawing"] == row.value >= page["runs"]["only"]["off_drawing"]
