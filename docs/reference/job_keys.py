@@ -200,3 +200,8 @@ def _inside(kind: dict[str, Any], place: str) -> Iterator[tuple[str, str]]:
         yield from _inside(kind["items"], place)
     if kind.get("type") == "object":
         yield from _inside(_named(kind), f"{place}.NAME")
+
+
+if __name__ == "__main__":
+    for file, content in published().items():
+        file.write_text(content, encoding="utf-8")
