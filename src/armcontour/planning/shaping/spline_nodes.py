@@ -101,12 +101,12 @@ class NearPath:
             return np.asarray(q + 2 * np.pi * np.round((guess - q) / (2 * np.pi)))
         assert isinstance(self.arm, SerialArm) and self.poses is not None
         assert self.free is not None
-        from armcontour.robot import newton
+        from armcontour.robot import pose_solver
 
         poses = np.array(self.poses)
         poses[:, :, 3] = points
         q = np.array(guess, order="C")
-        solved = newton.newton(
+        solved = pose_solver.solve_poses(
             self.arm.link_table, self.task, q, poses, self.free[:, None], self.q[:, None]
         )
         if not solved.all():

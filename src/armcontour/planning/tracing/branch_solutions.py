@@ -30,7 +30,7 @@ from armcontour.planning.tracing.positioner_tilt import (
     tilt_of,
 )
 from armcontour.planning.tracing.redundancy import null_space, smooth
-from armcontour.robot import SerialArm, newton
+from armcontour.robot import SerialArm, pose_solver
 from armcontour.robot.arm import shift_by_turns, unit_hint
 from armcontour.robot.inverse_kinematics import REACH_SEEDS, configurations, out_of_reach, seeds
 from armcontour.robot.limit_use import use_of
@@ -229,7 +229,9 @@ def follow_branches(
     q[:, 0] = starts
 
     def follow(branches: slice) -> None:
-        newton.follow(arm.link_table, task, poses, q[branches], reached[branches], max_correction)
+        pose_solver.follow(
+            arm.link_table, task, poses, q[branches], reached[branches], max_correction
+        )
 
     _map_in_threads(follow, split_evenly(len(starts), BRANCH_GROUPS), len(starts) * len(poses))
     return q, reached

@@ -18,7 +18,7 @@ from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import quintic
 from armcontour.planning.tracing.positioner_tilt import INNER_TILT, chord_of, tilt_of, turn_down
-from armcontour.robot import SerialArm, newton
+from armcontour.robot import SerialArm, pose_solver
 
 # Largest deviation of a spline from a chord, as a fraction of the largest neighbouring step, in
 # addition to SWING_FLOOR.
@@ -172,7 +172,7 @@ def _pchip_quintics(s: FloatArray, values: FloatArray) -> FloatArray:
 
 def null_space(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
     """Orthonormal bases of the joint motions that do not move the tool, (n, dof - task, dof)."""
-    return np.asarray(newton.free_motions(arm.link_table, task, q, poses))
+    return np.asarray(pose_solver.free_motions(arm.link_table, task, q, poses))
 
 
 def smooth(
@@ -216,7 +216,7 @@ def smooth(
             rows = w.reshape(-1, 1, free, arm.dof)
             goals = trial.reshape(-1, 1, arm.dof).copy()
             moved = trial.reshape(-1, arm.dof)
-            met = newton.newton(arm.link_table, task, moved, targets, rows, goals)
+            met = pose_solver.solve_poses(arm.link_table, task, moved, targets, rows, goals)
             fresh = cost.values(trial)
             gained = met.reshape(count, n).all(axis=1) & (fresh < values[active]) & ~better
             smoothed[active[gained]] = trial[gained]

@@ -40,7 +40,7 @@ from armcontour.planning.tracing.knots import (
 )
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.planning.tracing.redundancy import Guide
-from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, newton
+from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.branch_solutions import Solution
@@ -262,8 +262,8 @@ class NumericSolver(Solver[SerialArm]):
         poses, rates = motion_at(self.path, knots, u)
         w, g = self._rows(knots, u)
         links = self.arm.link_table
-        solved = newton.newton(links, self.task, q, poses, w, g)
-        dq_ds, d2q_ds2, pivot_ratio = newton.path_derivatives(
+        solved = pose_solver.solve_poses(links, self.task, q, poses, w, g)
+        dq_ds, d2q_ds2, pivot_ratio = pose_solver.path_derivatives(
             links, self.task, q, poses, rates, w, g
         )
         bad = ~(solved & (pivot_ratio > SINGULAR_JACOBIAN) & np.isfinite(d2q_ds2).all(axis=1))

@@ -164,7 +164,7 @@ def write_equations(
 
 
 @compiled()
-def newton(
+def solve_poses(
     links: FloatArray, task: int, q: FloatArray, targets: FloatArray, w: FloatArray, g: FloatArray
 ) -> BoolArray:
     """Solve the inverse kinematics by Newton's method; return the mask of solved poses, (n,).
