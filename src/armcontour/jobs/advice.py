@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core.errors import ArmContourError
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.render import split
+from armcontour.core.render import digits_and_unit
 from armcontour.jobs.job import Job, Run, default_compensation
 from armcontour.jobs.rows import ASSIGNED, weave_speed
 from armcontour.jobs.run_job import compute_set_points, expect_errors, simulate_experiment
@@ -276,8 +276,8 @@ def _raised_limit(
 
 def _describe_change(old: float, new: float, unit: str) -> str:
     """Write both values of a change, such as "from 0.25 to 0.5 mm"."""
-    before, its = split(old, unit)
-    after, unit = split(new, unit)
+    before, its = digits_and_unit(old, unit)
+    after, unit = digits_and_unit(new, unit)
     return f"from {before if its == unit else f'{before} {its}'} to {after} {unit}"
 
 
