@@ -254,7 +254,8 @@ def frame(data: Data) -> list[dict[str, Any]]:
     for row in data.shown():
         has_several_units = ", " in row.unit
         if has_several_units:
-            digits_shown, unit = figure(row), ""
+            digits_shown = figure(row)
+            unit = ""
         else:
             digits_shown, unit = digits_and_unit(row.figure, row.unit)
         if row.unit == "m" and 0.0 < row.figure < SMALLEST_LENGTH:
