@@ -28,6 +28,8 @@ from armcontour.robot.limits import reduce_limits
 
 # Longest piece of the joint path over time [s]; its quintics are within 1e-10 rad of the plan.
 MAX_PIECE = 2e-3
+# Pieces shorter than this are rounding errors of the times of breaks [s].
+SHORTEST_PIECE = MAX_PIECE * 1e-6
 # Relative precision of the duration of a stop with limits of jerk
 PRECISION = 0.02
 # Delays of a stop with limits of jerk that are tried, as fractions of the time from the request to
@@ -45,8 +47,8 @@ STOP_INTERVALS = 200
 CHECKED_STATES = (40, 500)
 # Stop with limits of jerk: first duration that is tried [s].
 FIRST_DURATION = 0.02
-# Number of iterations of Newton's method.
-NEWTON = 2
+# Number of iterations of Newton's method for the time at a length of the path.
+NEWTON_ITERATIONS = 2
 # Rounding error of dtau/dt, of speeds as fractions of the initial speed of a stop, and of times as
 # fractions of its duration.
 STOP_ROUNDING = 1e-6
@@ -92,7 +94,7 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
 def plan_stop(trajectory: Trajectory, t: float) -> EarlyStop:
     """Return the `stop` of a trajectory, and where it ends.
 
-    `t`: time at which the stop begins [s].
+    - `t`: time at which the stop begins [s].
     """
     arm = arm_of(trajectory)
     limits = trajectory.limits_for(None)
@@ -168,7 +170,7 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
         for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)
     ]
     times = np.append(np.concatenate(parts), end)
-    times = times[np.append(True, np.diff(times) > MAX_PIECE * 1e-6)]
+    times = times[np.append(True, np.diff(times) > SHORTEST_PIECE)]
     after = np.stack(trajectory.motion(times[:-1], side="right"))
     before = np.stack(trajectory.motion(times[1:], side="left"))
     # Velocities of the paper's method jump slightly at knots. A joint path would have to rest
@@ -316,7 +318,7 @@ class _CubicSpeed:
         table = self.length(t)
         inner = lengths[(lengths > self.begin) & (lengths < table[-1])]
         x = np.interp(inner, table, t)
-        for _ in range(NEWTON):
+        for _ in range(NEWTON_ITERATIONS):
             x = x + (inner - self.length(x)) / np.maximum(self.speed(x), self.v0 * STOP_ROUNDING)
         t = np.unique(np.concatenate([t, np.clip(x, 0.0, self.duration)]))
         return np.asarray(t[np.append(True, np.diff(t) > STOP_ROUNDING * self.duration)])
@@ -330,6 +332,7 @@ def _cubic_speed(
     v0 = float(np.linalg.norm(first))
     begin = float(_length_until(joint_path, lengths, np.array([delay]))[0])
     speed = _CubicSpeed(delay, begin, duration, v0, float(first @ second) / v0)
+    # The speed is the square (1 - x)² times a line, which has this value at the end.
     is_negative = 3 * v0 + speed.a0 * duration < 0
     end = float(speed.length(np.array([duration]))[0])
     return None if is_negative or end >= lengths[-1] else speed
@@ -363,7 +366,7 @@ def _time_at(joint_path: JointPath, lengths: FloatArray, length: FloatArray) -> 
     begin = joint_path.breaks[k]
     end = joint_path.breaks[k + 1]
     tau = begin + (end - begin) * (length - lengths[k]) / (lengths[k + 1] - lengths[k])
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_ITERATIONS):
         excess = lengths[k] + _integrate_speed(joint_path, begin, tau) - length
         speed = np.linalg.norm(joint_path(tau, 1), axis=1)
         tau = np.clip(tau - excess / speed, begin, end)

@@ -48,6 +48,8 @@ MANY_CONTOURS = 24
 # Largest number of joint values of the control points, summed over all iterations, for each corner
 # or rest. Tolerances of about 1 µm (six joints) and 0.1 µm (two joints) need more.
 WORK = 30_000
+# Decimals to which durations of initial paths are compared [s].
+DURATION_DECIMALS = 9
 # Note of a contour for which arcs are faster than all shapes that were found
 ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
 
@@ -242,11 +244,9 @@ class Shaping:
             durations = dict(outcome.durations) | {SHAPED: span.trajectory.duration}
             if along_arcs is not None and ARCS in durations:
                 durations[ARCS] = cast(Trajectory, along_arcs[i].trajectory).duration
-            starts = {name: x for name, x in durations.items() if name != SHAPED}
             outcome = replace(
                 outcome,
-                # Of starts with equal rounded durations, the simplest one comes first.
-                start=min(starts, key=lambda name: round(starts[name], 9)),
+                start=_fastest_start(durations),
                 durations=durations,
                 note=outcome.note or (None if fastest is shaped else ARCS_ARE_FASTER),
                 joints=joints,
@@ -336,6 +336,15 @@ def _cap_tolerances(path: Path, tolerance: float) -> Path:
         return path
     tolerances = np.where(half < tolerance, np.fmin(path.tolerances, half), path.tolerances)
     return replace(path, segments=path.segments.replace(tolerances=tolerances, checked=True))
+
+
+def _fastest_start(durations: dict[str, float]) -> str:
+    """Return the name of the initial path with the shortest duration [s].
+
+    Of initial paths with equal durations, the simplest one comes first.
+    """
+    starts = {name: x for name, x in durations.items() if name != SHAPED}
+    return min(starts, key=lambda name: round(starts[name], DURATION_DECIMALS))
 
 
 def _path_of(move: Move) -> ShapedPath:
