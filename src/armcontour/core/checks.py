@@ -56,6 +56,10 @@ MAX_WHOLE = 2**63 - 1
 # Highest supported derivative of a curve.
 HIGHEST_DERIVATIVE = 20
 
+# Values outside a range by at most this fraction of its length are rounding errors.
+RANGE_ROUNDING = 1e-12
+# Length that counts for shorter ranges, in the unit of the range.
+SHORTEST_RANGE = 1e-3
 # Array kinds (`dtype.kind`) that can be numbers; in an object array, every object must be one.
 NUMERIC = "iufO"
 # Classes of values that messages repeat.
@@ -218,10 +222,14 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
 def clip_within(
     name: str, values: npt.ArrayLike, low: float, high: float, unit: str, range_name: str
 ) -> FloatArray:
-    """Clip values to a range; refuse values outside by more than rounding errors."""
+    """Clip values to a range; refuse values outside by more than rounding errors.
+
+    - `name`, `unit`: name and unit of the values, for the message.
+    - `range_name`: name of the range, for the message, such as "the path".
+    """
     array = floats(name, values, unit)
-    slack = 1e-12 * max(high - low, 1e-3)
-    outside = ~((array >= low - slack) & (array <= high + slack))
+    rounding = RANGE_ROUNDING * max(high - low, SHORTEST_RANGE)
+    outside = ~((array >= low - rounding) & (array <= high + rounding))
     if outside.any():
         value = float(array[outside].flat[0])
         raise InvalidInput(
@@ -235,7 +243,12 @@ def clip_within(
 
 
 def locate(breaks: FloatArray, values: npt.ArrayLike, side: str) -> IntArray:
-    """Return the index of the interval between `breaks` that contains each arc length."""
+    """Return the index of the interval between `breaks` that contains each arc length, (n,).
+
+    - `breaks`: ends of the intervals [m], ascending.
+    - `values`: arc lengths [m], (n,).
+    - `side`: interval of an arc length that is a break: "right" for the one that begins there.
+    """
     index = np.searchsorted(breaks, floats("arc lengths", values, "m"), side=check_side(side)) - 1
     return np.clip(index, 0, len(breaks) - 2)
 
@@ -289,7 +302,12 @@ def check_number(name: str, value: Any, unit: str = "") -> float:
 
 
 def check_count(work: str, values: float, fix: str) -> None:
-    """Check that a task has at most MAX_VALUES values, before the values are computed."""
+    """Check that a task has at most MAX_VALUES values, before the values are computed.
+
+    - `work`: what would have these values, for the message.
+    - `values`: number of values.
+    - `fix`: what the user can do, as a sentence without a period.
+    """
     if not values <= MAX_VALUES:
         raise InvalidInput(
             f"{work} would have {values:.3g} values, but at most {MAX_VALUES:.3g} are allowed. "
@@ -427,6 +445,7 @@ def explained(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def call(*args: P.args, **keywords: P.kwargs) -> R:
+        """Call the function; for wrong arguments raise InvalidInput instead of TypeError."""
         try:
             return function(*args, **keywords)
         except TypeError:
@@ -481,20 +500,24 @@ def kinds_of(annotation: Any) -> tuple[type, ...]:
         return sum(parts, ()) if all(parts) else ()
     if kind in (bool, FilePath):
         return (bool, np.bool_) if kind is bool else (PathLike,)
+    if kind in WORDS:
+        return (kind,)
     is_library_class = isinstance(kind, type) and kind.__module__.startswith(
         ("armcontour.", "concurrent.")
     )
-    return (
-        (kind,)
-        if kind in WORDS or (is_library_class and not getattr(kind, "_is_protocol", False))
-        else ()
-    )
+    is_protocol = getattr(kind, "_is_protocol", False)
+    return (kind,) if is_library_class and not is_protocol else ()
 
 
 def check_sequence(
     name: str, values: Any, kind: Any, noun: str, count: int | None = None
 ) -> tuple[Any, ...]:
-    """Check the values of a list, and return them as a tuple."""
+    """Check the values of a list, and return them as a tuple.
+
+    - `kind`: class of the values, or a tuple of classes.
+    - `noun`: what the values are, for the message, such as "names".
+    - `count`: required number of values; None for any number.
+    """
     if isinstance(values, np.ndarray):
         values = np.atleast_1d(values)
     # Fast path for tuples.

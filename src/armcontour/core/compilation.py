@@ -24,18 +24,18 @@ from armcontour.core.progress import COMPILING, Progress, Step, report_compiling
 from armcontour.core.quintics import solve_banded
 
 # Kinds of runs: on planar arms, on arms in space, on both; and all functions.
-Which: TypeAlias = Literal["plane", "space", "usual", "all"]
+RunKind: TypeAlias = Literal["plane", "space", "usual", "all"]
 # Kinds of runs whose functions each kind includes.
-INCLUDED: dict[Which, tuple[Which, ...]] = {
+INCLUDED: dict[RunKind, tuple[RunKind, ...]] = {
     "plane": ("plane",),
     "space": ("space",),
     "usual": ("plane", "space", "usual"),
     "all": ("plane", "space", "usual", "all"),
 }
-# Names of the module and of the function.
-Key: TypeAlias = tuple[str, str]
+# Name of the module, and name of the function in it.
+FunctionName: TypeAlias = tuple[str, str]
 # A function, and the argument types of its calls as text.
-Calls: TypeAlias = tuple[Key, list[str]]
+FunctionCalls: TypeAlias = tuple[FunctionName, list[str]]
 # File beside the compiled functions with the state in which all functions of a kind were compiled.
 STAMP = "compiled-{}.txt"
 LIST = FilePath(__file__).with_name("kernels.txt")
@@ -51,7 +51,7 @@ class CompiledKernels(NamedTuple):
     folder: FilePath | None  # None if no folder can be written
 
 
-def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> CompiledKernels:
+def compile_kernels(kind: RunKind = "all", progress: Progress | None = None) -> CompiledKernels:
     """Compile functions that are not compiled yet, in as many processes as the memory allows."""
     listed = read_list(kind)
     compiled = 0
@@ -64,7 +64,7 @@ def compile_kernels(kind: Which = "all", progress: Progress | None = None) -> Co
     return CompiledKernels(len(listed), compiled, folder)
 
 
-def _kind_for(dimension: int | None) -> Which:
+def _kind_for(dimension: int | None) -> RunKind:
     """Return the kind of run for an arm's dimension; "usual" if it is unknown."""
     if dimension is None:
         return "usual"
@@ -83,12 +83,14 @@ def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]
         return
 
     def report_step(step: Step) -> None:
+        """Report the name of each function; report the progress only while the run waits."""
         if schedule.waits or not step.done:
             progress(step)
         if not step.done:
             report_compiling(step.names[-1])
 
     def work() -> None:
+        """Compile all functions in other processes; record it if all are compiled."""
         # If the other processes fail, the run itself compiles the functions it needs.
         with suppress(Exception):
             schedule.run_all()
@@ -108,9 +110,9 @@ def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]
         helper.join()
 
 
-def read_list(kind: Which) -> dict[Key, list[str]]:
+def read_list(kind: RunKind) -> dict[FunctionName, list[str]]:
     """Read kernels.txt: argument types of the functions that a kind of run calls, in order."""
-    listed: dict[Key, list[str]] = {}
+    listed: dict[FunctionName, list[str]] = {}
     for line in LIST.read_text(encoding="utf-8").splitlines():
         runs, call = line.split(" ", 1)
         if kind == "all" or kind in runs.split(",") or (kind == "usual" and runs != "-"):
@@ -120,7 +122,7 @@ def read_list(kind: Which) -> dict[Key, list[str]]:
     return listed
 
 
-def compile_calls(calls: Calls) -> int:
+def compile_calls(calls: FunctionCalls) -> int:
     """Compile a function or load its compiled form; return the number of compilations."""
     from numba.core.errors import NumbaError
 
@@ -145,6 +147,7 @@ def from_text(text: str) -> tuple[Any, ...]:
     from armcontour.core.simd import VECTOR
 
     def named(module: str, name: str, *parts: Any) -> Any:
+        """Make the type of a named tuple from its class and the types of its fields."""
         kind = getattr(import_module(module), name)
         if len(set(parts)) == 1:
             return types.NamedUniTuple(parts[0], len(parts), kind)
@@ -159,19 +162,20 @@ def from_text(text: str) -> tuple[Any, ...]:
 class CompilationSchedule:
     """Order of compilation: the longest function whose callees are compiled is next."""
 
-    def __init__(self, listed: dict[Key, list[str]], progress: Progress | None) -> None:
+    def __init__(self, listed: dict[FunctionName, list[str]], progress: Progress | None) -> None:
         self._tell = subprogress(
             progress, COMPILING, f"{len(listed)} functions in {_processes()} processes"
         )
         self._changed = Condition()
         # Functions that are not compiled yet, and functions that were given to a process.
         self._remaining = {key: x for key, x in listed.items() if _dispatcher(key) is not None}
-        self._started = set[Key]()
+        self._started = set[FunctionName]()
+        # Compiled functions that each function calls.
         self._needs = {key: _callees(key) for key in self._remaining}
-        # Length of the code as an estimate of the time to compile.
+        # Length of the code [bytes] as an estimate of the time to compile.
         self._size = {key: len(KERNELS[key].py_func.__code__.co_code) for key in self._remaining}
         self._total = sum(self._size.values())
-        self._requested = set[Key]()
+        self._requested = set[FunctionName]()
         self.waits = self.compiled = self._done = 0
 
     @property
@@ -204,7 +208,7 @@ class CompilationSchedule:
             self._remaining.clear()
             self._changed.notify_all()
 
-    def _take(self) -> Calls | None:
+    def _take(self) -> FunctionCalls | None:
         """Take the next function to compile; None if all others are started or wait for callees."""
         with self._changed:
             undone = self._remaining.keys()
@@ -215,7 +219,7 @@ class CompilationSchedule:
             self._started.add(key)
             return key, self._remaining[key]
 
-    def _finish(self, key: Key, compiled: int) -> None:
+    def _finish(self, key: FunctionName, compiled: int) -> None:
         """Record that a function is finished; count it if it had to be compiled."""
         with self._changed:
             self._remaining.pop(key, None)
@@ -226,14 +230,14 @@ class CompilationSchedule:
             self._changed.notify_all()
 
 
-def _dispatcher(key: Key) -> Any:
+def _dispatcher(key: FunctionName) -> Any:
     """Return the compiled function of a module and name; None if it does not exist."""
     with suppress(ImportError):
         import_module(key[0])
     return KERNELS.get(key)
 
 
-def _callees(key: Key) -> set[Key]:
+def _callees(key: FunctionName) -> set[FunctionName]:
     """Return the compiled functions that a compiled function calls, directly or indirectly."""
     reached = {key}
     new = [key]
@@ -255,7 +259,7 @@ def _folder() -> FilePath | None:
     return folder if folder.is_dir() else None
 
 
-def _find_compiled(kind: Which) -> FilePath | None:
+def _find_compiled(kind: RunKind) -> FilePath | None:
     """Return a folder in which all functions are compiled in the present `_state`."""
     candidates = [(_folder(), kernel_cache.target())]
     if kernel_cache.runs_shipped():
@@ -267,7 +271,7 @@ def _find_compiled(kind: Which) -> FilePath | None:
     return None
 
 
-def stamp(folder: FilePath, kind: Which, target: kernel_cache.Target | None = None) -> None:
+def stamp(folder: FilePath, kind: RunKind, target: kernel_cache.Target | None = None) -> None:
     """Record that the functions in a folder have been compiled in the present state."""
     with suppress(OSError):
         state = _state(target or kernel_cache.target())

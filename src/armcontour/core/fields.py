@@ -62,6 +62,7 @@ def declared(**options: Any) -> Callable[[type[C]], type[C]]:
     """
 
     def make(cls: type[C]) -> type[C]:
+        """Make the dataclass, and explain errors of its constructor and its class methods."""
         made: Any = dataclass(**{"frozen": True, "slots": True, "kw_only": True, **options})(cls)
         made.__init__ = checks.explained(made.__init__)
         for name, member in list(vars(made).items()):
@@ -170,6 +171,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def call(*args: Any, **keywords: Any) -> R:
+        """Check and convert the arguments, then call the function."""
         positional = list(args)
         for i, k, read in readers_by_place():
             if i < len(args):
@@ -315,6 +317,7 @@ def _read_choice(choices: tuple[str, ...], single: bool) -> Reader:
     """Make the reader of one choice; unless `single`, it also reads a sequence of choices."""
 
     def read(value: Any, who: str) -> Any:
+        """Check a choice, or convert a sequence of choices to a tuple."""
         if single or isinstance(value, str):
             return checks.check_choice(who, value, choices)
         values = checks.check_sequence(who, value, str, "texts")
@@ -341,6 +344,7 @@ def _read_union(parts: tuple[Any, ...]) -> Reader | None:
     other = reader_of(others[0]) if others else None
 
     def read(value: Any, who: str) -> Any:
+        """Check a value by the part of the union to which its class belongs."""
         if isinstance(value, passing):
             return value
         use = text if not others or (texts and isinstance(value, str)) else other
@@ -376,6 +380,7 @@ def _read_list(parts: tuple[Any, ...]) -> Reader:
         noun = f"{count} {noun}"
 
     def read(value: Any, who: str) -> Any:
+        """Check the items of a list, and convert it to a tuple."""
         values = checks.check_sequence(who, value, kinds or object, noun, count)
         if kinds:
             return values
@@ -389,6 +394,7 @@ def _read_mapping(each: Reader | None) -> Reader:
     """Make the reader of a mapping whose values are of one kind."""
 
     def read(value: Any, who: str) -> Any:
+        """Check the values of a mapping."""
         checks.check_type(who, value, Mapping)
         for key, item in value.items() if each is not None else ():
             try:
@@ -423,6 +429,7 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
     written = replace(quantity, sign="any", within=None) if quantity and quantity.unit else None
 
     def freeze(value: Any, who: str) -> Any:
+        """Convert a value to a read-only array of the required element type."""
         if kind is np.float64:
             return checks.frozen_array(value, who, unit)
         array = checks.indices(who, value) if kind is np.intp else value
@@ -430,6 +437,7 @@ def _read_numbers(base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...]
         return checks.freeze(array)
 
     def read(value: Any, who: str) -> Any:
+        """Convert numbers, or texts with units, to a float or an array; check shape and range."""
         # Fast paths for most values. NaN fails the comparisons.
         if shapes is SINGLE and type(value) is float and low <= value <= high:
             return value

@@ -22,6 +22,10 @@ QUATERNION_TOLERANCE = 1e-3
 # A frame maps the x-y plane to itself if its z offset [m] and tilt are at most this. An arc is
 # parallel to this plane if the z components of its vectors are at most this.
 IN_PLANE = 1e-12
+# Cosine of the pitch below which roll and yaw count as rotations about the same axis.
+VERTICAL_COSINE = 1e-9
+# Sine of the angle between unit vectors below which they count as parallel.
+PARALLEL_SINE = 1e-12
 ORIGIN = checks.frozen_array(np.zeros(3))
 IDENTITY = checks.frozen_array(np.eye(3))
 
@@ -105,7 +109,7 @@ class Frame:
         )
 
     def __matmul__(self, other: Frame) -> Frame:
-        """Compose two frames: `other` is given in this frame."""
+        """Return the frame `other`, which is given in this frame, in the reference frame."""
         return Frame(
             position=self.position + self.rotation @ other.position,
             rotation=self.rotation @ other.rotation,
@@ -236,7 +240,7 @@ def to_rpy(rotation: FloatArray) -> FloatArray:
     The inverse of `from_rpy`. At a pitch of ±90°, where roll and yaw share an axis, the yaw is 0.
     """
     pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
-    if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
+    if np.hypot(rotation[0, 0], rotation[1, 0]) < VERTICAL_COSINE:
         # Roll and yaw have the same axis, so the whole rotation is assigned to roll.
         return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
     roll = np.arctan2(rotation[2, 1], rotation[2, 2])
@@ -253,10 +257,11 @@ def exp(vectors: npt.ArrayLike) -> FloatArray:
     """
     v = np.asarray(vectors, dtype=np.float64)
     angle = np.sqrt(np.sum(v * v, axis=-1))[..., None, None]
-    first = np.sinc(angle / np.pi)
-    second = np.sinc(angle / (2 * np.pi)) ** 2 / 2
+    # `np.sinc(x)` is sin(pi x) / (pi x).
+    sine_term = np.sinc(angle / np.pi)
+    cosine_term = np.sinc(angle / (2 * np.pi)) ** 2 / 2
     k = cross_matrix(v)
-    return np.asarray(np.eye(3) + first * k + second * (k @ k))
+    return np.asarray(np.eye(3) + sine_term * k + cosine_term * (k @ k))
 
 
 def quaternions(matrices: npt.ArrayLike) -> FloatArray:
@@ -305,7 +310,7 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
     any_axis = perpendicular(a)
     any_axis /= np.linalg.norm(any_axis, axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
-        unit = np.where(size > 1e-12, axis / size, any_axis)
+        unit = np.where(size > PARALLEL_SINE, axis / size, any_axis)
     # Make the axis exactly normal to the first vector, because near half a turn an error of the
     # axis would count twice.
     unit = unit - np.sum(unit * a, axis=-1, keepdims=True) * a

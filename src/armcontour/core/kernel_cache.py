@@ -83,6 +83,7 @@ def compiled(
     decorate = njit(error_model="numpy", nogil=True, **options)
 
     def keep(function: Function) -> Function:
+        """Decorate a function with numba, with files of its own, and register it."""
         kernel: Function = decorate(function)
         # The decorator returns an object of numba, which its annotation does not express.
         made: Any = kernel

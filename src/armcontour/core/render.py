@@ -38,6 +38,8 @@ SHORT_TIME = 0.1
 SIGNIFICANT_DIGITS = 3
 # Numbers below this, in their display unit, are shown with six decimals.
 SIX_DECIMALS_BELOW = 1e-3
+# Smaller numbers are written without an exponent.
+SHORTEST_EXPONENT = 1e15
 # Widest value that counts for the column in which notes begin [characters].
 WIDEST_FIGURE = 16
 # Widest line of a table [characters].
@@ -53,24 +55,38 @@ def limit_style(kind: str) -> dict[str, Any]:
     return LIMITS.get(kind, LIMITS["other"])
 
 
-def split(value: Any, unit: str = "") -> tuple[str, str]:
-    """Split a value into its displayed digits and unit."""
-    if value is None or isinstance(value, float) and math.isnan(value):
+def digits_and_unit(value: Any, unit: str = "") -> tuple[str, str]:
+    """Return the displayed digits of a value and its display unit.
+
+    A missing value (None or NaN) is "-". A verdict, whose unit is `JUDGED`, is its word; True is
+    "yes" and False "no". Texts, and whole numbers without a unit, are unchanged. The display unit
+    is empty in these cases.
+
+    >>> digits_and_unit(0.000252, "m")
+    ('0.252', 'mm')
+    """
+    if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-", ""
     if unit == JUDGED:
         return VERDICTS["kept" if value else "not kept"]["word"], ""
     if isinstance(value, bool):
         return "yes" if value else "no", ""
-    if isinstance(value, str | int) and not (unit and isinstance(value, int)):
+    is_count = isinstance(value, int) and not unit
+    if is_count or isinstance(value, str):
         return str(value), ""
-    value = float(value)
-    short = unit == "s" and 0 < abs(value) < SHORT_TIME
-    name, size = ("ms", 1e-3) if short else scale(unit)
-    value /= size
+    number = float(value)
+    is_short_time = unit == "s" and 0 < abs(number) < SHORT_TIME
+    display_unit, size = ("ms", 1e-3) if is_short_time else scale(unit)
+    return _digits(number / size), display_unit
+
+
+def _digits(value: float) -> str:
+    """Write a number with three significant digits, or six decimals below SIX_DECIMALS_BELOW."""
     if 0 < abs(value) < SIX_DECIMALS_BELOW:
-        return f"{value:z.6f}", name
+        return f"{value:z.6f}"
     text = f"{value:z.{SIGNIFICANT_DIGITS}g}"
-    return (f"{float(text):.0f}" if "e+" in text and abs(value) < 1e15 else text), name
+    is_written_in_full = "e+" in text and abs(value) < SHORTEST_EXPONENT
+    return f"{float(text):.0f}" if is_written_in_full else text
 
 
 def scale(unit: str) -> tuple[str, float]:
@@ -80,7 +96,7 @@ def scale(unit: str) -> tuple[str, float]:
 
 def number(value: Any, unit: str = "") -> str:
     """Write a value with its display unit, as in "0.252 mm"."""
-    return " ".join(filter(None, split(value, unit)))
+    return " ".join(filter(None, digits_and_unit(value, unit)))
 
 
 def moment(t: float, decimals: int | None) -> str:
@@ -98,15 +114,21 @@ def number_range(values: Iterable[float], unit: str = "") -> str:
     '100 to 200 mm'
     """
     ordered = sorted(values)
-    low, high = (
-        (split(x, unit) for x in (ordered[0], ordered[-1])) if ordered else (("", ""), ("", ""))
-    )
+    if not ordered:
+        return ""
+    low = digits_and_unit(ordered[0], unit)
+    high = digits_and_unit(ordered[-1], unit)
+    if low == high:
+        return " ".join(filter(None, high))
     start = low[0] if low[1] == high[1] else " ".join(low)
-    return " ".join(filter(None, high if low == high else (start, "to", *high)))
+    return " ".join(filter(None, (start, "to", *high)))
 
 
 def figure(row: Row) -> str:
-    """Write the value of a row with its unit; one value per unit if joints have different ones."""
+    """Write the value of a row with its unit.
+
+    If joints have different units, write the largest value of each unit.
+    """
     if row.decimals is not None and row.value is not None:
         return moment(row.value, row.decimals)
     units = row.unit.split(", ")
@@ -122,11 +144,13 @@ def figure(row: Row) -> str:
 def text(data: Data, level: int = TABLE) -> str:
     """Write a result as lines, for `print` and the command line."""
     rows = [(x.label, figure(x), x.note) for x in data.shown(level)]
+    # The notes of all rows begin in one column.
     sizes = [len(value) for _, value, note in rows if note]
     width = max((x for x in sizes if x <= WIDEST_FIGURE), default=0)
-    lines = [
-        format_table(data.title, [(name, f"{x:<{width}}  {y}" if y else x) for name, x, y in rows])
-    ]
+    lines_of_values = []
+    for label, value, note in rows:
+        lines_of_values.append((label, f"{value:<{width}}  {note}" if note else value))
+    lines = [format_table(data.title, lines_of_values)]
     lines += [lay_out(x.name, cells(x)) for x in data.tables if x.level <= level]
     return "\n".join(lines)
 
@@ -206,26 +230,34 @@ def jsonable(value: Any) -> Any:
     return [jsonable(x) for x in value]
 
 
-def units(results: Iterable[Data]) -> dict[str, str]:
-    """Map names of all values to units, for JSON; names in parts with and without the part."""
-    units_by_name: dict[str, str] = {}
+def units_by_name(results: Iterable[Data]) -> dict[str, str]:
+    """Map each value's name to its unit, for JSON.
+
+    A value in a part is listed twice, as `part.name` and as `name`. Values without a unit are
+    omitted.
+    """
+    units: dict[str, str] = {}
     for data in results:
         named = list(data.walk())
         for table in data.tables:
             named += [(x.name, x) for x in table.columns]
         for name, row in named:
             if row.unit and row.unit != JUDGED:
-                units_by_name[name] = row.unit
-        units_by_name |= units(data.parts.values())
-    return units_by_name
+                units[name] = row.unit
+        units |= units_by_name(data.parts.values())
+    return units
 
 
 def frame(data: Data) -> list[dict[str, Any]]:
     """List the displayed values of a result for the Studio's page."""
     figures = []
     for row in data.shown():
-        mixed = ", " in row.unit
-        digits_shown, unit = (figure(row), "") if mixed else split(row.figure, row.unit)
+        has_several_units = ", " in row.unit
+        if has_several_units:
+            digits_shown = figure(row)
+            unit = ""
+        else:
+            digits_shown, unit = digits_and_unit(row.figure, row.unit)
         if row.unit == "m" and 0.0 < row.figure < SMALLEST_LENGTH:
             digits_shown = "< 0.001"
             unit = "mm"

@@ -48,6 +48,8 @@ def _lanewise(make: Callable[..., Any], count: int) -> Any:
     """Make an intrinsic that applies `make` to vectors and numbers lane by lane."""
 
     def typed(typing: Any, *args: Any) -> Any:
+        """Return the signature for the types of the arguments, and the code generator."""
+
         def build(context: Any, builder: Any, types_: Any, values: Any) -> Any:
             return make(builder, *map(_spread, [builder] * count, values, types_.args))
 
@@ -61,11 +63,13 @@ def _lanewise(make: Callable[..., Any], count: int) -> Any:
     return intrinsic(shapes[count])
 
 
-def _pick(sign: str) -> Callable[..., Any]:
-    return lambda builder, a, b: builder.select(builder.fcmp_ordered(sign, a, b), a, b)
+def _pick(comparison: str) -> Callable[..., Any]:
+    """Make the generator of `a if a < b else b`, or with another comparison, lane by lane."""
+    return lambda builder, a, b: builder.select(builder.fcmp_ordered(comparison, a, b), a, b)
 
 
 def _size(builder: Any, a: Any) -> Any:
+    """Generate the absolute value of each lane."""
     # Clear the sign bit.
     bits = ir.VectorType(ir.IntType(64), LANES)
     mask = ir.Constant(bits, [(1 << 63) - 1] * LANES)
@@ -97,6 +101,7 @@ def _store(typing: Any, array: Any, index: Any, value: Any) -> Any:
     """Store eight numbers in an array, beginning at an index."""
 
     def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        """Generate the instruction that stores the vector."""
         data = context.make_array(call.args[0])(context, builder, values[0]).data
         pointer = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
         builder.store(values[2], pointer, align=8)
@@ -109,11 +114,14 @@ load: Any = intrinsic(_load)
 store: Any = intrinsic(_store)
 
 
-def _across(sign: str) -> Any:
+def _across(comparison: str) -> Any:
     """Make an intrinsic that returns the lowest or highest number of a vector."""
 
     def across(typing: Any, a: Any) -> Any:
+        """Return the signature of the intrinsic, and its code generator."""
+
         def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
+            """Generate comparisons of halves until one number remains."""
             (v,) = values
             n = LANES
             while n > 1:
@@ -124,7 +132,7 @@ def _across(sign: str) -> Any:
                     )
                     for k in (0, n)
                 ]
-                v = _pick(sign)(builder, *halves)
+                v = _pick(comparison)(builder, *halves)
             return builder.extract_element(v, ir.Constant(_INDEX, 0))
 
         return types.float64(VECTOR), build

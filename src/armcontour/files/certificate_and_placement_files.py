@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.render import plain, units
+from armcontour.core.render import plain, units_by_name
 from armcontour.files.frame_keys import frame_keys
 from armcontour.files.job_patch import Patch, write_patch
 from armcontour.files.job_text_edits import move_files
@@ -22,7 +22,7 @@ def certificate_page(certificate: Certificate) -> dict[str, Any]:
     """Return the data of a certificate for JSON: requirements, results and model."""
     data = certificate.to_data()
     page = plain(certificate.job_result.to_data())
-    return page | {"units": page["units"] | units([data]), "certificate": plain(data)}
+    return page | {"units": page["units"] | units_by_name([data]), "certificate": plain(data)}
 
 
 def placement_csv(placement: Placement) -> str:

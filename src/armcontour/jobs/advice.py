@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core.errors import ArmContourError
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.render import split
+from armcontour.core.render import digits_and_unit
 from armcontour.jobs.job import Job, Run, default_compensation
 from armcontour.jobs.rows import ASSIGNED, weave_speed
 from armcontour.jobs.run_job import compute_set_points, expect_errors, simulate_experiment
@@ -280,8 +280,8 @@ def _raised_limit(
 
 def _describe_change(old: float, new: float, unit: str) -> str:
     """Write both values of a change, such as "from 0.25 to 0.5 mm"."""
-    old_digits, old_unit = split(old, unit)
-    new_digits, new_unit = split(new, unit)
+    old_digits, old_unit = digits_and_unit(old, unit)
+    new_digits, new_unit = digits_and_unit(new, unit)
     old_text = old_digits if old_unit == new_unit else f"{old_digits} {old_unit}"
     return f"from {old_text} to {new_digits} {new_unit}"
 

@@ -11,7 +11,7 @@ import numpy as np
 from armcontour._version import __version__
 from armcontour.core.checks import FloatArray
 from armcontour.core.fields import quantities
-from armcontour.core.render import number, plain, units
+from armcontour.core.render import number, plain, units_by_name
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, joint_label, list_some
 from armcontour.geometry import RoundedPath, ShapedPath
@@ -71,7 +71,7 @@ def job_data(
             Row("arm.assumed", arm.chain.assumed or None),
             Row("arm.notes", arm.notes),
             Row("simulated", simulated),
-            Row("units", units([*runs.values(), *parts.values()])),
+            Row("units", units_by_name([*runs.values(), *parts.values()])),
         ),
         parts={"runs": Data("Runs", parts=runs), **parts},
         warnings=tuple(warnings),

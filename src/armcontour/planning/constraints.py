@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -54,6 +54,8 @@ EVEN_CURVATURE = 1e-3
 # The bound of x on an interval is a tangent of `limit / curvature`. The curvature at its point of
 # contact is at least this fraction of the larger of the curvatures at both ends.
 TOUCH = 0.8
+# Smallest divisor [1/m], so that a quotient 0 / 0 of curvatures is 0.
+SMALLEST_DIVISOR = 1e-300
 # A piece with at most this curvature is a straight line [1/m].
 STRAIGHT_CURVATURE = 1e-3
 
@@ -85,15 +87,15 @@ class IntervalEnds:
 
     @cached_property
     def states(self) -> States:
-        """Joint states at the start and the end of each interval, alternating, (2 n, dof)."""
+        """Joint states at the start and the end of each interval in turn, (2 n, dof) each."""
         piece = np.repeat(self.grid.piece, 2)
         s = np.repeat(self.grid.s, 2)[1:-1]
         q = self.grid.joint_path.on_interval(piece, s)
         x = self.x[..., None]
         u = self.u[..., None]
-        first, second = self.path.derivatives[0]
-        dq = first * np.sqrt(x)
-        ddq = first * u + second * x
+        dq_ds, d2q_ds2 = self.path.derivatives[0]
+        dq = dq_ds * np.sqrt(x)
+        ddq = dq_ds * u + d2q_ds2 * x
         return States(self.arm, (q, dq.reshape(q.shape), ddq.reshape(q.shape)))
 
     @cached_property
@@ -105,7 +107,12 @@ class IntervalEnds:
         return np.tile(np.arange(len(self.grid)), len(t)), t.ravel()
 
     def largest_use(self, name: str, limits: Limits) -> FloatArray:
-        """Largest used fraction of a limit on each interval, (n, dof); for the tool (n, 1)."""
+        """Return the largest used fraction of a limit per interval, (n, dof); tool: (n, 1).
+
+        The ends of each interval are evaluated, and for limits of the jerk also samples inside.
+
+        - `name`: field of `Limits`.
+        """
         # The jerk `q''' ds³ + 3 q'' ds dds + q' s'''` can be largest inside an interval, so it is
         # sampled.
         n = len(self.grid)
@@ -140,7 +147,7 @@ class Constraint:
         return None
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Forms of the limit on a grid, see `topp.limit_forms`; none in this base class.
+        """Return the forms of the limit on a grid, see `topp.limit_forms`; here none.
 
         `path` is the joint path on the grid.
         """
@@ -154,8 +161,10 @@ class Constraint:
         return [(self.name, k) for k in range(np.size(self.limit))]
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Used fraction of the limit on each interval: the larger one of its two ends."""
-        # The shape is (n, joints) if `joints` is true, otherwise (n, 1).
+        """Return the used fraction of the limit on each interval, the larger of its two ends.
+
+        The shape is (n, joints) if `joints` is true, otherwise (n, 1).
+        """
         used = np.zeros((len(ends.grid), 1))
         for form in self.discretize(ends.path):
             used = np.maximum(used, _usage(form, ends.x[..., None], ends.u[..., None]).max(axis=1))
@@ -163,7 +172,10 @@ class Constraint:
 
 
 def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
-    """Used fraction of a form at the starts and ends of all intervals, (n, 2, rows)."""
+    """Return the used fraction of a form at the starts and ends of all intervals, (n, 2, rows).
+
+    - `x`, `u`: squared path speed [m²/s²] and path acceleration [m/s²] there, (n, 2, 1) each.
+    """
     match form:
         case LinearRows():
             value = form.ends[..., A] * u + form.ends[..., B] * x
@@ -179,7 +191,7 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
 
 
 def limits_on(path: SampledJointPath, active: Sequence[Constraint]) -> GridLimits:
-    """Discretize the constraints on a grid."""
+    """Discretize the active constraints on a grid, and combine their limits."""
     n = len(path)
     forms = []
     for constraint in active:
@@ -220,17 +232,19 @@ class SecondOrder(Constraint):
         """Name of the constraint, with the index of each joint if rows belong to joints."""
         return [(self.name, k) for k in range(len(self.low))] if self.joints else super().names
 
-    def _at(self, s: FloatArray, side: str) -> FloatArray:
+    def _coefficients_at(self, s: FloatArray, side: str) -> FloatArray:
+        """Return the checked coefficients a, b and c at arc lengths [m], (3, n, rows)."""
         name = f"coefficients of {self.name}"
         shape = (3, len(s), len(self.low))
         return checks.shaped(name, checks.check_numbers(name, self.coefficients(s, side)), shape)
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Linear rows of the constraint on a grid."""
+        """Return the linear rows of the constraint on a grid."""
         last = 2 * len(path)
         path = SampledJointPath(path.grid, jumps=True)
         _, s = path.places
-        a, b, c = np.concatenate([self._at(s[:last], "right"), self._at(s[last:], "left")], axis=1)
+        parts = [self._coefficients_at(s[:last], "right"), self._coefficients_at(s[last:], "left")]
+        a, b, c = np.concatenate(parts, axis=1)
         check_rest(path.grid, self, path.at_ends(c), (self.low, self.high))
         return (path.rows((a, b, c), kernel_array(self.low), kernel_array(self.high)),)
 
@@ -244,21 +258,24 @@ def check_rest(
     when: str = "even at rest",  # Part of the message that describes the motion with this value
     cannot: str = "hold itself",  # Part of the message that names the impossible action of the arm
 ) -> None:
-    """Raise NotRealizable if a quantity exceeds its bounds at rest or in very slow motion."""
+    """Raise NotRealizable if a quantity exceeds its bounds at rest or in very slow motion.
+
+    The error is for the value that exceeds its bound by most.
+    """
     low, high = bounds
     if ((value >= low) & (value <= high)).all():
         return
-    over = np.maximum(value - high, low - value)
-    i, end, row = np.unravel_index(int(np.argmax(over)), over.shape)
+    excess = np.maximum(value - high, low - value)
+    i, end, row = np.unravel_index(int(np.argmax(excess)), excess.shape)
     needed = float(value[i, end, row])
     s = float(grid.s[i + end])
     allowed = float(high[row] if needed > high[row] else low[row])
     joint = int(row) if constraint.joints else None
-    who = limit_label(constraint.name, joint)
+    quantity = limit_label(constraint.name, joint)
     unit = "".join(f" {LIMITS[x].unit}" for x in constraint.serves)
     raise NotRealizable(
-        f"At {s:.6g} m along the path the {who} is {needed:.4g}{unit} {when}, but its limit in "
-        f"this plan, less any reserve, is {allowed:.4g}{unit}. The arm cannot {cannot} there. "
+        f"At {s:.6g} m along the path the {quantity} is {needed:.4g}{unit} {when}, but its limit "
+        f"in this plan, less any reserve, is {allowed:.4g}{unit}. The arm cannot {cannot} there. "
         "Raise the limit, reduce the payload or the reserve, or change the path.",
         s=s,
         joint=joint,
@@ -266,6 +283,29 @@ def check_rest(
         needed=needed,
         allowed=allowed,
     )
+
+
+class _SlopeBounds(NamedTuple):
+    """Slopes q' = dq_ds at the ends of all intervals, and their bounds inside, (n, dof) each."""
+
+    at_ends: FloatArray  # Slopes at the starts and ends, (n, 2, dof)
+    largest: FloatArray  # Upper bounds of |q'|
+    deviation: FloatArray  # Upper bounds of the distance of q' from its chord
+    sign: FloatArray  # Sign of q' on the whole interval; 0 if the joint may reverse or is at rest
+
+
+def _bound_slopes(path: SampledJointPath) -> _SlopeBounds:
+    """Bound the slopes q' = dq_ds of all joints inside the intervals of a grid.
+
+    On an interval of width w, q' deviates from its chord by at most `w² / 8` times the largest
+    |q'''|.
+    """
+    (slopes, _), (third, _) = path.derivatives
+    deviation = path.grid.width[:, None] ** 2 / 8 * third
+    sizes = np.abs(slopes)
+    keeps_sign = (slopes[:, 0] * slopes[:, 1] > 0) & (sizes.min(axis=1) > deviation)
+    sign = np.where(keeps_sign, np.sign(slopes[:, 0]), 0.0)
+    return _SlopeBounds(slopes, sizes.max(axis=1) + deviation, deviation, sign)
 
 
 class JointTorque(Constraint):
@@ -291,33 +331,41 @@ class JointTorque(Constraint):
         return None if limits.joint_torque is None else cls(arm, limits.joint_torque)
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Rows of the torques, with limits less dry friction, and any form of viscous friction."""
+        """Return the rows of the torques, with dry friction, and the form of viscous friction.
+
+        docs/concepts/time_optimal.md derives how friction enters the rows.
+        """
         terms = self.dynamics.path_terms(*path.motion)
         bounds = (-self.limit, self.limit)
         rows = path.rows(terms, *bounds)
-        weight = path.at_ends(terms[2])
-        check_rest(path.grid, self, weight, bounds)
+        gravity = path.at_ends(terms[2])
+        check_rest(path.grid, self, gravity, bounds)
         if not (self.curved or self.coulomb.any()):
             return (rows,)
-        (first, _), (third, _) = path.derivatives
-        bulge = path.grid.width[:, None] ** 2 / 8 * third
-        size = np.abs(first)
-        largest = size.max(axis=1) + bulge
-        one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > bulge)
-        sign = np.where(one_way, np.sign(first[:, 0]), 0.0)
-        dry = np.where(largest > 0, self.coulomb, 0.0)
-        # If a joint may reverse, dry friction counts against both limits.
-        above = np.where(one_way, sign, 1.0) * dry
-        below = np.where(one_way, sign, -1.0) * dry
-        creeping = weight + np.where(weight > 0, above[:, None], below[:, None])
+        slopes = _bound_slopes(path)
+        lowest, highest = self._dry_friction_range(slopes)
+        # In the slowest motion, the torque is gravity plus dry friction.
+        creeping = gravity + np.where(gravity > 0, highest[:, None], lowest[:, None])
         when = "in the slowest motion, with friction"
         check_rest(path.grid, self, creeping, bounds, when=when, cannot="move")
-        rows.ends[..., LOW] -= below[:, None]
-        rows.ends[..., HIGH] -= above[:, None]
+        rows.ends[..., LOW] -= lowest[:, None]
+        rows.ends[..., HIGH] -= highest[:, None]
         if not self.curved:
             return (rows,)
-        within = np.stack([self.viscous * largest, self.viscous * bulge, sign], axis=2)
-        return rows, Friction(self.viscous * first, within)
+        within = [self.viscous * slopes.largest, self.viscous * slopes.deviation, slopes.sign]
+        return rows, Friction(self.viscous * slopes.at_ends, np.stack(within, axis=2))
+
+    def _dry_friction_range(self, slopes: _SlopeBounds) -> tuple[FloatArray, FloatArray]:
+        """Return the smallest and largest dry friction on each interval [N m], (n, dof) each.
+
+        Dry friction is `coulomb sign(q')`. If a joint may reverse, both signs are possible. A joint
+        that does not move along the interval has no dry friction.
+        """
+        friction = np.where(slopes.largest > 0, self.coulomb, 0.0)
+        may_reverse = slopes.sign == 0
+        lowest = np.where(may_reverse, -1.0, slopes.sign) * friction
+        highest = np.where(may_reverse, 1.0, slopes.sign) * friction
+        return lowest, highest
 
 
 class JointMotion(Constraint):
@@ -351,37 +399,43 @@ class JointMotion(Constraint):
         return cls(velocity, acceleration) if velocity or acceleration else None
 
     def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of accelerations on each interval [rad/s²], (n, joints) each."""
+        """Return lower and upper acceleration bounds per interval [rad/s²], (n, joints) each."""
         shape = len(grid), len(self.low)
         return np.broadcast_to(self.low, shape), np.broadcast_to(self.high, shape)
 
     def fastest(self, path: SampledJointPath) -> FloatArray:
-        """Velocity limits on each interval in the directions of motion [rad/s], (n, dof)."""
+        """Return the joint velocity limits in the directions of motion [rad/s], (n, dof)."""
         (slopes, _), (third, _) = path.derivatives
-        certain = path.grid.width[:, None] ** 2 / 8 * third
-        low, high = np.abs(self.velocity)
+        # Inside an interval, a slope deviates from its chord by at most this.
+        deviation = path.grid.width[:, None] ** 2 / 8 * third
+        backward, forward = np.abs(self.velocity)
         # A joint that may reverse must satisfy both bounds.
-        back = np.where(slopes.max(axis=1) < -certain, low, np.minimum(low, high))
-        return np.asarray(np.where(slopes.min(axis=1) > certain, high, back))
+        otherwise = np.minimum(backward, forward)
+        not_forward = np.where(slopes.max(axis=1) < -deviation, backward, otherwise)
+        return np.asarray(np.where(slopes.min(axis=1) > deviation, forward, not_forward))
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Bounds of velocities and accelerations; the planner converts them to rows."""
+        """Return the bounds of velocities and accelerations; the planner converts them to rows."""
         dof = path.grid.joint_path.dof
         inverses = 1 / self.velocity**2
         return (JointBounds.from_limits(dof, self.low, self.high, *inverses),)
 
     def rows(self, path: SampledJointPath) -> LinearRows:
-        """Rows of g = q' u + q'' x, with g'' = 5 q''' u + q'''' x + 4 q'' k, where k = u'."""
-        (first, second), (third, fourth) = path.derivatives
+        """Return the rows of the acceleration g = q' u + q'' x of each joint, with their rise.
+
+        The rise follows from g'' = 5 q''' u + q'''' x + 4 q'' k, where k = u'.
+        """
+        (slopes, bends), (third, fourth) = path.derivatives
         w = path.grid.width[:, None]
         n = len(path)
         ends = np.empty((n, 2, len(self.low), 4))
         rise = np.zeros((n, len(self.low), 4))
-        ends[..., A] = first
-        ends[..., B] = second
+        ends[..., A] = slopes
+        ends[..., B] = bends
         ends[..., LOW], ends[..., HIGH] = (x[:, None] for x in self.bounds(path.grid))
-        q1 = np.abs(first).max(axis=1) + w**2 / 8 * third
-        q2 = np.abs(second).max(axis=1) + w * third
+        # q1 and q2 are upper bounds of |q'| and |q''| on each interval.
+        q1 = np.abs(slopes).max(axis=1) + w**2 / 8 * third
+        q2 = np.abs(bends).max(axis=1) + w * third
         rise[..., BY_U] = w**2 / 8 * 5 * third
         rise[..., BY_X] = w**2 / 8 * fourth + X_ROUNDING / w * q1
         rise[..., BY_SLOPE] = w**2 / 8 * 4 * q2
@@ -415,7 +469,11 @@ class ToolMetric:
         return cls(joint_path=joint_path, arm=arm, speed=speed, curvature=curvature, uneven=uneven)
 
     def curvature_on(self, grid: Grid) -> FloatArray:
-        """Curvatures c at interval ends [1/m], (2, n), such that `c ds² <= limit` is sufficient."""
+        """Return curvatures c at interval ends [1/m], (2, n), for which `c ds² <= limit` suffices.
+
+        If `c ds² <= limit` holds at both ends, the centripetal acceleration is within its limit on
+        the whole interval.
+        """
         # x is linear in s. If the curvature k is linear too, a / k is convex for a limit a, so a
         # tangent of a / k is a lower bound of a / k. This tangent has the values a / c at the ends,
         # so `c x <= a` at both ends implies `k x <= a` on the whole interval. The tangent touches
@@ -423,10 +481,11 @@ class ToolMetric:
         # positive.
         chords = self._chords_on(grid)
         touch = np.maximum(chords.mean(axis=0), TOUCH * chords.max(axis=0))
-        return np.asarray(touch * touch / np.maximum(2 * touch - chords, 1e-300))
+        # The divisor is positive, except for a line, whose curvatures are 0.
+        return np.asarray(touch * touch / np.maximum(2 * touch - chords, SMALLEST_DIVISOR))
 
     def _chords_on(self, grid: Grid) -> FloatArray:
-        """Curvatures at interval ends [1/m], (2, n); the chord between them is an upper bound."""
+        """Return curvatures at interval ends [1/m], (2, n), whose chord is an upper bound."""
         # If the curvature varies, the values at both ends are multiplied by 1 plus twice the
         # largest relative excess of the samples inside over the chord of these values.
         chords = np.empty((2, len(grid)))
@@ -438,14 +497,14 @@ class ToolMetric:
             values = _measure(self.joint_path, self.arm, pieces, s)[1]
             begin = np.maximum(values[0], STRAIGHT_CURVATURE)
             end = np.maximum(values[-1], STRAIGHT_CURVATURE)
-            even = begin + INTERVAL_SAMPLES[1:-1] * (end - begin)
-            bent = 1 + 2 * np.maximum(values[1:-1] / even - 1, 0.0).max(axis=0)
-            chords[:, i] = np.stack([begin, end]) * bent
+            on_chord = begin + INTERVAL_SAMPLES[1:-1] * (end - begin)
+            excess = np.maximum(values[1:-1] / on_chord - 1, 0.0).max(axis=0)
+            chords[:, i] = np.stack([begin, end]) * (1 + 2 * excess)
         return chords
 
 
 def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
-    """Tool speed at ds = 1, and tool acceleration normal to the motion, (2, *s.shape)."""
+    """Return tool speed [-] and normal tool acceleration [1/m] at ds = 1, (2, *s.shape)."""
     speed, _, across = _speed_and_acceleration(
         *arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
     )
@@ -455,7 +514,7 @@ def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -
 def _speed_and_acceleration(
     velocity: FloatArray, acceleration: FloatArray
 ) -> tuple[FloatArray, ...]:
-    """Speeds, and accelerations along and normal to the motion, (n,) each."""
+    """Return the speeds, and the accelerations along and normal to the motion, (n,) each."""
     speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
     # If the tool rests, the whole acceleration counts as normal.
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
@@ -465,6 +524,7 @@ def _speed_and_acceleration(
 
 
 def _refuse_tool_limits(limits: Limits) -> None:
+    """Raise InvalidInput if limits of the tool are given, which need a tool path."""
     tool = [x for x in TOOL_LIMITS if getattr(limits, x) is not None]
     if tool:
         raise InvalidInput(
@@ -475,7 +535,7 @@ def _refuse_tool_limits(limits: Limits) -> None:
 
 
 def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
-    """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,)."""
+    """Return the assigned velocity on each piece of a joint path [m/s], (pieces,); inf if none."""
     path = joint_path.tool_path
     breaks = joint_path.breaks
     if path is None:
@@ -518,7 +578,7 @@ class ToolPace(Constraint):
         return cls(ToolMetric.measure(joint_path, arm), assigned, centripetal)
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Upper bounds of ds² at both interval ends; ds² stays below the chord between them."""
+        """Yield upper bounds of ds² at interval ends; ds² stays below the chord between them."""
         if self._ceiling is not None:
             ceiling = np.empty((len(path), 2))
             ceiling[:] = self._ceiling[path.grid.piece, None]
@@ -551,7 +611,7 @@ class RapidSpeed(ToolConstraint):
     name = "rapid speed"
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Upper bound of ds² on each interval, from samples of the tool speed."""
+        """Return the upper bound of ds² on each interval, from samples of the tool speed."""
         # The speed is at most the largest sample plus the spread of the samples.
         grid = path.grid
         s = grid.s[:-1] + INTERVAL_SAMPLES * grid.width
@@ -570,7 +630,10 @@ class ToolAcceleration(ToolConstraint):
     name = LIMITS["tool_acceleration"].label
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Vectors in a frame that turns with the motion, in which they are constant on circles."""
+        """Return the limit with vectors in a frame that turns with the motion.
+
+        In this frame, the vectors are constant along a circle.
+        """
         speed, along, across = _speed_and_acceleration(*self.arm.tool_motion(*path.motion))
         first = np.stack([speed, 0 * speed], axis=1)
         second = np.stack([along, across], axis=1)
@@ -585,7 +648,7 @@ class AngularSpeed(ToolConstraint):
     brakes = False
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Square of the angular speed at ds = 1, divided by the square of the limit."""
+        """Return the squared angular speed at ds = 1, divided by the squared limit."""
         q, first, _ = path.motion
         w = require_orientation(self.arm).tool_twist(q, first)[:, 3:]
         return (path.square(np.einsum("ij,ij->i", w, w) / self.limit**2),)
@@ -598,7 +661,7 @@ class AngularAcceleration(ToolConstraint):
     name = LIMITS["angular_acceleration"].label
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Angular velocity at ds = 1 and its derivative in s, as vectors."""
+        """Return the limit with the angular velocity at ds = 1 and its derivative in s."""
         q, first, second = path.motion
         tool = require_orientation(self.arm)
         w = tool.tool_twist(q, first)[:, 3:]

@@ -52,7 +52,9 @@ def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
 
 @compiled(inner=True)
 def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatArray) -> float:
-    """Largest x = ds² for which some u = dds gives `low <= b u + c x <= high` for all joints.
+    """Return the largest x = ds² for which some u = dds satisfies all joint limits [m²/s²].
+
+    The limits are `low <= b u + c x <= high`, with row i of `b` and `c`.
 
     A joint with b = 0 limits x itself. Otherwise its bounds on u are lines in x, and x is largest
     where the lowest upper line meets the highest lower line.
@@ -80,7 +82,7 @@ def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatA
 def _largest_u(
     b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatArray, x: float, sign: float
 ) -> float:
-    """Largest u = dds that joint limits allow at x = ds²; with sign -1 the largest -u."""
+    """Return the largest u = dds that joint limits allow at x = ds²; with sign -1 that of -u."""
     largest = math.inf
     for j in range(len(low)):
         slope = sign * b[i, j]
@@ -94,7 +96,7 @@ def _largest_u(
 def _shortest_time(
     width: float, first: float, last: float, up: float, down: float, ceiling: float
 ) -> float:
-    """Shortest time [s] along `width` [m] from x = first to x = last.
+    """Return the shortest time [s] along `width` [m] from x = first to x = last.
 
     x rises, is constant, and falls. `first`, `last`, `ceiling`: x at the ends and its upper bound
     [m²/s²]; `up`, `down`: largest acceleration and deceleration [m/s²].
@@ -227,7 +229,7 @@ def _write_slopes(
 
 @compiled(inner=True)
 def _ceiling_of_speeds(b: FloatArray, row: int, bounds: FloatArray) -> float:
-    """Largest x = ds² that the velocity bounds of the joints allow."""
+    """Return the largest x = ds² that the joints' velocity bounds allow [m²/s²]."""
     ceiling = math.inf
     for j in range(b.shape[1]):
         slope = b[row, j]
@@ -246,7 +248,10 @@ def _largest_rate(
     x: float,
     sign: float,
 ) -> float:
-    """Largest u, or -u with sign -1, at either end of a part from x at its first end."""
+    """Return the largest u at either end of a part, from x at its first end.
+
+    With sign -1, return the largest -u.
+    """
     # `rows`: first and last end in the direction of the pass
     near, far = rows
     width = parts.width[near // 2]
@@ -260,7 +265,7 @@ def _largest_rate(
 
 @compiled(inner=True)
 def _limit_rises(parts: _PathParts, low: FloatArray, high: FloatArray, up: FloatArray) -> None:
-    """Forward pass: reduce x so that it rises by the largest u at most; write this u, (m,)."""
+    """Reduce x, part by part, so that it rises by the largest u at most; write this u, (m,)."""
     x = parts.x
     for i in range(len(parts.width)):
         up[i] = _largest_rate(parts, (2 * i, 2 * i + 1), low, high, x[i], 1.0)
@@ -269,7 +274,7 @@ def _limit_rises(parts: _PathParts, low: FloatArray, high: FloatArray, up: Float
 
 @compiled(inner=True)
 def _limit_falls(parts: _PathParts, low: FloatArray, high: FloatArray, down: FloatArray) -> None:
-    """Backward pass: reduce x so that it falls by the largest -u at most; write this -u, (m,)."""
+    """Reduce x, from the end, so that it falls by the largest -u at most; write this -u, (m,)."""
     x = parts.x
     for i in range(len(parts.width) - 1, -1, -1):
         down[i] = _largest_rate(parts, (2 * i + 1, 2 * i), low, high, x[i + 1], -1.0)

@@ -49,7 +49,7 @@ DISTANCE_ROUNDING = 1e-13
 
 
 def replace_uneven_parameter(grid: Grid) -> JointPath | None:
-    """The joint path of a grid with another parameter on straight pieces; None if it is even.
+    """Return a grid's joint path with an even parameter on straight pieces; None if it is even.
 
     Positions and stops stay the same. The parameter of other pieces changes by a constant.
     """
@@ -71,7 +71,7 @@ def replace_uneven_parameter(grid: Grid) -> JointPath | None:
 
 
 def find_straight(c: FloatArray) -> tuple[BoolArray, FloatArray]:
-    """Mask of pieces that move along a line in joint space, (n,), and their directions, (n, dof).
+    """Find the pieces that move along a line in joint space: mask, (n,), and directions, (n, dof).
 
     `c` are the coefficients of the pieces, (n, 6, dof).
     """
@@ -88,7 +88,10 @@ def find_straight(c: FloatArray) -> tuple[BoolArray, FloatArray]:
 
 @compiled(inner=True)
 def _along(c: FloatArray, x: float) -> tuple[float, float, float]:
-    """Position along the line of a piece, and its first and second derivative."""
+    """Return the position along a piece's line, and its first and second derivative in x.
+
+    - `c`: coefficients of the position, (6,).
+    """
     return value_and_slopes(c[0], c[1], c[2], c[3], c[4], c[5], x)
 
 
@@ -184,7 +187,7 @@ def _measure_travel(
 
 @compiled(inner=True)
 def _find_turn(c: FloatArray, low: float, high: float, before: float) -> float:
-    """Position at which a piece turns back between two samples, by bisection of its slope.
+    """Return where a piece turns back between two samples, by bisection of its slope.
 
     `before` has the sign of the slope at the first sample.
     """
@@ -251,7 +254,7 @@ def _replace_lines(
 def _even_line(
     path: JointPath, first: int, end: int, direction: FloatArray, is_stop: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Lengths, (n,), and coefficients, (n, 6, dof), instead of the straight pieces of one line.
+    """Return lengths, (n,), and coefficients, (n, 6, dof), that replace the pieces of one line.
 
     - `first`, `end`: the first piece, and the piece after the last one.
     - `direction`: unit vector along the line, (dof,).

@@ -141,13 +141,13 @@ class Explanation(Result):
     idle: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        """Active limits, with their shares of the time."""
+        """Write the active limits with their shares of the time."""
         shares = ", ".join(f"{x.name} {x.of_time:.0%}" for x in self.shares)
         stops = f"; {len(self.jerk_stops)} stops by jerk" if self.jerk_stops else ""
         return f"Explanation({shares}; {len(self.shortfalls)} shortfalls{stops})"
 
     def to_data(self) -> Data:
-        """Shares at the assigned velocity, active limits, and speed extremes."""
+        """Return the shares at the assigned velocity, active limits, and speed extremes."""
         slowest = min(self.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
         return Data(
             "Explanation",
@@ -310,6 +310,7 @@ class _LawExplanation:
 
 
 def _join(parts: Sequence[_LawExplanation]) -> Explanation:
+    """Join the explanations of all laws, in the order of the motion."""
     total = np.sum([x.with_assigned for x in parts], axis=0)
     reached = np.sum([x.reached for x in parts], axis=0)
     shares = [None, None] if total[0] == 0 else (reached / total).tolist()
@@ -364,7 +365,9 @@ def _explain_law(
 
 
 def _find_active(shares: FloatArray, threshold: float) -> IntArray:
-    """Column of the active limit on each interval, (n,), -1 for none; `shares`: (n, limits).
+    """Return the column of the active limit on each interval, (n,); -1 for none.
+
+    `shares` are the used fractions, (n, limits).
 
     A limit is active from the fraction `threshold` on, regardless of neighbouring intervals.
     """
@@ -401,6 +404,12 @@ def _bindings(
     names: list[tuple[str, int | None]],
     offsets: tuple[float, float],
 ) -> tuple[Binding, ...]:
+    """Return the parts of a law with the same active limit, in order.
+
+    - `share`: largest used fraction of a limit on each interval, (n,).
+    - `limit_index`, `names`: as in `_shortfalls`.
+    - `offsets`: start time [s] and start arc length [m] of the law in the motion.
+    """
     t_start, s_start = offsets
     starts, count = _runs(limit_index)
     largest = np.maximum.reduceat(share, starts)
@@ -414,7 +423,7 @@ def _bindings(
 
 
 def _measure_extent(law: PathLaw, mask: BoolArray) -> tuple[float, float]:
-    """Length [m] and time [s] of the selected intervals."""
+    """Return the total length [m] and time [s] of the selected intervals."""
     return float(np.diff(law.s)[mask].sum()), float(np.diff(law.breaks)[mask].sum())
 
 
@@ -425,7 +434,13 @@ def _shortfalls(
     limit_index: IntArray,
     names: list[tuple[str, int | None]],
 ) -> tuple[Shortfall, ...]:
-    """Extremes of the speed below the assigned velocity, except stops."""
+    """Find the extremes of the speed below the assigned velocity, except stops.
+
+    - `assigned`: assigned velocity on each interval [m/s], (n,); infinite if none.
+    - `reached`: mask of the intervals at the assigned velocity, (n,).
+    - `limit_index`: column of the active limit on each interval, (n,); -1 for none.
+    - `names`: limit and joint of each column.
+    """
     speed = law.speeds
     # Between these points the speed is monotonic.
     turns = np.flatnonzero(np.diff(np.sign(np.diff(speed)))) + 1
@@ -458,7 +473,7 @@ def _shortfalls(
 
 
 def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tuple[int, int, str]]:
-    """First and last index of every extreme of the speed, and its kind: "fastest" or "slowest".
+    """Find the first and last index of each speed extreme, and its kind: "fastest" or "slowest".
 
     An extreme is confirmed once the speed differs from it by the fraction `FLAT_SPEED`. All points
     within `FLAT_SPEED` belong to it.

@@ -22,14 +22,16 @@ LIMIT_ROUNDING = 1e-6
 
 
 def law_states(law: Law, arm: Arm) -> States:
-    """Joint states at the samples of a law."""
+    """Return the joint states at the samples of a law, see `sample_times`."""
     i, t = sample_times(law)
     return States(arm, law.motion(i, t))
 
 
 def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
-    """Sample times of a law, dense enough to include its peaks."""
-    # Returns the interval of each sample, (n,), and its time [s], (n,).
+    """Return the interval of each sample of a law, (n,), and its time [s], (n,).
+
+    The samples are dense enough to include the peaks of the law.
+    """
     knots = law.breaks
     if isinstance(law, PathLaw):
         knots = np.unique(np.append(knots, law.passages))

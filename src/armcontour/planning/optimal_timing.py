@@ -140,6 +140,7 @@ class Optimal(PlanOptions):
     constraints: Annotated[tuple[Constraint, ...], NO_KEY] = ()
 
     def _check_together(self) -> None:
+        """Check the kinds of constraints, and that a given duration has no speeds at the ends."""
         for kind in self.from_limits:
             if not (isinstance(kind, type) and issubclass(kind, Constraint) and kind.serves):
                 raise InvalidInput(
@@ -178,7 +179,7 @@ class Optimal(PlanOptions):
 
 
 def intervals_of(program: Program) -> int | None:
-    """Number of grid intervals for each contour of a program; None for the default of a path."""
+    """Return the grid intervals for each contour of a program; None for a path's default."""
     count = len(program.contours)
     if count <= MAX_TOTAL_INTERVALS // DEFAULT_INTERVALS:
         return None
@@ -286,14 +287,14 @@ def time_optimal(
 
 
 def _place(joint_path: JointPath, s: float) -> str:
-    """The place of an arc length, or of a parameter if the path has no tool path, in words."""
+    """Describe the place of an arc length, or of a parameter if the path has no tool path."""
     if joint_path.tool_path is None:
         return f"At s = {s:.6g}"
     return f"At {s:.6g} m along the path"
 
 
 def _affordable_intervals(limits: GridLimits) -> int:
-    """Largest number of intervals of a grid with these limits, for about 1 GB."""
+    """Return the largest number of intervals of a grid with these limits that takes about 1 GB."""
     tables = limits.rows.rise, limits.squares.rise, limits.rounds.rise, limits.friction.within
     if any(x.shape[1] for x in tables):
         return MAX_REFINED
@@ -337,6 +338,7 @@ def _make_law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
 
 
 def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
+    """Raise the error that explains why a plan on a grid was not found."""
     i = grid_plan.interval
     path = grid.joint_path.tool_path
     orientation = None if path is None else path.orientation
@@ -360,6 +362,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
 
 
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
+    """Raise NotRealizable for interval i of a grid, on which the limits allow no motion."""
     s = float(grid.s[i])
     raise NotRealizable(
         f"{_place(grid.joint_path, s)} the limits allow no motion. Raise the limits, or move the "

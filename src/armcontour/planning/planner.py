@@ -141,6 +141,7 @@ def _warn_of_turns(program: Program) -> None:
 
 
 def _warn_of_stops(trajectory: Trajectory) -> None:
+    """Warn of full stops because accelerations with limits of jerk jump."""
     from armcontour.planning.explanation import find_jerk_stops
 
     stops = find_jerk_stops(trajectory)
@@ -206,7 +207,7 @@ def check_duration(program: Program, limits: Limits) -> None:
 
 
 def assigned_time(program: Program, limits: Limits) -> float:
-    """Duration of a program at its assigned velocities, if given, plus its dwells [s]."""
+    """Return a program's duration at its assigned velocities, if given, plus its dwells [s]."""
     # This is an estimate: rounded corners shorten the motion, and other limits lengthen it.
     dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
     paths = [x.path for x in program.contours]

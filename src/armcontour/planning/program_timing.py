@@ -87,6 +87,11 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
 def _time_move(
     timing: Timing, rapid_speed: float | None, move: tuple[JointPath, bool]
 ) -> Trajectory:
+    """Time one move of a program.
+
+    - `rapid_speed`: largest tool speed of rapids [m/s]; None without a limit.
+    - `move`: the joint path, and whether it belongs to a contour.
+    """
     joint_path, is_contour = move
     if is_contour:
         return timing.options.time(joint_path, timing.arm, timing.limits)
@@ -127,10 +132,10 @@ class JoinedMoves:
 
     traced: Tracing
     arm: Arm
-    t: float = 0.0
-    length: float = 0.0
-    done: JointPath | None = None
-    last: Trajectory | None = None
+    t: float = 0.0  # End time of the moves added so far [s]
+    length: float = 0.0  # Length of the contours added so far [m]
+    last_joint_path: JointPath | None = None
+    last_contour: Trajectory | None = None
     laws: list[Law] = field(default_factory=list)
     spans: list[Span] = field(default_factory=list)
     events: list[TimedEvent] = field(default_factory=list)
@@ -146,7 +151,7 @@ class JoinedMoves:
             return
         if isinstance(move, Event):
             point = tuple(self.arm.tool_position(self._q).tolist())
-            self._add_event(move, self.t - move.lead_time, self.t, self.length, point)
+            self._add_event(move, self.t, self.length, point)
             return
         assert trajectory is not None and step.joint_path is not None
         t = (self.t, self.t + trajectory.duration)
@@ -162,15 +167,15 @@ class JoinedMoves:
                 s_event = min(event.s, move.path.length)
                 due = t[0] + float(trajectory.time_at(s_event))
                 point = tuple(move.path(s_event).tolist())
-                self._add_event(event, due - event.lead_time, due, s + event.s, point)
-            self.last = trajectory
+                self._add_event(event, due, s + event.s, point)
+            self.last_contour = trajectory
             self.length = s + move.path.length
         self.laws += trajectory.laws
         self.spans.append(
             Span(move=step.move, t=t, s=(s, self.length), trajectory=trajectory, **fields)
         )
         self.t = t[1]
-        self.done = step.joint_path
+        self.last_joint_path = step.joint_path
 
     def add_dwell(self, duration: float, move: int | None = None) -> None:
         """Append a dwell.
@@ -186,38 +191,35 @@ class JoinedMoves:
 
     def trajectory(self) -> Trajectory:
         """Join the moves added so far to one trajectory."""
-        first = next((x for x in self.events if x.t < 0), None)
-        if first is not None:
+        too_early = next((x for x in self.events if x.t < 0), None)
+        if too_early is not None:
             raise InvalidInput(
-                f"The event {first.name} would be switched {-first.t:.6g} s before the motion "
-                "begins. Start with a longer lead-in or a dwell, or reduce the advance of the "
-                "event.",
-                t=first.t,
+                f"The event {too_early.name} would be switched {-too_early.t:.6g} s before the "
+                "motion begins. Start with a longer lead-in or a dwell, or reduce the advance of "
+                "the event.",
+                t=too_early.t,
                 allowed=0.0,
             )
         self._refuse_disorder()
-        assert self.last is not None
+        assert self.last_contour is not None
         single_path = self.traced.program.single_path
         return Trajectory(
             laws=tuple(self.laws),
-            method=self.last.method,
+            method=self.last_contour.method,
             path=single_path,
             # Times and arc lengths of stretches are relative to the start of their path.
-            stretches=() if single_path is None else self.last.stretches,
+            stretches=() if single_path is None else self.last_contour.stretches,
             spans=tuple(self.spans),
             events=tuple(sorted(self.events, key=lambda x: x.t)),
         )
 
     def _refuse_disorder(self) -> None:
         """Raise InvalidInput if lead times change the switching order of an output."""
-        last: dict[str, TimedEvent] = {}
+        last_events: dict[str, TimedEvent] = {}
         for event in self.events:
-            before = last.get(event.name)
-            if (
-                before is not None
-                and event.t < before.t - SAME_TIME
-                and event.value != before.value
-            ):
+            before = last_events.get(event.name)
+            is_earlier = before is not None and event.t < before.t - SAME_TIME
+            if before is not None and is_earlier and event.value != before.value:
                 raise InvalidInput(
                     f"Because of its advance, the event at {event.s:.6g} m would switch "
                     f"{event.name} to {event.value} at {event.t:.6g} s, before the previous event "
@@ -227,18 +229,23 @@ class JoinedMoves:
                     t=event.t,
                     allowed=before.t,
                 )
-            last[event.name] = event
+            last_events[event.name] = event
 
     @property
     def _q(self) -> FloatArray:
         """Joint positions after the moves added so far [rad], (dof,)."""
-        if self.done is None:
+        if self.last_joint_path is None:
             return ends_of(self.traced.joint_paths[0])[0]
-        return ends_of(self.done)[1]
+        return ends_of(self.last_joint_path)[1]
 
-    def _add_event(
-        self, event: Event, t: float, due: float, s: float, point: tuple[float, ...]
-    ) -> None:
+    def _add_event(self, event: Event, due: float, s: float, point: tuple[float, ...]) -> None:
+        """Append an event, which switches its output by the lead time before it is due.
+
+        - `due`: time at which the tool is at the event's point [s].
+        - `s`: arc length of this point in the program [m].
+        - `point`: its coordinates [m].
+        """
+        t = due - event.lead_time
         self.events.append(
             TimedEvent(name=event.name, value=event.value, t=t, due=due, s=s, point=point)
         )
@@ -280,7 +287,10 @@ def slow_down(
 
 
 def _slowing_factor(duration: float, contours: float, others: float) -> float:
-    """Factor that slows contours down, from the durations of contours and other moves [s]."""
+    """Return the slow-down factor of the contours with which the motion takes `duration` [s].
+
+    - `contours`, `others`: shortest durations of all contours and of all other moves [s].
+    """
     shortest = contours + others
     if duration < shortest * (1 - SAME_DURATION):
         raise NotRealizable(
@@ -324,7 +334,7 @@ def check_longest(duration: float, remedy: str) -> None:
 
 
 def _slow_down(fastest: Trajectory, factor: float, timing: Timing) -> Trajectory:
-    """Motion along one path in `factor` times its shortest time."""
+    """Return the motion along one path in `factor` times its shortest time, and check it."""
     if factor == 1.0:
         return fastest
     laws = tuple(law.stretched(1 / factor) for law in fastest.laws)
@@ -336,7 +346,11 @@ def _slow_down(fastest: Trajectory, factor: float, timing: Timing) -> Trajectory
 def _check_friction(
     laws: tuple[Law, ...], arm: Arm, limits: Limits, location: str, other: str
 ) -> None:
-    """Check the torques of a slower motion, because viscous friction assists its braking less."""
+    """Check the torques of a slower motion, because viscous friction assists its braking less.
+
+    - `location`: first words of the error message.
+    - `other`: what the message advises to specify, such as "another duration".
+    """
     if limits.joint_torque is None or not np.any(arm.dynamics.chain.viscous):
         return
     check_limits(

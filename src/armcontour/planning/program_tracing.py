@@ -65,7 +65,7 @@ class TracedMove:
 
     @contextmanager
     def named(self) -> Iterator[None]:
-        """Context that adds the name of the move, and the point on its path, to errors."""
+        """Add the name of the move, and the point on its path, to errors in this context."""
         path = None if self.joint_path is None else self.joint_path.tool_path
         try:
             with error_context(self.called) if self.called else nullcontext():
@@ -97,16 +97,19 @@ class TracedWhole:
         return self.joint_path(self.s)
 
     def start_of(self, contour: Contour, arm: Arm) -> tuple[str | None, FloatArray | None]:
-        """Configuration, or seed [rad], (dof,), for the rest of the contour with its leads."""
+        """Return configuration or seed [rad], (dof,), for the rest of the contour with its leads.
+
+        An arm in the plane has a configuration, other arms have a seed; the other value is None.
+        """
         start = ends_of(self.trace(contour, arm))[0]
         if isinstance(arm, PlanarTwoLink):
             return arm.configuration_of(start), None
         return None, start
 
     def later_paths(self, moves: Sequence[Move]) -> dict[int, JointPath]:
-        """Joint paths of the moves of the resumed program that equal those of the whole program.
+        """Map move indices to joint paths, for moves that are the same in the whole program.
 
-        The key is the index of the move.
+        - `moves`: moves of the resumed program.
         """
         paths: dict[int, JointPath] = {}
         for number, joint_path in self.later.items():
@@ -138,7 +141,7 @@ class Tracing:
 
     @classmethod
     def along(cls, joint_path: JointPath, path: Path) -> Tracing:
-        """Tracing of a single path that is already traced."""
+        """Make the tracing of a single path that is already traced."""
         return cls(
             program=Program.from_path(path), steps=(TracedMove(move=0, joint_path=joint_path),)
         )
@@ -225,10 +228,10 @@ class _Tracer:
     accept: Callable[[JointPath], bool] | None
     fastest: dict[int, JointPath]
     steps: list[TracedMove] = field(default_factory=list)
-    last: JointPath | None = None
+    last: JointPath | None = None  # Joint path of the previous move
     first: JointPath | None = None  # Joint path of the first contour, if known
-    done: int = 0
-    looks_ahead: bool = True
+    done: int = 0  # Number of traced contours
+    looks_ahead: bool = True  # False in the trial that compares equally fast configurations
     faster_rejected: bool = False
 
     def follow(self, i: int, move: Move) -> None:
@@ -260,8 +263,8 @@ class _Tracer:
                 start = ends_of(self.first)[0]
                 self._append(i, trace_to(turned, self.arm, start), called)
                 return
-            first = self.last is None and self.seed is None
-            joint_path = self._trace_to(after[0], turned, i) if first else self._trace(turned, i)
+            is_free = self.last is None and self.seed is None
+            joint_path = self._trace_to(after[0], turned, i) if is_free else self._trace(turned, i)
             self._append(i, joint_path, called)
 
     def _append(self, i: int, joint_path: JointPath, called: str) -> None:
@@ -290,6 +293,7 @@ class _Tracer:
             return self.fastest[i]
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
+        """Trace the first rapid, move i, so that it ends in the contour's fastest configuration."""
         arm = self.arm
         moves = self.program.moves
         try:
@@ -305,24 +309,25 @@ class _Tracer:
     def _fastest(self, path: Path, i: int, seed: npt.ArrayLike | None = None) -> JointPath:
         """Trace a move in its fastest accepted configuration; the next moves decide ties."""
         accept = self.accept if self.looks_ahead else None
-        first: JointPath | None = None
+        fastest_rejected: JointPath | None = None
         groups = trace_by_duration(path, self.arm, configuration=self.configuration, seed=seed)
         for group in groups:
             for joint_path in self._sort_by_next_moves(group, i):
                 if accept is None or np.all(accept(joint_path)):
-                    self.faster_rejected |= first is not None
+                    self.faster_rejected |= fastest_rejected is not None
                     return joint_path
-                first = joint_path if first is None else first
-        assert first is not None
-        return first
+                if fastest_rejected is None:
+                    fastest_rejected = joint_path
+        assert fastest_rejected is not None
+        return fastest_rejected
 
-    def _sort_by_next_moves(self, as_fast: list[JointPath], i: int) -> list[JointPath]:
-        """Sort equally fast joint paths of a move by the duration of the next moves."""
-        if len(as_fast) == 1 or not self.looks_ahead:
-            return as_fast
-        durations = np.array([self._look_ahead(x, i) for x in as_fast])
+    def _sort_by_next_moves(self, joint_paths: list[JointPath], i: int) -> list[JointPath]:
+        """Sort equally fast joint paths of move i by the shortest duration of the next moves."""
+        if len(joint_paths) == 1 or not self.looks_ahead:
+            return joint_paths
+        durations = np.array([self._look_ahead(x, i) for x in joint_paths])
         durations[durations <= durations.min() * (1 + EQUALLY_FAST)] = durations.min()
-        return [as_fast[k] for k in np.argsort(durations, kind="stable")]
+        return [joint_paths[k] for k in np.argsort(durations, kind="stable")]
 
     def _look_ahead(self, joint_path: JointPath, i: int) -> float:
         """Bound the duration of the moves after move i from below [s]; infinite if infeasible."""
@@ -347,6 +352,7 @@ def _is_same(path: Path, other: Path) -> bool:
 
 
 def _straight_line(begin: FloatArray, end: FloatArray) -> JointPath:
+    """Make the straight line in joint space between two joint positions [rad], (dof,) each."""
     length = float(np.linalg.norm(end - begin))
     coefficients = np.zeros((1, 6, len(begin)))
     coefficients[0, 0] = begin
@@ -355,7 +361,7 @@ def _straight_line(begin: FloatArray, end: FloatArray) -> JointPath:
 
 
 def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
-    """Joint positions at the start and at the end of a joint path [rad], (dof,) each."""
+    """Return joint positions at the start and at the end of a joint path [rad], (dof,) each."""
     start = joint_path.coefficients[0, 0]
     end = joint_path.coefficients[-1, 5]
     # Evaluate the polynomial of the last interval at its end by Horner's rule.
@@ -374,7 +380,10 @@ def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
 
 
 def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
-    """Turn the tool along a rapid from the previous to the next orientation of contours.
+    """Turn the tool along a rapid between two contours.
+
+    The tool turns from the orientation at the end of the previous contour to that at the start of
+    the next one.
 
     Returns the path with an orientation; the same path if it has one, or if none is required.
 
@@ -388,15 +397,16 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
     orientations = [(x, s) for x, s in ends if x is not None]
     if not orientations:
         return path
-    free = all(x.axis_only for x, _ in orientations)
+    axis_only = all(x.axis_only for x, _ in orientations)
     first = orientations[0][0](orientations[0][1])
     last = orientations[-1][0](orientations[-1][1])
     # If only tool axes are given, the tool does not turn about its axis. Between opposite
     # orientations, both directions of rotation are valid.
-    turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
+    turn = shortest(first[:, 2], last[:, 2]) if axis_only else log((last @ first.T)[None])[0]
     rates = np.tile(turn / path.length, (len(path), 1))
     starts = exp(path.breaks[:-1, None] * rates) @ first
-    return replace(path, orientation=Orientation.even(path.lengths, starts, rates, axis_only=free))
+    orientation = Orientation.even(path.lengths, starts, rates, axis_only=axis_only)
+    return replace(path, orientation=orientation)
 
 
 def trace_by_duration(
@@ -407,9 +417,11 @@ def trace_by_duration(
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
 ) -> Iterator[list[JointPath]]:
-    """Trace a path in all configurations; yield equally fast joint paths, the fastest first."""
-    # Yields lists of equally fast joint paths, the shortest joint path first. For a long path it
-    # yields only the fastest joint path.
+    """Yield groups of equally fast joint paths, the fastest group first.
+
+    The path is traced in all configurations. The joint paths of a group are sorted by length, the
+    shortest first. For a path of more than MANY_SEGMENTS segments, only the fastest is yielded.
+    """
     bounds = resolve_limits("trace_by_duration", arm, limits)
     # Limits of jerk increase the computing time and do not change the order of configurations.
     rough = bounds.without_jerk
@@ -430,7 +442,12 @@ def trace_by_duration(
 def _group_by_duration(
     joint_paths: list[JointPath], arm: Arm, rough: Limits
 ) -> Iterator[list[JointPath]]:
-    """Yield lists of equally fast joint paths, the fastest first, and plan no more than needed."""
+    """Yield groups of equally fast joint paths, the fastest group first.
+
+    A joint path is planned only when its lower bound of the duration requires it.
+
+    - `rough`: limits of the plans that compare joint paths.
+    """
     lower_bounds = [bound_duration(x, rough) for x in joint_paths]
     order = np.argsort(lower_bounds, kind="stable").tolist()
     if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MAX_PLANNED_PIECES:
@@ -456,7 +473,7 @@ def _group_by_duration(
 
 
 def find_starts(path: Path, arm: SerialArm) -> list[FloatArray]:
-    """Joint positions at the start of a path, one for each configuration [rad], (dof,) each."""
+    """Return the joint positions [rad], (dof,), at the start of a path in each configuration."""
     # A long path is checked at a few points only, so a configuration may not complete it.
     if len(path) > MANY_SEGMENTS:
         try:
@@ -484,18 +501,19 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     slow = np.flatnonzero(~fast)
     best = None
     shortest = np.inf
-    done = list[float]()
+    # Durations, on the parts, of the solutions that are traced completely [s]
+    traced = list[float]()
     # The shortest joint paths come first; slow ones are traced only if all others fail.
     for k in [*np.flatnonzero(fast), *slow[np.argsort(durations[slow], kind="stable")]]:
-        if done and not fast[k]:
+        if traced and not fast[k]:
             break
-        if any((1 - SAME_ON_PARTS) * x < durations[k] < (1 + SAME_ON_PARTS) * x for x in done):
+        if any((1 - SAME_ON_PARTS) * x < durations[k] < (1 + SAME_ON_PARTS) * x for x in traced):
             continue
         try:
             joint_path = trace(path, arm, limits=limits, seed=solutions[k][0])
         except ArmContourError:
             continue
-        done.append(float(durations[k]))
+        traced.append(float(durations[k]))
         duration = bound_duration(joint_path, rough) * ratio[k]
         if best is None or duration < shortest:
             best = joint_path
@@ -506,7 +524,9 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
 def _compare_on_parts(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Sum bounds and durations over parts of a long path [s], (solutions,) each.
+    """Return the sums of lower bounds and durations over parts of a long path [s].
+
+    Both have one value per solution, (solutions,).
 
     A configuration without a plan has its bound as its duration. A configuration that does not
     complete the parts has an infinite duration.

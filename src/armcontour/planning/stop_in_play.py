@@ -28,6 +28,8 @@ from armcontour.robot.limits import reduce_limits
 
 # Longest piece of the joint path over time [s]; its quintics are within 1e-10 rad of the plan.
 MAX_PIECE = 2e-3
+# Pieces shorter than this are rounding errors of the times of breaks [s].
+SHORTEST_PIECE = MAX_PIECE * 1e-6
 # Relative precision of the duration of a stop with limits of jerk
 PRECISION = 0.02
 # Delays of a stop with limits of jerk that are tried, as fractions of the time from the request to
@@ -45,8 +47,8 @@ STOP_INTERVALS = 200
 CHECKED_STATES = (40, 500)
 # Stop with limits of jerk: first duration that is tried [s].
 FIRST_DURATION = 0.02
-# Number of iterations of Newton's method.
-NEWTON = 2
+# Number of iterations of Newton's method for the time at a length of the path.
+NEWTON_ITERATIONS = 2
 # Rounding error of dtau/dt, of speeds as fractions of the initial speed of a stop, and of times as
 # fractions of its duration.
 STOP_ROUNDING = 1e-6
@@ -90,9 +92,9 @@ def stop(trajectory: Trajectory, t: Time) -> Trajectory:
 
 
 def plan_stop(trajectory: Trajectory, t: float) -> EarlyStop:
-    """The `stop` of a trajectory, and where it ends.
+    """Return the `stop` of a trajectory, and where it ends.
 
-    `t`: time at which the stop begins [s].
+    - `t`: time at which the stop begins [s].
     """
     arm = arm_of(trajectory)
     limits = trajectory.limits_for(None)
@@ -115,7 +117,7 @@ def plan_stop(trajectory: Trajectory, t: float) -> EarlyStop:
 
 
 def _next_rest(trajectory: Trajectory, t: float) -> float:
-    """First time after `t` at which the plan is at rest [s]."""
+    """Return the first time after `t` at which the plan is at rest [s]."""
     times = trajectory.breaks
     times = np.append(times[times > t], trajectory.duration)
     speeds = np.abs(trajectory(times, 1, side="left")).max(axis=1)
@@ -154,12 +156,12 @@ class ShortenedLaw(Law):
         return cls(law=law, breaks=np.append(starts[starts < end * (1 - SAME_BREAK)], end))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Joint positions of the law or their derivative of the given order."""
+        """Return the joint positions of the law or their derivative of the given order."""
         return self.law.on_interval(i, t, order)
 
 
 def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPath:
-    """The motion between two times as a joint path whose parameter is the time from `begin`."""
+    """Return the motion between two times as a joint path over the time since `begin`."""
     inner = trajectory.smooth_breaks
     breaks = [begin, *inner[(inner > begin) & (inner < end)], end]
     counts = np.ceil(np.diff(breaks) / MAX_PIECE).astype(int)
@@ -168,7 +170,7 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
         for a, b, n in zip(breaks[:-1], breaks[1:], counts, strict=True)
     ]
     times = np.append(np.concatenate(parts), end)
-    times = times[np.append(True, np.diff(times) > MAX_PIECE * 1e-6)]
+    times = times[np.append(True, np.diff(times) > SHORTEST_PIECE)]
     after = np.stack(trajectory.motion(times[:-1], side="right"))
     before = np.stack(trajectory.motion(times[1:], side="left"))
     # Velocities of the paper's method jump slightly at knots. A joint path would have to rest
@@ -199,12 +201,12 @@ class _PlanSpeed(Constraint):
     name = "speed of the plan"
 
     def discretize(self, path: SampledJointPath) -> tuple[Form, ...]:
-        """Upper bound 1 of (dtau/dt)² at both ends of every interval."""
+        """Return the upper bound 1 of (dtau/dt)² at both ends of every interval."""
         return (Ceiling(np.ones((len(path.grid.s) - 1, 2))),)
 
 
 def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> _StopLaw | None:
-    """The fastest stop, on the shortest feasible part of a path; None if infeasible."""
+    """Plan the fastest stop, on the shortest feasible part of a path; None if infeasible."""
     braking = (x.from_limits(joint_path, arm, limits) for x in FROM_LIMITS if x.brakes)
     constraints = (_PlanSpeed(), *(x for x in braking if x is not None))
     options = Optimal(constraints=constraints, start_speed=1.0, intervals=STOP_INTERVALS)
@@ -230,7 +232,7 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> _StopLaw |
 def _smooth_stop(
     jumps: FloatArray, joint_path: JointPath, arm: Arm, limits: Limits
 ) -> _StopLaw | None:
-    """Earliest stop with a cubic speed; None if no stop is feasible.
+    """Search for the earliest stop with a cubic speed; None if no stop is feasible.
 
     Derivatives of the path may be discontinuous at its parameters `jumps`.
     """
@@ -238,6 +240,7 @@ def _smooth_stop(
     jump_lengths = _length_until(joint_path, lengths, jumps)
 
     def stop_in(duration: float, share: float) -> JointPath | None:
+        """Make the stop that ends after `duration` [s] and begins after its fraction `share`."""
         if share * duration >= joint_path.length:
             return None
         speed = _cubic_speed(joint_path, lengths, share * duration, (1 - share) * duration)
@@ -293,29 +296,29 @@ class _CubicSpeed:
     a0: float
 
     def speed(self, t: FloatArray) -> FloatArray:
-        """Speed in joint space [rad/s]."""
+        """Return the speed in joint space [rad/s], (n,), at times t [s]."""
         x = t / self.duration
         return (1 - x) ** 2 * (self.v0 + (2 * self.v0 + self.a0 * self.duration) * x)
 
     def acceleration(self, t: FloatArray) -> FloatArray:
-        """Derivative of the speed [rad/s²]."""
+        """Return the derivative of the speed [rad/s²], (n,), at times t [s]."""
         x = t / self.duration
         return (1 - x) * (self.a0 * (1 - 3 * x) - 6 * self.v0 / self.duration * x)
 
     def length(self, t: FloatArray) -> FloatArray:
-        """Length of the path in joint space [rad]."""
+        """Return the length of the path in joint space [rad], (n,), up to times t [s]."""
         x = t / self.duration
         linear = self.v0 * x * (1 - x**2 * (1 - x / 2))
         rest = self.a0 * self.duration * x**2 * (1 / 2 - x * (2 / 3 - x / 4))
         return self.begin + self.duration * (linear + rest)
 
     def times(self, n: int, lengths: FloatArray) -> FloatArray:
-        """Uniform times with n points, and the times at lengths of the path [s]."""
+        """Return n uniform times, and the times at lengths of the path [rad], as one array [s]."""
         t = np.linspace(0.0, self.duration, n)
         table = self.length(t)
         inner = lengths[(lengths > self.begin) & (lengths < table[-1])]
         x = np.interp(inner, table, t)
-        for _ in range(NEWTON):
+        for _ in range(NEWTON_ITERATIONS):
             x = x + (inner - self.length(x)) / np.maximum(self.speed(x), self.v0 * STOP_ROUNDING)
         t = np.unique(np.concatenate([t, np.clip(x, 0.0, self.duration)]))
         return np.asarray(t[np.append(True, np.diff(t) > STOP_ROUNDING * self.duration)])
@@ -324,32 +327,33 @@ class _CubicSpeed:
 def _cubic_speed(
     joint_path: JointPath, lengths: FloatArray, delay: float, duration: float
 ) -> _CubicSpeed | None:
-    """Cubic speed of a stop; None if it would be negative, or if the path is too short."""
+    """Return the cubic speed of a stop; None if it is negative, or if the path is too short."""
     first, second = (joint_path(np.array([delay]), k, side="right")[0] for k in (1, 2))
     v0 = float(np.linalg.norm(first))
     begin = float(_length_until(joint_path, lengths, np.array([delay]))[0])
     speed = _CubicSpeed(delay, begin, duration, v0, float(first @ second) / v0)
+    # The speed is the square (1 - x)² times a line, which has this value at the end.
     is_negative = 3 * v0 + speed.a0 * duration < 0
     end = float(speed.length(np.array([duration]))[0])
     return None if is_negative or end >= lengths[-1] else speed
 
 
 def _length_until(joint_path: JointPath, lengths: FloatArray, t: FloatArray) -> FloatArray:
-    """Length of the path in joint space up to the parameters t [rad], (n,)."""
+    """Return the length of the path in joint space up to the parameters t [rad], (n,)."""
     breaks = joint_path.breaks
     k = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, len(breaks) - 2)
     return np.asarray(lengths[k] + _integrate_speed(joint_path, breaks[k], t))
 
 
 def _joint_lengths(joint_path: JointPath) -> FloatArray:
-    """Length of the path in joint space up to each of its breaks [rad], (breaks,)."""
+    """Return the length of the path in joint space up to each of its breaks [rad], (breaks,)."""
     breaks = joint_path.breaks
     pieces = _integrate_speed(joint_path, breaks[:-1], breaks[1:])
     return np.append(0.0, np.cumsum(pieces))
 
 
 def _integrate_speed(joint_path: JointPath, begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Lengths in joint space between two times on the same piece [rad], (n,)."""
+    """Return lengths in joint space between two times on the same piece [rad], (n,)."""
     duration = end - begin
     t = begin[:, None] + duration[:, None] * NODES
     speed = np.linalg.norm(joint_path(t.ravel(), 1), axis=1).reshape(t.shape)
@@ -357,12 +361,12 @@ def _integrate_speed(joint_path: JointPath, begin: FloatArray, end: FloatArray) 
 
 
 def _time_at(joint_path: JointPath, lengths: FloatArray, length: FloatArray) -> FloatArray:
-    """Parameter of a path over time at lengths in joint space [s], (n,), by Newton's method."""
+    """Return the times at lengths in joint space [s], (n,), by Newton's method."""
     k = np.clip(np.searchsorted(lengths, length, side="right") - 1, 0, len(lengths) - 2)
     begin = joint_path.breaks[k]
     end = joint_path.breaks[k + 1]
     tau = begin + (end - begin) * (length - lengths[k]) / (lengths[k + 1] - lengths[k])
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_ITERATIONS):
         excess = lengths[k] + _integrate_speed(joint_path, begin, tau) - length
         speed = np.linalg.norm(joint_path(tau, 1), axis=1)
         tau = np.clip(tau - excess / speed, begin, end)

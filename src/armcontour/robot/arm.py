@@ -171,7 +171,7 @@ class Arm(Immutable, ABC):
     _instead = "Use with_limits, with_tool, with_work or with_dynamics instead"
 
     def __repr__(self) -> str:
-        """Class, name and number of joints."""
+        """Write class, name and number of joints."""
         return f"{type(self).__name__}({self.name!r}, {self.dof} joints)"
 
     @property
@@ -286,10 +286,11 @@ class Arm(Immutable, ABC):
         return self._copy(chain=self.chain.replace(**changes)) if changes else self
 
     def __getstate__(self) -> dict[str, Any]:
-        """State without the dynamics, which are computed again."""
+        """Return the state without the dynamics, which are computed again."""
         return {k: x for k, x in vars(self).items() if k != "dynamics"}
 
     def _copy(self, **changes: Any) -> Self:
+        """Return a copy with other attributes, without the cached values that depend on them."""
         other = object.__new__(type(self))
         vars(other).update(vars(self))
         if "_read_shapes" in changes:
@@ -428,7 +429,10 @@ class Arm(Immutable, ABC):
     def _solutions(
         self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None
     ) -> tuple[FloatArray, float]:
-        """Return joint positions for a pose, (k, dof), in or out of range, or its distance."""
+        """Return joint positions for a pose, (k, dof), in or out of range, and a distance [m].
+
+        Without joint positions, it is the tool's smallest distance from the pose; otherwise 0.
+        """
 
     def _reach(
         self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None
@@ -508,7 +512,7 @@ class Arm(Immutable, ABC):
         return self.jacobian(q)[..., : self.dimension, :]
 
     def tool_jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of `tool_jacobian` at the joint velocities `dq`, (n, dimension, dof).
+        """Return the time derivative of `tool_jacobian` [m/(rad s)], (n, dimension, dof).
 
         Args:
             q: Joint positions [rad], (..., dof).

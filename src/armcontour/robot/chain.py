@@ -120,6 +120,7 @@ class Chain(Checked):
     assumed: str = ""
 
     def _check_together(self) -> None:
+        """Complete missing fields, and check axes, rotations, masses and inertias."""
         n = len(self.joints)
         if n == 0:
             raise InvalidInput("A chain needs at least one joint.")

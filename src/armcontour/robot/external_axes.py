@@ -181,6 +181,7 @@ class Positioner(Checked):
 
 
 def _check_axis(called: str, unit: str, axis: Rail | PositionerAxis) -> None:
+    """Check direction, range and held position of an axis; `called` and `unit` are for messages."""
     if not np.linalg.norm(axis.axis) > 0:
         raise InvalidInput(f"The axis of {called} must be a direction, but is zero.")
     lower, upper = axis.lower, axis.upper

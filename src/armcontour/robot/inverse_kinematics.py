@@ -6,10 +6,10 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.pool import map_in_threads, split_evenly
-from armcontour.robot import newton
+from armcontour.robot import pose_solver
 from armcontour.robot.arm import MET, Arm
 
-# Task dimensions, as in `newton.py`:
+# Task dimensions, as in `pose_solver.py`:
 WHOLE = 6  # The whole tool pose.
 POINT = 3  # The tool point only.
 # Number of joint positions at which the search starts. With this number it found all eight
@@ -70,7 +70,7 @@ def search(arm: Arm, pose: FloatArray, task: int, near: FloatArray | None = None
 
     def approach(part: slice) -> FloatArray:
         parameters = q[part], SEARCH_WEIGHT, MAX_SEARCH_STEPS
-        return np.asarray(newton.approach(arm.link_table, task, target, *parameters))
+        return np.asarray(pose_solver.approach(arm.link_table, task, target, *parameters))
 
     if near is None:
         residuals = np.concatenate(map_in_threads(approach, split_evenly(len(q), SEARCH_THREADS)))
@@ -143,5 +143,5 @@ def _approach(
     """Return the joint positions that the searches end at, (k, dof), and tool distances [m]."""
     tried = q.copy()
     parameters = tried, REACH_WEIGHT, MAX_SEARCH_STEPS
-    residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)
+    residuals = pose_solver.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)
     return tried, np.asarray(residuals[:, 0])

@@ -89,19 +89,19 @@ def write_sines(rows: FloatArray) -> None:
 
 @compiled(inner=True, fastmath=FUSED)
 def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product."""
+    """Return the vector product a × b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @compiled(inner=True, fastmath=FUSED)
 def add(a: Vector, share: float, b: Vector) -> Vector:
-    """The sum `a + share b`."""
+    """Return the sum `a + share b`."""
     return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
 
 
 @compiled(inner=True)
 def get(rows: FloatArray, row: int, i: int) -> Vector:
-    """Vector of state i in three rows of a block."""
+    """Return the vector of state i from three rows of a block."""
     return rows[row * B + i], rows[(row + 1) * B + i], rows[(row + 2) * B + i]
 
 
@@ -113,7 +113,7 @@ def put(rows: FloatArray, row: int, i: int, v: Vector) -> None:
 
 @compiled(inner=True)
 def rotation_of(links: FloatArray, j: int) -> Rotation:
-    """Rotation of link j relative to the previous frame, row by row."""
+    """Return the rotation of link j relative to the previous frame, row by row."""
     x = links
     return x[j, 0], x[j, 1], x[j, 2], x[j, 3], x[j, 4], x[j, 5], x[j, 6], x[j, 7], x[j, 8]
 
@@ -370,7 +370,7 @@ def tool_motion(
     second: FloatArray,
     third: FloatArray,
 ) -> FloatArray:
-    """Poses of the tool, or the derivatives of its motion up to an order, for many states.
+    """Return tool poses, or derivatives of the tool's motion up to an order, for many states.
 
     The motion is propagated from the base to the tool, link by link (Featherstone, Rigid Body
     Dynamics Algorithms, 2008, 5.3), with the formulas of `add_motion` and `add_sliding_motion`.
@@ -379,8 +379,9 @@ def tool_motion(
     angular velocity, then their derivatives, (n, 6 order).
 
     - `links`: (dof + 1, 13).
-    - `q`: [rad or m], (n, dof). first, second, third: its derivatives, (n, dof) each; only those up
-      to `order` are used.
+    - `q`: joint positions [rad or m], (n, dof).
+    - `first`, `second`, `third`: their derivatives, (n, dof) each; only those up to `order` are
+      used.
     """
     n, dof = q.shape
     result = np.empty((n, 6 * order if order else 12))
@@ -485,7 +486,10 @@ def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: Float
 
 @compiled(inner=True, fastmath=FUSED)
 def propagate_sliding(links: FloatArray, j: int, motion: FloatArray, rows: FloatArray) -> None:
-    """`propagate_outward` for a prismatic joint, which does not turn its link."""
+    """Propagate the motion over a prismatic joint, which does not turn its link.
+
+    The arguments are those of `propagate_outward`.
+    """
     r = rotation_of(links, j)
     body = body_of(links, j)
     start = (links[j, 9], links[j, 10], links[j, 11])
@@ -537,7 +541,10 @@ def accumulate_inward(links: FloatArray, j: int, rows: FloatArray, before: Float
 
 @compiled(inner=True, fastmath=FUSED)
 def accumulate_sliding(links: FloatArray, j: int, rows: FloatArray, before: FloatArray) -> None:
-    """`accumulate_inward` for a prismatic joint."""
+    """Add the wrenches and the first moment of a link after a prismatic joint.
+
+    The arguments are those of `accumulate_inward`.
+    """
     r = rotation_of(links, j)
     carried = links[j, 22]
     start = (links[j, 9], links[j, 10], links[j, 11])
@@ -557,11 +564,12 @@ def accumulate_sliding(links: FloatArray, j: int, rows: FloatArray, before: Floa
 def path_terms(
     links: FloatArray, gravity: FloatArray, q: FloatArray, first: FloatArray, second: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Coefficients a, b, c of the torque `a dds + b ds² + c` of all states, (n, dof) each.
+    """Return the coefficients a, b, c of the torque `a dds + b ds² + c`, (n, dof) each.
 
     - `links`: (dof, 25).
-    - `gravity`: [m/s²], (3,). q, first, second: joint positions [rad or m] and their first and
-      second derivative by s, (n, dof) each.
+    - `gravity`: gravitational acceleration [m/s²], (3,).
+    - `q`: joint positions [rad or m], (n, dof).
+    - `first`, `second`: their first and second derivative by s, (n, dof) each.
     """
     n, dof = q.shape
     a = np.empty((n, dof))

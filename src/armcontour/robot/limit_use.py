@@ -174,7 +174,7 @@ class States:
         return self._measured[name]
 
     def use(self, name: str, limits: Limits) -> Use:
-        """Compute how much of the limit `name` in `limits` these states use, as `use_of` does."""
+        """Return value, limit and their ratio at these states for the limit `name` in `limits`."""
         return use_of(name, limits, *self.measure(name))
 
     def uses(self, limits: Limits) -> Iterator[Use]:

@@ -140,6 +140,7 @@ class Limits(Checked):
     prismatic: tuple[bool, ...] = field(default=(), init=False)
 
     def _check_together(self) -> None:
+        """Move infinite limits to `removed`, and check the ranges of the joints."""
         values = [(name, x) for name in UNITS if (x := getattr(self, name)) is not None]
         removed = [name for name, x in values if _is_unlimited(x)]
         if removed:
@@ -155,7 +156,7 @@ class Limits(Checked):
         self._check_range()
 
     def __str__(self) -> str:
-        """The limits that are specified or removed, with their units."""
+        """Write the limits that are specified or removed, with their units."""
         rows = []
         for name in UNITS:
             values = getattr(self, name)
@@ -173,6 +174,7 @@ class Limits(Checked):
         return list_values(texts, UNITS[name], self.prismatic if name in JOINT_VALUES else ())
 
     def _check_range(self) -> None:
+        """Raise InvalidInput if a joint range is empty, or if its ends have different shapes."""
         lower, upper = self.joint_lower, self.joint_upper
         if lower is None or upper is None:
             return
@@ -245,11 +247,11 @@ class Limits(Checked):
         return merged
 
     def _with(self, changes: Mapping[str, Any], removed: frozenset[str]) -> Limits:
-        """Copy of the limits with changed values, which are not checked, and removed limits."""
+        """Return a copy with changed values, which are not checked, and removed limits."""
         return checks.copy_unchecked(self, **changes, removed=removed)
 
     def _without(self, names: Iterable[str]) -> Limits:
-        """Copy of the limits with additional removed limits."""
+        """Return a copy with additional removed limits."""
         names = tuple(names)
         removed = self.removed.union(names)
         return self if removed == self.removed else self._with(dict.fromkeys(names), removed)
@@ -314,7 +316,9 @@ class Limits(Checked):
         return self if known == self.prismatic else checks.copy_unchecked(self, prismatic=known)
 
     def acceleration_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
-        """Lower (negative) and upper bounds of the joint accelerations; infinite without a limit.
+        """Return lower (negative) and upper bounds of joint accelerations [rad/s²], (dof,) each.
+
+        Bounds are infinite without a limit.
 
         Args:
             dof: Number of joints.
@@ -322,7 +326,9 @@ class Limits(Checked):
         return self._bounds("joint_acceleration", checks.check_int("dof", dof, 1))
 
     def velocity_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
-        """Lower (negative) and upper bounds of the joint velocities; infinite without a limit.
+        """Return lower (negative) and upper bounds of joint velocities [rad/s], (dof,) each.
+
+        Bounds are infinite without a limit.
 
         Args:
             dof: Number of joints.
@@ -333,7 +339,9 @@ class Limits(Checked):
     def bounds(
         self, name: Annotated[str, Choice(JOINT_LIMITS)], dof: Annotated[int, AtLeast(1)]
     ) -> tuple[FloatArray, FloatArray]:
-        """Lower (negative) and upper bounds of a joint limit; infinite without a limit.
+        """Return lower (negative) and upper bounds of a joint limit, (dof,) each.
+
+        Bounds are infinite without a limit.
 
         Args:
             name: "joint_velocity", "joint_acceleration", "joint_torque" or "joint_jerk".
@@ -342,6 +350,7 @@ class Limits(Checked):
         return self._bounds(name, dof)
 
     def _bounds(self, name: str, dof: int) -> tuple[FloatArray, FloatArray]:
+        """Return the lower and upper bounds of a joint limit by name, (dof,) each."""
         values = getattr(self, name)
         try:
             if values is not None and values.ndim == 2:
@@ -354,7 +363,7 @@ class Limits(Checked):
         return -upper, upper
 
     def joint_range(self, dof: int) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper ends of the joint ranges [rad]; infinite without a limit.
+        """Return the lower and upper ends of the joint ranges [rad], (dof,) each; infinite if none.
 
         Args:
             dof: Number of joints.
@@ -426,7 +435,7 @@ def _is_unlimited(values: float | FloatArray) -> bool:
     """Return whether a limit is infinite for every joint, in both directions."""
     if isinstance(values, float):
         return values == math.inf
-    # The first value of most limits is finite.
+    # Fast path: one finite value is enough to decide.
     if math.isfinite(values.item(0)):
         return False
     return bool((values == ((-math.inf, math.inf) if values.ndim == 2 else math.inf)).all())

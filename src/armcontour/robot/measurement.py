@@ -37,6 +37,8 @@ ACCEPTED_RESIDUAL = 2e-3
 COLLINEAR = 1e-6
 # Extent that counts for parts smaller than this [m].
 SMALLEST_EXTENT = 0.05
+# Noise of simulated touches of three points [m]; it is small, so that errors are linear in it.
+SIMULATED_NOISE = 1e-6
 # Number of simulated measurements for the expected error.
 SIMULATED = 400
 # Smallest distance of the origin from the point on the x axis [m].
@@ -71,7 +73,7 @@ class Measurement(Frozen, Result):
     expected_error: float
 
     def to_data(self) -> Data:
-        """Data with the frame, the expected error, and the residual of each touch."""
+        """Return the frame, the expected error, and the residual of each touch."""
         position = [float(x) for x in self.frame.position]
         shown = ", ".join(f"{x * 1e3:z.3f}" for x in position)
         worst = int(self.residuals.argmax())
@@ -282,12 +284,12 @@ def _measure_axes(touched: FloatArray, noise: float, region: npt.ArrayLike | Non
     random = np.random.default_rng(0)
     largest = []
     for _ in range(SIMULATED):
-        # Touches of 1 µm noise, so that the errors are linear in it.
-        simulated = _frame_of_axes(touched + random.standard_normal(touched.shape) * 1e-6)
+        noise_of_touches = random.standard_normal(touched.shape) * SIMULATED_NOISE
+        simulated = _frame_of_axes(touched + noise_of_touches)
         shift = simulated.position - frame.position
         turned = (simulated.rotation - frame.rotation)[:dimension, :dimension]
         errors = needed @ turned.T + shift[:dimension]
-        largest.append(np.linalg.norm(errors, axis=1).max() * 1e6)
+        largest.append(np.linalg.norm(errors, axis=1).max() * (1 / SIMULATED_NOISE))
     amplification = float(np.mean(largest))
     if amplification > MAX_AMPLIFICATION:
         farther = amplification / MAX_AMPLIFICATION

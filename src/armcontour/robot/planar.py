@@ -45,6 +45,7 @@ class LinkTube(Checked):
     density: Annotated[float, Quantity("kg/m^3", sign="positive")]
 
     def _check_together(self) -> None:
+        """Check that the wall is at most as thick as the radius."""
         if 2 * self.wall > self.outer_diameter:
             raise InvalidInput(
                 f"The wall of a tube must be at most half its outer diameter of "
@@ -170,6 +171,7 @@ class PlanarTwoLink(Arm):
     def _solutions(
         self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None
     ) -> tuple[FloatArray, float]:
+        """Return the joint positions of both branches for a tool point in the plane, (2, 2)."""
         if point[2:].any():
             raise InvalidInput(f"z of a pose must be 0, because the arm {self.name} is planar.")
         return np.stack([self.joint_position(point[:2], x) for x in self.branches]), 0.0

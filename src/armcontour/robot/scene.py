@@ -142,6 +142,7 @@ class Mesh(Shape):
     _hull: Mesh | None = field(init=False, default=None, repr=False)
 
     def _check_together(self) -> None:
+        """Check that the points span a volume, and that triangles have existing points."""
         who = self.source or "a mesh"
         points = self.points
         corners = self.triangles
@@ -210,6 +211,7 @@ class LinkShape(Checked):
     on_floor: bool = False
 
     def _check_together(self) -> None:
+        """Check that no half-space moves with a link."""
         if isinstance(self.shape, HalfSpace) and (self.link or self.tool) and not self.on_floor:
             raise InvalidInput(
                 f"The shape of {self.name} must not be a half-space, which cannot move with a link."
@@ -255,6 +257,7 @@ class ArmShapes(Checked):
     source: str = ""
 
     def _check_together(self) -> None:
+        """Check that every excluded link has a shape."""
         names = {x.name for x in self.shapes}
         for pair in self.left_out:
             for name in (pair.first, pair.second):
@@ -341,6 +344,7 @@ class Scene(Checked):
     floor: Length | Annotated[str, Choice((AT_BASE, NO_FLOOR))] = AT_BASE
 
     def _check_together(self) -> None:
+        """Replace a floor height by an obstacle, and check that all names differ."""
         if not isinstance(self.floor, str):
             frame = Frame(position=np.array([0.0, 0.0, self.floor]))
             floor = Obstacle(name=FLOOR, shape=HalfSpace(), place=frame)

@@ -76,6 +76,7 @@ class SerialArm(Arm):
     def _solutions(
         self, point: FloatArray, rotation: FloatArray | None, near: FloatArray | None
     ) -> tuple[FloatArray, float]:
+        """Return joint positions for a pose, (k, dof), and a distance [m]; see `Arm._solutions`."""
         # Imported at first use, because compiled functions load slowly.
         from armcontour.robot import inverse_kinematics
 

@@ -143,6 +143,6 @@ def test_the_page_quotes_the_messages_of_the_commands(name, tmp_path, monkeypatc
 
 def test_every_sentence_on_the_page_is_provoked(capsys):
     with listen_to_compilation(ProgressDisplay("run").note_compilation):
-        report_compiling("armcontour.robot.newton.solve")
+        report_compiling("armcontour.robot.pose_solver.solve")
     assert capsys.readouterr().err == SAID["The first run is slow"] + "\n"
     assert SAID.keys() - {"The first run is slow"} == TROUBLES.keys()

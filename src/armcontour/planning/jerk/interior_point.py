@@ -97,7 +97,7 @@ class _Duals(NamedTuple):
     positive: FloatArray
 
 
-class _Iterate(NamedTuple):
+class _JerkIterate(NamedTuple):
     """Arrays of one iterate, changed in place."""
 
     d: FloatArray  # Control points of a [m²/s²], (n + 2,)
@@ -108,6 +108,7 @@ class _Iterate(NamedTuple):
 
 @compiled(inner=True, allocates=True)
 def _new_duals(p: JerkSection) -> _Duals:
+    """Make zero multipliers, or slacks, for all rows that are in no block."""
     return _Duals(np.zeros(p.radius.shape), np.zeros(len(p.width) + 2))
 
 
@@ -116,16 +117,19 @@ def _new_duals(p: JerkSection) -> _Duals:
 
 @compiled(inner=True, inline="always")
 def _end_value(rows: FloatArray, i: int, d: FloatArray) -> float:
+    """Return the product of row i and three consecutive control points."""
     return float(rows[i, 0] * d[i] + rows[i, 1] * d[i + 1] + rows[i, 2] * d[i + 2])
 
 
 @compiled(inner=True, inline="always")
 def _row_value(rows: FloatArray, c: int, r: int, i: int, d: FloatArray) -> float:
+    """Return the product of row r of part c and the control points of its cell i."""
     return float(rows[c, r, 0] * d[i] + rows[c, r, 1] * d[i + 1] + rows[c, r, 2] * d[i + 2])
 
 
 @compiled(inner=True, inline="always")
 def _axis_value(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray) -> float:
+    """Return component k of vector row r of part c, with the control points of its cell i."""
     x = rows[c, r, k, 0]
     y = rows[c, r, k, 1]
     z = rows[c, r, k, 2]
@@ -134,6 +138,7 @@ def _axis_value(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray)
 
 @compiled(inner=True, inline="always")
 def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
+    """Return the mean of the raised rows of part c."""
     total = 0.0
     for k in range(p.raised.shape[1]):
         total += _row_value(p.raised, c, k, p.cell[c], d)
@@ -142,18 +147,20 @@ def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
 
 @compiled(inner=True, inline="always")
 def _vector(p: JerkSection, c: int, r: int, i: int, d: FloatArray) -> Any:
+    """Return both components of vector row r of part c."""
     return _axis_value(p.round, c, r, 0, i, d), _axis_value(p.round, c, r, 1, i, d)
 
 
 @compiled(inner=True, inline="always")
 def _round_slack(bound: float, vector: Any) -> float:
-    """Slack of the limit `|vector| <= bound`; -1 if the bound is not positive."""
+    """Return the slack of the limit `|vector| <= bound`; -1 if the bound is not positive."""
     x, y = vector
     return bound - (x * x + y * y) / bound if bound > 0.0 else -1.0
 
 
 @compiled(inner=True, allocates=True)
 def _new_blocks(p: JerkSection) -> _Blocks:
+    """Make the blocks: the rows of LANES parts side by side, for vector instructions."""
     m = len(p.cell)
     plain = p.plain.shape[1]
     curved = p.curved.shape[1]
@@ -185,7 +192,7 @@ def _new_blocks(p: JerkSection) -> _Blocks:
 
 @compiled(inner=True)
 def _spread(p: JerkSection, d: FloatArray, near: FloatArray) -> None:
-    """Write, for each part, the three control points that its rows multiply."""
+    """Write, for each part, the three control points that its rows multiply, into `near`."""
     for c in range(len(p.cell)):
         at = c // LANES * 3 * LANES + c % LANES
         for k in range(3):
@@ -194,11 +201,13 @@ def _spread(p: JerkSection, d: FloatArray, near: FloatArray) -> None:
 
 @compiled(inner=True)
 def _load_row(table: FloatArray, at: int) -> Any:
+    """Load the three coefficients of a row, each for LANES parts."""
     return load(table, at), load(table, at + LANES), load(table, at + 2 * LANES)
 
 
 @compiled(inner=True)
 def _dot(row: Any, near: Any) -> Any:
+    """Return the product of a row and three control points, for LANES parts."""
     return row[0] * near[0] + row[1] * near[1] + row[2] * near[2]
 
 
@@ -363,7 +372,7 @@ def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: Floa
 
 @compiled(inner=True, fastmath=FUSED, allocates=True)
 def _add_barriers(
-    p: JerkSection, iterate: _Iterate, mu: float, bands: FloatArray, right: FloatArray
+    p: JerkSection, iterate: _JerkIterate, mu: float, bands: FloatArray, right: FloatArray
 ) -> None:
     """Add the barriers `-mu log s` of all rows; write the inverse slacks of blocks.
 
@@ -484,7 +493,7 @@ def _change_dual(rows: FloatArray, at: int, rise: Any, mu: float, decrease: Any)
 
 @compiled(inner=True, fastmath=FUSED)
 def _dual_changes(
-    p: JerkSection, iterate: _Iterate, step: FloatArray, mu: float, change: _Duals
+    p: JerkSection, iterate: _JerkIterate, step: FloatArray, mu: float, change: _Duals
 ) -> tuple[float, float]:
     """Write the changes of all multipliers; returns the longest steps of slacks and multipliers."""
     n = len(p.width)
@@ -534,6 +543,7 @@ def _dual_changes(
 
 @compiled(inner=True, fastmath=FUSED)
 def _take_dual_step(rows: FloatArray, dual: _Duals, change: _Duals, share: float) -> None:
+    """Change all multipliers by the fraction `share` of their step."""
     for at in range(0, len(rows), ROW):
         for k in range(at, at + 2 * LANES, LANES):
             store(rows, k + DUALS, load(rows, k + DUALS) + share * load(rows, k + INVERSES))
@@ -613,7 +623,7 @@ def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
 
 @compiled(inner=True)
 def _fix_ends(bands: FloatArray, right: FloatArray) -> None:
-    """Fix both ends in Newton's system."""
+    """Fix both ends of d in Newton's system: their equations become `step = 0`."""
     last = len(right) - 1
     bands[0, 0] = 1.0
     bands[1, 0] = 0.0
@@ -627,12 +637,14 @@ def _fix_ends(bands: FloatArray, right: FloatArray) -> None:
 
 @compiled(inner=True)
 def _take_step(d: FloatArray, step: FloatArray, share: float, trial: FloatArray) -> None:
+    """Write the control points after the fraction `share` of a step into `trial`."""
     for i in range(len(d)):
         trial[i] = d[i] + share * step[i]
 
 
 @compiled(inner=True)
 def _count_bounds(p: JerkSection, dual: _Duals) -> float:
+    """Count the bounds of all rows, with those of d > 0."""
     count = 2 * p.curved.shape[0] * p.curved.shape[1] + dual.round.size
     for c in range(p.low.shape[0]):
         for r in range(p.low.shape[1]):
@@ -642,6 +654,7 @@ def _count_bounds(p: JerkSection, dual: _Duals) -> float:
 
 @compiled(inner=True)
 def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
+    """Add `share` times the change to multipliers."""
     flat = dual.reshape(-1)
     changes = change.reshape(-1)
     for i in range(flat.size):
@@ -668,7 +681,7 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
     slack = _new_duals(p)
     dual = _new_duals(p)
     change = _new_duals(p)
-    iterate = _Iterate(d, blocks, slack, dual)
+    iterate = _JerkIterate(d, blocks, slack, dual)
     bands = np.zeros((3, n + 2))
     right = np.zeros(n + 2)
     trial = np.zeros(n + 2)

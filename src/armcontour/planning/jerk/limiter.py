@@ -47,9 +47,9 @@ UNIFORM = 0.01
 COARSER = 5
 # Smallest number of cells of the first pass.
 FEWEST_FIRST_CELLS = 60
-# Relative duality gap at which the first pass ends.
+# Tolerance of the first pass: relative duality gap at which its search ends.
 COARSE_GAP = 1e-2
-# Relative duality gap at which the second pass ends.
+# Tolerance of the second pass, which gives the plan: relative duality gap at which its search ends.
 FINE_GAP = 1e-4
 # The second pass starts from ds² of the first plan times this factor.
 FIRST_PLAN_SHARE = 0.9
@@ -115,7 +115,10 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
 
 
 def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
-    """Second pass, for limits that need margins inside cells; `near`: plan of the first pass."""
+    """Make the second pass for limits that need margins inside cells.
+
+    - `near`: plan of the first pass.
+    """
     curved = any(x.curved for x in task.active)
     splits = 0
     wider = 1.0
@@ -167,12 +170,13 @@ def _reduce_ramp_bounds(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
 def _make_rows(
     task: Task, mesh: JerkMesh, near: PathLaw, bounds: MotionBounds | None = None
 ) -> MeshRows:
+    """Make the rows of all limits on a mesh, with curved limits linearized about `near`."""
     about = square_at(near, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
     return MeshRows(mesh, task.active, task.jerk, bounds, about)
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
-    """Default number of cells, in proportion to non-uniform time divided by build-up time."""
+    """Return the default number of cells: in proportion to non-uniform time over build-up time."""
     scales = [(x.acceleration, x.jerk) for x in chain.from_iterable(ends)]
     acceleration, jerk = np.median(scales, axis=0)
     times = np.diff(law.breaks)
@@ -190,6 +194,11 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
 
 
 def _make_bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> MotionBounds:
+    """Make the bounds within which margins are valid: multiples of the plan `near`.
+
+    - `wider`: factor of all bounds.
+    - `curved`: true if rows also need a lower bound of ds².
+    """
     ds, dds, slope, _ = near.rates
     width = np.diff(near.s)
     speed = near.speeds
@@ -226,7 +235,7 @@ def _make_bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> M
 
 
 def _estimate_gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
-    """Fraction of the duration that wider bounds of a plan may save."""
+    """Estimate the fraction of the duration that wider bounds of a plan may save."""
     # At the end of the search, the product of slack and multiplier is the same fraction of the
     # duration for all bounds. The multiplier times the bound is the time that a bound of twice the
     # width saves.
@@ -250,7 +259,11 @@ def _estimate_gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
 
 
 def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
-    """Fastest motion within the rows of all sections; `near` as in `_find_start`."""
+    """Find the fastest motion within the rows of all sections.
+
+    - `near`: as in `_find_start`.
+    - `tolerance`: relative duality gap at which the search of a section ends.
+    """
     mesh = rows.mesh
     solutions = []
     for k, (first, last) in enumerate(pairwise(mesh.sections)):
@@ -267,7 +280,7 @@ def _find_start(
     near: tuple[PathLaw, float],
     allowed_slopes: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Control points of ds² of one section, including its ends, that satisfy every row [m²/s²].
+    """Find a section's control points of ds², including its ends, that satisfy all rows [m²/s²].
 
     The start is ds² of the plan in `near` times the factor in `near`, reduced near violated rows.
     With uniform jerk from a rest, ds^1.5 is linear in s, so the allowed slope of ds^1.5 limits the
@@ -319,7 +332,8 @@ def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
     grid = mesh.grid
     width = mesh.width
     ramps = mesh.ramps
-    square = np.zeros((3, len(width)))  # control points of ds² on each cell
+    # Control points of ds² on each cell [m²/s²], (3, cells)
+    square = np.zeros((3, len(width)))
     for d, (first, last) in zip(solutions, pairwise(mesh.sections), strict=True):
         cells = slice(first + 1, last - 1)
         around = np.stack([d[:-2], d[1:-1], d[2:]], axis=1)
@@ -346,13 +360,16 @@ def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
         h = width[i[parts]]
         # With uniform jerk, the length of the cell is a third of the speed at its moving end times
         # the time from or to the rest.
-        whole = 3 * h / np.sqrt(square[moving, i[parts]])
-        jerk[parts] = 6 * h / whole**3
-        since, until = (whole * np.cbrt(z[parts] if sign > 0 else 1 - z[parts]) for z in (x, y))
-        ds[parts] = jerk[parts] * since**2 / 2
-        dds[parts] = sign * jerk[parts] * since
+        ramp_time = 3 * h / np.sqrt(square[moving, i[parts]])
+        jerk[parts] = 6 * h / ramp_time**3
+        # Times between the rest and both ends of each part.
+        begin_time, end_time = (
+            ramp_time * np.cbrt(z[parts] if sign > 0 else 1 - z[parts]) for z in (x, y)
+        )
+        ds[parts] = jerk[parts] * begin_time**2 / 2
+        dds[parts] = sign * jerk[parts] * begin_time
         slope[parts] = 0.0
-        times[parts] = np.abs(until - since)
+        times[parts] = np.abs(end_time - begin_time)
     return PathLaw(
         joint_path=grid.joint_path,
         breaks=np.concatenate([[0.0], np.cumsum(times)]),
@@ -362,4 +379,5 @@ def _make_law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
 
 
 def _parabola(points: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the parabolas with three control points each, (3, n), at fractions x, (n,)."""
     return np.asarray(((1 - x) * points[0] + 2 * x * points[1]) * (1 - x) + x * x * points[2])

@@ -36,6 +36,11 @@ SHORTEST_FIRST = 1e-9
 # Smallest length of other cells, as a fraction of a section; below it the slope is a rounding
 # error.
 SHORTEST_CELL = 1e-9
+# The number of cells per duration of the cell at a rest is the number of all cells divided by
+# CELLS_PER_RAMP_CELL, but from FEWEST_PER_RAMP to MOST_PER_RAMP.
+CELLS_PER_RAMP_CELL = 50
+FEWEST_PER_RAMP = 8
+MOST_PER_RAMP = 20
 # Number of points at which the cumulative number of cells next to a rest is computed
 RAMP_SAMPLES = 200
 # A break of the joint path is an end of cells, unless it is closer to the previous end than this
@@ -72,7 +77,10 @@ class End:
     even: float  # Length over which the joint path is nearly straight near this end [m]
 
     def first_cell(self, length: float) -> float:
-        """Length of the uniform-jerk cell at this end [m], in a section of a given length."""
+        """Return the length of the uniform-jerk cell at this end of a section [m].
+
+        - `length`: length of the section [m].
+        """
         shortest = SHORTEST_FIRST * length
         longest = min(LONGEST_FIRST * length, self.even)
         longest = max(shortest, longest)
@@ -112,7 +120,11 @@ class JerkMesh:
 
     @classmethod
     def through(cls, joint_path: JointPath, nodes: FloatArray, sections: IntArray) -> JerkMesh:
-        """Mesh of given cells; breaks of the joint path are additional ends of parts."""
+        """Make the mesh of given cells; breaks of the joint path are additional ends of parts.
+
+        - `nodes`: ends of the cells [m], (n + 1,).
+        - `sections`: first cell of each section, and the number of all cells, (sections + 1,).
+        """
         s = np.union1d(nodes, joint_path.breaks)
         middle = (s[:-1] + s[1:]) / 2
         grid = Grid(joint_path, s, joint_path.locate(middle))
@@ -143,7 +155,7 @@ class _CellDistribution:
     turns: FloatArray  # Arc lengths from start to end, denser where the joints turn [m]
 
     def before(self, s: FloatArray) -> FloatArray:
-        """Fraction of the cells before arc lengths, (n,)."""
+        """Return the fraction of the cells before arc lengths s [m], (n,)."""
         law = self.law
         _, t = law.reach(s)
         length = (s - law.s[0]) / (law.s[-1] - law.s[0])
@@ -164,7 +176,7 @@ def place_mesh(
     node_rows = []
     first = [0]
     share = _CellDistribution(law, turns)
-    per_ramp = float(np.clip(cells / 50, 8, 20))
+    per_ramp = float(np.clip(cells / CELLS_PER_RAMP_CELL, FEWEST_PER_RAMP, MOST_PER_RAMP))
     for begin, end, both in zip(section_ends[:-1], section_ends[1:], ends, strict=True):
         nodes = _place_nodes(share, cells, (float(begin), float(end)), both, per_ramp)
         node_rows.append(nodes[:-1])
@@ -180,6 +192,14 @@ def _place_nodes(
     ends: tuple[End, End],
     per_ramp: float,
 ) -> FloatArray:
+    """Place the ends of the cells of one section [m], dense at both ends.
+
+    - `share`: distribution of the cells along the whole path.
+    - `cells`: approximate number of cells of the whole path.
+    - `limits`: arc lengths of the ends of the section [m].
+    - `ends`: scales at these ends.
+    - `per_ramp`: number of cells per duration of the cell at a rest.
+    """
     begin, end = limits
     length = end - begin
     firsts = [x.first_cell(length) for x in ends]
@@ -187,25 +207,26 @@ def _place_nodes(
     knots = share.law.joint_path.breaks
     knots = knots[(knots > begin) & (knots < end)]
     s = np.unique(np.concatenate([[begin, end], inner, knots, _sample_ends(limits, firsts)]))
-    mass = cells * share.before(s)
+    # Number of cells up to each arc length s; the ends of the cells are where it is whole.
+    cell_count = cells * share.before(s)
     for first, away, sign in zip(firsts, (s - begin, end - s), (1, -1), strict=True):
-        mass += sign * _count_cells(first, away, per_ramp)
+        cell_count += sign * _count_cells(first, away, per_ramp)
     start = begin + firsts[0]
     stop = end - firsts[1]
-    low, high = np.interp([start, stop], s, mass)
+    low, high = np.interp([start, stop], s, cell_count)
     targets = [low]
     last = low
-    knot_mass = np.interp(knots, s, mass)
-    while (k := int(np.searchsorted(knot_mass, last + NEAR_KNOT))) < len(knots):
-        if knot_mass[k] > high - NEAR_KNOT:
+    count_at_knots = np.interp(knots, s, cell_count)
+    while (k := int(np.searchsorted(count_at_knots, last + NEAR_KNOT))) < len(knots):
+        if count_at_knots[k] > high - NEAR_KNOT:
             break
-        targets.append(knot_mass[k])
-        last = knot_mass[k]
+        targets.append(count_at_knots[k])
+        last = count_at_knots[k]
     needed = np.array([*targets, high])
     count = np.maximum(1, np.ceil(np.diff(needed))).astype(np.intp)
     intervals, number = number_parts(count)
     positions = needed[intervals] + np.diff(needed)[intervals] * number / count[intervals]
-    nodes = np.append(np.interp(positions, mass, s), stop)
+    nodes = np.append(np.interp(positions, cell_count, s), stop)
     nodes[0] = start
     nodes = _snap(_drop_close_nodes(nodes, SHORTEST_CELL * length), knots)
     return np.concatenate([[begin], nodes, [end]])
@@ -236,14 +257,14 @@ def _snap(nodes: FloatArray, knots: FloatArray) -> FloatArray:
 
 
 def _sample_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
-    """Arc lengths at which the number of cells next to the ends of a section is computed [m]."""
+    """Return the arc lengths at which cells next to the ends of a section are counted [m]."""
     length = limits[1] - limits[0]
     first, last = (np.geomspace(x, length, RAMP_SAMPLES)[:-1] for x in firsts)
     return np.concatenate([limits[0] + first, limits[1] - last])
 
 
 def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
-    """Number of cells from the first one to points at distances `away` from an end [m], (n,).
+    """Count the cells from the first one to points at distances `away` from an end [m], (n,).
 
     `per_ramp` is the number of cells per duration of the first cell.
     """
@@ -255,7 +276,7 @@ def _count_cells(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
 
 
 def find_sections(law: PathLaw, task: Task) -> FloatArray:
-    """Ends of the sections of a path between rests [m], (sections + 1,)."""
+    """Find the ends of the sections of a path between rests [m], (sections + 1,)."""
     path = law.joint_path
     inner = law.s[1:-1]
     stops = np.union1d(path.stops, _find_jumps(law, task))
@@ -266,7 +287,7 @@ def find_sections(law: PathLaw, task: Task) -> FloatArray:
 
 
 def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
-    """Breaks [m] where accelerations with a jerk limit jump, at the planned speed."""
+    """Find the breaks [m] where accelerations with a jerk limit jump at the planned speed."""
     path = law.joint_path
     inner = np.arange(1, len(law.joint_path.breaks) - 1)
     breaks = path.breaks[inner]
@@ -279,7 +300,7 @@ def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
 
 
 def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[End, End]]:
-    """Scales at the start and the stop of each section, from a plan."""
+    """Compute the scales at the start and the stop of each section from a plan."""
     grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
     path = SampledJointPath(grid)
     (first, second), (third, _) = path.derivatives
@@ -301,6 +322,7 @@ def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[
         even = np.fmin(EVEN_BEND * size / curvature, np.sqrt(EVEN_BEND * size / third.max(axis=1)))
 
     def ends_on_side(side: int, s: FloatArray) -> list[End]:
+        """Return the scales of all sections at their starts or at their stops."""
         i = np.clip(np.searchsorted(law.s, s, side="right") - 1, 0, len(grid) - 1)
         edge = section_ends[side : len(section_ends) - 1 + side]
         j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
@@ -322,5 +344,5 @@ def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[
 
 
 def square_at(law: PathLaw, s: FloatArray) -> FloatArray:
-    """ds² of a plan at arc lengths [m²/s²], (n,)."""
+    """Return ds² of a plan at arc lengths [m²/s²], (n,)."""
     return np.asarray(law.path_position(*law.reach(s), 1) ** 2)

@@ -48,7 +48,7 @@ class Basis(NamedTuple):
         return raised(self, 2)
 
     def at_end(self, end: int) -> tuple[FloatArray, FloatArray]:
-        """Rows of ds² and dds at the start (0) or the end (1) of each part, (m, 3) each."""
+        """Return the rows of ds² and dds at the start (0) or end (1) of each part, (m, 3) each."""
         if end == 0:
             return self.square[..., 0], self.rate[..., 0]
         return self.square.sum(axis=-1), self.rate.sum(axis=-1)
@@ -244,7 +244,7 @@ class MeshRows:
         self.section = self._make_section()
 
     def _subtract_margins(self, limits: GridLimits, about: FloatArray) -> GridLimits:
-        """Limits less their margins, with lines for friction; `lost` records the margins."""
+        """Return the limits less their margins, with lines for friction; write `lost`."""
         none = np.zeros(len(about))
         bounds = self.bounds
         linearized = MotionBounds(about, about, none, none) if bounds is None else bounds
@@ -294,7 +294,7 @@ class MeshRows:
         return finite + 2 * len(p.curved) * int(p.curved.shape[1])
 
     def select_section(self, k: int) -> JerkSection:
-        """Rows of one section, without its cells of uniform jerk."""
+        """Return the rows of one section, without its cells of uniform jerk."""
         mesh = self.mesh
         p = self.section
         first = mesh.sections[k] + 1
@@ -327,6 +327,7 @@ class MeshRows:
         return slopes_by_cell[0], slopes_by_cell[1]
 
     def _make_section(self) -> JerkSection:
+        """Make the rows of the whole path as one section."""
         begin, end = control_points(self.mesh)
         cells = self.mesh.cell, begin, end
         acceleration, rows = self._motion_rows(cells)
@@ -368,7 +369,7 @@ class MeshRows:
     def _plain_rows(
         self, cells: _Cells, acceleration: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
+        """Return the rows with fixed bounds: ds², accelerations, and those of other constraints."""
         n = len(self.mesh.grid)
         bounds = self.bounds
         basis = self.basis
@@ -403,7 +404,7 @@ class MeshRows:
         return np.concatenate([others, acceleration], axis=1), bottom, top
 
     def _vector_rows(self) -> tuple[FloatArray, FloatArray]:
-        """Vector rows, (m, l, 2, 3), and radii, (m, l)."""
+        """Return the vector rows, (m, l, 2, 3), and their radii, (m, l)."""
         n = len(self.mesh.grid)
         rounds = self.limits.rounds
         products = rounds.products
@@ -450,6 +451,7 @@ class MeshRows:
         return np.asarray(np.min(points, axis=2).T)
 
     def _ceiling(self) -> FloatArray:
+        """Return upper bounds of ds² at the start, middle and end of each part [m²/s²], (m, 3)."""
         with np.errstate(divide="ignore"):
             squares = (1 / self.limits.squares.ends).min(axis=2, initial=np.inf)
         first, last = np.minimum(self.limits.ceiling, squares).T
@@ -517,7 +519,7 @@ def _localize(cells: _Cells, points: FloatArray) -> FloatArray:
 
 
 def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of the first and last control point of ds² on each cell, (n, 3) each."""
+    """Return coefficients of the first and last control point of ds² on each cell, (n, 3) each."""
     # The coefficients multiply the middle control points of the previous cell, of the cell itself
     # and of the next cell. Inside a section both control points are means of their neighbours, so
     # that ds² has a continuous slope. Next to a cell of uniform jerk with length h and `ds² = A` at

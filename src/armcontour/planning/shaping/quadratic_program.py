@@ -45,7 +45,7 @@ class _Rows(NamedTuple):
     bound: FloatArray  # Upper bounds, (p,)
 
 
-class _Iterate(NamedTuple):
+class _ProgramIterate(NamedTuple):
     """An iterate, or its change."""
 
     x: FloatArray  # Unknowns, flat, (n k,)
@@ -90,8 +90,8 @@ def solve_program(
         largest = max(largest, abs(c[a]))
     slack = np.maximum(packed.bound, FIRST_SLACK)
     # Initial multipliers are proportional to the cost.
-    point = _Iterate(np.zeros(n * k), slack, largest * 0.1 / slack)
-    step = _Iterate(np.empty(n * k), np.empty(count), np.empty(count))
+    point = _ProgramIterate(np.zeros(n * k), slack, largest * 0.1 / slack)
+    step = _ProgramIterate(np.empty(n * k), np.empty(count), np.empty(count))
     residuals = _Residuals(np.empty(count), np.empty(count))
     matrix = np.empty((n * k, 3 * k))
     for iteration in range(MAX_PROGRAM_ITERATIONS):
@@ -116,7 +116,7 @@ def solve_program(
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def _pack(rows: FloatArray, bounds: FloatArray) -> _Rows:
-    """Pack the rows that are not zero."""
+    """Pack the rows that are not zero, without their leading and trailing zeros."""
     n, m, width = rows.shape
     k = width // 3
     first = np.empty(n * m, dtype=np.int64)
@@ -156,8 +156,8 @@ def _row_product(rows: _Rows, x: FloatArray, r: int) -> float:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _write_residuals(rows: _Rows, point: _Iterate, out: _Residuals) -> tuple[float, float]:
-    """Write the residuals; return the average product s y and the largest violation of a row."""
+def _write_residuals(rows: _Rows, point: _ProgramIterate, out: _Residuals) -> tuple[float, float]:
+    """Write the residuals; return mean complementarity slack * dual and largest row violation."""
     count = len(rows.bound)
     gap = 0.0
     worst = 0.0
@@ -170,7 +170,9 @@ def _write_residuals(rows: _Rows, point: _Iterate, out: _Residuals) -> tuple[flo
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _normal_matrix(rows: _Rows, point: _Iterate, weight: FloatArray, matrix: FloatArray) -> None:
+def _normal_matrix(
+    rows: _Rows, point: _ProgramIterate, weight: FloatArray, matrix: FloatArray
+) -> None:
     """Write the normal matrix `weight + rows' (y / s) rows`.
 
     Entry (a, b) of its lower bands is in `matrix[a, last + b - a]`.
@@ -193,12 +195,12 @@ def _normal_matrix(rows: _Rows, point: _Iterate, weight: FloatArray, matrix: Flo
 @compiled(inner=True, fastmath=FUSED)
 def _write_step(
     rows: _Rows,
-    point: _Iterate,
+    point: _ProgramIterate,
     residuals: _Residuals,
     factor: FloatArray,
     cost: FloatArray,
     weight: FloatArray,
-    step: _Iterate,
+    step: _ProgramIterate,
 ) -> None:
     """Write Newton's step that removes the residuals, given the factor of the normal matrix."""
     slack = point.slack
@@ -222,7 +224,7 @@ def _write_step(
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _gap_after(point: _Iterate, step: _Iterate, length: float) -> float:
+def _gap_after(point: _ProgramIterate, step: _ProgramIterate, length: float) -> float:
     """Return the average product s y after a step of a given length."""
     count = len(point.slack)
     after = 0.0
@@ -233,7 +235,7 @@ def _gap_after(point: _Iterate, step: _Iterate, length: float) -> float:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _take_step(point: _Iterate, step: _Iterate, length: float) -> None:
+def _take_step(point: _ProgramIterate, step: _ProgramIterate, length: float) -> None:
     """Move an iterate in place by a step of a length."""
     for a in range(len(point.x)):
         point.x[a] += length * step.x[a]
@@ -281,7 +283,7 @@ def _solve(matrix: FloatArray, x: FloatArray) -> None:
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _longest_step(point: _Iterate, step: _Iterate) -> float:
+def _longest_step(point: _ProgramIterate, step: _ProgramIterate) -> float:
     """Return the longest step, at most 1, that keeps slacks and multipliers nonnegative."""
     length = 1.0
     for r in range(len(point.slack)):

@@ -103,6 +103,7 @@ def solve_in_chunks(
     ends = np.append(cuts + 1, n)
 
     def solve(begin: int, end: int) -> FloatArray:
+        """Solve the program of the nodes from `begin` to `end`; the unknowns of others are 0."""
         part = slice(begin, end)
         chunk_cost = cost[part].copy()
         chunk_rows = rows[part].copy()
@@ -167,7 +168,9 @@ class ShapeSearch:
 
     def run(self) -> Iterator[Candidate]:
         """Yield the best candidate after each iteration, until the gain is negligible."""
-        idle = tightened = 0
+        # Numbers of consecutive iterations with little gain, and with a path outside the tube
+        idle = 0
+        tightened = 0
         while idle < IDLE and tightened < MAX_TIGHTENED:
             before = self.state.best.duration
             trust = self.state.trust.copy()
@@ -183,8 +186,10 @@ class ShapeSearch:
             yield self.state.best
 
     def _iterate(self) -> bool:
-        """Propose a change and accept it if the exact timing is faster."""
-        # Returns false if the path left the tube; the limits of the offsets are then reduced.
+        """Propose a change, and accept it if the exact timing is faster.
+
+        Returns false if the path left the tube; the limits of the offsets are then reduced.
+        """
         state = self.state
         nodes = self.nodes
         try:
@@ -214,8 +219,8 @@ class ShapeSearch:
         else:
             state.rejections += 1
             # Neighbouring corners share the line between them.
-            wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
-            factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
+            near_slower = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
+            factor = np.where(near_slower if slower.any() else True, SHRINK, 1.0)
         state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MAX_TRUST)
         return True
 
@@ -267,7 +272,7 @@ class ShapeSearch:
         return offsets, h, None
 
     def _keep_faster_parts(self, offsets: FloatArray, h: FloatArray, slower: BoolArray) -> bool:
-        """On a long path, accept a proposal without its slower corners if that is faster."""
+        """Accept a proposal for a long path without its slower corners, if that is faster."""
         if not is_long(self.nodes.group) or slower.all():
             return False
         try:
@@ -286,7 +291,7 @@ class ShapeSearch:
     def _revert_corners(
         self, offsets: FloatArray, h: FloatArray, corners: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Offsets and span times of a proposal whose masked corners revert to the best shape.
+        """Return a proposal whose masked corners revert to the best shape: offsets and span times.
 
         Next to a reverted corner, the change of the proposal increases with the distance from the
         corner.
@@ -308,11 +313,13 @@ class ShapeSearch:
         )
 
     def _spline(self, offsets: FloatArray, h: FloatArray) -> JointSpline:
+        """Make the joint spline of offsets [m], (n, k), and span times [s], (n,)."""
         nodes = self.nodes
         points = nodes.points + np.einsum("ndk,nk->nd", nodes.frames, offsets)
         return JointSpline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
 
     def _propose(self) -> tuple[FloatArray, FloatArray]:
+        """Propose new offsets [m], (n, k), and span times [s], (n,), by the quadratic program."""
         state = self.state
         nodes = self.nodes
         n, k = state.offsets.shape
@@ -343,6 +350,10 @@ class ShapeSearch:
     def _limit_rows(
         self, offsets: FloatArray, h: FloatArray, unit: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
+        """Return the rows of all limits of the arm, and their bounds, about a shape.
+
+        - `unit`: change of a node's offsets by one unknown [m], (n,).
+        """
         nodes = self.nodes
         limits = self.timer.limits
         spline = self._spline(offsets, h)
@@ -353,7 +364,7 @@ class ShapeSearch:
         return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
     def _node_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rows of single nodes: tube, trust region, and smallest span time."""
+        """Return rows and bounds of single nodes: tube, trust region, smallest span time."""
         state = self.state
         nodes = self.nodes
         n, k = state.offsets.shape
@@ -428,8 +439,8 @@ class ShapeSearch:
                 )
             lacking[near] = np.maximum(lacking[near], excess[k])
         # Control points determine their own span and both neighbours.
-        wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
-        lacking = np.maximum(lacking, wide)
+        of_neighbours = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
+        lacking = np.maximum(lacking, of_neighbours)
         reduction = EXCESS_FACTOR * np.maximum(lacking, 0.0) / np.maximum(nodes.smallest, 1e-12)
         # `inside` is at least doubled, so that few reductions are sufficient.
         increased = np.maximum(2 * state.inside, state.inside + reduction)
@@ -469,7 +480,7 @@ class ShapeSearch:
 
 
 def explain_unshaped(objective: Path, tube: Tube) -> str | None:
-    """Reason why a path cannot be shaped, as a clause; None if it can."""
+    """Return the reason why a path cannot be shaped, as a clause; None if it can."""
     if (tube.tolerance == 0).any():
         # Splines of the joints do not follow a line exactly.
         return "not shaped, because a line has no tolerance"
@@ -481,8 +492,10 @@ def explain_unshaped(objective: Path, tube: Tube) -> str | None:
 def make_searches(
     objective: Path, tube: Tube, timer: Timer, tolerances: Tolerances
 ) -> Iterator[ShapeSearch | None]:
-    """Yield the searches from parabolas and from arcs, beginning with the faster start."""
-    # Yields None instead of a search with too many nodes.
+    """Yield the searches from parabolas and from arcs, beginning with the faster start.
+
+    A search with too many nodes is replaced by None.
+    """
     starts = make_starts(objective, tube, tolerances, START_SHARE)
     candidates = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in candidates if x is not None), key=lambda x: x.duration):

@@ -1,4 +1,7 @@
-"""Starts of the search (stops, arcs, parabolas); a shaped path is never slower than its start."""
+"""Initial paths of the shape search: exact corners, arcs or parabolas.
+
+A shaped path is never slower than its initial path.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ MATCH_CORRECTION = 6.0
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
-    """Matching arc lengths, of nearest points on the objective and of the path [m], (m, 2).
+    """Match a path to the objective: arc lengths of nearest points on both [m], (m, 2).
 
     The path passes a corner at its point nearest to the corner. Points before this point match the
     stretch before the corner, points after it match the stretch after the corner.
@@ -116,14 +119,14 @@ class Timer:
     intervals: int | None = None
 
     def trace(self, path: Path) -> JointPath:
-        """Joint path along a path, the fastest of the configuration."""
+        """Trace a path in the configuration; of several joint paths, return the fastest."""
         joint_paths = trace_by_duration(
             path, self.arm, self.limits, configuration=self.configuration, seed=self.seed
         )
         return next(joint_paths)[0]
 
     def time(self, joint_path: JointPath) -> Trajectory:
-        """Fastest motion along a joint path."""
+        """Plan the fastest motion along a joint path."""
         return plan_optimal(joint_path, self.arm, self.limits, Optimal(intervals=self.intervals))
 
     def candidate(self, name: str, path: Path, matches: FloatArray) -> Candidate | None:
@@ -158,12 +161,13 @@ def make_starts(
 def _round_within(
     objective: Path, tube: Tube, tolerances: Tolerances, curve: Curve, share: float
 ) -> tuple[RoundedPath, FloatArray] | None:
-    """Rounded path within the tube, with its matching arc lengths; None if it needs stops."""
+    """Round corners within the tube; return path and matching arc lengths, or None for stops."""
     # Corners whose rounding leaves the tube get a smaller tolerance.
     requested = np.full(len(objective) - 1, share * tolerances.distance)
     requested[tube.vertex - 1] = share * tube.vertex_tolerance
 
     def outside(tolerance: FloatArray) -> tuple[RoundedPath, FloatArray, IntArray]:
+        """Round the corners; return the path, its matches, and the corners outside the tube."""
         path = round_path(
             objective, tolerance=tolerance, angular_tolerance=tolerances.angle, curve=curve
         )
@@ -196,7 +200,7 @@ def _round_within(
 
 
 def _corners_outside(tube: Tube, path: RoundedPath, matches: FloatArray) -> IntArray:
-    """Vertices between segments at which a rounded path leaves the tube, or has a tiny radius."""
+    """Find the vertices at which a rounded path leaves the tube, or has a tiny radius."""
     proof = prove(tube, path, matches)
     middle = (path.breaks[:-1] + path.breaks[1:]) / 2
     s_objective = np.interp(middle[proof.segments > proof.slack], matches[:, 1], matches[:, 0])
@@ -213,7 +217,7 @@ def _corners_outside(tube: Tube, path: RoundedPath, matches: FloatArray) -> IntA
 
 
 def _matching_lengths(rounded: RoundedPath) -> FloatArray:
-    """Matching arc lengths on the objective and on its rounded path [m], (n, 2)."""
+    """Return matching arc lengths on the objective and on its rounded path [m], (n, 2)."""
     c = rounded.corners
     s_corners = rounded.objective.breaks[c.vertex]
     s = np.unique(

@@ -48,6 +48,8 @@ MANY_CONTOURS = 24
 # Largest number of joint values of the control points, summed over all iterations, for each corner
 # or rest. Tolerances of about 1 µm (six joints) and 0.1 µm (two joints) need more.
 WORK = 30_000
+# Decimals to which durations of initial paths are compared [s].
+DURATION_DECIMALS = 9
 # Note of a contour for which arcs are faster than all shapes that were found
 ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
 
@@ -218,7 +220,7 @@ class Shaping:
     def _choose_faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
     ) -> Program:
-        """Shaped program with the faster start, or the program with arcs if it is faster.
+        """Return the shaped program with its faster start, or that with arcs if it is faster.
 
         Shapes were compared from the start `first` [rad], (dof,). A redundant arm can be slightly
         slower from this start than from a free start, and the plan along arcs has a free start.
@@ -242,11 +244,9 @@ class Shaping:
             durations = dict(outcome.durations) | {SHAPED: span.trajectory.duration}
             if along_arcs is not None and ARCS in durations:
                 durations[ARCS] = cast(Trajectory, along_arcs[i].trajectory).duration
-            starts = {name: x for name, x in durations.items() if name != SHAPED}
             outcome = replace(
                 outcome,
-                # Of starts with equal rounded durations, the simplest one comes first.
-                start=min(starts, key=lambda name: round(starts[name], 9)),
+                start=_fastest_start(durations),
                 durations=durations,
                 note=outcome.note or (None if fastest is shaped else ARCS_ARE_FASTER),
                 joints=joints,
@@ -257,18 +257,22 @@ class Shaping:
         return replace(fastest, moves=tuple(moves))
 
     def _time(self, traced: Tracing) -> Trajectory:
+        """Time a traced program with the reserve of the options."""
         limits = reduce_limits(self.limits, self.options.reserve)
         timing = Timing(self.arm, limits, Optimal(intervals=self.options.intervals))
         return time_program(traced, timing)
 
     def _trace_from(self, program: Program, seed: npt.ArrayLike | None) -> Tracing:
+        """Trace a program from a start [rad], (dof,); from the fastest one if `seed` is None."""
         configuration = self.options.configuration
         return trace_program(program, self.arm, self.limits, configuration=configuration, seed=seed)
 
     def _trace_with_arcs(self, program: Program) -> tuple[Tracing | None, Tracing]:
-        """Trace the program with arcs at its corners, and with sharp corners if that is faster."""
-        # Returns two tracings. The first is that of the program with arcs; None if the arm cannot
-        # follow it. The configurations of the second are used for all starts and shapes.
+        """Trace the program with arcs at its corners, and with sharp corners if that is faster.
+
+        Returns two tracings. The first is that of the program with arcs; None if the arm cannot
+        follow it. The configurations of the second are used for all starts and shapes.
+        """
         seed = self.options.seed
         try:
             arcs = self._trace_from(self._with_arcs(program), seed)
@@ -285,6 +289,7 @@ class Shaping:
             return arcs, arcs
 
         def least_duration(traced: Tracing) -> float:
+            """Return the duration along the fastest initial path in a tracing's configuration."""
             tube = Tube.around(program.path, self.options.tolerance)
             timer = self._timer(traced.joint_paths[0])
             candidates = _time_starts(program.path, tube, timer, self.options)
@@ -293,7 +298,7 @@ class Shaping:
         return arcs, min(arcs, sharp, key=least_duration)
 
     def _with_arcs(self, program: Program) -> Program:
-        """The program with arcs at its corners, or with stops if arcs leave the tube."""
+        """Return the program with arcs at its corners, or with stops if arcs leave the tube."""
         moves = list(program.moves)
         for i, move in enumerate(moves):
             if isinstance(move, Contour):
@@ -307,7 +312,7 @@ class Shaping:
         return replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
-        """Timer in the configuration of a joint path; `seed` replaces its start if equal to it.
+        """Make the timer for the configuration of a joint path; `seed` replaces an equal start.
 
         The knots of a redundant arm depend on the rounding of the start, so `seed` itself is used.
         """
@@ -333,7 +338,17 @@ def _cap_tolerances(path: Path, tolerance: float) -> Path:
     return replace(path, segments=path.segments.replace(tolerances=tolerances, checked=True))
 
 
+def _fastest_start(durations: dict[str, float]) -> str:
+    """Return the name of the initial path with the shortest duration [s].
+
+    Of initial paths with equal durations, the simplest one comes first.
+    """
+    starts = {name: x for name, x in durations.items() if name != SHAPED}
+    return min(starts, key=lambda name: round(starts[name], DURATION_DECIMALS))
+
+
 def _path_of(move: Move) -> ShapedPath:
+    """Return the shaped path of a contour."""
     assert isinstance(move, Contour) and isinstance(move.path, ShapedPath)
     return move.path
 
@@ -348,8 +363,10 @@ class _Task:
 
 
 def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int], ShapedPath]:
-    """Function that returns the shaped path of a contour; other processes shape many contours."""
-    # The function raises the error of the contour.
+    """Return a function from the number of a task to its shaped path.
+
+    Many contours are shaped in other processes.
+    """
     count = len(tasks)
 
     def report(done: float) -> None:
@@ -364,6 +381,7 @@ def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int],
     report(count)
 
     def shaped_path(i: int) -> ShapedPath:
+        """Return the shaped path of task i, or raise its error."""
         shaped = shaped_paths[i]
         if isinstance(shaped, ArmContourError):
             raise shaped
@@ -373,6 +391,7 @@ def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int],
 
 
 def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
+    """Shape one contour in another process; return the error instead of raising it."""
     try:
         return _shape(task, lambda share: None)
     except ArmContourError as error:
@@ -398,20 +417,21 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
     if note is None:
         searches = make_searches(objective, tube, timer, options.tolerances)
     unfinished = False
-    work = float(WORK)
+    remaining_work = float(WORK)
     for search in searches:
         if search is None:
             unfinished = True
             continue
         remaining = options.iterations - len(history) + 1
-        allowed = min(remaining, int(work / search.size))
+        allowed = min(remaining, int(remaining_work / search.size))
         before = len(history)
         for candidate in islice(search.run(), allowed):
             best = min(best, candidate, key=lambda x: x.duration)
             history.append(best.duration)
             report((len(history) - 1) / options.iterations)
-        work -= (len(history) - before) * search.size
-        unfinished |= len(history) - before == allowed < remaining
+        done = len(history) - before
+        remaining_work -= done * search.size
+        unfinished |= done == allowed < remaining
         # Another start usually leads to the same shape.
         if best.duration < (1 - ENOUGH_SAVED) * first.duration:
             break
@@ -428,6 +448,7 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
 
 
 def _time_starts(objective: Path, tube: Tube, timer: Timer, options: Shaped) -> list[Candidate]:
+    """Time all initial paths of the search that the arm can follow."""
     candidates = [
         timer.candidate(name, path, places)
         for name, (path, places) in make_starts(objective, tube, options.tolerances).items()
@@ -438,6 +459,7 @@ def _time_starts(objective: Path, tube: Tube, timer: Timer, options: Shaped) -> 
 def _shaped_path(
     objective: Path, path: Path, matches: FloatArray, options: Shaped, outcome: ShapingOutcome
 ) -> ShapedPath:
+    """Make the shaped path from a path and its matching arc lengths on the objective."""
     return ShapedPath(
         segments=path.segments,
         merged=path.merged,

@@ -95,18 +95,18 @@ class NearPath:
         return cls(arm=arm, configuration=configuration, q=q, poses=poses, task=task, free=free)
 
     def solve(self, points: FloatArray, guess: FloatArray) -> FloatArray:
-        """Joint positions with the tool at `points` [m], near a guess [rad], (n, dof)."""
+        """Return joint positions with the tool at `points` [m], near a guess [rad], (n, dof)."""
         if isinstance(self.arm, PlanarTwoLink):
             q = self.arm.joint_position(points, self.configuration)
             return np.asarray(q + 2 * np.pi * np.round((guess - q) / (2 * np.pi)))
         assert isinstance(self.arm, SerialArm) and self.poses is not None
         assert self.free is not None
-        from armcontour.robot import newton
+        from armcontour.robot import pose_solver
 
         poses = np.array(self.poses)
         poses[:, :, 3] = points
         q = np.array(guess, order="C")
-        solved = newton.newton(
+        solved = pose_solver.solve_poses(
             self.arm.link_table, self.task, q, poses, self.free[:, None], self.q[:, None]
         )
         if not solved.all():
@@ -115,7 +115,7 @@ class NearPath:
         return q
 
     def steps(self, q: FloatArray, frames: FloatArray) -> FloatArray:
-        """Derivatives of q for offsets along the columns of `frames` [rad/m], (n, dof, k)."""
+        """Return the derivatives of q by offsets along columns of `frames` [rad/m], (n, dof, k)."""
         if self.poses is None:
             return np.asarray(np.linalg.solve(self.arm.tool_jacobian(q), frames))
         assert isinstance(self.arm, SerialArm) and self.free is not None
@@ -168,7 +168,7 @@ class Nodes:
         return len(self.s_objective)
 
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
-        """Largest offsets in each direction of `sides` [m], (n, m).
+        """Return the largest offsets in each direction of `sides` [m], (n, m).
 
         `inside` is the fraction of the tolerance that offsets must not use, (n,).
         """
@@ -197,7 +197,7 @@ class Nodes:
         return offsets
 
     def _windows(self, tube: Tube) -> IntArray:
-        """First and last piece of the tube that each node may match, (n, 2)."""
+        """Return the first and last piece of the tube that each node may match, (n, 2)."""
         # Matches stay between two corners. A node at a corner may match the pieces on both sides.
         ends = tube.objective.breaks[tube.vertex]
         corners = np.concatenate([[-np.inf], ends, [np.inf]])
@@ -213,7 +213,10 @@ def _farthest(
     direction: FloatArray,
     tolerance: FloatArray,
 ) -> FloatArray:
-    """Largest offsets along directions for which all smaller offsets are inside [m], (n,)."""
+    """Find the largest offsets along directions up to which all offsets are inside [m], (n,).
+
+    - `is_inside`: mask, (n,), of offsets [m], (n,), along directions, (n, dimension).
+    """
     low = np.zeros(len(tolerance))
     inside = np.ones(len(tolerance), dtype=bool)
     for share in np.arange(SEARCH_STEP, LARGEST_OFFSET, SEARCH_STEP):
@@ -231,7 +234,7 @@ def _farthest(
 
 
 def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | None) -> Nodes | None:
-    """Nodes along the path of a start, dense at corners and rests; None if there are too many."""
+    """Place nodes along the path of a start, dense at corners and rests; None if too many."""
     path = start.path
     matches = start.places
     joint_path = start.joint_path
@@ -307,7 +310,7 @@ class _Marks:
 
 
 def _adjacent_corners(corner: IntArray) -> IntArray:
-    """Index of the corner at or next to each node, (n,); -1 for none."""
+    """Return the index of the corner at or next to each node, (n,); -1 for none."""
     nearest = corner.copy()
     indices = np.flatnonzero(corner >= 0)
     for side in (np.maximum(indices - 1, 0), np.minimum(indices + 1, len(corner) - 1)):
@@ -317,6 +320,7 @@ def _adjacent_corners(corner: IntArray) -> IntArray:
 
 
 def _smallest_of_neighbours(values: FloatArray) -> FloatArray:
+    """Return the smallest value of each node and its two neighbours, (n,)."""
     smallest = values.copy()
     smallest[1:] = np.minimum(smallest[1:], values[:-1])
     smallest[:-1] = np.minimum(smallest[:-1], values[1:])
@@ -324,13 +328,13 @@ def _smallest_of_neighbours(values: FloatArray) -> FloatArray:
 
 
 def _equals_any(s: FloatArray, others: FloatArray) -> BoolArray:
-    """Mask of arc lengths that are equal to one of `others`."""
+    """Return the mask of arc lengths that are equal to one of `others`."""
     i = np.clip(np.searchsorted(others, s), 1, len(others) - 1)
     return np.asarray(np.minimum(np.abs(s - others[i - 1]), np.abs(s - others[i])) < 1e-9)
 
 
 def _tolerance_at(tube: Tube, s_objective: FloatArray) -> FloatArray:
-    """Tolerance at points of the objective [m], (n,); at a change, the smaller value."""
+    """Return the tolerance at points of the objective [m], (n,); at a change, the smaller value."""
     last = len(tube) - 1
     before = np.clip(np.searchsorted(tube.breaks, s_objective, side="left") - 1, 0, last)
     after = np.clip(np.searchsorted(tube.breaks, s_objective, side="right") - 1, 0, last)
@@ -338,7 +342,7 @@ def _tolerance_at(tube: Tube, s_objective: FloatArray) -> FloatArray:
 
 
 def _tool_curvature(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
-    """Curvature of the tool path at constant joint velocities [1/m], (n,)."""
+    """Return the curvature of the tool path at constant joint velocities [1/m], (n,)."""
     slope = joint_path(s, 1)
     even = np.einsum("nij,nj->ni", arm.tool_jacobian_rate(joint_path(s), slope), slope)
     return np.asarray(np.linalg.norm(even, axis=1))
@@ -347,7 +351,7 @@ def _tool_curvature(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArra
 def _distribute_nodes(
     start: Candidate, arm: Arm, tube: Tube, marks: _Marks
 ) -> tuple[FloatArray, IntArray] | None:
-    """Arc lengths of nodes, and the mark at each node or -1; None if there are too many nodes."""
+    """Return the arc lengths of the nodes, and the mark at each node or -1; None if too many."""
     # From its value at a mark, the distance between nodes grows by the fraction NODE_GROWTH per
     # node.
     path = start.path
@@ -403,7 +407,7 @@ def _divide(
     count: IntArray,
     along: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Arc lengths that divide the stretches between marks, and the mark at each point or -1.
+    """Divide the stretches between marks: return arc lengths [m], and the mark at each or -1.
 
     - `ends`: values at the marks, (m,). Each stretch is divided into `count` parts, (m - 1,), with
       equal steps of these values.
@@ -417,6 +421,7 @@ def _divide(
 
 
 def _frames(tangents: FloatArray) -> FloatArray:
+    """Return the directions normal to unit tangents as columns, (n, dimension, dimension - 1)."""
     if tangents.shape[1] == 2:
         return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)[:, :, None]
     first = perpendicular(tangents)
@@ -425,6 +430,7 @@ def _frames(tangents: FloatArray) -> FloatArray:
 
 
 def _sides(k: int) -> FloatArray:
+    """Return unit vectors in k dimensions, k = 1 or 2, in which offsets are bounded, (m, k)."""
     if k == 1:
         return np.array([[1.0], [-1.0]])
     angle = 2 * np.pi * np.arange(OFFSET_DIRECTIONS) / OFFSET_DIRECTIONS

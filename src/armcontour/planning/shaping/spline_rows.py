@@ -70,7 +70,7 @@ class SpanRows:
 
 
 def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
-    """Rows of all limits, except angular limits of the tool and joint ranges.
+    """Return the rows of all limits, except angular limits of the tool and joint ranges.
 
     Rotation depends on the orientation, which is a function of the objective and not of the
     offsets; the exact timing satisfies its limits. Shapes that leave a joint range cannot be
@@ -131,14 +131,14 @@ def _join_groups(groups: Sequence[SpanRows]) -> SpanRows:
 def _acceleration_rows(
     signed_axes: FloatArray, e: FloatArray, h: FloatArray, limit: FloatArray
 ) -> SpanRows:
-    """Rows `±(e_i - e_{i-1}) <= limit h_i`; the rows of positive accelerations come first."""
+    """Return the rows `±(e_i - e_{i-1}) <= limit h_i`, those of positive accelerations first."""
     bound = np.broadcast_to(np.minimum(limit, NEVER), signed_axes.shape[:2])
     value = np.einsum("nrj,nj->nr", signed_axes, np.diff(e, axis=0)) - bound * h[:, None]
     return SpanRows(value, -signed_axes, signed_axes, -bound, bound * h[:, None])
 
 
 def _velocity_rows(signed_axes: FloatArray, e: FloatArray, limit: FloatArray) -> SpanRows:
-    """Rows `±e_i <= limit` of the joint velocities."""
+    """Return the rows `±e_i <= limit` of the joint velocities."""
     bound = np.broadcast_to(np.minimum(limit, NEVER), signed_axes.shape[:2])
     value = np.einsum("nrj,nj->nr", signed_axes, e[1:]) - bound
     after = np.where((value > FAR_BELOW_LIMIT * bound)[..., None], signed_axes, 0.0)
@@ -146,7 +146,7 @@ def _velocity_rows(signed_axes: FloatArray, e: FloatArray, limit: FloatArray) ->
 
 
 def _tool_speed_rows(end: States, speeds: FloatArray) -> SpanRows:
-    """Rows `|J e_i| <= speed` of the tool speed."""
+    """Return the rows `|J e_i| <= speed` of the tool speed."""
     velocity = end.tool_velocity
     speed = np.linalg.norm(velocity, axis=1)
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
@@ -161,7 +161,13 @@ def _tool_speed_rows(end: States, speeds: FloatArray) -> SpanRows:
 def _tool_acceleration_rows(
     end: States, h: FloatArray, limit: float, last: bool, *, across: bool
 ) -> SpanRows:
-    """Rows of the tool acceleration in several directions, or of its part normal to the motion."""
+    """Return the rows of the tool acceleration in several directions, or of its normal part.
+
+    - `end`: joint states at one end of the spans.
+    - `h`: span times [s], (n,).
+    - `last`: true if that end is the end of the spans.
+    - `across`: true for the part normal to the motion, the centripetal acceleration.
+    """
     # The acceleration in direction d is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e. All rows are
     # multiplied by h_i.
     arm = end.arm
@@ -194,7 +200,7 @@ def _tool_acceleration_rows(
 
 
 def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) -> FloatArray:
-    """Unit vectors in which the acceleration is bounded, (n, m, dimension)."""
+    """Return unit vectors in which the acceleration is bounded, (n, m, dimension)."""
     # The first direction is parallel to the acceleration, or to its part normal to the motion.
     n, dimension = tangent.shape
     if dimension == 2:
@@ -229,7 +235,10 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
 def _torque_rows(
     end: States, signed_axes: FloatArray, h: FloatArray, limit: FloatArray, last: bool
 ) -> SpanRows:
-    """Rows `±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= limit h_i` of torques at one end of spans."""
+    """Return the rows of the torques at one end of the spans.
+
+    They are `±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= limit h_i`.
+    """
     # Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction
     # f are treated as constant.
     dynamics = end.arm.dynamics
@@ -262,7 +271,7 @@ def _derivatives_at_ends(
 def assemble(
     spline: JointSpline, rows: SpanRows, steps: FloatArray, unit: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Rows of the quadratic program in scaled unknowns, and their bounds.
+    """Return the rows of the quadratic program in scaled unknowns, and their bounds.
 
     The unknowns of node i are its offsets divided by `unit`, and the relative change of h_i.
 

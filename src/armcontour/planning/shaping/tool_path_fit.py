@@ -97,14 +97,17 @@ def _refinement_factor(
 
 
 def _divide_spans(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
-    """Span of each part, (p,), and shares of the span time at its start and end, (p, 2)."""
+    """Return the span of each part, (p,), and fractions of the span time at its ends, (p, 2)."""
     span, number = number_parts(count)
     return spans[span], np.stack([number, number + 1], axis=1) / count[span][:, None]
 
 
 def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
-    """Fit two arcs and a quintic to each part, from results of `_evaluate_spline` at its ends."""
-    # Returns the arcs; the arc lengths of the ends of the parts [m]; coefficients of the quintics.
+    """Fit two arcs and a quintic to each part, from results of `_evaluate_spline` at its ends.
+
+    Returns the arcs, (2 n,), the arc lengths of the ends of the parts [m], (n + 1,), and the
+    coefficients of the quintics, (n, 6, dimension).
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         # Straight parts have no normal.
         arcs = join_pairs(*make_biarcs(begin[0], begin[1], end[0], end[1]))
@@ -115,6 +118,7 @@ def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
 def _draw(
     spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, count: IntArray
 ) -> DrawnPath:
+    """Compute the tool path of a joint spline with `count`, (n,), parts of each span."""
     span, share = _divide_spans(np.arange(len(count)), count)
     begin = _evaluate_spline(spline, arm, span, share[:, 0])
     end = _evaluate_spline(spline, arm, span, share[:, 1])
@@ -149,7 +153,7 @@ def _count_parts(spline: JointSpline) -> IntArray:
 
 
 def _evaluate_spline(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
-    """Points, unit tangents and their derivatives along the arc length, (m, dimension) each.
+    """Return points, unit tangents and tangent derivatives in arc length, (m, dimension) each.
 
     `share` is the time since the start of the span, divided by the span time, (m,).
     """
@@ -192,7 +196,7 @@ def _with_columns(arcs: Segments, objective: Path, s_parts: FloatArray) -> Segme
 
 
 def _spreads(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Largest distance of the arcs from each quintic [m], (n,)."""
+    """Return the largest distance of the arcs from each quintic [m], (n,)."""
     width = np.diff(breaks)
     powers = PLACES[:, None] ** np.arange(6)
     points = np.einsum("pk,nkd->npd", powers, coefficients)

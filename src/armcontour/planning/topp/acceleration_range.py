@@ -41,7 +41,7 @@ class AccelerationRange(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
-    """Smallest and largest u at one end of interval i within the limit r of a vector norm."""
+    """Return smallest and largest u at one end of interval i within limit r of a vector norm."""
     aa = ab = bb = 0.0
     for d in range(3):
         a = rounds.ends[i, end, r, A, d]
@@ -59,7 +59,7 @@ def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[fl
 def _joint_acceleration_range(
     grid: Intervals, limits: GridLimits, location: tuple[int, int, int, int], x: float
 ) -> AccelerationRange:
-    """Range of u within a group of joint bounds; its active limits are coded as c.
+    """Return the range of u within a group of joint bounds; its active limits are coded as c.
 
     `location` is interval, end, group and first joint.
     """
@@ -91,7 +91,7 @@ def _joint_acceleration_range(
 def acceleration_range(
     grid: Intervals, limits: GridLimits, i: int, end: int, x: float
 ) -> AccelerationRange:
-    """Range of u at one end of interval i, for the value x of ds² there."""
+    """Return the range of u at one end of interval i, for the value x of ds² there."""
     rows = limits.rows.ends
     viscous = limits.friction.viscous
     rounds = limits.rounds

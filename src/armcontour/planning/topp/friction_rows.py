@@ -135,7 +135,7 @@ def friction_rise(friction: Friction, i: int, j: int, line: FrictionLine, w: flo
 
 @compiled(inner=True)
 def _row_end(ends: FloatArray, i: int, end: int, r: int) -> Row:
-    """Row r at one end of interval i."""
+    """Return row r at one end of interval i."""
     return Row(ends[i, end, r, A], ends[i, end, r, B], ends[i, end, r, LOW], ends[i, end, r, HIGH])
 
 

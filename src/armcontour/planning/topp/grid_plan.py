@@ -3,7 +3,7 @@
 On each interval u is linear in s with a slope k that is chosen in advance. With the mean m of u and
 the half change t = k w / 2, u is m - t and m + t at the ends, and x at the end is x + 2 w m. All
 limits of an interval are therefore half-planes and conics in the plane of x and m: `limit_lines`
-writes them, and `reachability` finds the largest x. docs/concepts/time_optimal.md has the
+writes them, and `reachability_passes` finds the largest x. docs/concepts/time_optimal.md has the
 derivation.
 """
 
@@ -29,7 +29,7 @@ from armcontour.planning.topp.plan_rules import (
     UNLIMITED,
     Rules,
 )
-from armcontour.planning.topp.reachability import PassSquares, backward_forward_pass
+from armcontour.planning.topp.reachability_passes import PassSquares, backward_forward_pass
 
 # Relative tolerance of x at the start and the end of the path.
 END_SQUARE_TOLERANCE = 1e-7

@@ -19,7 +19,7 @@ def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
 
 @compiled(inner=True, fastmath=FUSED)
 def path_slopes(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Vector]:
-    """dq_ds and d2q_ds2 of LANES joints at an end of an interval."""
+    """Return dq_ds and d2q_ds2 of LANES joints at an end of an interval."""
     k = grid.piece[i]
     scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
     x = (grid.s[i + end] - grid.breaks[k]) * scale
@@ -35,7 +35,7 @@ def path_slopes(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, 
 
 @compiled(inner=True, fastmath=FUSED)
 def derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
-    """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor expansion about its middle."""
+    """Bound |d3q_ds3| and |d4q_ds4| on an interval by Taylor expansion about its middle."""
     k = grid.piece[i]
     scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
     begin = grid.breaks[k]
@@ -53,5 +53,5 @@ def derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vect
 
 @compiled(inner=True)
 def next_joint(grid: Intervals, joint: int) -> int:
-    """First joint of the next group of joint bounds; 0 after the last group."""
+    """Return the first joint of the next group of joint bounds; 0 after the last group."""
     return joint + LANES if joint + LANES < grid.dof else 0

@@ -57,7 +57,12 @@ class JointBounds(NamedTuple):
 
     @classmethod
     def from_limits(cls, dof: int, *limits: FloatArray) -> JointBounds:
-        """Make the groups from acceleration bounds and inverse squares of velocity bounds."""
+        """Make the groups of joints.
+
+        - `dof`: number of joints.
+        - `limits`: lower and upper acceleration bounds, then the inverse squares of the lower and
+          upper velocity bounds, (dof,) each; an empty array for no limit.
+        """
         groups = -(-dof // LANES)
         table = np.empty((groups, ROWS // LANES, LANES))
         table[:] = UNBOUNDED
@@ -171,22 +176,26 @@ def combine_forms(forms: Iterable[Form], n: int) -> GridLimits:
     tables: dict[type, list[tuple[FloatArray, ...]]] = {}
     for form in forms:
         tables.setdefault(type(form), []).append(form)
-    ceiling = tables.get(Ceiling)
-    if ceiling is None:
-        lowest = np.empty((n, 2))
-        lowest.fill(np.inf)
-    else:
-        lowest = ceiling[0][0] if len(ceiling) == 1 else np.min([x[0] for x in ceiling], axis=0)
+    ceilings = [x[0] for x in tables.get(Ceiling, ())]
     joints = [x[0] for x in tables.get(JointBounds, ())]
     bounds = joints[0] if len(joints) == 1 else np.concatenate([*joints, np.empty(0)])
     rows, squares, rounds, friction = (_concatenate(x, tables.get(x), n) for x in TABLES)
-    return GridLimits(rows, squares, rounds, friction, lowest, bounds)
+    return GridLimits(rows, squares, rounds, friction, _lowest_ceiling(ceilings, n), bounds)
+
+
+def _lowest_ceiling(ceilings: list[FloatArray], n: int) -> FloatArray:
+    """Return the lowest of several upper bounds of x, (n, 2); infinite if there are none."""
+    if not ceilings:
+        unlimited = np.empty((n, 2))
+        unlimited.fill(np.inf)
+        return unlimited
+    return ceilings[0] if len(ceilings) == 1 else np.min(ceilings, axis=0)
 
 
 def _concatenate(kind: type, tables: list[tuple[FloatArray, ...]] | None, n: int) -> Any:
-    """Join all forms of one class to one form."""
+    """Join all forms of one class, on n intervals, to one form; it has no rows without forms."""
     if tables is None:
-        return _without_rows(kind, n)
+        return _empty_form(kind, n)
     if len(tables) == 1:
         return tables[0]
     joined = []
@@ -197,9 +206,10 @@ def _concatenate(kind: type, tables: list[tuple[FloatArray, ...]] | None, n: int
     return kind(*joined)
 
 
-# Most plans have few classes of forms and repeat numbers of intervals.
+# The cache is small, because plans use few classes of forms and repeat numbers of intervals.
 @lru_cache(maxsize=64)
-def _without_rows(kind: type, n: int) -> Any:
+def _empty_form(kind: type, n: int) -> Any:
+    """Make a form of a class without rows, on n intervals."""
     arrays = []
     for axes in SHAPES[kind].values():
         lengths = [0 if x is None else x for x in axes]
@@ -208,7 +218,10 @@ def _without_rows(kind: type, n: int) -> Any:
 
 
 def largest_u(limits: GridLimits) -> FloatArray:
-    """Largest |u| at rest on every interval, without friction and `JointBounds`, (n,)."""
+    """Return the largest |u| at rest on every interval [m/s²], (n,).
+
+    Friction and `JointBounds` are ignored.
+    """
     ends = limits.rows.ends
     rounds = limits.rounds
     with np.errstate(divide="ignore"):
@@ -218,7 +231,10 @@ def largest_u(limits: GridLimits) -> FloatArray:
 
 
 def margins_of(rise: FloatArray, bounds: tuple[FloatArray, ...]) -> FloatArray:
-    """Margins of rows, (n, rows), for the bounds x, x_min, u and k of a plan, (n,) each."""
+    """Return the margins of rows, (n, rows), with their rise, (n, rows, 4).
+
+    - `bounds`: bounds x, x_min, u and k of a plan, (n,) each, as in `MotionBounds`.
+    """
     x, _, u, slope = (y[:, None] for y in bounds)
-    by = rise[..., BY_U] * u + rise[..., BY_X] * x
-    return np.asarray(by + rise[..., BY_SLOPE] * np.abs(slope) + rise[..., BY_CONSTANT])
+    by_motion = rise[..., BY_U] * u + rise[..., BY_X] * x
+    return np.asarray(by_motion + rise[..., BY_SLOPE] * np.abs(slope) + rise[..., BY_CONSTANT])

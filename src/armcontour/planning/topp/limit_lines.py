@@ -71,7 +71,10 @@ class LimitLines(NamedTuple):
 
 @compiled(inner=True, allocates=True)
 def make_lines(limits: GridLimits, lost: FloatArray) -> LimitLines:
-    """Lines for the limits, without any limit on an interval yet; `lost` is the field's array."""
+    """Make the lines for all limits, without any limit on an interval yet.
+
+    - `lost`: array of the field `lost`.
+    """
     n = len(lost)
     slots = 1
     joint_groups = len(limits.joints) // ROWS

@@ -37,7 +37,7 @@ NO_GAIN_SHARE = 0.02
 
 @compiled(inner=True, fastmath=FUSED)
 def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
-    """Largest x at one end of interval i that all speed limits allow."""
+    """Return the largest x at one end of interval i that all speed limits allow [m²/s²]."""
     steepest = 0.0
     joint = 0
     for group in range(len(limits.joints) // ROWS):
@@ -56,7 +56,7 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
 def _shortest_time(
     w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
 ) -> tuple[float, float]:
-    """Shortest time [s] through an interval, and the switch point as a fraction of the interval.
+    """Return the shortest time through an interval [s], and the switch point as a fraction of it.
 
     - `w`: length of the interval.
     - `x`: values of x at its ends.
@@ -166,7 +166,7 @@ def estimate_losses(grid: Intervals, limits: GridLimits, plan: GridPlan) -> Plan
 
 @compiled(inner=True, fastmath=FUSED)
 def _motion_on(grid: Intervals, plan: GridPlan, i: int) -> _Motion:
-    """Motion of a plan on interval i."""
+    """Return the motion of a plan on interval i."""
     w = grid.s[i + 1] - grid.s[i]
     x0 = plan.x[i]
     x1 = plan.x[i + 1]
@@ -176,7 +176,7 @@ def _motion_on(grid: Intervals, plan: GridPlan, i: int) -> _Motion:
 
 @compiled(inner=True, fastmath=FUSED)
 def _is_at_ceiling(motion: _Motion, ceilings: tuple[float, float], near: float) -> bool:
-    """Whether x moves at most the share `near` below its ceilings at both ends."""
+    """Return whether x moves at most the share `near` below its ceilings at both ends."""
     x0, x1 = motion.x
     top0, top1 = ceilings
     return x0 > 0.0 and x1 > 0.0 and x0 >= (1 - near) * top0 and x1 >= (1 - near) * top1
@@ -184,13 +184,13 @@ def _is_at_ceiling(motion: _Motion, ceilings: tuple[float, float], near: float) 
 
 @compiled(inner=True, fastmath=FUSED)
 def _ceiling_use(motion: _Motion, ceilings: tuple[float, float]) -> float:
-    """Mean fraction of the largest speeds at both ends that a motion uses."""
+    """Return the mean fraction of the largest speeds at both ends that a motion uses."""
     return (math.sqrt(motion.x[0] / ceilings[0]) + math.sqrt(motion.x[1] / ceilings[1])) / 2
 
 
 @compiled(inner=True, fastmath=FUSED)
 def _unused_shares(motion: _Motion, first: AccelerationRange, last: AccelerationRange) -> _Unused:
-    """Unused shares of the range of u; an end that does not limit u gets those of the other end."""
+    """Return the unused shares of the range of u; without a limit of u, those of the other end."""
     mean = motion.mean
     turn = motion.turn
     up0 = (first.high - mean + turn) / first.narrowest

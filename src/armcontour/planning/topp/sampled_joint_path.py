@@ -175,7 +175,9 @@ class SampledJointPath:
         return self.grid.joint_path.motion(*self.places)
 
     def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
-        """Rows `low <= a u + b x + c <= high` from coefficients at all samples, (samples, rows).
+        """Return the rows `low <= a u + b x + c <= high` from samples of a, b and c.
+
+        `terms` are the coefficients at all samples, (samples, rows) each.
 
         The deviation of a coefficient from its chord is measured in the middle of an interval.
         Close to an inflection point this deviation is too small. Therefore its bound is computed
@@ -193,7 +195,10 @@ class SampledJointPath:
         return np.stack([values[: len(self)], values[self.after]], axis=1)
 
     def round(self, a: FloatArray, b: FloatArray, radius: float) -> Rounds:
-        """Limit `|a u + b x| <= radius` for vectors at all samples, (samples, 2 or 3) each."""
+        """Make the limit `|a u + b x| <= radius` from vectors at all samples.
+
+        - `a`, `b`: vectors at all samples, (samples, 2 or 3) each.
+        """
         n = len(self)
         w = self.grid.width
         ends = np.zeros((n, 2, 1, 2, 3))
@@ -208,7 +213,7 @@ class SampledJointPath:
         return Rounds(ends, np.full((len(self), 1), radius), rise)
 
     def square(self, b: FloatArray) -> Squares:
-        """Limit `b x <= 1` for one b >= 0 at all samples, (samples,)."""
+        """Make the limit `b x <= 1` from one b >= 0 at all samples, (samples,)."""
         w = self.grid.width
         ends = self.at_ends(b)
         deviation = self._chord_deviations(b[:, None])

@@ -1,4 +1,8 @@
-"""Joint positions of a serial arm along a path, one solution for each start configuration."""
+"""Joint positions of a serial arm along a path, one solution for each start configuration.
+
+The solutions are sorted by the length of their joint paths. The configuration of a plan is chosen
+later, by duration: see `trace_by_duration` in planning/program_tracing.py.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,7 @@ from armcontour.planning.tracing.positioner_tilt import (
     tilt_of,
 )
 from armcontour.planning.tracing.redundancy import null_space, smooth
-from armcontour.robot import SerialArm, newton
+from armcontour.robot import SerialArm, pose_solver
 from armcontour.robot.arm import shift_by_turns, unit_hint
 from armcontour.robot.inverse_kinematics import REACH_SEEDS, configurations, out_of_reach, seeds
 from armcontour.robot.limit_use import use_of
@@ -108,7 +112,7 @@ def find_solutions(
     task: int,
     seed: FloatArray | None,
 ) -> list[Solution]:
-    """Solutions that complete the path inside the joint ranges, the shortest first.
+    """Find the solutions that complete the path inside the joint ranges, the shortest first.
 
     - `knot_poses`: tool poses at the starts of the knot intervals and at the end of the last one,
       (n + 1, 3, 4).
@@ -173,12 +177,12 @@ def _follow(
 ) -> tuple[list[FloatArray], list[_Failure]]:
     """Follow all poses from each start; returns the complete joint positions, and the failures."""
     q, reached = follow_branches(arm, poses, task, starts, max_correction)
-    whole = reached == len(poses)
-    failures = [
-        _Failure(reached=int(k), q=way[k - 1])
-        for way, k in zip(q[~whole], reached[~whole], strict=True)
-    ]
-    return [q[k] for k in np.flatnonzero(whole)], failures
+    is_complete = reached == len(poses)
+    failures = []
+    for branch in np.flatnonzero(~is_complete):
+        count = int(reached[branch])
+        failures.append(_Failure(reached=count, q=q[branch, count - 1]))
+    return [q[k] for k in np.flatnonzero(is_complete)], failures
 
 
 def _follow_level(
@@ -189,7 +193,11 @@ def _follow_level(
     seed: FloatArray | None,
     max_correction: float,
 ) -> tuple[list[FloatArray], list[_Failure]]:
-    """`_follow` for a positioner that turns the tool downwards; the arm follows from the floor."""
+    """Follow all poses while the positioner turns the tool downwards; result as of `_follow`.
+
+    The positions of the positioner are found first; the arm then follows the poses seen from the
+    floor.
+    """
     axes = poses[:, :, 2]
     count = arm.chain.floor_link
     robot = arm.from_floor
@@ -199,12 +207,17 @@ def _follow_level(
     followed: list[FloatArray] = []
     failures: list[_Failure] = []
     for k in range(len(positions)):
-        seen = poses_from_floor(arm, poses, profile[:, k])
-        own = configurations(robot, seen[0], task) if starts is None else starts[k : k + 1, count:]
-        most = MAX_STARTS // len(positions)
-        q, short = _follow(robot, seen, task, own[:most], max_correction)
+        floor_poses = poses_from_floor(arm, poses, profile[:, k])
+        if starts is None:
+            arm_starts = configurations(robot, floor_poses[0], task)
+        else:
+            arm_starts = starts[k : k + 1, count:]
+        max_starts = MAX_STARTS // len(positions)
+        q, incomplete = _follow(robot, floor_poses, task, arm_starts[:max_starts], max_correction)
         followed += [np.hstack([profile[:, k], x]) for x in q]
-        failures += [replace(x, q=np.concatenate([profile[x.reached - 1, k], x.q])) for x in short]
+        for x in incomplete:
+            joints = np.concatenate([profile[x.reached - 1, k], x.q])
+            failures.append(replace(x, q=joints))
     if not followed and not failures:
         _refuse_first_pose(path, arm, poses, task, seed)
     return followed, failures
@@ -217,7 +230,7 @@ def follow_branches(
     starts: FloatArray,  # Joint positions at the first pose [rad], (starts, dof)
     max_correction: float = EXACTLY,
 ) -> tuple[FloatArray, IntArray]:
-    """Follow poses from several starts in parallel.
+    """Follow poses from several start positions in parallel.
 
     Returns joint positions at the reached poses [rad], (starts, n, dof), and the number of reached
     poses, including the first, (starts,).
@@ -229,7 +242,9 @@ def follow_branches(
     q[:, 0] = starts
 
     def follow(branches: slice) -> None:
-        newton.follow(arm.link_table, task, poses, q[branches], reached[branches], max_correction)
+        pose_solver.follow(
+            arm.link_table, task, poses, q[branches], reached[branches], max_correction
+        )
 
     _map_in_threads(follow, split_evenly(len(starts), BRANCH_GROUPS), len(starts) * len(poses))
     return q, reached
@@ -256,8 +271,10 @@ def _rank(
     shifted = [shift_by_turns(arm, q)[0] for q in followed]
     options = {"start_stays": seed is not None, "rounds": ROUGH_ROUNDS}
     rough = _smooth(arm, s[few], poses[few], task, [q[few] for q in shifted], **options)
-    both = zip(shifted, rough, strict=True)
-    ranked = [(cost, q if len(few) < len(s) else short) for q, (short, cost) in both]
+    ranked: list[tuple[float, FloatArray]] = []
+    for q, (smoothed, cost) in zip(shifted, rough, strict=True):
+        # If some knots are left out, the smoothed joint path is too short to be continued.
+        ranked.append((cost, q if len(few) < len(s) else smoothed))
     ranked.sort(key=lambda x: x[0])
     distinct: list[FloatArray] = []
     repeated: list[FloatArray] = []
@@ -275,6 +292,7 @@ def _smooth(
     joint_paths: list[FloatArray],
     **options: Any,
 ) -> list[tuple[FloatArray, float]]:
+    """Smooth joint paths of a redundant arm, (n, dof) each; return them with their costs."""
     if not joint_paths:
         return []
 
@@ -340,7 +358,7 @@ class _DistinctSolutions:
 def _outside_null_space(
     w: FloatArray, difference: FloatArray, slides: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Largest component of joint differences outside null spaces, and largest difference [rad].
+    """Return the largest joint difference outside null spaces, and the largest one [rad].
 
     - `w`: bases of the null spaces, (..., n, free, dof).
     - `difference`: joint differences, modulo whole turns [rad].
@@ -388,22 +406,32 @@ def _turn_into_range(
     lower, upper = arm.limits.joint_range(arm.dof)
     below = shifted < lower
     above = shifted > upper
-    # Each joint gets the shift with which it stays in its range farthest along the path. Among
-    # equal shifts, it gets the shift with the smallest excess at the first knot out of range.
     for joint in np.flatnonzero((below | above).any(axis=0) & ~arm.chain.slides):
-        turns = 2 * np.pi * np.arange(-MAX_TURNS, MAX_TURNS + 1)
-        tried = shifted[:, joint, None] + turns
-        beyond = np.maximum(lower[joint] - tried, tried - upper[joint])
-        first_outside = np.argmax(beyond > 0, axis=0)
-        best = np.lexsort((beyond[first_outside, np.arange(len(turns))], -first_outside))[0]
-        shifted[:, joint] = tried[:, best]
-    row = int(np.argmax(((shifted < lower) | (shifted > upper)).any(axis=1)))
+        shifted[:, joint] = _stay_longest(shifted[:, joint], lower[joint], upper[joint])
     below = shifted < lower
     above = shifted > upper
+    row = int(np.argmax((below | above).any(axis=1)))
     worst = int(np.argmax((below | above)[row]))
     limit = float(lower[worst] if below[row, worst] else upper[worst])
     value = float(shifted[row, worst])
     return _Failure(reached=row, q=shifted[row], joint=worst, value=value, limit=limit)
+
+
+def _stay_longest(positions: FloatArray, lower: float, upper: float) -> FloatArray:
+    """Shift a joint by the whole turns with which it stays in its range farthest along the path.
+
+    Among such shifts, the one with the smallest excess at the first knot out of range is used.
+
+    - `positions`: joint positions at the knots, which leave the range with every shift [rad], (n,).
+    - `lower`, `upper`: ends of the range [rad].
+    """
+    turns = 2 * np.pi * np.arange(-MAX_TURNS, MAX_TURNS + 1)
+    tried = positions[:, None] + turns
+    beyond = np.maximum(lower - tried, tried - upper)
+    first_outside = np.argmax(beyond > 0, axis=0)
+    excess = beyond[first_outside, np.arange(len(turns))]
+    best = np.lexsort((excess, -first_outside))[0]
+    return np.asarray(tried[:, best])
 
 
 def _refuse_first_pose(
@@ -456,7 +484,7 @@ def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) 
 
 
 def _reach_gap(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> float:
-    """Smallest distance of the tool from a pose [m], by Newton's method from joint positions q."""
+    """Return the tool's smallest distance from a pose [m], by damped steps from positions q."""
     return float(out_of_reach(arm, pose[None], task, q)[0])
 
 
@@ -509,6 +537,7 @@ def _refuse(
 def _refuse_singularity(
     path: Path, arm: SerialArm, s: float, pose: FloatArray, task: int, q: FloatArray
 ) -> None:
+    """Raise Unreachable for the singularity after joint positions q [rad], (dof,), at s [m]."""
     jacobian = arm.jacobian(q)
     angular = jacobian[3:] if task == 6 else pose[:, : task - 3].T @ jacobian[3:]
     _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], angular]))
@@ -527,7 +556,7 @@ def _refuse_singularity(
 def _find_end_of_reach(
     path: Path, arm: SerialArm, knots: Knots, interval: int, task: int, q: FloatArray
 ) -> float:
-    """Arc length at which the path leaves the reach of the arm, by bisection in an interval [m]."""
+    """Find the arc length at which the path leaves the arm's reach, by bisection [m]."""
     one = knots.part(np.array([interval]))
     low, high = float(one.u0[0]), float(one.u1[0])
     for _ in range(REACH_BISECTIONS):

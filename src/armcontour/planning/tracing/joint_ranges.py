@@ -98,7 +98,7 @@ def turn_by(joint_path: JointPath, turns: FloatArray) -> JointPath:
 
 
 def _extremum_candidates(coefficients: FloatArray) -> FloatArray:
-    """Ends 0 and 1 of a polynomial's interval, and its stationary points between them."""
+    """Return the ends 0 and 1 of a polynomial's interval, and the stationary points between."""
     slope = np.polynomial.polynomial.polyder(coefficients)
     # Leading coefficients that are zero or rounding errors would give infinite roots.
     size = float(np.abs(slope).max())

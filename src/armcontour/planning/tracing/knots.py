@@ -74,9 +74,11 @@ class Knots:
         return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
 
     def cut(self, count: IntArray) -> tuple[Knots, IntArray]:
-        """Divide each interval into `count`, (n,), equal parts."""
-        # Returns the parts, and the indices of the given knots among the starts of the parts and
-        # the end of the last part, (n + 1,).
+        """Divide each interval into `count`, (n,), equal parts.
+
+        Returns the parts, and the indices of the given knots among the starts of the parts and the
+        end of the last part, (n + 1,).
+        """
         ends = np.append(0, np.cumsum(count))
         parent = np.repeat(np.arange(len(self)), count)
         number = np.arange(ends[-1]) - ends[parent]
@@ -102,12 +104,12 @@ class Knots:
         return repeated, u.ravel()
 
     def arc_lengths(self, u: FloatArray) -> FloatArray:
-        """Arc lengths at distances `u` along the segments [m], (n,)."""
+        """Return the arc lengths at distances `u` along the segments [m], (n,)."""
         return np.asarray(self.s0 + (u - self.u0))
 
 
 def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
-    """Initial knot intervals for refinement, with a knot at every break of the path.
+    """Make the first knot intervals for refinement, with a knot at every break of the path.
 
     - `span`: span of the arm [m].
     - `finer`: factor by which the intervals are shorter than required.
@@ -128,6 +130,7 @@ def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
 
 
 def _cells(path: Path) -> Knots:
+    """Return one knot interval per piece of the path, divided where the orientation has breaks."""
     n = len(path)
     orientation = path.orientation
     whole = orientation is None or (len(orientation) == 1 and orientation.breaks[1] == path.length)
@@ -164,11 +167,17 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
         return 3
     task = 5 if orientation.axis_only else 6
     if task > arm.dof:
-        remedy = ". Leave the rotation about the tool axis free with axis_only"
+        remedy = f"Use an arm with at least {task} joints"
+        if arm.dof == 5:
+            remedy = "Leave the rotation about the tool axis free with axis_only"
+        elif arm.dof == 3:
+            remedy = (
+                f"Remove the orientation of the path, or use an arm with at least {task} joints"
+            )
         raise ArmMismatch(
             f"The arm {arm.name} has {arm.dof} joints, but a tool "
-            f"{'axis' if task == 5 else 'orientation'} in space needs {task}"
-            f"{remedy if arm.dof == 5 else ''}."
+            f"{'axis' if task == 5 else 'orientation'} in space needs {task}. "
+            f"{remedy}."
         )
     if not orientation.constant and (orientation.jumps > NO_JUMP).any():
         _refuse_jump(path, orientation)
@@ -176,6 +185,7 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
 
 
 def _refuse_position_only(arm: SerialArm) -> None:
+    """Raise an error unless the arm has three joints, which follow positions only."""
     if arm.dof > 3:
         raise InvalidInput(
             f"The path has no tool orientation, but the arm {arm.name} requires one. Specify an "
@@ -190,6 +200,7 @@ def _refuse_position_only(arm: SerialArm) -> None:
 
 
 def _refuse_jump(path: Path, orientation: Orientation) -> None:
+    """Raise the error for an orientation that jumps along the path."""
     jumps = orientation.jumps
     i = int(np.argmax(jumps > NO_JUMP))
     s = float(orientation.breaks[i + 1])
@@ -222,7 +233,7 @@ def _bends_out_of_plane(path: Path, s: float) -> bool:
 
 
 def suggest_remedy(path: Path | None) -> str:
-    """Advice for users whose arm cannot follow a path, as a sentence without a period."""
+    """Return advice for users whose arm cannot follow a path, as a sentence without a period."""
     orientation = None if path is None else path.orientation
     if orientation is None or orientation.axis_only:
         return "Move the path or the arm"
@@ -230,7 +241,7 @@ def suggest_remedy(path: Path | None) -> str:
 
 
 def describe_fast_rotation(path: Path, s: float) -> str:
-    """Message if the path rotates the tool too fast at the arc length s [m], otherwise ""."""
+    """Return a message if the path rotates the tool too fast at the arc length s [m], or ""."""
     if path.orientation is None:
         return ""
     near = path.orientation.locate(np.array([s]))[0] + np.array([-1, 0, 1])
@@ -247,7 +258,7 @@ def describe_fast_rotation(path: Path, s: float) -> str:
 
 
 def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
-    """Rotation matrices and positions of the tool at distances `u` along segments, (n, 3, 4)."""
+    """Return rotations and positions of the tool at distances `u` along segments, (n, 3, 4)."""
     poses = np.empty((len(u), 3, 4))
     orientation = path.orientation
     poses[:, :, 3] = path.on_segment(knots.segment, u)
@@ -262,7 +273,7 @@ def poses_at(path: Path, knots: Knots, u: FloatArray) -> FloatArray:
 
 
 def motion_at(path: Path, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Tool poses as `poses_at`, and their derivatives along the arc length, (n, 4, 3)."""
+    """Return tool poses as `poses_at`, and their derivatives in the arc length, (n, 4, 3)."""
     poses = poses_at(path, knots, u)
     # The rows of the derivatives are the tangent, its derivative, the angular rate [rad/m] and its
     # derivative.
@@ -277,6 +288,6 @@ def motion_at(path: Path, knots: Knots, u: FloatArray) -> tuple[FloatArray, Floa
 
 
 def row_of_poses(path: Path, knots: Knots) -> FloatArray:
-    """Poses at the start of every interval and at the end of the last one, (n + 1, 3, 4)."""
+    """Return the poses at the start of each interval and the end of the last, (n + 1, 3, 4)."""
     every = knots.part(np.append(np.arange(len(knots)), len(knots) - 1))
     return poses_at(path, every, np.append(knots.u0, knots.u1[-1]))

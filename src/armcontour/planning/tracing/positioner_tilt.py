@@ -31,12 +31,12 @@ FINEST_TRAVEL = 1e-6
 
 
 def tilt_of(chain: Chain) -> float | None:
-    """Largest allowed angle between the tool axis and gravity [rad]."""
+    """Return the largest angle allowed between tool axis and gravity [rad]; None if unlimited."""
     return None if chain.positioner is None else chain.positioner.tilt
 
 
 def chord_of(tilt: float) -> float:
-    """Distance of two unit vectors at an angle [rad]."""
+    """Return the distance of two unit vectors at an angle [rad]."""
     return float(2 * np.sin(tilt / 2))
 
 
@@ -59,11 +59,12 @@ def turn_down(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def angles_to_gravity(arm: SerialArm, q: FloatArray) -> FloatArray:
-    """Angles between tool axis and gravity [rad], (n,), at joint positions, (n, dof)."""
+    """Return the angles between tool axis and gravity [rad], (n,), at q [rad], (n, dof)."""
     return _angles(arm.poses(q)[..., 2], turn_down(arm.chain, q)[0])
 
 
 def _angles(axes: FloatArray, down: FloatArray) -> FloatArray:
+    """Return the angles between unit vectors [rad], (n,), of tool axes and gravity, (n, 3) each."""
     chord = np.linalg.norm(axes - down, axis=1)
     return np.asarray(2 * np.arcsin(np.minimum(chord / 2, 1.0)))
 
@@ -92,10 +93,12 @@ def level_positions(arm: SerialArm, axis: FloatArray) -> FloatArray:
 
 
 def follow_level(arm: SerialArm, axes: FloatArray, start: FloatArray) -> FloatArray:
-    """Positions of a positioner along a path from start positions, (n, k, floor_link) [rad].
+    """Return the positions of a positioner along a path [rad], (n, k, floor_link).
+
+    Each of the k rows follows the tool axis downwards from its start.
 
     - `axes`: tool axes along the path in the frame of the part, (n, 3).
-    - `start`: positions at the start, (k, floor_link).
+    - `start`: positions at the start [rad], (k, floor_link).
     """
     profile = np.empty((len(axes), *start.shape))
     profile[0] = start
@@ -105,7 +108,14 @@ def follow_level(arm: SerialArm, axes: FloatArray, start: FloatArray) -> FloatAr
 
 
 def _level(arm: SerialArm, positions: FloatArray, axis: FloatArray, rounds: int) -> FloatArray:
-    """Turn a tool axis downwards by damped steps of the positioner within its range, (k, count)."""
+    """Turn a tool axis downwards by damped least-squares steps within the positioner's range.
+
+    Returns the positions of the positioner after the last step [rad], (k, floor_link).
+
+    - `positions`: first positions [rad], (k, floor_link).
+    - `axis`: tool axis in the frame of the part, (3,).
+    - `rounds`: number of steps.
+    """
     count = arm.chain.floor_link
     q = positions.copy()
     lower, upper = (x[:count] for x in arm.limits.joint_range(arm.dof))
@@ -118,7 +128,7 @@ def _level(arm: SerialArm, positions: FloatArray, axis: FloatArray, rounds: int)
 
 
 def poses_from_floor(arm: SerialArm, poses: FloatArray, positions: FloatArray) -> FloatArray:
-    """Tool poses in the frame of the floor, (n, 3, 4), at positions of a positioner.
+    """Return tool poses in the frame of the floor, (n, 3, 4), at positions of a positioner.
 
     - `poses`: tool poses in the frame of the part, (n, 3, 4).
     - `positions`: (n, floor_link) [rad].
@@ -132,7 +142,11 @@ def poses_from_floor(arm: SerialArm, poses: FloatArray, positions: FloatArray) -
 
 
 def check_fixed_tilt(arm: SerialArm, s: FloatArray, poses: FloatArray) -> None:
-    """`check_tilt` of tool poses, (n, 3, 4), if no axis turns the part."""
+    """Raise Unreachable if a tool pose is tilted too far from gravity and no axis turns the part.
+
+    - `s`: arc lengths of the poses [m], (n,).
+    - `poses`: tool poses, (n, 3, 4).
+    """
     tilt = tilt_of(arm.chain)
     if tilt is None or arm.chain.floor_link:
         return
@@ -151,28 +165,31 @@ def check_tilt(joint_path: JointPath, arm: SerialArm) -> None:
     # The angle changes at most by the travel of the joints that turn the tool against the floor.
     s, travel = joint_travel(joint_path)
     turned = (travel * ~arm.chain.slides)[:, arm.chain.floor_link :].sum(axis=1)
-    at = angles_to_gravity(arm, joint_path(s))
-    intervals = np.stack([s[:-1], s[1:], at[:-1], at[1:], np.diff(turned)])
+    angles = angles_to_gravity(arm, joint_path(s))
+    # Rows: arc lengths of both ends, angles at both ends, and travel between them.
+    intervals = np.stack([s[:-1], s[1:], angles[:-1], angles[1:], np.diff(turned)])
     while True:
-        begin, end, first, last, width = intervals
-        largest = np.where(
-            width > FINEST_TRAVEL, np.maximum(first, last), (first + last + width) / 2
-        )
+        begin, end, first, last, travel_inside = intervals
+        bound = (first + last + travel_inside) / 2
+        largest = np.where(travel_inside > FINEST_TRAVEL, np.maximum(first, last), bound)
         if (largest > tilt).any():
             k = int(np.argmax(largest))
             place = begin[k] if first[k] > last[k] else end[k]
             point = arm.poses(joint_path(place))[:, 3]
             _refuse_tilt(float(place), point, float(largest[k]), tilt)
-        begin, end, first, last, width = intervals[:, (first + last + width) / 2 > tilt]
+        # Intervals whose bound exceeds the limit are halved.
+        begin, end, first, last, travel_inside = intervals[:, bound > tilt]
         if not len(begin):
             return
         middle = (begin + end) / 2
-        at = angles_to_gravity(arm, joint_path(middle))
-        halves = [begin, middle, first, at, width / 2], [middle, end, at, last, width / 2]
+        angle = angles_to_gravity(arm, joint_path(middle))
+        half = travel_inside / 2
+        halves = [begin, middle, first, angle, half], [middle, end, angle, last, half]
         intervals = np.concatenate([np.stack(x) for x in halves], axis=1)
 
 
 def _refuse_tilt(s: float, point: FloatArray, angle: float, tilt: float) -> None:
+    """Raise Unreachable for a tool axis at an angle above the tilt [rad]."""
     raise Unreachable(
         f"At {s:.6g} m along the path the tool axis is {np.degrees(angle):.4g} deg from gravity, "
         f"but the tilt of the positioner allows at most {np.degrees(tilt):.4g} deg. Allow larger "

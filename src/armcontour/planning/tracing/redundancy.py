@@ -18,7 +18,7 @@ from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import quintic
 from armcontour.planning.tracing.positioner_tilt import INNER_TILT, chord_of, tilt_of, turn_down
-from armcontour.robot import SerialArm, newton
+from armcontour.robot import SerialArm, pose_solver
 
 # Largest deviation of a spline from a chord, as a fraction of the largest neighbouring step, in
 # addition to SWING_FLOOR.
@@ -27,7 +27,7 @@ SWING = 0.1
 SWING_FLOOR = 0.01
 # Fractions of an interval at which this deviation is computed, (3, 1, 1).
 QUARTERS = np.array([0.25, 0.5, 0.75])[:, None, None]
-# Fraction of half the joint range from which joint positions have a cost.
+# Joint positions beyond this fraction of half the range, from its middle, have a cost.
 INNER_RANGE = 0.7
 # Weight of this cost relative to the length of the joint path.
 RANGE_WEIGHT = 30.0
@@ -59,7 +59,7 @@ class Guide:
 
     @classmethod
     def through(cls, s: FloatArray, q: FloatArray, w: FloatArray, stops: FloatArray) -> Guide:
-        """Guide through given joint positions.
+        """Make the guide through given joint positions.
 
         The splines are cubic, or quintics where a cubic spline overshoots because the tool turns
         much faster on a short part of the path than next to it.
@@ -85,7 +85,7 @@ class Guide:
         return cls(s=s, coefficients=coefficients, dof=dof)
 
     def evaluate(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rows w and guide g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof).
+        """Return w and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof).
 
         - `s`: arc lengths [m], (n,).
         - `middle`: arc lengths inside the intervals that `s` belong to [m], (n,); at a knot they
@@ -102,7 +102,7 @@ class Guide:
 
 
 def _basis_rotations(w: FloatArray) -> FloatArray:
-    """Smallest rotations between null-space bases at neighbouring knots, (n - 1, free, free)."""
+    """Return the smallest rotations between neighbouring null-space bases, (n - 1, free, free)."""
     along = np.einsum("nik,njk->nij", w[:-1], w[1:])
     if w.shape[1] == 1:
         return np.where(along < 0, -1.0, 1.0)
@@ -111,7 +111,7 @@ def _basis_rotations(w: FloatArray) -> FloatArray:
 
 
 def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
-    """Coefficients of a cubic spline, or of quintics if it would overshoot, (n - 1, 6, values)."""
+    """Return coefficients of a cubic spline, or quintics if it overshoots, (n - 1, 6, values)."""
     width = np.diff(s)[:, None]
     steps = np.diff(values, axis=0)
     slopes = _slopes(s, values)
@@ -132,7 +132,7 @@ def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
-    """Slopes of the cubic spline through values at its knots, (n, values)."""
+    """Return the slopes of the cubic spline through values at its knots, (n, values)."""
     # The third derivative is continuous at the second and last but one knot ("not a knot"). Through
     # three points the spline is a parabola.
     h = np.diff(s)[:, None]
@@ -158,7 +158,7 @@ def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _pchip_quintics(s: FloatArray, values: FloatArray) -> FloatArray:
-    """Quintics through values with zero second derivative at the knots and PCHIP slopes."""
+    """Return the quintics through values, with PCHIP slopes and no second derivative at knots."""
     # Returns coefficients of powers of the distance from the previous knot, (n - 1, 6, values).
     from scipy.interpolate import PchipInterpolator
 
@@ -171,8 +171,8 @@ def _pchip_quintics(s: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def null_space(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Orthonormal bases of the joint motions that do not move the tool, (n, dof - task, dof)."""
-    return np.asarray(newton.free_motions(arm.link_table, task, q, poses))
+    """Return orthonormal bases of joint motions at fixed tool poses, (n, dof - task, dof)."""
+    return np.asarray(pose_solver.free_motions(arm.link_table, task, q, poses))
 
 
 def smooth(
@@ -186,16 +186,19 @@ def smooth(
     start_stays: bool = False,  # True if the first joint position is fixed
     rounds: int = MAX_SMOOTHINGS,
 ) -> tuple[FloatArray, FloatArray]:
-    """Shorten joint paths by null-space motion, with unchanged tool poses."""
-    # Gauss-Newton iterations reduce the sum of squares of the joint steps, weighted by the largest
-    # joint velocities, and of the distances of joint positions outside the inner part of their
-    # ranges, and of the angle between tool axis and gravity outside that of its range.
-    # Returns the joint positions, (paths, n, dof), and their costs, (paths,).
+    """Shorten joint paths by null-space motion, with unchanged tool poses.
+
+    Gauss-Newton iterations reduce `_Cost`: the sum of squares of the joint steps, weighted by the
+    largest joint velocities, of the distances of joint positions outside the inner part of their
+    ranges, and of the angle between tool axis and gravity outside that of its range.
+
+    Returns the joint positions [rad], (paths, n, dof), and their costs, (paths,).
+    """
     cost = _Cost(arm, s, q, poses[:, :, 2])
     n = len(s)
     free = arm.dof - task
     smoothed = q.copy()
-    values = cost.values(q)
+    costs = cost.values(q)
     active = np.arange(len(q))
     for _ in range(rounds):
         q = smoothed[active]
@@ -215,13 +218,15 @@ def smooth(
             trial = q + share * change
             rows = w.reshape(-1, 1, free, arm.dof)
             goals = trial.reshape(-1, 1, arm.dof).copy()
-            moved = trial.reshape(-1, arm.dof)
-            met = newton.newton(arm.link_table, task, moved, targets, rows, goals)
-            fresh = cost.values(trial)
-            gained = met.reshape(count, n).all(axis=1) & (fresh < values[active]) & ~better
-            smoothed[active[gained]] = trial[gained]
-            values[active[gained]] = fresh[gained]
-            better |= gained
+            # The solver moves the trial, in place, until the tool has its poses again.
+            positions = trial.reshape(-1, arm.dof)
+            solved = pose_solver.solve_poses(arm.link_table, task, positions, targets, rows, goals)
+            is_solved = solved.reshape(count, n).all(axis=1)
+            trial_costs = cost.values(trial)
+            improved = is_solved & (trial_costs < costs[active]) & ~better
+            smoothed[active[improved]] = trial[improved]
+            costs[active[improved]] = trial_costs[improved]
+            better |= improved
             if better.all():
                 break
         better &= size >= SETTLED
@@ -229,7 +234,7 @@ def smooth(
         if not len(active):
             break
         cost = cost.select(better)
-    return smoothed, values
+    return smoothed, costs
 
 
 class _Cost:
@@ -255,11 +260,12 @@ class _Cost:
         self.chord = None if tilt is None else chord_of(tilt)
         # Joints of the arm on its external axes, which stay away from singularities; only six or
         # more joints can.
-        own = np.setdiff1d(np.arange(arm.dof), arm.chain.external)
-        self.own = own if len(arm.chain.external) and len(own) >= 6 else own[:0]
+        arm_joints = np.setdiff1d(np.arange(arm.dof), arm.chain.external)
+        stays_away = len(arm.chain.external) and len(arm_joints) >= 6
+        self.arm_joints = arm_joints if stays_away else arm_joints[:0]
         # Fractions of a step that are tried. A step may leave the inner range of the tilt, whose
         # cost the linearized cost does not include.
-        self.shares = (1.0,) if tilt is None and not len(self.own) else SHARES
+        self.shares = (1.0,) if tilt is None and not len(self.arm_joints) else SHARES
         pace = np.ones(arm.dof)
         if arm.limits.joint_velocity is not None:
             slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
@@ -270,16 +276,19 @@ class _Cost:
         pace = pace * np.asarray(arm.chain.weights)
         steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
         whole = steps.sum(axis=1, keepdims=True)
-        share = np.diff(s) / (s[-1] - s[0])
-        both = share / 2 + steps / np.where(whole > 0.0, whole, 1.0) / 2
-        self.weights = pace / np.sqrt(np.where(whole > 0.0, both, share))[..., None]
+        path_share = np.diff(s) / (s[-1] - s[0])
+        mean_share = path_share / 2 + steps / np.where(whole > 0.0, whole, 1.0) / 2
+        share = np.where(whole > 0.0, mean_share, path_share)
+        self.weights = pace / np.sqrt(share)[..., None]
 
     def select(self, mask: BoolArray) -> _Cost:
+        """Return the cost of the masked joint paths, (paths,)."""
         cost = copy(self)
         cost.weights = self.weights[mask]
         return cost
 
     def values(self, q: FloatArray) -> FloatArray:
+        """Return the cost, (paths,), of joint paths with positions q [rad], (paths, n, dof)."""
         steps = (q[:, 1:] - q[:, :-1]) * self.weights
         excess = self.outside * np.maximum(np.abs((q - self.middle) / self.half) - INNER_RANGE, 0.0)
         # NumPy sums pairwise, so rounding errors are small. Joint positions that differ by a free
@@ -293,11 +302,11 @@ class _Cost:
         """Yield excesses, (paths, n), and their derivatives by the joints, (paths, n, dof)."""
         if self.chord is not None:
             yield self._tilt(q)
-        if len(self.own):
+        if len(self.arm_joints):
             yield self._singularity(q)
 
     def _tilt(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Excess of the tilt, (paths, n), and its derivatives by the joints, (paths, n, dof)."""
+        """Return the excess of the tilt, (paths, n), and its joint derivatives, (paths, n, dof)."""
         assert self.chord is not None
         down, by_joint = turn_down(self.arm.chain, q.reshape(-1, q.shape[2]))
         axes = np.tile(self.axes, (len(q), 1))
@@ -309,11 +318,11 @@ class _Cost:
         return excess.reshape(q.shape[:2]), slopes.reshape(q.shape)
 
     def _singularity(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Excess of the distance from singularities, as `_tilt`."""
-        own = self.own
+        """Return the cost of postures near a singularity and its joint derivatives, as `_tilt`."""
+        arm_joints = self.arm_joints
         chain = self.arm.chain
-        scale = np.linalg.norm(np.asarray(chain.positions)[own[1:]], axis=1).sum()
-        jacobian = self.arm.jacobian(q)[..., own]
+        scale = np.linalg.norm(np.asarray(chain.positions)[arm_joints[1:]], axis=1).sum()
+        jacobian = self.arm.jacobian(q)[..., arm_joints]
         turning = jacobian[..., 3:, :]
         moving = jacobian[..., :3, :] / scale
         scaled = np.concatenate([moving, turning], axis=-2)
@@ -327,7 +336,7 @@ class _Cost:
         # the joints before it keep their axes, and their tool point moves.
         axes, points = (np.swapaxes(x[near], -1, -2) for x in (turning, moving))
         by_joint = np.zeros((len(u), q.shape[2]))
-        for k, joint in enumerate(own):
+        for k, joint in enumerate(arm_joints):
             shifted, rotated = (np.cross(axes[:, k, None], x) for x in (points, axes))
             shifted[:, :k] = np.cross(axes[:, :k], points[:, k, None])
             rotated[:, :k] = 0.0
@@ -340,9 +349,13 @@ class _Cost:
         return excess, slopes
 
     def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Write the equations whose solution is the null-space motion of least linearized cost."""
-        # Returns the matrices in the form of `solve_banded`, (paths, n free, 2 free), and half the
-        # negative gradients, (paths, n free).
+        """Return the equations whose solution is the null-space motion of least linearized cost.
+
+        They are matrices in the form of `solve_banded`, (paths, n free, 2 free), and half the
+        negative gradients, (paths, n free).
+
+        - `w`: null-space bases, (paths, n, free, dof).
+        """
         count, n, free, _ = w.shape
         share = (q - self.middle) / self.half
         beyond = np.maximum(np.abs(share) - INNER_RANGE, 0.0)

@@ -40,7 +40,7 @@ from armcontour.planning.tracing.knots import (
 )
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.planning.tracing.redundancy import Guide
-from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, newton
+from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.branch_solutions import Solution
@@ -73,7 +73,7 @@ class Solver(ABC, Generic[A]):
         self.arm = arm
 
     def first_ends(self, knots: Knots, guess: FloatArray | None) -> tuple[Ends, Ends]:
-        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals.
+        """Return q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals.
 
         `guess` are the joint positions near the solutions at the starts, then at the ends, (2 n,
         dof).
@@ -85,7 +85,7 @@ class Solver(ABC, Generic[A]):
 
     @abstractmethod
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each.
+        """Return q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each.
 
         - `knots`: the n knot intervals.
         - `u`: distance along the segment of each interval [m], (n,).
@@ -95,7 +95,7 @@ class Solver(ABC, Generic[A]):
     def guess(
         self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
     ) -> FloatArray | None:
-        """Joint positions near the solutions within intervals, (n, dof); None if not needed.
+        """Return joint positions near the solutions in intervals, (n, dof); None if not needed.
 
         Near a singularity the quintic may overshoot, and `halfway` is the better guess.
 
@@ -109,17 +109,19 @@ class Solver(ABC, Generic[A]):
 
     @abstractmethod
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
-        """Error of the tool at joint positions `q`, divided by the tolerance, (n,)."""
+        """Return the error of the tool at joint positions `q`, divided by the tolerance, (n,)."""
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
-        """Largest tool error on the quintics of intervals, divided by the tolerance, (n,)."""
-        # Returns the errors, and the joint positions in the middle of the intervals, (n, dof).
+        """Return the largest tool error on each quintic, divided by the tolerance, (n,).
+
+        Also return the joint positions in the middle of the intervals, (n, dof).
+        """
         q = np.tensordot(POWERS, quintic(knots.u1 - knots.u0, start, end), (1, 1))
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
         return np.asarray(errors.reshape(-1, len(knots)).max(axis=0)), q[MIDDLE]
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
-        """Values at starts and ends of the intervals, without jumps between intervals."""
+        """Return values at starts and ends of the intervals, without jumps between intervals."""
         return start, end
 
 
@@ -141,7 +143,7 @@ class AnalyticSolver(Solver[PlanarTwoLink]):
         self.tolerance = tolerance
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
+        """Return q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
         try:
             q = self.arm.joint_position(self.path.on_segment(knots.segment, u), self.configuration)
         except Unreachable as error:
@@ -170,13 +172,13 @@ class AnalyticSolver(Solver[PlanarTwoLink]):
         return (unwrapped[:, 0], *start[1:]), (unwrapped[:, 1], *end[1:])
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
-        """Distances of the tool from its position on the path, divided by the tolerance, (n,)."""
+        """Return the tool's distances from the path points, divided by the tolerance, (n,)."""
         difference = self.arm.tool_position(q) - self.path.on_segment(knots.segment, u)
         return np.asarray(np.linalg.norm(difference, axis=1) / self.tolerance)
 
 
 def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -> JointPath:
-    """Joint path through exact knots, refined until it satisfies the solver's tolerance.
+    """Add exact knots to a joint path until it satisfies the solver's tolerance.
 
     - `solver`: computes joint positions and their derivatives.
     - `guess`: as in `first_ends`.
@@ -217,6 +219,7 @@ def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -
 
 
 def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
+    """Select rows of q, dq_ds and d2q_ds2."""
     q, dq_ds, d2q_ds2 = ends
     return q[selection], dq_ds[selection], d2q_ds2[selection]
 
@@ -257,13 +260,13 @@ class NumericSolver(Solver[SerialArm]):
         self._guide = guide
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
-        """q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
+        """Return q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
         q = np.array(guess, order="C")
         poses, rates = motion_at(self.path, knots, u)
         w, g = self._rows(knots, u)
         links = self.arm.link_table
-        solved = newton.newton(links, self.task, q, poses, w, g)
-        dq_ds, d2q_ds2, pivot_ratio = newton.path_derivatives(
+        solved = pose_solver.solve_poses(links, self.task, q, poses, w, g)
+        dq_ds, d2q_ds2, pivot_ratio = pose_solver.path_derivatives(
             links, self.task, q, poses, rates, w, g
         )
         bad = ~(solved & (pivot_ratio > SINGULAR_JACOBIAN) & np.isfinite(d2q_ds2).all(axis=1))
@@ -283,7 +286,7 @@ class NumericSolver(Solver[SerialArm]):
         return np.asarray(np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE))
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
+        """Return null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
         # The second axis is the order of the derivative along s, see `redundancy`.
         n = len(u)
         dof = self.arm.dof
@@ -352,11 +355,13 @@ def trace_all(
     tolerance: float = TRACING_TOLERANCE,
     max_count: int | None = None,  # Largest number of joint paths; all by default
 ) -> list[JointPath]:
-    """Joint paths of all configurations that complete the path, the shortest first."""
-    # An arm in the plane has one joint path per branch, in the order of its branches. An arm in
-    # space has one joint path per configuration. A redundant arm has infinitely many:
-    # `configurations.MAX_STARTS` sampled starts are followed, and at most
-    # `configurations.MAX_SOLUTIONS` joint paths are returned.
+    """Trace a path in all configurations that complete it; the shortest joint path is first.
+
+    An arm in the plane has one joint path per branch, in the order of its branches. An arm in space
+    has one joint path per configuration. A redundant arm has infinitely many: `MAX_STARTS` sampled
+    starts are followed, and at most `MAX_SOLUTIONS` joint paths are returned (both in
+    `branch_solutions`).
+    """
     if not isinstance(path, Path):
         raise InvalidInput(
             f"trace takes a Path, not a {type(path).__name__}. Pass a program to plan, which "
@@ -403,7 +408,7 @@ def _refuse_flat(arm: SerialArm) -> None:
 def sketch_all(
     path: Path, arm: SerialArm, *, limits: Limits | None = None
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Joint positions at a few points of a long path, in all configurations that reach them.
+    """Find joint positions at a few points of a long path, in all configurations.
 
     Returns arc lengths of the points from 0 to the path's end [m], (n,), and joint positions there
     [rad], (n, dof) each, the shortest joint path first.
@@ -427,7 +432,7 @@ def sketch_all(
 
 
 def _moving(arm: SerialArm) -> tuple[SerialArm, IntArray]:
-    """The arm without its held joints, and the indices of the other joints."""
+    """Return the arm without its held joints, and the indices of the other joints."""
     held = list(arm.chain.held)
     return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
 
@@ -437,10 +442,10 @@ def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
     from armcontour.planning.tracing.branch_solutions import CHORD_TURN
 
     turn = np.linalg.norm(np.diff(row_of_poses(path, knots)[:, :, :3], axis=0), axis=(1, 2))
-    done = knots.s0 / step + np.cumsum(turn) / CHORD_TURN
-    fresh = np.diff(np.floor(done), prepend=-1.0) > 0
-    fresh[-1] = True
-    return np.flatnonzero(fresh)
+    steps_done = knots.s0 / step + np.cumsum(turn) / CHORD_TURN
+    begins_step = np.diff(np.floor(steps_done), prepend=-1.0) > 0
+    begins_step[-1] = True
+    return np.flatnonzero(begins_step)
 
 
 def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -> JointPath:
@@ -475,7 +480,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
         return trace(path, arm, seed=seed)
 
     def positions(along: FloatArray) -> FloatArray:
-        """Known joint positions at arc lengths of the rest [rad], (n, dof)."""
+        """Return the known joint positions at arc lengths of the rest [rad], (n, dof)."""
         # Both paths end at the same point, so arc lengths are counted from there.
         rest = np.clip(whole.length - (path.length - along), 0.0, whole.length)
         q = whole(np.where(along <= start, s, rest))
@@ -508,7 +513,7 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
         return trace(path, arm, seed=np.clip(back(back.length), lower, upper))
 
     def positions(along: FloatArray) -> FloatArray:
-        """Known joint positions at arc lengths of the path [rad], (n, dof)."""
+        """Return the known joint positions at arc lengths of the path [rad], (n, dof)."""
         return back(np.clip(path.length - along, 0.0, back.length))
 
     return _trace_near(path, arm, positions, 0.0)
@@ -550,6 +555,7 @@ def _trace_near(
 def _trace_planar(
     path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
 ) -> JointPath:
+    """Trace a path by an arm in the plane in one branch, within its joint ranges."""
     joint_path = refine(
         AnalyticSolver(path, arm, configuration, tolerance), first_knots(path, arm.span)
     )
@@ -561,7 +567,7 @@ def _trace_planar(
 def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[JointPath]:
-    """Joint paths of a serial arm in its configurations, the shortest first."""
+    """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
     from armcontour.planning.tracing.branch_solutions import find_solutions
 
     moving, joints = _moving(arm)
@@ -585,7 +591,7 @@ def _refine_solution(
     q: FloatArray,
     tolerance: float = TRACING_TOLERANCE,
 ) -> JointPath:
-    """Joint path near joint positions at knots, checked against the ranges of the joints.
+    """Refine joint positions at knots to a joint path, and check it against the joint ranges.
 
     - `poses`: tool poses at the starts of the knot intervals and at the end of the last one, (n +
       1, 3, 4).
@@ -611,7 +617,7 @@ def _refine_solution(
 
 
 def _with_held(joint_path: JointPath, chain: Chain, joints: IntArray) -> JointPath:
-    """The joint path of all joints, from that of the joints that are not held."""
+    """Return the joint path of all joints, from that of the joints that are not held."""
     coefficients = np.zeros((len(joint_path.coefficients), 6, len(chain)))
     coefficients[:, :, joints] = joint_path.coefficients
     for k, position in chain.held.items():
@@ -638,6 +644,7 @@ def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -
 
 
 def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
+    """Check a seed against the joint ranges; return it as joint positions [rad], (dof,)."""
     positions = checks.per_joint("seed", seed, arm.dof, "rad")
     lower, upper = arm.limits.joint_range(arm.dof)
     outside = (positions < lower) | (positions > upper)

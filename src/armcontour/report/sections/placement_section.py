@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armcontour.core.render import number, scale, split
+from armcontour.core.render import digits_and_unit, number, scale
 from armcontour.report.figure import render
 from armcontour.report.plan_drawing import WIDTH, Drawing, SymbolEntry
 from armcontour.report.section import Front, tiles
@@ -74,7 +74,7 @@ def draw_map(result: Placement) -> Drawing:
         else:
             share = (place.duration - low) / ((high - low) or 1.0)
             colour = _heat(share)
-            text = split(place.duration, "s")[0] * (size > LEAST_TEXT)
+            text = digits_and_unit(place.duration, "s")[0] * (size > LEAST_TEXT)
             ink = "#000" if share > 0.5 else "#fff"
         words = f"{place}: {place.why_not or number(place.duration, 's')}"
         row = rows.index(key[1]) if axes[1:] else 0

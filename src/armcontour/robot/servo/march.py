@@ -35,7 +35,7 @@ STEP_COUNT_FACTOR = 1 - 1e-9
 # Largest number of Taylor coefficients of a step.
 MAX_TERMS = 28
 # Taylor terms below this fraction of the first term are negligible.
-NOTHING = 1e-15
+NEGLIGIBLE_TERM = 1e-15
 # Reciprocals 1 / n, from n = 1.
 INVERSE = tuple(1.0 / n for n in range(1, MAX_TERMS + 2))
 # Columns of a linear map: position minus command, velocity, the three coefficients of the command
@@ -61,6 +61,8 @@ CUBIC_ERROR = 0.005
 THIRD = 1 / 3
 # Precision of the times at which bounds are crossed, relative to the step.
 PASSAGE = 1e-15
+# Largest number of iterations of Newton's method for such a time.
+MAX_PASSAGE_ITERATIONS = 100
 # Precision of the times at which extrema are reached, relative to the step.
 EXTREMUM = 1e-8
 # Largest number of steps per time span; more are never necessary.
@@ -165,7 +167,7 @@ def fastest_rate(servo: Servo) -> float:
 
 @compiled(inner=True, fastmath=FUSED)
 def demand(servo: Servo, u: Command, q: float, w: float, x: float) -> tuple[float, float]:
-    """Demand z before saturation [rad/s²], and its slope without saturation [rad/s³].
+    """Return the demand z before saturation [rad/s²], and its slope without saturation [rad/s³].
 
     Joints of first order have the demand `z = ddq = kp (du - dq)`.
     """
@@ -313,7 +315,7 @@ def find_passage(
     # The value at an extremum is more accurate than its time.
     tolerance = high * (PASSAGE if order == 0 else EXTREMUM)
     t = low + (high - low) * start / (start - end)
-    for _ in range(100):
+    for _ in range(MAX_PASSAGE_ITERATIONS):
         value = evaluate(a, terms, order, t) - level
         slope = evaluate(a, terms, order + 1, t)
         if (value > 0.0) == (end > 0.0):
@@ -334,7 +336,7 @@ def count_terms(x: float) -> int:
     """Count the Taylor terms that matter if they decrease like `x^k / k!`."""
     term = 1.0
     n = 0
-    while term > NOTHING and n < MAX_TERMS - 3:
+    while term > NEGLIGIBLE_TERM and n < MAX_TERMS - 3:
         term *= x * INVERSE[n]
         n += 1
     return n + 3
@@ -394,7 +396,7 @@ def side_of(servo: Servo, z: float, tolerance: float) -> float:
 
 @compiled(inner=True, fastmath=FUSED)
 def find_extrema(demands: FloatArray, n: int, end: float) -> tuple[float, float]:
-    """Times of up to two extrema of the demand; `end` in place of missing ones.
+    """Find the times of up to two extrema of the demand; `end` in place of missing ones.
 
     The slope of the demand has at most one extremum in a step.
     """
@@ -564,7 +566,10 @@ def find_piece(starts: FloatArray, now: float) -> int:
 
 @compiled(inner=True, fastmath=FUSED)
 def begins(starts: FloatArray, piece: int, now: float) -> bool:
-    """Whether the next piece of the command begins at `now` [s]; `piece` is the current one."""
+    """Return whether the next piece of the command begins at `now` [s].
+
+    `piece` is the number of pieces that have begun.
+    """
     return piece < len(starts) and starts[piece] - now <= SAME_INSTANT
 
 
@@ -587,9 +592,11 @@ def march_held(
     piece: int,
     out: FloatArray,
 ) -> tuple[Motion, float]:
-    """Simulate a joint whose drive holds acceleration or velocity in each piece; as `march`.
+    """Simulate a joint whose drive holds acceleration or velocity in each piece of the command.
 
-    `piece` is the number of pieces that have begun before times[0]. The integral changes once per
+    The arguments and the result are those of `march`, with `held` for the held value and `m` for
+    the motion at the start, and with `piece`, the number of pieces that have begun before
+    times[0]. The integral changes once per
     piece, by the equation above, before the demand is computed.
     """
     q, w, x, saturated, lowest, highest = m
@@ -653,7 +660,7 @@ def march_delayed(
     piece: int,
     out: FloatArray,
 ) -> tuple[Motion, float]:
-    """Write the states of a joint that follows its command exactly; as `march_held`."""
+    """Simulate a joint that follows its command exactly; arguments and result as `march_held`."""
     now = times[0]
     for row in range(1, len(times)):
         until = times[row]
@@ -673,7 +680,7 @@ def march_delayed(
 
 @compiled(inner=True, fastmath=FUSED)
 def find_map(linear: LinearMaps, servo: Servo, h: float, slot: int) -> int:
-    """Slot of the linear map over the time h [s], which is computed if it is not kept.
+    """Return the slot of the linear map over the time h [s]; compute the map if it is not kept.
 
     `slot` is the slot of the last step, whose map most often fits.
     """

@@ -215,6 +215,7 @@ class ServoModel(Checked):
         self.__post_init__()
 
     def _check_together(self) -> None:
+        """Check that gains and feed-forward fit the orders; complete gains that a joint lacks."""
         orders = (self.order,) if isinstance(self.order, str) else self.order
         same = len(set(orders)) == 1
         second = np.array([x == "second" for x in orders])
@@ -250,7 +251,7 @@ class ServoModel(Checked):
             object.__setattr__(self, "kv", _check_gain("kv", self.kv, second, same))
 
     def __str__(self) -> str:
-        """Gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
+        """Write gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
         return self.describe(())
 
     @checked
@@ -610,12 +611,13 @@ def without_integral(
     assert servo.kv is not None
     reduced = ddq.copy()
     for j in np.flatnonzero(servo.ki):
-        rub = servo.kp[j] * servo.kv[j] * servo.friction[j] * sliding(dq[:, j])
+        # Acceleration that overcomes dry friction
+        friction = servo.kp[j] * servo.kv[j] * servo.friction[j] * sliding(dq[:, j])
         coefficients = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
         # In a drive with a cycle, feed-forward is delayed. The integrator does not change this
         # delay.
         delay = servo.kv[j] * servo.velocity_feedforward[j] * servo.drive_cycle / 2
-        reduced[:, j] = lfilter(*coefficients, ddq[:, j] + rub) - rub + delay * ddq[:, j]
+        reduced[:, j] = lfilter(*coefficients, ddq[:, j] + friction) - friction + delay * ddq[:, j]
         reduced[:, j] /= 1 + delay
     return reduced
 

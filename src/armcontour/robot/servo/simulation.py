@@ -92,9 +92,9 @@ class ServoSimulation:
         else:
             commands = self.commands
             starts = self.starts
-        run = run_joints(self.joints, kind, commands, starts, times, np.stack(state))
-        if run.stuck.any():
-            j = int(np.argmax(run.stuck))
+        motions = run_joints(self.joints, kind, commands, starts, times, np.stack(state))
+        if motions.stuck.any():
+            j = int(np.argmax(motions.stuck))
             kv = self.servo.kv
             gains = f"kp = {self.servo.kp[j]:g}" + ("" if kv is None else f" and kv = {kv[j]:g}")
             raise ExecutionError(
@@ -103,7 +103,7 @@ class ServoSimulation:
                 "Reduce the gains.",
                 joint=j,
             )
-        return run
+        return motions
 
     def velocities_after(self, t: FloatArray, q: FloatArray) -> FloatArray:
         """Return velocities just after times t [rad/s], (m, dof); NaN for order "second".
@@ -223,8 +223,8 @@ def respond_within(
     first = max(min(k - int(delay.max()) - 3, len(q) - 4), 0) if not servo.drive_cycle else 0
     active_points = q[first : max(k - int(delay.min()) + 4, first + 4)]
     active = ServoSimulation(active_points, cycle, servo, *bounds)
-    run = active.run_at((k - first) * cycle + times, state)
-    position, velocity = (np.vstack([x, run.states[:, :, i].T]) for i, x in enumerate(state[:2]))
+    states = active.run_at((k - first) * cycle + times, state).states
+    position, velocity = (np.vstack([x, states[:, :, i].T]) for i, x in enumerate(state[:2]))
     after = velocity.copy()
     if not servo.drive_cycle:
         jump = active.velocities_after((k - first) * cycle + times[:-1], position[:-1])
@@ -279,9 +279,9 @@ def follow(
     states[0] = q0
     states[1] = dq0
     states[2] = ddq0
-    run = run_joints(joints, kind, pieces, starts, command.t, states)
+    motions = run_joints(joints, kind, pieces, starts, command.t, states)
     begin = np.where(np.isinf(each.kp), command.evaluate(command.t[0] - each.dead_time), states[0])
-    positions = np.concatenate([begin[:, None], run.states[:, :, 0]], axis=1)
+    positions = np.concatenate([begin[:, None], motions.states[:, :, 0]], axis=1)
     return np.asarray(positions.reshape(*shape, -1))
 
 
@@ -432,9 +432,9 @@ def add_feedforward(
         pieces[:, :, : bend.shape[2]] += acceleration * bend
         pieces[:, :, 4] = acceleration[:, 0] * bend[:, :, 0]
     if friction.any():
-        rub = friction[:, 0] * command.sliding[:, first:]
-        pieces[:, :, 0] -= rub
-        pieces[:, :, 4] -= rub
+        position_error = friction[:, 0] * command.sliding[:, first:]
+        pieces[:, :, 0] -= position_error
+        pieces[:, :, 4] -= position_error
     return pieces
 
 

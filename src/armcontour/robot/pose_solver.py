@@ -17,10 +17,11 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernel_cache import compiled
 from armcontour.robot.kernels import SLIDES, Vector, add, cross, write_frames
 
-# A metre of a prismatic joint has the weight of a radian, because levers of arms are about 1 m.
+# In all tolerances of joints, a metre of a prismatic joint counts as a radian, because levers of
+# arms are about 1 m long.
 # Newton's method ends when its step is below this [rad or m], because the next step would be about
 # the square of this step times the condition number of the Jacobian.
-ARRIVED = 1e-10
+CONVERGED_STEP = 1e-10
 # Largest number of steps of Newton's method.
 MAX_NEWTON_ITERATIONS = 15
 # Longest step of a joint [rad]; longer steps are reduced.
@@ -31,6 +32,19 @@ FOLLOW_STEP = 0.15
 FOLLOW_CORRECTIONS = 6
 # `follow` gives up after it has halved the step between two poses this many times.
 MAX_FOLLOW_HALVINGS = 12
+# `approach`: first, smallest and largest damping of the least-squares steps.
+FIRST_DAMPING = 0.05
+LEAST_DAMPING = 1e-9
+MOST_DAMPING = 1e3
+# `approach`: factors of the damping after a step that reduces the error, and after another one.
+LESS_DAMPING = 0.3
+MORE_DAMPING = 4.0
+# `approach` ends at a squared error below this [m²], or after a step that reduces the squared error
+# by less than this fraction.
+NO_ERROR = 1e-26
+NO_GAIN = 1e-12
+# Smallest sine of the rotation between two poses that determines its axis.
+SMALLEST_SINE = 1e-12
 # A matrix counts as singular if the ratio of its smallest to its largest pivot is below this.
 SINGULAR_PIVOTS = 1e-11
 
@@ -76,26 +90,30 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
 
 @compiled(inner=True)
 def write_row(row: FloatArray, out: FloatArray) -> None:
-    """Copy numbers into another array one by one; array assignments take long to compile."""
+    """Copy a row into another array, number by number; array assignments take long to compile."""
     for k in range(len(row)):
         out[k] = row[k]
 
 
 @compiled(inner=True)
 def column(frame: FloatArray, k: int) -> Vector:
-    """A column of a frame."""
+    """Return column k of a frame: an axis, k = 0 to 2, or the origin, k = 3."""
     return frame[0, k], frame[1, k], frame[2, k]
 
 
 @compiled(inner=True)
 def dot(a: Vector, b: Vector) -> float:
-    """Scalar product."""
+    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled(inner=True)
 def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: FloatArray) -> None:
-    """Write the components of a tool motion that the task prescribes into `out`, (task,)."""
+    """Write the components of a tool motion that the task prescribes into `out`, (task,).
+
+    - `move`: motion of the tool point.
+    - `turn`: rotation of the tool.
+    """
     out[0], out[1], out[2] = move
     if task == 6:
         out[3], out[4], out[5] = turn
@@ -153,7 +171,7 @@ def write_equations(
     cosine -= 1.0 if task == 6 else 0.0
     sine = math.sqrt(dot(turn, turn))
     scale = 0.5 if task == 6 else 1.0
-    if sine > 1e-12:
+    if sine > SMALLEST_SINE:
         scale = math.atan2(sine, cosine) / sine
     elif cosine < 0.0:
         # At half a turn the axis is undefined; a rotation about any axis makes progress.
@@ -164,7 +182,7 @@ def write_equations(
 
 
 @compiled()
-def newton(
+def solve_poses(
     links: FloatArray, task: int, q: FloatArray, targets: FloatArray, w: FloatArray, g: FloatArray
 ) -> BoolArray:
     """Solve the inverse kinematics by Newton's method; return the mask of solved poses, (n,).
@@ -176,7 +194,8 @@ def newton(
     - `links`: (dof + 1, 13).
     - `task`: task dimension.
     - `q`: initial guesses [rad], (n, dof); overwritten.
-    - `targets`: (n, 3, 4).
+    - `targets`: target poses, (n, 3, 4).
+    - `w`, `g`: guide rows, (n, orders, dof - task, dof), and its joint positions, (n, orders, dof).
     """
     n, dof = q.shape
     converged = np.empty(n, np.bool_)
@@ -200,7 +219,7 @@ def newton(
             scale = LONGEST_JOINT_STEP / size if size > LONGEST_JOINT_STEP else 1.0
             for k in range(dof):
                 q[i, k] += scale * b[k]
-            if size < ARRIVED:
+            if size < CONVERGED_STEP:
                 converged[i] = True
                 break
     return converged
@@ -234,7 +253,7 @@ def path_derivatives(
     w: FloatArray,
     g: FloatArray,
 ) -> PathDerivatives:
-    """First and second derivatives of joint positions in the arc length, at the poses of a path.
+    """Return the first and second derivatives of joint positions by the arc length.
 
     The equations of a pose and of the guide are differentiated once and twice. With the derivative
     J of the tool pose by q, the tool's velocity is `J dq`, and its acceleration `J ddq + r`, where
@@ -250,8 +269,8 @@ def path_derivatives(
     - `g`: joint positions of the guide and their first two derivatives, (n, 3, dof).
     """
     n, dof = q.shape
-    first = np.empty((n, dof))
-    second = np.empty((n, dof))
+    dq_ds = np.empty((n, dof))
+    d2q_ds2 = np.empty((n, dof))
     pivot_ratio = np.empty(n)
     frames = np.empty((dof + 1, 3, 4))
     a = np.empty((dof, dof))
@@ -274,7 +293,7 @@ def path_derivatives(
         for k in range(dof):
             write_row(a[k], copy[k])
         pivot_ratio[i] = solve(copy, b, dof)
-        write_row(b, first[i])
+        write_row(b, dq_ds[i])
         # Second derivative: w ddq = w ddg - 2 dw (dq - dg) - ddw (q - g)
         write_second_task(links, task, frames, targets[i], rate, b)
         for r in range(task, dof):
@@ -283,16 +302,16 @@ def path_derivatives(
             w2 = w[i, 2, r - task]
             b[r] = 0.0
             for k in range(dof):
-                b[r] += w0[k] * g[i, 2, k] - 2.0 * w1[k] * (first[i, k] - g[i, 1, k])
+                b[r] += w0[k] * g[i, 2, k] - 2.0 * w1[k] * (dq_ds[i, k] - g[i, 1, k])
                 b[r] -= w2[k] * (q[i, k] - g[i, 0, k])
         solve(a, b, dof)
-        write_row(b, second[i])
-    return PathDerivatives(first, second, pivot_ratio)
+        write_row(b, d2q_ds2[i])
+    return PathDerivatives(dq_ds, d2q_ds2, pivot_ratio)
 
 
 @compiled(inner=True)
 def row_of(rates: FloatArray, i: int, k: int) -> Vector:
-    """Vector k of pose i."""
+    """Return vector k of pose i, in the order of `PathRates`."""
     return rates[i, k, 0], rates[i, k, 1], rates[i, k, 2]
 
 
@@ -390,8 +409,10 @@ def write_shortest_step(
 ) -> float:
     """Write the shortest joint step that removes the pose error; return its size [rad].
 
-    The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity. square
-    (6, 6) and right (6,) are work arrays.
+    The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity.
+
+    - `square`, `right`: work arrays, (6, 6) and (6,).
+    - `out`: the step [rad], (dof,).
     """
     rows = equations.rows
     dof = len(out)
@@ -438,7 +459,7 @@ def approach(
     trial = np.empty(dof)
     residual = np.empty((n, 2))
     for i in range(n):
-        damping = 0.05
+        damping = FIRST_DAMPING
         cost = math.inf
         residual[i, 0] = math.inf
         residual[i, 1] = math.inf
@@ -462,12 +483,12 @@ def approach(
                 write_row(trial, q[i])
                 residual[i, 0] = math.sqrt(position_cost)
                 residual[i, 1] = math.sqrt(turn) / weight
-                damping = max(damping * 0.3, 1e-9)
-                if cost < 1e-26 or gain < 1e-12 * cost:
+                damping = max(damping * LESS_DAMPING, LEAST_DAMPING)
+                if cost < NO_ERROR or gain < NO_GAIN * cost:
                     break
             else:
-                damping *= 4.0
-                if damping > 1e3:
+                damping *= MORE_DAMPING
+                if damping > MOST_DAMPING:
                     break
             # Next trial from the best positions
             size = write_shortest_step(task, best, damping, square, right, step)
@@ -506,12 +527,12 @@ def follow(
     targets: FloatArray,
     q: FloatArray,
     reached: IntArray,
-    enough: float,
+    max_correction: float,
 ) -> None:
     """Follow poses from several joint positions by the shortest joint steps.
 
-    A pose is reached if the correction is below `enough` [rad]. If corrections do not converge, the
-    step to the pose is halved (step-length control of numerical continuation).
+    A pose is reached if the correction is below `max_correction` [rad]. If corrections do not
+    converge, the step to the pose is halved (step-length control of numerical continuation).
 
     - `targets`: (n, 3, 4), each close to the previous pose.
     - `q`: [rad], (branches, n, dof); the first pose of each branch is input, the others are output.
@@ -551,9 +572,9 @@ def follow(
                     for k in range(dof):
                         trial[k] += step[k]
                     before = size
-                    if size < enough:
+                    if size < max_correction:
                         break
-                if size < enough:
+                if size < max_correction:
                     write_row(trial, current)
                     done = ahead
                     fraction = min(2.0 * fraction, 1.0)

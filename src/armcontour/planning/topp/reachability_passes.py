@@ -229,7 +229,7 @@ def _backward_pass(
     slots = len(lines.slot_interval) - 1
     # A pass that is stuck does not limit x at the start.
     reachable[0] = math.inf
-    # Interval i - 1 is written before interval i is planned, while the processor waits for data.
+    # The limits of interval i - 1 are computed one step early, to hide memory latency.
     for i in range(n, -1, -1):
         # The ceiling of x at point i is the smaller one of both adjacent intervals.
         ceiling = math.inf
