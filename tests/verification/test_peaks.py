@@ -40,7 +40,10 @@ def plan(arm_name, speed, tolerance, space):
 
 
 def executions(trajectory, plant, cycle, method, resolution):
-    """The same run with its results, and with results FINER times as often."""
+    """The same run with its results, and with results FINER times as often.
+
+    Pole placement requires a servo of order "second", so for order "first" it is the inverse.
+    """
     servo = plant.servo.replace(dead_time=0.0)
     if servo.order == "first" and method == "pole_placement":
         method = "inverse"
@@ -79,9 +82,18 @@ RUNS = dict(
 )
 
 
-@example(0.05, 2e-4, 4e-3, 2e-3, 37.354, 898.125, 4e-3, "cubic", "second", "inverse", False)
-@example(0.05, 0.0, 1e-3, 2e-3, 37.8073, 278.392, 4e-3, "linear", "second", "inverse", True)
-@example(0.15, 0.0, 8e-3, 2e-3, 27.4467, 791.382, 4e-3, "cubic", "first", "pole_placement", False)
+@example(
+    speed=0.05, tolerance=2e-4, cycle=4e-3, resolution=2e-3, kp=37.354, kv=898.125,
+    dead_time=4e-3, interpolation="cubic", order="second", method="inverse", saturates=False,
+)  # fmt: skip
+@example(
+    speed=0.05, tolerance=0.0, cycle=1e-3, resolution=2e-3, kp=37.8073, kv=278.392,
+    dead_time=4e-3, interpolation="linear", order="second", method="inverse", saturates=True,
+)  # fmt: skip
+@example(
+    speed=0.15, tolerance=0.0, cycle=8e-3, resolution=2e-3, kp=27.4467, kv=791.382,
+    dead_time=4e-3, interpolation="cubic", order="first", method="pole_placement", saturates=False,
+)  # fmt: skip
 # tests/slow has more examples.
 @settings(max_examples=2, phases=[Phase.explicit, Phase.generate])
 @given(**RUNS)
