@@ -1,4 +1,4 @@
-"""Choice of the written models by the contour error, and its judgement."""
+"""Selects the models for the servo file by predicted contour error, and judges their quality."""
 
 from __future__ import annotations
 
@@ -75,11 +75,15 @@ def choose_and_judge(
 
 
 def _choose(comparison: ContourComparison, joints: Sequence[JointIdentification]) -> list[str]:
-    """Return what is written of each joint, see `choose_and_judge`."""
+    """Return what is written of each joint, a key of `LogSamples.residuals`.
+
+    See `choose_and_judge`.
+    """
     tracking = residual_rms(comparison.samples, NONE)
     delayed = residual_rms(comparison.samples, DELAY_ONLY)
 
     def cost(choice: Sequence[str]) -> float:
+        """Return the sum of the squared contour errors, relative to those without compensation."""
         pairs = zip(comparison.deviate(choice), comparison.none, strict=True)
         return sum((left.contour / max(none.contour, TINY)) ** 2 for left, none in pairs)
 
